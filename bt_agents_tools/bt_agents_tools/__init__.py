@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tools for people: command line, launcher, rehearsals and tests of agents."""
+"""Tools for people: command line, launcher, rehearsals and tests of agents."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Policy of SROS2 for a trees folder: what each node and each role of the command line may use."""
+"""SROS2 policy for a trees folder: the rights of each node and each role of the command line."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from bt_agents_language.nodes.node_type import Resources
 from bt_agents_ros.system_topics import ACTIONS, HOST, NODES, SERVICES, TOPICS
 
 OBSERVER = "_bt_agents_observer"
-"""Name of the node of every command of the command line."""
+"""Node name of every command of the command line."""
 
 ROLES = ("watch", "operate", "author")
 """Roles of the command line; each may do what those before it may."""
 
 Rights = dict[str, set[str]]
-"""Right as SROS2 names it → names of what it is to; ``~`` stands for the node."""
+"""Right as SROS2 names it → names of its topics, services or actions; ``~`` means the node."""
 
 _KINDS = {
     **dict.fromkeys(("publish", "subscribe"), "topic"),
@@ -51,11 +51,11 @@ _TREE_STREAMS: Rights = {
     "reply": {f"~/blackboard_streams/{verb}" for verb in ("open", "close", "get_variables")}
     | {f"~/snapshot_streams/{verb}" for verb in ("open", "close", "reconfigure")},
 }
-"""Of a host where the tools of py_trees_ros are installed."""
+"""Rights of a host if the tools of py_trees_ros are installed."""
 
 
 def policy_xml(trees: Trees, hosts: Sequence[str], namespace: str = "/") -> str:
-    """Return the policy file of which ``ros2 security`` makes the permissions of a keystore."""
+    """Return the policy file from which ``ros2 security`` makes the permissions of a keystore."""
     root = Xml.Element("policy", version="0.2.0")
     enclaves = Xml.SubElement(root, "enclaves")
     for name, rights in rights_of(trees, hosts).items():
@@ -73,7 +73,7 @@ def policy_xml(trees: Trees, hosts: Sequence[str], namespace: str = "/") -> str:
 
 
 def rights_of(trees: Trees, hosts: Sequence[str]) -> dict[str, Rights]:
-    """Return the rights of each node, those of ``hosts`` among them, and then of each role."""
+    """Return the rights of each node, including ``hosts``, and then of each role."""
     scene, skills = trees.scene, _rights_of_skills(trees)
     sensors = {one.topic for one in (*scene.sources, *filter(None, (scene.person,)))}
     if scene.persons is not None:
@@ -103,7 +103,7 @@ def rights_of(trees: Trees, hosts: Sequence[str]) -> dict[str, Rights]:
 
 
 def _of_table(node: str, hosts: Sequence[str]) -> Rights:
-    """Return the rights to what is there whatever the trees are; a host offers only its own."""
+    """Return the rights that do not depend on the trees; a host offers only its own names."""
 
     def own(names: Iterable[str]) -> set[str]:
         return {name.replace(HOST, "~") for name in names}

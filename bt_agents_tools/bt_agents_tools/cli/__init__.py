@@ -7,12 +7,12 @@ from bt_agents_ros.signals import end_silently, loading
 
 
 def main() -> None:
-    """Run the command line, whose modules take a while to load."""
+    """Run the command line, whose modules load slowly."""
     end_silently()
     with loading():
         from bt_agents_tools.cli.main import main as run
     try:
         run()
     finally:
-        # Otherwise everything would be looked through at the end for what can be freed.
+        # Otherwise the garbage collector would scan everything at the end.
         gc.freeze()

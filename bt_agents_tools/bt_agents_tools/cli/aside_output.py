@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output written by a thread, so that nobody waits for a terminal that is not read."""
+"""Standard output written by a thread, so that the program never waits for a blocked terminal."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from contextlib import contextmanager
 from typing import Any
 
 MOST_BYTES = 1_000_000
-"""Longest output that waits to be written; what comes then is dropped."""
+"""Longest output that waits to be written [bytes]; further output is dropped."""
 
 END_LIMIT_S = 1.0
 """Longest wait at the end for the rest to be written [s]."""
 
 
 class AsideOutput(io.RawIOBase):
-    """Raw stream that never blocks: a thread writes what it is given.
+    """Raw stream that never blocks: a thread writes its data.
 
-    Ctrl-S, a pipe that is full or a connection that hangs stop the thread only. When the output
-    is read again, a line says how many were dropped. After an error nothing is written any more.
+    Ctrl-S, a full pipe or a hanging connection stop only the thread. When the output is read
+    again, a line reports the number of dropped lines. After an error it writes nothing more.
 
     Args:
-        descriptor: Of the output, which stays open.
+        descriptor: Descriptor of the output, which stays open.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -61,7 +61,7 @@ class AsideOutput(io.RawIOBase):
         return len(taken)
 
     def end(self) -> None:
-        """Write the rest, as far as somebody reads it in time."""
+        """Write the rest that can be written in time."""
         with self._changed:
             self._ended = True
             self._changed.notify()
@@ -91,7 +91,7 @@ class AsideOutput(io.RawIOBase):
 
 @contextmanager
 def printing_aside() -> Iterator[None]:
-    """Let a thread write the standard output of this block, see :class:`AsideOutput`."""
+    """Let a thread write the standard output of this block; see :class:`AsideOutput`."""
     before = sys.stdout
     before.flush()
     output = AsideOutput(before.fileno())

@@ -13,10 +13,10 @@ Assignments = tuple[tuple[str, float], ...]
 def assignments(
     _context: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
 ) -> Assignments:
-    """Return ``name=number`` arguments as names and numbers; a callback of click.
+    """Return ``name=number`` arguments as names and numbers; a click callback.
 
     Raises:
-        click.BadParameter: One is not of that form.
+        click.BadParameter: An argument does not have that form.
     """
     found = []
     for text in texts:
@@ -34,5 +34,5 @@ def assignments(
 
 
 def columns(values: Assignments) -> tuple[list[str], list[float]]:
-    """Return the names and the numbers of assignments as two lists."""
+    """Return the names and numbers of assignments as two lists."""
     return [name for name, _ in values], [value for _, value in values]

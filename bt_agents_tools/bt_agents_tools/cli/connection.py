@@ -19,26 +19,26 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 FIND_LIMIT_S = 3.0
-"""Longest time for discovery of something that may not be there at all [s]."""
+"""Longest time for discovery of something that may not exist [s]."""
 
 BUSY_LIMIT_S = 10.0
-"""Longest time for discovery of something that must be there, or is being restarted [s]."""
+"""Longest time for discovery of something that must exist or is restarting [s]."""
 
 
 _CARDS_LIMIT_S = 2.0
-"""Longest time for the cards, which come with the status of the market, to arrive [s]."""
+"""Longest time for the arrival of the cards, which come with the status of the market [s]."""
 
 
 class NoSystemError(BtAgentsError):
-    """No system is running, as far as can be seen from here."""
+    """No running system was found."""
 
 
 @contextmanager
 def connect() -> Iterator[Observer]:
-    """Connect to the running system, and say which trees folder it has.
+    """Connect to the running system, and print its trees folder.
 
     Raises:
-        NoSystemError: There is none on this ROS domain, or it does not answer.
+        NoSystemError: None is on this ROS domain, or it does not answer.
     """
     set_discovery(os.environ)
     domain = int(os.environ.get("ROS_DOMAIN_ID") or "0")
@@ -56,10 +56,10 @@ def connect() -> Iterator[Observer]:
 
 
 def wait_for_market(observer: Observer, domain: int) -> None:
-    """Spin until a status of the market arrives; longer when there are signs of a system.
+    """Spin until a status of the market arrives; wait longer if there are signs of a system.
 
     Raises:
-        NoSystemError: None has arrived; with the reason as far as it is known.
+        NoSystemError: None has arrived; the message gives the reason, if known.
     """
 
     def is_connected() -> bool:
@@ -99,7 +99,7 @@ def accepted(answer: Any, who: str) -> Any:
     """Return an answer that accepts the request.
 
     Raises:
-        BtAgentsError: There is no answer, or it is a refusal without a code.
+        BtAgentsError: There is no answer, or a refusal without a code.
         Refused: The answer is a refusal with a code.
     """
     if answer is None:
@@ -123,7 +123,7 @@ def find_hosts(observer: Observer) -> list[str]:
 
 
 def _all_cards(observer: Observer) -> bool:
-    """Return whether the card of each host that the market knows has arrived."""
+    """Return whether the cards of all hosts that the market knows have arrived."""
     return bool(observer.cards) and len(observer.cards) >= observer.market.hosts
 
 

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 SOON_S = 0.3
-"""Time for a message that follows at once [s]."""
+"""Time for a message that follows immediately [s]."""
 
 _INDENT = 4
 _MAX_SHOWN = 30
-"""Bids and refusals that are printed; the JSON has all."""
+"""Maximum number of bids and refusals to print; the JSON has all."""
 
 
 def last_decisions(observer: Observer) -> list[Any]:
@@ -48,7 +48,7 @@ def names_of_scenes(auctions: Iterable[Any]) -> SceneLabels:
 def show_decision(
     auction: Any, names: SceneLabels | None = None, form: TableForm = TableForm.FITTED
 ) -> None:
-    """Print a decision: who won, every bid, and why in plain sentences."""
+    """Print a decision: the winner, every bid, and the reasons in plain sentences."""
     names = names or names_of_scenes([auction])
     label = f" ({auction.scene.label})" if auction.scene.label else ""
     title = f"preview{label}" if auction.preview else f"round {auction.round}{label}"
@@ -82,24 +82,24 @@ def headline(auction: Any) -> str:
 
 
 def last_end_received(observer: Observer, ends: list[Any]) -> bool:
-    """Return whether the end of the market's last scene is among these, if there was one."""
+    """Return whether these include the end of the market's last scene, if there was one."""
     finished = observer.market.finished_scene_id
     return not finished or any(end.scene_id == finished for end in ends)
 
 
 def has_run_ended(runs: Iterable[Any], auction: Any) -> bool:
-    """Return whether the run that a decision awards has ended, if it awards one."""
+    """Return whether the run that a decision awards, if any, has ended."""
     key = (auction.epoch, auction.round, RunEventKind.ENDED)
     return not auction.winner or any((run.epoch, run.round, run.event) == key for run in runs)
 
 
 def stop_texts(runs: Iterable[Any], auction: Any, names: SceneLabels) -> list[str]:
-    """Return which runs of a round were stopped, by whom and why, one text for each agent.
+    """Return one text per agent about stopped runs of a round: by whom and why.
 
     Args:
         runs: Events of any runs, in order.
         auction: The decision of the round.
-        names: Names of the scenes that a reason may mention.
+        names: Names of scenes that a reason may mention.
     """
     stops = {}
     for run in runs:
@@ -120,7 +120,7 @@ def _stop_text(run: Any, names: SceneLabels) -> str:
 
 
 def end_text(end: Any, names: SceneLabels) -> str:
-    """Return how a scene ended, as text."""
+    """Return the end of a scene as text."""
     return f"{code_text(end.code)}: {names.with_names(end.message)}"
 
 
@@ -136,12 +136,12 @@ def admission_text(observer: Observer) -> tuple[str, str]:
 
 
 def disagreements(auction: Any) -> str:
-    """Return as text in how many rounds so far the shadow strategy had another winner."""
+    """Return as text the number of rounds in which the shadow strategy had another winner."""
     return f"another winner in {auction.shadow_disagreements} of {auction.shadow_rounds} rounds"
 
 
 def print_decision(auction: Any, form: TableForm) -> None:
-    """Print a decision for a program: all fields as JSON, or a line of CSV for each bid."""
+    """Print a decision for a program: all fields as JSON, or a CSV line per bid."""
     if form is TableForm.JSON:
         print_json(as_plain_data(auction))
         return
@@ -155,7 +155,7 @@ def print_decision(auction: Any, form: TableForm) -> None:
 
 
 def as_plain_data(value: Any) -> Any:
-    """Return a message, of a running system or a journal, as dictionaries and lists."""
+    """Return a message of a running system or a journal as dictionaries and lists."""
     if hasattr(value, "get_fields_and_field_types") or isinstance(value, SimpleNamespace):
         is_recorded = isinstance(value, SimpleNamespace)
         names = value.__slots__ if is_recorded else value.get_fields_and_field_types()

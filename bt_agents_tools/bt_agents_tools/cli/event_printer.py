@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Printer of a system's events, line by line for a terminal."""
+"""Printer of a system's events, line by line, for a terminal."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from bt_agents_tools.cli.formatting import (
 )
 
 LONGEST_TEXT = 400
-"""Characters of an event that are shown: others may send any number."""
+"""Maximum number of characters to show of an event."""
 
 MOST_LINES = 2_000
-"""Lines in :data:`LINES_S`; others are left out."""
+"""Maximum number of lines in :data:`LINES_S`; further ones are dropped."""
 
 LINES_S = 5.0
 
 MOST_COUNTED = 10_000
-"""Runs and feedbacks for the summary, the last ones."""
+"""Number of latest runs and feedbacks for the summary."""
 
 _REMEMBERED = 1_000
-"""Agents, hosts and nodes that something is remembered of."""
+"""Maximum number of agents, hosts and nodes to remember data about."""
 
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
 _STATUSES = ("RUNNING", "SUCCESS", "FAILURE")
@@ -52,7 +52,7 @@ _SHOWN_BY_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 class EventPrinter:
     """Listener of an observer that prints events and counts them for the summary.
 
-    However long the messages are, and however many come, it prints and remembers only so much.
+    It prints and remembers a bounded amount, however long and many the messages are.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class EventPrinter:
             outcome = constant_text(message, message.outcome, OUTCOMES)
             self.runs.append((ellipsize(message.agent, LONGEST_NAME), outcome))
             style = {"succeeded": "green", "cancelled": "yellow"}.get(outcome, "red")
-            # Of a host that is gone nobody knows the last count.
+            # The last count of a departed host is unknown.
             ticks = f", {message.ticks} ticks" if message.ticks else ""
             orphans = escape(", ".join(message.orphans))
             self._line(
@@ -176,7 +176,7 @@ class EventPrinter:
             )
 
     def _starts(self, message: Any) -> None:
-        """Print a start once: the first tick may be received before the market's message."""
+        """Print a start once, because the first tick may arrive before the market's message."""
         if self._started != (message.epoch, message.round):
             self._started = (message.epoch, message.round)
             self._under_way, self._stopping = message.agent, False
@@ -190,7 +190,7 @@ class EventPrinter:
             self._line("scene", f"{title} {self._named(message.message)}")
 
     def tree(self, message: Any) -> None:
-        # First what ended, in the order of ending, then what began, parents before children.
+        # First the ended nodes in order of ending, then the begun ones, parents before children.
         ended = [change for change in message.changes if change.status != change.RUNNING]
         begun = [change for change in message.changes if change.status == change.RUNNING]
         if message.tick == 1:
@@ -214,9 +214,9 @@ class EventPrinter:
             )
 
     def _filled(self, change: Any) -> tuple[str, str]:
-        """Return name and message of a node; references in the name are filled once known.
+        """Return the name and message of a node; known values replace references in the name.
 
-        While a skill or a ``wait`` runs, its message is what the references in its name mean.
+        While a skill or a ``wait`` runs, its message holds the values of these references.
         """
         if change.status != change.RUNNING:
             return self._filled_names.pop(change.path, change.name), change.message
@@ -324,7 +324,7 @@ class EventPrinter:
 
 
 def _remember(store: dict[str, Any], key: str, value: Any) -> None:
-    """Store a value under a key; the oldest makes room."""
+    """Store a value under a key; drop the oldest one to make room."""
     store.pop(key, None)
     store[key] = value
     if len(store) > _REMEMBERED:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fleet of a robot that has joined one: its process beside those of a system, and its lines."""
+"""Fleet of a robot: its process, which runs along with a system, and its output lines."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _MOST_BYTES = 1 << 16
 
 @dataclass(kw_only=True)
 class FleetPlan:
-    """Process of a fleet that is started with a system.
+    """Fleet process that starts with a system.
 
     Attributes:
         component: Its process.
-        pipe: Descriptor on which its lines come, over all of its starts.
+        pipe: Descriptor of its output lines, over all of its starts.
     """
 
     component: Component
@@ -35,7 +35,7 @@ class FleetPlan:
     _begun: bytes = field(default=b"", init=False)
 
     def print_lines(self, console: Console) -> None:
-        """Print what the process has said since the last call; never blocks."""
+        """Print the lines of the process since the last call; never block."""
         try:
             self._begun += os.read(self.pipe, _MOST_BYTES)
         except BlockingIOError:
@@ -46,9 +46,9 @@ class FleetPlan:
 
 
 def fleet_plan(trees: Path, state: Path, ledger: str) -> FleetPlan | None:
-    """Return the fleet of a state folder; None where its robot has joined none.
+    """Return the fleet of a state folder; None if its robot has joined none.
 
-    None, too, after a line that says why, when it cannot run here.
+    It is also None, after a line that says why, if the fleet process cannot run here.
     """
     if not (state / FLEET_SETTINGS).exists():
         return None

@@ -22,7 +22,7 @@ _WIDEST = 10_000
 
 
 def constant_text(message: Any, value: int, names: tuple[str, ...]) -> str:
-    """Return the name of a value among some constants of a message, in small letters."""
+    """Return the name of a value among some constants of a message, in lower case."""
     known = (name for name in names if getattr(message, name) == value)
     return next(known, f"unknown ({value})").lower()
 
@@ -38,13 +38,13 @@ def counted(number: int, what: str) -> str:
 
 
 def node_names(received: Iterable[Sequence[Any]], agent: str) -> dict[str, str]:
-    """Return path → name of the nodes of an agent, from the latest ``Trees.msg`` of each host."""
+    """Return the names of an agent's nodes by path, from the latest ``Trees.msg`` of each host."""
     trees = (tree for messages in received for message in messages[-1:] for tree in message.trees)
     return {node.path: node.name for tree in trees if tree.agent == agent for node in tree.nodes}
 
 
 def since_text(stamp: Any, now: float) -> str:
-    """Return since when something holds: the time of day, and for how long."""
+    """Return the time of day since when something holds, and its duration."""
     seconds = max(0, round(now - stamp.sec - stamp.nanosec * 1e-9))
     minutes, rest = divmod(seconds, 60)
     hours, minutes = divmod(minutes, 60)
@@ -55,20 +55,20 @@ def since_text(stamp: Any, now: float) -> str:
 
 
 def progress_bar() -> Progress:
-    """Return a display of how far long work is, with the time that remains, on standard error."""
+    """Return a progress bar with the remaining time, on standard error."""
     return Progress(console=Console(stderr=True), transient=True)
 
 
 def fitted_console(form: TableForm = TableForm.FITTED) -> Console:
-    """Return the console that fits a terminal, and wraps nothing for a pipe or when it is wide."""
+    """Return a console that fits a terminal; for a pipe or another form, it wraps nothing."""
     console = Console()
     return console if console.is_terminal and form is TableForm.FITTED else Console(width=_WIDEST)
 
 
 def print_line(console: Console, head: str, text: Text | str, indent: int = 0) -> None:
-    """Print a text behind a head with markup: wrapped at words on a terminal, else as one line.
+    """Print a text after a head with markup: wrapped at words on a terminal, else as one line.
 
-    Further lines are indented by so many characters, without a number by the length of the head.
+    Further lines are indented by a number of characters, which defaults to the length of the head.
     """
     front = Text.from_markup(head)
     indent = indent or front.cell_len

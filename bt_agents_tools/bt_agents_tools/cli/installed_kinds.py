@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of files that the installed packages read, those of the lab included."""
+"""Kinds of files that the installed packages read, including those of the lab."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from bt_agents_language.yaml.field_tables import FileKind
 
 
 def installed_kinds() -> Mapping[str, FileKind]:
-    """Return the kinds of files by their names; sweeps are missing where the lab is."""
+    """Return the kinds of files by name; without the lab, sweeps are missing."""
     try:
-        # The lab is an extra that need not be installed.
+        # The lab is an optional extra.
         lab = import_module("bt_agents_lab.experiments.sweep_reader")
     except ModuleNotFoundError:
         return FILE_KINDS

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command line `bt-agents`: its table of commands, each loaded only when it is called."""
+"""Command line `bt-agents`: the table of commands, each loaded only when called."""
 
 from __future__ import annotations
 
@@ -92,8 +92,8 @@ TASKS: Mapping[str, Mapping[str, str]] = {
 }
 """Task → its commands, as the help lists them → their modules in ``bt_agents_tools.cli.commands``.
 
-The function is named as the command, with ``_`` for ``-``. Those without a module are brought by
-other packages, as are any that are not here.
+The function has the name of the command, with ``_`` for ``-``. Other packages provide the commands
+without a module, and may add further ones.
 """
 
 COMMANDS: Mapping[str, str] = {
@@ -117,7 +117,7 @@ _MEANT: Mapping[str, str] = {
     "break": "'breakpoint' for a node, 'pause' for the run under way",
     "say": "'answer' plays the person; what an agent says stands in its file",
 }
-"""Word that is no command → the commands that do what it says."""
+"""Word that is not a command → the commands that do what it says."""
 
 GROUP = "bt_agents.commands"
 """Group of the entry points by which other packages add commands."""
@@ -163,7 +163,7 @@ class LazyGroup(click.Group):
                 formatter.write_dl([*rows.values()])
 
     def _help(self, ctx: click.Context, name: str) -> str:
-        """Return the help of a command from its source, as loading all of them takes long."""
+        """Return the help of a command from its source, because loading all commands is slow."""
         entry = all_commands()[name]
         for node in ast.parse(_source(entry.module)).body:
             if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
@@ -183,7 +183,7 @@ class LazyGroup(click.Group):
 
 
 def _source(module: str) -> str:
-    """Return the source of a module that need not be loaded for that; empty without one."""
+    """Return the source of a module without loading it; empty if there is none."""
     try:
         spec = find_spec(module)
     except ModuleNotFoundError:
@@ -202,7 +202,7 @@ def _load(entry: EntryPoint) -> object:
 
 
 def _unavailable(name: str, package: str) -> click.Command:
-    """Return what stands for a command whose packages are not all installed."""
+    """Return a placeholder for a command whose packages are not all installed."""
 
     def refuse(rest: tuple[str, ...]) -> None:
         raise BtAgentsError(f"this command needs the package {package}; {how_to_install(package)}")
@@ -225,8 +225,8 @@ def bt_agents() -> None:
 def main() -> None:
     """Run the command line, and end with its exit code.
 
-    An error that a person can mend is one message and exit code 1, Ctrl-C is exit code 130, and
-    a reader of the output that has gone is exit code 141, as for other programs.
+    An error that a person can fix gives one message and exit code 1, Ctrl-C gives exit code 130,
+    and a closed pipe gives exit code 141, as for other programs.
     """
     prepare_streams()
     try:
@@ -236,7 +236,7 @@ def main() -> None:
             finally:
                 sys.stdout.flush()
     except click.Abort as abort:
-        # Click makes it of Ctrl-C, of an end of the input, and of a question that is denied.
+        # Click raises it for Ctrl-C, for an end of the input, and for a denied question.
         code = _INTERRUPTED
         if not isinstance(abort.__context__, KeyboardInterrupt):
             click.echo("Aborted!", err=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agent argument of commands: a file or the name of an agent."""
+"""Agent argument of commands: an agent's file or name."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from bt_agents_tools.cli.trees_choice import take_trees
 def named_agent(
     argument: str, directory: str = "", trees: Trees | None = None, language: str = ""
 ) -> tuple[Trees, AgentSpec]:
-    """Return the trees folder and the agent that an argument names, or whose file it is.
+    """Return the trees folder and the agent for an argument, which is a name or a file.
 
-    An empty directory is found above the file, or as by :func:`take_trees`; ``trees`` is the
-    folder if it is read already, in the language of its scene or in another one.
+    An empty directory is looked up above the file, or as in :func:`take_trees`; ``trees`` is the
+    folder if it was read already, in the language of its scene or in another one.
 
     Raises:
         BtAgentsError: There is no such file or agent.
-        ReadError: The agent's file is broken, or the scene or the skills of its folder are.
+        ReadError: The agent's file, or the scene or the skills of its folder, are broken.
     """
     if not argument.endswith((".yaml", ".yml")) and "/" not in argument:
         trees = trees or read_trees(take_trees(directory), language=language)

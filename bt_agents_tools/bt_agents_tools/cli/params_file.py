@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check of a ROS parameter file before nodes get it: its form, and the nodes that it names."""
+"""Check of the form and the node names of a ROS parameter file before nodes get it."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _NODES = {*(name.format(host=HOST) for name in NODES), "fleet", "visitors"}
 def checked_params(
     _context: click.Context, _parameter: click.Parameter, path: Path | None
 ) -> Path | None:
-    """Return a parameter file that nodes can read; a callback of click.
+    """Return a parameter file that nodes can read; a click callback.
 
-    A node that no part of the system is called, but nearly, is told on standard error.
+    It reports node names that look like misspelled parts of the system on standard error.
 
     Raises:
-        BtAgentsError: It is too large, no YAML, or not of the form that ROS expects.
+        BtAgentsError: It is too large, not YAML, or does not have the form that ROS expects.
     """
     if path is not None:
         for node in _nodes(path, _loaded(path)):
@@ -62,7 +62,7 @@ def _nodes(path: Path, document: object, name: str = "", depth: int = 0) -> Iter
     """Yield the last part of the name of each node of a document.
 
     Raises:
-        BtAgentsError: Below a name there is neither ``ros__parameters`` nor another name.
+        BtAgentsError: A name contains neither ``ros__parameters`` nor another name.
     """
     if not isinstance(document, Mapping) or not document or depth > _MAX_NESTED:
         place = f"below {quote(printable_line(name))}" if name else "in it"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interactive answers of a rehearsal: prompts at the terminal for what the world does."""
+"""Interactive answers of a rehearsal: terminal prompts for the behaviour of the world."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class InteractiveAnswers:
         self._explained = False
 
     def asks(self, use: Use) -> bool:
-        # Nobody answers texts that are only said or shown.
+        # Texts that are only said or shown need no answer.
         skill = use.node.skill
         outputs = default_answers.returned(use.node)
         if skill is None or (skill.main == "text" and not outputs):
@@ -114,13 +114,13 @@ class InteractiveAnswers:
             self._console.print()
             return None
         if not sys.stdin.isatty():
-            # The input was not echoed.
+            # The terminal did not echo the input.
             self._console.print(typed, markup=False)
         return typed
 
 
 def _message_example(node: NodeSpec) -> str:
-    """Return an example of a typed message that a node waits for; empty when it waits for none."""
+    """Return an example of a typed message that a node waits for; empty if it waits for none."""
     topic, until = node.fields.get("topic"), node.fields.get("until")
     if not isinstance(topic, Literal):
         return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of a system that run on one of several machines, beside others elsewhere."""
+"""Parts of a system that run on one of several machines."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _LONGEST_NAME = 60
 
 
 def lan_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options of a system of several machines."""
+    """Give a command the options for a system on several machines."""
     slow = click.option(
         "--slow-network",
         type=click.FloatRange(1.0, 20.0),
@@ -72,7 +72,7 @@ def lan_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def join_network(lan: bool, slow_network: float) -> None:
-    """Set the environment of ROS as the options of :func:`lan_options` say.
+    """Set the ROS environment according to the options of :func:`lan_options`.
 
     Raises:
         BtAgentsError: As in :func:`set_discovery`.
@@ -85,7 +85,7 @@ def join_network(lan: bool, slow_network: float) -> None:
 
 
 def named_parts(text: str) -> frozenset[str]:
-    """Return the parts that an option names, as in ``market,scene``; all for an empty text.
+    """Return the parts that an option names, such as ``market,scene``; all for an empty text.
 
     Raises:
         click.UsageError: There is no such part.
@@ -104,7 +104,7 @@ def named_parts(text: str) -> frozenset[str]:
 
 
 def host_name(named: str) -> str:
-    """Return the name of a host, which is made from that of its machine when nobody named it.
+    """Return the name of a host, which by default is made from that of its machine.
 
     Raises:
         click.UsageError: ROS does not accept it as the name of a node.
@@ -123,10 +123,10 @@ def host_name(named: str) -> str:
 
 
 def hold_parts(domain: int, names: Sequence[str], who: str) -> None:
-    """Make this process the only one of this machine that runs these components on a domain.
+    """Make this process the only one on this machine that runs these components on a domain.
 
     Raises:
-        BtAgentsError: Another one runs one of them.
+        BtAgentsError: Another process runs one of them.
     """
     if PARTS["market"] in names:
         hold_domain(domain, who)
@@ -142,14 +142,12 @@ def run_parts(
     logs: Path,
     fleet: FleetPlan | None = None,
 ) -> None:
-    """Run parts of a system until Ctrl-C; the others may come and go meanwhile.
+    """Run parts of a system until Ctrl-C; other parts may come and go meanwhile.
 
-    The fleet is started when they are ready.
-
-    The environment of ROS has been set.
+    The fleet starts when they are ready. The ROS environment must be set.
 
     Raises:
-        BtAgentsError: A part runs on the domain already, or does not start.
+        BtAgentsError: A part already runs on the domain, or does not start.
     """
     start = time.monotonic()
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
@@ -195,10 +193,10 @@ def run_parts(
 def _check_free(
     observer: Observer, names: Sequence[str], domain: str, interrupt: Interrupt
 ) -> None:
-    """Look whether a part runs already, elsewhere or under another user.
+    """Check that no part runs already, elsewhere or under another user.
 
     Raises:
-        BtAgentsError: One does.
+        BtAgentsError: A part runs already.
     """
 
     def taken() -> list[str]:
@@ -220,7 +218,7 @@ def _tell_market(
     interrupt: Interrupt,
     fleet: FleetPlan | None,
 ) -> None:
-    """Tell which market and how many agents there are, at each change, until the user ends it."""
+    """Print the market and the number of agents at each change, until the user ends it."""
 
     def now() -> tuple[str, int, int]:
         market = observer.market

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of a whole system by a command: supervised processes, printed events, clean end."""
+"""Runs of a whole system by a command: supervised processes, printed events, clean shutdown."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ journal_option = click.option(
 
 
 def journal_components(folder: str | None, state: StateFolder) -> list[Component]:
-    """Return the journal as components: none for None; an empty text means the state folder.
+    """Return the components of the journal: none for None; an empty text means the state folder.
 
     Raises:
-        BtAgentsError: The package that it needs is not installed.
+        BtAgentsError: A package that it needs is not installed.
     """
     if folder is None:
         return []
@@ -74,14 +74,14 @@ def journal_components(folder: str | None, state: StateFolder) -> list[Component
 
 @dataclass(frozen=True, kw_only=True)
 class StudioPlan:
-    """Studio that is started when the system is ready.
+    """Studio that starts when the system is ready.
 
     Attributes:
         component: Its process.
-        addresses: File in which the process tells the addresses of its roles.
-        listening: Socket that it serves, which outlives it.
-        asks_person: Whether the address for the person is printed, too.
-        opens: Whether it is opened in a browser.
+        addresses: File in which the process stores the addresses of its roles.
+        listening: Socket that it serves; the socket outlives the process.
+        asks_person: Whether to print the address for the person, too.
+        opens: Whether to open it in a browser.
     """
 
     component: Component
@@ -94,17 +94,17 @@ class StudioPlan:
 def studio_plan(
     trees: Path, state: Path, journal: Path, *, browser_robot: bool, opens: bool = False
 ) -> StudioPlan | None:
-    """Return the studio of a system; None, after a line that says why, when it cannot run here.
+    """Return the studio of a system; None, after a line that says why, if it cannot run here.
 
     Args:
         trees: The trees folder.
-        state: Folder in which it keeps its sessions and tells its addresses.
+        state: Folder for its sessions and addresses.
         journal: Folder of the recordings.
-        browser_robot: The robot is met in the browser, so the studio has to be there.
+        browser_robot: The robot appears in the browser, so the studio is required.
         opens: See :class:`StudioPlan`.
 
     Raises:
-        BtAgentsError: It has to be there, and cannot run.
+        BtAgentsError: It is required, and cannot run.
     """
     try:
         if find_spec("aiohttp") is None:
@@ -140,15 +140,15 @@ def run_system(
 ) -> None:
     """Run a system of processes until Ctrl-C, or until its visitors are done.
 
-    Visitors, the studio and the fleet are started when all is ready. Without ``logs`` these go to
-    a new folder.
+    Visitors, the studio and the fleet start when everything is ready. Without ``logs``, log files
+    go to a new folder.
     """
     start = time.monotonic()
     set_discovery(os.environ)
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     who = f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})"
     hold_parts(int(domain), [name for one in processes for name in one.parts or (one.name,)], who)
-    # It loads what the nodes need, while this process does.
+    # It loads the modules of the nodes while this process loads its own.
     with closing(
         ForkServer(one for component in processes for one in component.modules)
     ) as fork_server:
@@ -209,7 +209,7 @@ def _wait_until_ready(
     interrupt: Interrupt,
     processes: Sequence[Component],
 ) -> None:
-    """Wait until all agents are registered, recorded if the journal runs, and heard here."""
+    """Wait until all agents are registered and heard, and recorded if the journal runs."""
     recorded = any(component.name == "journal" for component in processes)
     heard = ["bt_agents/scene", "agents/status", "bt_agents/feedback"]
     if any("bt_agents_robot.robot" in component.modules for component in processes):
@@ -233,9 +233,9 @@ def _print_events(
     studio: StudioPlan | None,
     fleet: FleetPlan | None,
 ) -> None:
-    """Print events until its visitors are done, however long that takes, or the user ends it.
+    """Print events until the visitors of this command are done or the user ends it.
 
-    Those that somebody else has started end nothing.
+    Visitors that another command started do not end it.
     """
 
     def over() -> bool:
@@ -275,14 +275,14 @@ def _tell_addresses(console: Console, studio: StudioPlan) -> None:
     for name, address in lines:
         console.print(f"[bold]{name}:[/] {address}", highlight=False, soft_wrap=True)
     if studio.opens:
-        # Both pages have one role, as a browser has one session at a time.
+        # Both pages have the same role, because a browser has one session at a time.
         page, _, token = told["author"].partition("#")
         for name in ("market", "person"):
             webbrowser.open(f"{page}{name}#{token}")
 
 
 def _print_kept_orders(console: Console, market: Any) -> None:
-    """Print the pins and vetoes of an earlier start, which still hold."""
+    """Print the pins and vetoes of an earlier start that still hold."""
     if market.pinned:
         text = f"only {market.pinned} may bid, until 'bt-agents unpin'"
         print_line(console, "[yellow]still pinned[/] ", text, INDENT)

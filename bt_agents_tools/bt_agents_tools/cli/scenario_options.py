@@ -26,13 +26,13 @@ _ASSIGNMENT = re.compile(r"([^\s=]+)=((?:\"[^\"]*\"|'[^']*'|[^\s])*)")
 
 @dataclass(frozen=True, kw_only=True)
 class TypedYaml:
-    """YAML made from typed options or answers, with the origin of each line or an empty text."""
+    """YAML made from typed options or answers, with the origin of each line, if any."""
 
     text: str
     origins: tuple[str, ...]
 
     def explained(self, error: ReadError) -> str:
-        """Return the problems of the YAML, shown in the typed text."""
+        """Return the problems of the YAML with their places in the typed text."""
         return "\n".join(self._explained(one) for one in error.diagnostics)
 
     def _explained(self, problem: Diagnostic) -> str:
@@ -57,7 +57,7 @@ def _typed_span(problem: Diagnostic, typed: str) -> tuple[int, int]:
     places = [found.start() for found in re.finditer(re.escape(wrong), typed)] if wrong else []
     if not places:
         return 0, columns(typed)
-    # The YAML has more text before it, never less.
+    # The YAML has more text before it than the option, never less.
     start = places[min(before, len(places) - 1)]
     return columns(typed[:start]), max(1, columns(wrong))
 
@@ -77,7 +77,7 @@ def scenario_yaml(
     """Return the options of a rehearsal as YAML, which is read like any other file.
 
     Raises:
-        BtAgentsError: The form of an option is wrong.
+        BtAgentsError: An option has the wrong form.
     """
     lines = [("format: 1", "")]
     lines += _section("scene", "--scene", scene, "age=4")
@@ -116,7 +116,7 @@ def _with_origins(lines: Iterable[tuple[str, str]]) -> TypedYaml:
 
 
 def is_event(agent: AgentSpec, space: SceneSpace, typed: str) -> bool:
-    """Return whether a typed text is an event, and not an answer."""
+    """Return whether a typed text is an event instead of an answer."""
     match = _TIME.fullmatch(typed)
     begin = re.match(r"\s*(?:tune\s+)?([^\s=]+)\s*(=?)", match[2] if match else typed)
     if begin is None:
@@ -132,7 +132,7 @@ def event_yaml(agent: AgentSpec, text: str) -> str:
 
     ``2s mood=1.5``, ``3s person=false``, ``4s patience=10s`` (a tunable), ``5s cancel``, ``5s
     cancel by='mood rule' annoyed``, ``6s buttons/confirm data=true`` (a message); without a time
-    it happens at once.
+    the event happens at once.
 
     Raises:
         BtAgentsError: Its form is wrong.
@@ -196,7 +196,7 @@ def _assigned(assignments: str, text: str) -> Mapping[str, str]:
 
 
 def _section(key: str, option: str, given: Iterable[str], example: str) -> list[tuple[str, str]]:
-    """Return assignments as the lines of one key, each with its option."""
+    """Return assignments as the lines of one YAML key, each with its option."""
     lines = {
         name: (f"  {name}: {value}", _option(option, text))
         for name, value, text in _assignments(option, given, example)
@@ -205,7 +205,7 @@ def _section(key: str, option: str, given: Iterable[str], example: str) -> list[
 
 
 def _answers_section(given: Iterable[str]) -> list[tuple[str, str]]:
-    """Return answers as lines, each with its option; those of one skill in the order given."""
+    """Return answers as lines, each with its option; answers of one skill keep their order."""
     answers: dict[str, list[tuple[str, str]]] = {}
     for name, value, text in _assignments("--answer", given, "ask=yes"):
         answers.setdefault(name, []).append((value, _option("--answer", text)))
@@ -220,7 +220,7 @@ def _answers_section(given: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def _items(value: str) -> str:
-    """Return a YAML value as items of a list; one that is a list itself gives all of its items."""
+    """Return a YAML value as list items; a list gives all of its items."""
     inner = value[1:-1].strip() if value.startswith("[") and value.endswith("]") else ""
     return inner or value
 
@@ -228,7 +228,7 @@ def _items(value: str) -> str:
 def _assignments(
     option: str, given: Iterable[str], example: str
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield name and value of each assignment as YAML, with the text as typed."""
+    """Yield the name and value of each assignment as YAML, with the typed text."""
     for text in given:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
@@ -239,7 +239,7 @@ def _assignments(
 
 
 def _person_section(given: Iterable[str]) -> list[tuple[str, str]]:
-    """Return who the person is, with what is remembered of them below a key of its own."""
+    """Return the lines about the person, with remembered facts below their own key."""
     lines = _section("person", "--person", given, "name=anna")
     own = [line for line in lines if line[0].startswith(_OF_A_PERSON)]
     others = [(f"  {text}", origin) for text, origin in lines if (text, origin) not in own]
@@ -247,7 +247,7 @@ def _person_section(given: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def _option(option: str, text: str) -> str:
-    """Return an option as it is typed in a shell."""
+    """Return an option as typed in a shell."""
     return f'{option} "{text}"' if re.search(r"[\s{}\[\]*]", text) else f"{option} {text}"
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes of a supervisor, for the terminal of who has started them: lines, and their start."""
+"""Supervised processes at the terminal: their log lines and their start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 POLL_S = 0.2
-"""Time between two looks at the processes [s]."""
+"""Time between two checks of the processes [s]."""
 
 INDENT = 4
 
@@ -27,7 +27,7 @@ _START_LIMIT_S = 20.0
 
 
 def watch(observer: Observer, supervisor: Supervisor, processes: Sequence[Component]) -> None:
-    """Have a supervisor hear of its processes what their nodes say about themselves."""
+    """Connect a supervisor to the heartbeats and states that its nodes publish."""
     beating = components.nodes_of(processes, components.BEATING)
     observer.watch_heartbeats(supervisor.on_heartbeat, beating)
     managed = components.nodes_of(processes, components.MANAGED)
@@ -35,7 +35,7 @@ def watch(observer: Observer, supervisor: Supervisor, processes: Sequence[Compon
 
 
 def print_supervised(console: Console, supervisor: Supervisor) -> None:
-    """Restart and kill what has to be, and print what has happened since the last call."""
+    """Restart and kill processes as needed, and print the events since the last call."""
     for line in supervisor.poll():
         style = "dim" if line.startswith(" ") else "yellow"
         indent = len(line) - len(line.lstrip())
@@ -49,12 +49,12 @@ def wait_until_ready(
     interrupt: Interrupt,
     ready: Callable[[], bool],
 ) -> None:
-    """Wait until what was started is ready, or somebody interrupts.
+    """Wait until the started processes are ready, or the user interrupts.
 
     Raises:
-        BtAgentsError: It is not ready in time.
+        BtAgentsError: They are not ready in time.
     """
-    # Looks are counted, so that a pause of the machine takes no time from the start.
+    # Checks are counted, so that a pause of the machine takes no time from the start.
     for _ in range(round(_START_LIMIT_S / POLL_S)):
         if interrupt or ready():
             break

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of commands: for people in any width with nothing cut, or as JSON or CSV."""
+"""Tables of commands: for people in any width without cuts, or as JSON or CSV."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BETWEEN = " · "
 
 
 class TableForm(Enum):
-    """How a command prints a table."""
+    """Form in which a command prints a table."""
 
     FITTED = auto()
     WIDE = auto()
@@ -37,13 +37,13 @@ class TableForm(Enum):
 
     @property
     def for_program(self) -> bool:
-        """Whether a program reads it, so that words for people go to standard error."""
+        """Whether a program reads the table, so that messages for people go to standard error."""
         return self in (TableForm.JSON, TableForm.CSV)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """One column; those that matter most come first in a table.
+    """Column of a table; the most important columns come first.
 
     Attributes:
         key: Its name in JSON and CSV.
@@ -63,12 +63,12 @@ class Column:
         return self.title or self.key
 
     def cell(self, value: Any) -> str:
-        """Return a value in one line that a terminal shows as it is; nothing for None."""
+        """Return a value in one line that is safe for a terminal; an empty text for None."""
         return "" if value is None else printable(self.text(value))
 
 
 def table_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options for the form of its table, which it takes as ``form``."""
+    """Give a command the options for the form of its table, as its argument ``form``."""
 
     @click.option("--wide", is_flag=True, help="One line a row, however long.")
     @click.option("--json", "as_json", is_flag=True, help="As JSON.")
@@ -88,7 +88,7 @@ def table_options(command: Callable[..., None]) -> Callable[..., None]:
 def print_table(
     columns: Sequence[Column], rows: Sequence[Sequence[Any]], form: TableForm = TableForm.FITTED
 ) -> None:
-    """Print a table: fitted to a terminal, with one line a row into a file or a pipe."""
+    """Print a table: fitted to a terminal, or one line per row for a file or pipe."""
     if form is TableForm.JSON:
         keys = [column.key for column in columns]
         print_json([dict(zip(keys, row, strict=True)) for row in rows])
@@ -102,12 +102,12 @@ def print_table(
 
 
 def print_json(document: Any) -> None:
-    """Print plain data as JSON that is right in every encoding; null for what is no number."""
+    """Print plain data as JSON that is valid in every encoding; null for NaN and infinity."""
     click.echo(json.dumps(_finite(document), indent=2, allow_nan=False))
 
 
 def as_csv(columns: Sequence[Column], rows: Sequence[Sequence[Any]]) -> str:
-    """Return a table as CSV with the values as they are, and a line of keys."""
+    """Return a table as CSV with a header of keys and unformatted values."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(column.key for column in columns)
@@ -120,7 +120,7 @@ def table_lines(
 ) -> Iterator[str]:
     """Yield heading and rows for people.
 
-    Columns beyond the width stand below each row, each cell behind its heading.
+    Columns beyond the width are below each row, each cell after its heading.
     """
     headings = [column.heading for column in columns]
     cells = [[c.cell(value) for c, value in zip(columns, row, strict=True)] for row in rows]
@@ -139,7 +139,7 @@ def table_lines(
 
 
 def _wrapped(text: str, width: int, indent: str) -> list[str]:
-    """Return a text in lines of a width, at blanks only; all but the first are indented."""
+    """Return a text in lines of a width, broken at blanks only; all but the first are indented."""
     return textwrap.wrap(
         text,
         width,
@@ -151,7 +151,7 @@ def _wrapped(text: str, width: int, indent: str) -> list[str]:
 
 
 def _terminal_width() -> int:
-    """Return the width that is asked for by COLUMNS, but none that the terminal does not have."""
+    """Return the width in COLUMNS, at most that of the terminal."""
     asked = shutil.get_terminal_size().columns
     try:
         return min(asked, os.get_terminal_size(sys.stdout.fileno()).columns or asked)
@@ -160,7 +160,7 @@ def _terminal_width() -> int:
 
 
 def _fitting(sizes: Sequence[int], width: int | None) -> int:
-    """Return how many columns stand beside each other: the first always, all without a width."""
+    """Return how many columns fit next to each other: at least one, all without a width."""
     if width is None:
         return len(sizes)
     used = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard streams of a command: in any encoding, closed, full, or read by nobody any more."""
+"""Standard streams of a command: in any encoding, closed, full, or without a reader."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STREAMS = ("stdin", "stdout", "stderr")
 
 _ERRORS = "bt_agents_plain"
 _ASCII = "bt_agents_ascii"
-"""ASCII by another name: click takes a stream of this encoding for a mistake, and writes UTF-8."""
+"""Another name for ASCII: click treats an ASCII stream as a mistake, and writes UTF-8."""
 
 _PLAIN = {
     **dict(zip("–—−─·│├└•●◆✔×✘▶▷○◇■▼µ⟨⟩", "-----|||***+xx>>oo#vu<>", strict=True)),
@@ -22,13 +22,13 @@ _PLAIN = {
         zip("→←…±≥≤√²∞", ("->", "<-", "...", "+-", ">=", "<=", "sqrt", "^2", "inf"), strict=True)
     ),
 }
-"""What is printed for a character that an encoding does not have; others as ``\\u2605``."""
+"""Replacements for characters that an encoding lacks; others become ``\\u2605``."""
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class OutputLost(BaseException):
-    """Raised by the first write to standard output that is not taken; no library catches it."""
+    """Raised by the first failing write to standard output; no library catches it."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(str(error))
@@ -36,12 +36,12 @@ class OutputLost(BaseException):
 
     @property
     def is_left(self) -> bool:
-        """Whether whoever read the output has read enough, as ``head`` does."""
+        """Whether the reader of the output has left, as ``head`` does."""
         return self.error.errno == errno.EPIPE
 
 
 class _Output(io.FileIO):
-    """Raw stream that swallows everything from the first error on."""
+    """Raw stream that swallows everything after its first error."""
 
     def __init__(self, descriptor: int, raises: bool) -> None:
         super().__init__(descriptor, "w", closefd=False)
@@ -62,11 +62,11 @@ class _Output(io.FileIO):
 
 
 def prepare_streams() -> None:
-    """Make the standard streams usable whatever the shell has given.
+    """Make the standard streams usable, whatever the shell provides.
 
-    A closed one is opened to nowhere, so that no file gets its number. A character that the
-    encoding lacks is replaced. A write to standard output that fails raises :class:`OutputLost`
-    once; one to standard error is lost.
+    A closed stream is opened to the null device, so that no file gets its number. Characters that
+    the encoding lacks are replaced. A failing write to standard output raises :class:`OutputLost`
+    once; a failing write to standard error is lost.
     """
     codecs.register_error(_ERRORS, _plain)
     codecs.register(_find_codec)
@@ -83,7 +83,7 @@ def prepare_streams() -> None:
 
 
 def os_error_text(error: OSError) -> str:
-    """Return an error of the system as text for people: which file, what, how to mend it."""
+    """Return a system error as text for people: the file, the problem, and how to fix it."""
     names = [str(name) for name in (error.filename, error.filename2) if name is not None]
     text = ": ".join([*names, error.strerror or str(error)])
     if error.errno in _FULL:

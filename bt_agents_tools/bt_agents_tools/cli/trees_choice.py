@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choice of the trees folder of a command, and of its state folder, said on standard error."""
+"""Choice of a command's trees folder and state folder, with a note on standard error."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ params_option = click.option(
 
 
 def take_trees(named: str = "") -> Path:
-    """Return the trees folder that a command works on; one that nobody named is said.
+    """Return the trees folder that a command works on; print it if the user named none.
 
     Args:
         named: As for :func:`find_trees`.
 
     Raises:
-        BtAgentsError: As in :func:`find_trees`; it says how to name one.
+        BtAgentsError: As in :func:`find_trees`; the message says how to name a folder.
     """
     try:
         folder = find_trees(named)
@@ -58,19 +58,19 @@ def named_path(path: str | Path) -> Path:
 
 
 def say_trees(folder: Path) -> None:
-    """Say which trees folder a command has taken."""
+    """Print which trees folder a command uses."""
     _say(f"trees folder: {folder.resolve()}")
 
 
 def say_trees_of_system(folders: Iterable[str]) -> None:
-    """Say which trees folders the hosts of the running system have."""
+    """Print the trees folders of the hosts of the running system."""
     known = sorted({printable_line(folder) for folder in folders if folder})
     if known:
         _say(f"trees folder of the system: {', '.join(known)}")
 
 
 def kept_state(state: str = "") -> StateFolder:
-    """Return the state folder of the trees folder here, or the named one, and say which.
+    """Return and print the state folder of the trees folder here, or the named one.
 
     Raises:
         BtAgentsError: As in :func:`find_trees` and :func:`find_state`.
@@ -83,7 +83,7 @@ def kept_state(state: str = "") -> StateFolder:
 
 
 def _say(text: str) -> None:
-    """Say something beside the output, unless that is for a program."""
+    """Print a note to standard error, unless a program reads the output."""
     context = click.get_current_context(silent=True)
     options = context.params if context is not None else {}
     if not (options.get("as_json") or options.get("as_csv") or options.get("form") == "json"):
@@ -91,7 +91,7 @@ def _say(text: str) -> None:
 
 
 def _named_as(folder: str | Path) -> str:
-    """Return how the command at hand is given a trees folder."""
+    """Return how to name a trees folder for the current command."""
     context = click.get_current_context()
     options = {name for one in context.command.params for name in one.opts}
     return f"{context.command_path} {'… --dir ' if '--dir' in options else ''}{folder}"

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 _MAX_COLUMN = 22
 _GAP = "  "
 _MIN_DESCRIPTION = 28
-"""Columns for a description beside its row; with fewer it gets lines of its own."""
+"""Fewest columns for a description next to its row; with fewer it gets its own lines."""
 
 _INDENT = " " * 6
 
 
 def table(states: Iterable[ParameterState], width: int) -> Iterator[str]:
-    """Yield the lines of a table: the parameters of the host, then those of each agent."""
+    """Yield the lines of the table: the parameters of the host, then those of each agent."""
     ordered = sorted(
         states, key=lambda one: (one.parameter.agent, one.parameter.kind is TunableKind.PROFILE)
     )
@@ -40,7 +40,7 @@ def table(states: Iterable[ParameterState], width: int) -> Iterator[str]:
 
 
 def _cells(state: ParameterState) -> tuple[str, str, str, str]:
-    """Return name, value, default and limits, empty where there is nothing to show."""
+    """Return name, value, default and limits; empty if there is nothing to show."""
     parameter = state.parameter
     name = f"  {parameter.name[len(parameter.agent) + 1 :]}" if parameter.agent else parameter.name
     changed = state.value != parameter.default

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Causal order of a system's events: each after its causes, whatever order they come in."""
+"""Causal order of a system's events: each after its causes, in whatever order they arrive."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from bt_agents_interfaces.msg import Auction, TreeStatus
 from bt_agents_ros.messages import seconds
 
 SETTLE_S = 0.1
-"""Time that an event waits for one that was sent before it [s]."""
+"""Time that an event waits for events that were sent before it [s]."""
 
 LONGEST_WAIT_S = 0.3
 """Longest time that an event waits for its causes [s]."""
 
 MOST_FACTS = 1000
-"""Facts that are remembered; the oldest are forgotten first."""
+"""Maximum number of remembered facts; the oldest are forgotten first."""
 
 _LONGEST_DELAY_S = 1.0
 
 Fact = tuple[Hashable, ...]
-"""Something that has happened, such as the award of a round."""
+"""Fact that has happened, such as the award of a round."""
 
 
 class Links(NamedTuple):
-    """Facts before an event, and those that it brings."""
+    """Facts that precede an event, and those that it establishes."""
 
     causes: frozenset[Fact] = frozenset()
     facts: frozenset[Fact] = frozenset()
@@ -40,9 +40,9 @@ class CausalEvent:
     """Event of a system.
 
     Attributes:
-        sent_s: When it happened, by the clock of whoever sent it [s].
-        deliver: Called when it is its turn.
-        links: What stands before it, and what it stands before.
+        sent_s: When it happened, by the clock of its sender [s].
+        deliver: Callback for its delivery.
+        links: The facts before and after it.
     """
 
     sent_s: float
@@ -61,11 +61,11 @@ _TURN = attrgetter("event.sent_s", "number")
 
 
 class CausalOrder:
-    """Buffer of events that delivers each after its causes, and otherwise as they were sent.
+    """Buffer of events that delivers each after its causes, and otherwise in the order of sending.
 
-    Each waits :data:`SETTLE_S` for others that were sent before it, and for its causes until
-    :data:`LONGEST_WAIT_S` after it has come; it is delivered by the first call after that. The
-    times of calls are steady; those of sending are only compared with each other.
+    Each event waits :data:`SETTLE_S` for events that were sent before it, and for its causes until
+    :data:`LONGEST_WAIT_S` after its arrival; the first call after that delivers it. Times of calls
+    are on the steady clock; times of sending are only compared with each other.
     """
 
     def __init__(self) -> None:
@@ -79,12 +79,12 @@ class CausalOrder:
         return not self._waiting
 
     def put(self, event: CausalEvent, now: float) -> None:
-        """Store an event that has come now [s]."""
+        """Store an event that arrives now [s]."""
         self._count += 1
         self._waiting.append(_Waiting(event=event, number=self._count, came_s=now))
 
     def deliver_due(self, now: float) -> None:
-        """Deliver the events whose turn it is now [s]."""
+        """Deliver the events that are due now [s]."""
         settled = [_TURN(one) for one in self._waiting if now - one.came_s >= SETTLE_S]
         if not settled:
             return
@@ -115,7 +115,7 @@ class CausalOrder:
 
 
 def no_links(_message: Any) -> Links:
-    """Return the links of an event that stands for itself."""
+    """Return the links of an independent event."""
     return Links()
 
 
@@ -125,9 +125,9 @@ def scene_links(scene: Any) -> Links:
 
 
 def auction_links(auction: Any) -> Links:
-    """Return the links of an ``Auction.msg``: the scene that was announced for it is before.
+    """Return the links of an ``Auction.msg``: its announced scene precedes it.
 
-    For a follow-up round, and for a scene that people award, none is.
+    Follow-up rounds, and scenes that people award, have no announced scene.
     """
     scene_id = auction.scene.scene_id
     is_first = not auction.follows and first_id(scene_id) == scene_id
@@ -136,7 +136,7 @@ def auction_links(auction: Any) -> Links:
 
 
 def run_links(run: Any) -> Links:
-    """Return the links of a ``Run.msg``: the award, the start and the last tick are before."""
+    """Return the links of a ``Run.msg``: the award, the start and the last tick precede it."""
     if run.event in (run.STARTED, run.REFUSED):
         facts = {_fact("run", run)} if run.event == run.STARTED else set()
         return Links(frozenset({_fact("round", run)}), frozenset(facts))
@@ -149,9 +149,9 @@ def run_links(run: Any) -> Links:
 
 
 def tree_links(status: Any) -> Links:
-    """Return the links of a ``TreeStatus.msg``: the award, and the first tick, are before.
+    """Return the links of a ``TreeStatus.msg``: the award and the first tick precede it.
 
-    A first tick is a start: it may come before the market's message.
+    A first tick is a start: it may arrive before the market's message.
     """
     tick = (*_fact("tick", status), status.tick)
     if status.tick > 1:
@@ -160,20 +160,20 @@ def tree_links(status: Any) -> Links:
 
 
 def scene_end_links(end: Any) -> Links:
-    """Return the links of a ``SceneEnd.msg``: the end of its last run, or the scene, is before."""
+    """Return the links of a ``SceneEnd.msg``: the end of its last run or the scene precedes it."""
     cause = _fact("end", end) if end.agent and end.round else ("scene", first_id(end.scene_id))
     return Links(frozenset({cause}))
 
 
 def feedback_links(feedback: Any) -> Links:
-    """Return the links of a ``Feedback.msg``: the start of its run is before."""
+    """Return the links of a ``Feedback.msg``: the start of its run precedes it."""
     return Links(frozenset({_fact("run", feedback)} if feedback.round else ()))
 
 
 def happened_s(message: Any, sent_s: float) -> float:
-    """Return when a round closed or a tree was ticked, by the message that was sent then [s].
+    """Return when a round closed or a tree was ticked, from the message about it [s].
 
-    What either has set off may be sent before that message. A stamp of another clock, such as
+    The effects of either may be sent before that message. A stamp of another clock, such as
     simulated time, does not count.
     """
     if not isinstance(message, Auction | TreeStatus):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Edits of agents' files that make tuned values their defaults: what would change, and writing."""
+"""Edits of agents' files that make tuned values their defaults: preview and writing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bt_agents_tools.rehearsal.suite import broken_by, find_tests
 
 @dataclass(frozen=True, kw_only=True)
 class FileEdit:
-    """New text of a file, and its agent then, with a line for each changed value."""
+    """New text of a file, with the resulting agent and a line for each changed value."""
 
     trees: Path
     path: Path
@@ -34,7 +34,7 @@ class FileEdit:
 
     @property
     def diff(self) -> str:
-        """What would change, as a unified diff."""
+        """The changes as a unified diff."""
         before, after = (text.splitlines(keepends=True) for text in (self.before, self.after))
         return "".join(difflib.unified_diff(before, after, str(self.path), str(self.path)))
 
@@ -54,7 +54,7 @@ class FileEdit:
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedTests:
-    """What the agents' tests say of some edits: lines for people, and whether more would fail."""
+    """Result of the agents' tests for edits: lines for people, and whether more would fail."""
 
     lines: tuple[str, ...]
     breaks: bool
@@ -66,13 +66,13 @@ def edits_of(
     """Return the edits that make the values of a host the defaults of its files.
 
     Args:
-        host: Its name, for people.
+        host: Name of the host, for people.
         folder: Its trees folder.
-        states: Values in force; those that stand so in the files are left out.
-        profile: Whether profiles are kept, too.
+        states: Current values; values that equal those in the files are left out.
+        profile: Whether to keep profiles, too.
 
     Raises:
-        BtAgentsError: The folder or a file is not there, is broken, or cannot be changed so.
+        BtAgentsError: The folder or a file is missing or broken, or cannot be changed this way.
     """
     kinds = {TunableKind.TUNABLE, TunableKind.LEARNING_RATE}
     if profile:
@@ -92,7 +92,7 @@ def edits_of(
 
 
 def compare_tests(edits: Sequence[FileEdit]) -> ComparedTests:
-    """Return which tests of the agents pass now and would fail after the edits."""
+    """Return the tests of the agents that pass now and would fail after the edits."""
     results = [
         result
         for folder in sorted({edit.trees for edit in edits})
@@ -115,7 +115,7 @@ def compare_tests(edits: Sequence[FileEdit]) -> ComparedTests:
 
 
 def digest_of(edits: Sequence[FileEdit]) -> str:
-    """Return a text that two lists of edits share when they change the same in the same files."""
+    """Return a digest, equal for lists of edits that make the same changes in the same files."""
     parts = (f"{edit.path}\0{edit.before}\0{edit.after}\0" for edit in edits)
     return hashlib.sha256("".join(parts).encode()).hexdigest()
 
@@ -148,7 +148,7 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[ParameterState]) -> FileEdit
 
 
 def _default(source: Source, parameter: TunableParameter) -> str:
-    """Return a default as a file spells it, formatted when the file leaves it out."""
+    """Return a default as a file spells it, or formatted if the file leaves it out."""
     return default_text(source, parameter) or shown_value(parameter, parameter.default)
 
 

@@ -18,7 +18,7 @@ from bt_agents_tools.client.observer import Observer
 
 @dataclass(frozen=True, kw_only=True)
 class StrategyOption:
-    """Option of a strategy with its value in force and its range."""
+    """Option of a strategy with its current value and its range."""
 
     value: float
     minimum: float
@@ -28,7 +28,7 @@ class StrategyOption:
 
 @dataclass(frozen=True, kw_only=True)
 class Strategies:
-    """Strategies of a running market by name: one in force, and perhaps one that only scores."""
+    """Strategies of a running market by name: the current one, and perhaps a shadow strategy."""
 
     descriptions: Mapping[str, str]
     options: Mapping[str, Mapping[str, StrategyOption]]
@@ -37,7 +37,7 @@ class Strategies:
 
 
 _OF_LAST_SCENE = ("person_id", "place", "persons", "visits", "remembered")
-"""Fields of a scene with given values that are as in the last one."""
+"""Fields that a scene with given values takes from the last scene."""
 
 
 def scene_of(
@@ -50,9 +50,9 @@ def scene_of(
     person: bool | None,
     label: str,
 ) -> Any:
-    """Return a scene message with some values given, the others as in the last scene or missing.
+    """Return a scene message with some given values; others are as in the last scene or missing.
 
-    Without ``person`` a person is there as in the last scene, or when there is none.
+    Without ``person``, a person is present as in the last scene, or if there is no last scene.
     """
     known = {value.name: value for value in last.values} if last is not None else {}
     scene = Scene(
@@ -69,10 +69,11 @@ def scene_of(
 
 
 def next_scene(last: Any, present: Any) -> Any:
-    """Return the scene that another round would be for, None before the first one.
+    """Return the scene for another round, None before the first one.
 
-    While a run goes on it is the live one, which bears the id of its scene. Else it is the last
-    one, with what the person has told since, as far as that still holds in the ``present`` one.
+    During a run it is the live scene, which has the id of the run's scene. Otherwise it is the
+    last scene, with values that the person has told since and that the ``present`` scene still
+    has.
     """
     if last is None or present is None:
         return last
@@ -93,7 +94,7 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
 
 
 def strategies(observer: Observer) -> Strategies | None:
-    """Return the strategies of the market with the values in force; None without an answer."""
+    """Return the strategies of the market with their current values; None without an answer."""
     found = {info.name: info for info in observer.market.strategies}
     dotted = [f"{name}.{option}" for name, info in found.items() for option in info.options]
     names = ["strategy", "shadow_strategy", *dotted]
@@ -123,7 +124,7 @@ def strategies(observer: Observer) -> Strategies | None:
 
 
 def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> str | None:
-    """Set parameters of the market together; return why not, empty if set, None if unanswered."""
+    """Set parameters of the market together; return the error, empty if set, None if unanswered."""
     parameters = [
         Parameter(name, value=value).to_parameter_msg() for name, value in changes.items()
     ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open questions of the robot: which one an answer is for, and how it counts."""
+"""Open questions of the robot: matching an answer to a question and its choices."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bt_agents_core.errors import Refused
 
 
 def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:
-    """Return the first question that takes an answer, and how it does.
+    """Return the first question that takes an answer, and the counted answer.
 
     Raises:
         Refused: ``NO_QUESTION`` or ``NOT_A_CHOICE``.
@@ -30,11 +30,11 @@ def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:
 
 
 def question_text(question: Any) -> str:
-    """Return a question with the answers that count."""
+    """Return a question with its valid answers."""
     choices = ", ".join(question.choices) or "anything"
     return f"the robot is asking: {question.text} (answers: {choices})"
 
 
 def not_taken(words: str) -> Refused:
-    """Return the refusal of an answer that nobody has taken."""
+    """Return the refusal of an answer that no node has taken."""
     return Refused("NOT_TAKEN", f"the robot has not taken '{words}'; it asks no more, or is busy")

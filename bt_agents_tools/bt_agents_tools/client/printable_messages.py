@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Received messages whose texts a terminal can show as they are."""
+"""Received messages whose texts are safe for a terminal."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _OF_SEVERAL_LINES = {
     ReloadAgents.Response: "message",
     RollBack.Response: "message",
 }
-"""Type of a message → its field that may have several lines; all others have one."""
+"""Type of a message → its field that may have several lines; all other texts have one."""
 
 _Convert = Callable[[Any], Any]
 
 
 def make_printable(message: Any) -> Any:
-    """Return a message of ROS after :func:`printable` of every text in it, also in lists.
+    """Return a ROS message with :func:`printable` applied to every text in it, also in lists.
 
-    The message itself is changed, and only where a text is not printable.
+    It changes the message itself, and only texts that are not printable.
     """
     kind: Any = type(message)
     convert = _converter(kind)
@@ -37,7 +37,7 @@ def make_printable(message: Any) -> Any:
 
 @cache
 def _converter(kind: type[Any]) -> _Convert | None:
-    """Return what makes messages of a type printable; None for a type without texts."""
+    """Return a function that makes messages of a type printable; None for a type without texts."""
     fields = []
     for name, slot in zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True):
         of_text = printable_lines if _OF_SEVERAL_LINES.get(kind) == name else printable

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publication of single messages to what the nodes of a running system listen to."""
+"""Publication of single messages on topics that the nodes of a running system listen to."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ from bt_agents_tools.client.observer import Observer
 
 _LIMIT_S = 3.0
 _SETTLE_S = 0.5
-"""Time before and after a message for listeners that confirm nothing: until they know the
-publisher, and until they have taken the message, which is gone with its publisher [s]."""
+"""Time before and after a message for listeners that confirm nothing [s].
+
+Before it they discover the publisher, after it they take the message, which is lost with its
+publisher."""
 
 _AT_ONCE = Duration(nanoseconds=1)
 
@@ -34,8 +36,8 @@ _OWN_PACKAGE = "bt_agents_interfaces"
 def heard_topics(graph: Node, nodes: Iterable[str]) -> dict[str, str]:
     """Return the topics that some nodes subscribe to now, with their types.
 
-    Names are relative to the namespace of ``graph``, the node that looks. Messages of the system
-    are left out.
+    Names are relative to the namespace of the observing node ``graph``. Topics of the system are
+    left out.
     """
     known = {
         f"{namespace.rstrip('/')}/{name}": (name, namespace)
@@ -61,10 +63,10 @@ def _is_of_the_system(topic: str, kind: str) -> bool:
 
 
 def heard_message(heard: Mapping[str, str], topic: str, texts: Sequence[str]) -> Any:
-    """Return the message of a topic that is listened to; see :func:`typed_message`.
+    """Return a message for a topic that has listeners; see :func:`typed_message`.
 
     Raises:
-        Refused: ``NOBODY_LISTENS``, or as :func:`typed_message`.
+        Refused: ``NOBODY_LISTENS``, or as in :func:`typed_message`.
     """
     if topic not in heard:
         hint = did_you_mean(topic, sorted(heard)) or "a tree listens while its wait_for runs"
@@ -73,15 +75,15 @@ def heard_message(heard: Mapping[str, str], topic: str, texts: Sequence[str]) ->
 
 
 def not_taken(topic: str) -> Refused:
-    """Return the refusal of a message that has reached nobody."""
+    """Return the refusal of a message that has reached no listener."""
     return Refused("NOT_TAKEN", f"nobody has taken the message on {topic}; the tree has gone on")
 
 
 def typed_message(type_name: str, texts: Sequence[str]) -> Any:
-    """Return a message of typed texts: ``name=value`` each, or the value of its only field.
+    """Return a message from typed texts: ``name=value`` each, or the value of its only field.
 
     Raises:
-        Refused: ``NO_ASSIGNMENT``, or as :func:`load_type`, :func:`read_field` and :func:`fill`.
+        Refused: ``NO_ASSIGNMENT``, or as in :func:`load_type`, :func:`read_field`, :func:`fill`.
     """
     message = load_type(type_name, BindingKind.TOPIC)()
     names = list(message.get_fields_and_field_types())
@@ -111,17 +113,17 @@ def _plain(text: str, example: object) -> Any:
 
 
 class PendingPublication:
-    """Message that is published once all who listen are connected.
+    """Message that is published once all listeners are connected.
 
-    Trees listen by best effort, so that every publisher reaches them: they cannot say what they
-    got. The publisher is there for this message only, as it keeps it for late listeners: otherwise
-    not every kind of subscription would match.
+    Trees listen by best effort to match every publisher, so they cannot confirm a message. The
+    publisher keeps the message for late listeners to match every kind of subscription, so it
+    exists for this message only.
 
     Args:
-        node: Publishes it.
-        topic: Where.
-        message: What.
-        now_s: The steady clock [s].
+        node: Node that publishes it.
+        topic: Its topic.
+        message: The message.
+        now_s: Current time on the steady clock [s].
     """
 
     def __init__(self, node: Node, topic: str, message: Any, now_s: float) -> None:
@@ -135,7 +137,7 @@ class PendingPublication:
         self._sent = False
 
     def poll(self, now_s: float) -> bool | None:
-        """Go on; return whether the message has reached all, None as long as that is open."""
+        """Continue; return whether the message has reached all listeners, None while unknown."""
         if self._due_s is None:
             listening = self._node.count_subscribers(self._topic)
             if not 0 < listening <= self._publisher.get_subscription_count():
@@ -159,22 +161,22 @@ class PendingPublication:
         return False if now_s > self._limit_s else None
 
     def is_settled(self, now_s: float) -> bool:
-        """Return whether it is sent, and only what reliable listeners confirm is open."""
+        """Return whether it is sent, and only confirmations of reliable listeners are open."""
         return self._sent and self._due_s is not None and now_s >= self._due_s
 
     def confirmed(self) -> bool:
-        """Wait until reliable listeners have confirmed; return whether they have, in time."""
+        """Wait for confirmations of reliable listeners; return whether all came in time."""
         return bool(self._publisher.wait_for_all_acked(Duration(seconds=_LIMIT_S)))
 
     def close(self) -> None:
-        """Take the publisher away."""
+        """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
 
 
 def publish(observer: Observer, topic: str, message: Any) -> bool:
-    """Publish a message once all who listen are connected; return whether it has reached them.
+    """Publish a message once all listeners are connected; return whether it has reached them.
 
-    What reliable listeners do about it is received only after that.
+    Reactions of reliable listeners are received only after that.
     """
     pending = PendingPublication(observer.node, topic, message, time.monotonic())
     reached: bool | None = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tunables and profiles of a running system, as a command line shows and changes them."""
+"""Tunables and profiles of a running system, for commands that show and change them."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def tunings(observer: Observer, host: str) -> Any:
 
 
 def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> list[ParameterState]:
-    """Return the parameters of a host, or of some of its agents, in the order of their names.
+    """Return the parameters of a host, or of some of its agents, sorted by name.
 
-    The values of profiles stand behind the others, from the card of the host.
+    The values of profiles, from the card of the host, come after the others.
 
     Raises:
         BtAgentsError: The host does not answer.
@@ -77,7 +77,7 @@ def _profiles(card: Any | None, agents: Sequence[str]) -> Iterator[ParameterStat
 def set_profile(
     observer: Observer, agent: str, values: Mapping[str, float], *, author: str, reason: str
 ) -> Any:
-    """Ask the feedback node to set values of a profile; return its response, None without one.
+    """Ask the feedback node to set values of a profile; return its response, or None.
 
     Raises:
         Refused: ``UNKNOWN_PARAMETER``.
@@ -103,7 +103,7 @@ def set_profile(
 
 @dataclass(frozen=True, kw_only=True)
 class TunedProfile:
-    """Change of a profile that an undo would take back: the last one, and it was tuned.
+    """Latest change of a profile, which is a tuning that an undo would revert.
 
     The stamp is the time of the change [s since 1970].
     """
@@ -113,9 +113,9 @@ class TunedProfile:
 
 
 def tuned_profile(observer: Observer, agent: str, since: float) -> TunedProfile | None:
-    """Return the newest tuning of a profile that can be undone, None without an answer, too.
+    """Return the newest tuning of a profile that can be undone; None if none or without an answer.
 
-    It is one of the agent, empty for all, and newer than ``since`` [s since 1970].
+    It belongs to the agent, empty for any, and is newer than ``since`` [s since 1970].
     """
     found: TunedProfile | None = None
     profiles = _history(observer, "profiles")
@@ -137,9 +137,9 @@ def _history(observer: Observer, what: str, **fields: Any) -> list[Mapping[str, 
 
 
 def tuned_at(revisions: Iterable[Mapping[str, Any]]) -> float:
-    """Return when the values in force among exported revisions were tuned [s since 1970], or 0."""
+    """Return when the current values in exported revisions were tuned [s since 1970], or 0."""
     by_number = {one["revision"]: one for one in revisions}
-    # An undo is a revision that restores an earlier one.
+    # An undo is a revision that restores an earlier revision.
     in_force = by_number.get(max(by_number, default=0))
     while in_force is not None and in_force.get("restores"):
         in_force = by_number.get(in_force["restores"])

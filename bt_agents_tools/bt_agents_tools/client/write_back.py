@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write-back of tuned values into an agent file as its defaults; nothing else in it changes."""
+"""Write-back of tuned values as defaults into an agent file, without other changes."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _TOLERANCE = 1e-5
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterState:
-    """Tunable parameter of a running host, or value of a profile, with its current value.
+    """Tunable parameter of a running host or entry of a profile, with its current value.
 
-    The default of the parameter is what the robot has read from the file.
+    The default of the parameter is the value that the robot read from the file.
     """
 
     parameter: TunableParameter
@@ -45,14 +45,14 @@ def write_defaults(
     space: SceneSpace,
     read: Callable[[str], AgentSpec],
 ) -> str:
-    """Return the text of an agent file with tuned values, all of its agent, as its defaults.
+    """Return the text of an agent file with tuned values of its agent as its defaults.
 
     ``read`` reads the text of an agent file.
 
     Raises:
         ReadError: The file is broken.
-        Refused: ``UNKNOWN_PARAMETER``: the file has no such value; ``CHANGED``: its default is
-            not what the robot has from it; ``CANNOT_WRITE``.
+        Refused: ``UNKNOWN_PARAMETER``: the file has no such value; ``CHANGED``: its default
+            differs from the one that the robot read; ``CANNOT_WRITE``.
     """
 
     def parameters(text: str) -> dict[str, TunableParameter]:
@@ -86,7 +86,7 @@ def _check_unchanged(source: Source, tuned: ParameterState, here: TunableParamet
 def _with_value(
     source: Source, tuned: ParameterState, parameters: Callable[[str], dict[str, TunableParameter]]
 ) -> str:
-    """Return a text with one default changed, in the spelling that is most like the old one."""
+    """Return a text with one changed default, in the spelling most similar to the old one."""
     others = parameters(source.text)
     parameter = others.pop(tuned.parameter.name)
     for text in _texts(source, tuned.value, parameter):
@@ -130,13 +130,13 @@ def _texts(source: Source, value: Setting, parameter: TunableParameter) -> Itera
 
 
 def default_text(source: Source, parameter: TunableParameter) -> str:
-    """Return the default of a parameter as a file spells it; empty when it is left out."""
+    """Return the default of a parameter as a file spells it; empty if it is left out."""
     node = _default_node(read_yaml(source, Diagnostics(None)), parameter)
     return node.text if node is not None else ""
 
 
 def _default_node(root: Node | None, parameter: TunableParameter) -> Scalar | None:
-    """Return the scalar of a file that holds a default."""
+    """Return the scalar node of a file that holds a default."""
     paths: tuple[tuple[str, ...], ...] = {
         TunableKind.TUNABLE: (("tunables", parameter.key, "default"),),
         TunableKind.LEARNING_RATE: (("learning_rate",), ("learning", "rate")),
@@ -152,7 +152,7 @@ def _default_node(root: Node | None, parameter: TunableParameter) -> Scalar | No
 
 
 def _spellings(old: str, value: Setting, parameter: TunableParameter) -> list[str]:
-    """Return spellings of a value, the one most like the old text first."""
+    """Return spellings of a value, the most similar to the old text first."""
     if isinstance(value, bool | str | int):
         return [parameter.format(value)]
     if parameter.kind is TunableKind.PROFILE:
@@ -167,7 +167,7 @@ def _spellings(old: str, value: Setting, parameter: TunableParameter) -> list[st
 
 
 def _in_unit_of(old: str, value: float, parameter: TunableParameter) -> Iterator[str]:
-    """Return a quantity in the unit of another one, if that takes only a few digits."""
+    """Return a quantity in the unit of another one, if that needs only a few digits."""
     match = re.fullmatch(r"[-+.\deE]*\d\.?(\s*)([^\W\d_]+|°)", old)
     space, unit = match.groups() if match else ("", "")
     try:
@@ -185,7 +185,7 @@ def _in_unit_of(old: str, value: float, parameter: TunableParameter) -> Iterator
 def _with_learning_rate(
     source: Source, root: Mapping, value: Setting, parameter: TunableParameter
 ) -> Iterator[str]:
-    """Return the text with a line for the learning rate behind the profile."""
+    """Return the text with a line for the learning rate after the profile."""
     profile = root.get("profile")
     line_end = source.text.find("\n", _end(source, profile)) if profile is not None else -1
     first = root.entries[0].key.position.column
@@ -197,7 +197,7 @@ def _with_learning_rate(
 
 
 def _end(source: Source, node: Node) -> int:
-    """Return the index behind the last character of a value."""
+    """Return the index after the last character of a value."""
     if isinstance(node, Mapping) and node.entries and source.text[node.span[0]] != "{":
         return _end(source, node.entries[-1].value)
     return node.span[1]

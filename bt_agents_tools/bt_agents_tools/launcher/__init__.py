@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The processes of a running system: how they are started, restarted and ended."""
+"""Processes of a running system: how they start, restart and end."""

@@ -14,10 +14,10 @@ HOST = "agents"
 """Name of the host of a system on one machine."""
 
 ONE_PROCESS = "system"
-"""Name of the process of all nodes where they share one."""
+"""Name of the process of all nodes if they share one."""
 
 BEATING = ("marketplace_node.node", "bt_agents.host.node", "bt_agents_robot.robot")
-"""Modules of the nodes with heartbeats, which wait for each other with leases."""
+"""Modules of the nodes with heartbeats, which hold leases on each other."""
 
 MANAGED = (
     "marketplace_node.node",
@@ -25,11 +25,11 @@ MANAGED = (
     "scene_layer.node",
     "feedback_node.node",
 )
-"""Modules of the nodes that can be told to leave the system, and to come back."""
+"""Modules of the nodes that can leave the system and come back on request."""
 
 
 def nodes_of(processes: Iterable[Component], modules: Collection[str]) -> list[str]:
-    """Return the names of those nodes of some processes that are of one of some modules."""
+    """Return the names of those nodes of some processes that run one of some modules."""
     return [
         name
         for process in processes
@@ -41,7 +41,7 @@ def nodes_of(processes: Iterable[Component], modules: Collection[str]) -> list[s
 def market(
     trees: Path, on_new_scene: str = "", strategy: str = "", orders: str = "", scenes: str = ""
 ) -> Component:
-    """Return the marketplace; empty arguments leave its own defaults."""
+    """Return the marketplace; empty arguments keep its own defaults."""
     overrides = {
         "on_new_scene": on_new_scene,
         "strategy": strategy,
@@ -55,7 +55,7 @@ def market(
 def scene_layer(
     trees: Path, script: Path | None = None, agents: int = 1, memory: str = ""
 ) -> Component:
-    """Return the scene layer, which plays a script when one is given."""
+    """Return the scene layer, which plays a script if one is given."""
     parameters: dict[str, str | float | bool | int] = {"trees": str(trees)}
     if memory:
         parameters["memory"] = memory
@@ -69,7 +69,7 @@ def selector(
 ) -> Component:
     """Return the selector, which asks a language model how to rank bids.
 
-    It alone gets the key of the server, in the variable of its environment.
+    Only its process gets the key of the server, in an environment variable.
     """
     return Component(
         name="selector",
@@ -93,7 +93,7 @@ def host(
     open_goals: str = "",
     name: str = HOST,
 ) -> Component:
-    """Return the host of all agents of a folder; it stops first, while the robot still runs."""
+    """Return the host of all agents in a folder; it stops first, while the robot still runs."""
     return Component(
         name=name,
         node=name if name != HOST else "",
@@ -133,7 +133,7 @@ def robot(pace: float, voice: str) -> Component:
 
 
 def visitors(trees: Path, script: Path, pace: float) -> Component:
-    """Return the scripted visitors; a restart would begin the script anew, so there is none."""
+    """Return the scripted visitors; they never restart, because that would repeat the script."""
     return Component(
         name="visitors",
         restarts=False,
@@ -143,9 +143,9 @@ def visitors(trees: Path, script: Path, pace: float) -> Component:
 
 
 def studio(trees: Path, state: Path, journal: Path, listening: int) -> Component:
-    """Return the studio, which shows the system in a browser; without it the others go on.
+    """Return the studio, which shows the system in a browser; the system can run without it.
 
-    It serves the socket of the descriptor ``listening``.
+    It serves the socket with the descriptor ``listening``.
     """
     return Component(
         name="studio",
@@ -157,9 +157,9 @@ def studio(trees: Path, state: Path, journal: Path, listening: int) -> Component
 
 
 def fleet(trees: Path, state: Path, ledger: str, pipe: int) -> Component:
-    """Return the process that learns together with other robots; the others do without it.
+    """Return the process that learns with other robots; the system can run without it.
 
-    It writes a line on the descriptor ``pipe`` whenever something has changed about it.
+    It writes a line to the descriptor ``pipe`` at each change of its state.
     """
     return Component(
         name="fleet",
@@ -171,16 +171,16 @@ def fleet(trees: Path, state: Path, ledger: str, pipe: int) -> Component:
 
 
 def on_slow_network(part: Component, factor: float) -> Component:
-    """Return a component with the patience that a slow network needs, if it waits for others."""
+    """Return a component, with the longer timeouts for a slow network if it waits for others."""
     if part.module not in BEATING:
         return part
     return replace(part, parameters={**part.parameters, SLOW_NETWORK: factor})
 
 
 def one_process(parts: Sequence[Component]) -> Component:
-    """Return the process that runs the nodes of components together.
+    """Return the process that runs the nodes of several components together.
 
-    They are stopped in their order, but those that stop first come before the others.
+    They stop in the given order, except that those that stop first come before the others.
     """
     ordered = sorted(parts, key=lambda part: not part.stops_first)
     return Component(

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Locks on ROS domains of this machine, held by files for the life of a process.
 
-The files lie in a folder of the user, where nobody else can hold them. Of other users
-a domain shows itself by the ports that are bound, and by its marketplace.
+The files are in a folder of the user, where nobody else can hold them. Bound ports and
+marketplaces reveal the domains of other users.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ FIRST, LAST = 40, 100
 """Domains for private use on every platform, with ports below the ephemeral ones of Linux."""
 
 MOST_JOINING = 4
-"""Commands that join a domain at the same time."""
+"""Maximum number of commands that join a domain at the same time."""
 
 JOIN_LIMIT_S = 30.0
 """Longest wait of a command for its turn to join a domain [s]."""
 
 LOGINS = Path("/run/user")
-"""Where the login of a user makes a runtime folder."""
+"""Folder in which the login of a user makes a runtime folder."""
 
 _LONGEST_NAME = 300
 _TURN_POLL_S = 0.2
 _FIRST_PORT, _PORTS_OF_A_DOMAIN = 7410, 250
-"""Port of the first participant of domain 0, and the ports of a domain, as RTPS has it."""
+"""Port of the first participant of domain 0, and the number of ports per domain, as in RTPS."""
 
 
 def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of this user for what lasts as long as a session, made when missing.
+    """Return the runtime folder of this user, which is made if missing.
 
-    That is ``XDG_RUNTIME_DIR``, else the one that the login of the user would set, else one for
-    this machine beside the state folders of the user. Only where that cannot be written it is one
-    in the folder for temporary files, where another user may have taken its name.
+    It is ``XDG_RUNTIME_DIR``, else the folder that the login of the user would set, else one for
+    this machine next to the state folders of the user. Only if that is not writable, it is in the
+    folder for temporary files, where another user may have taken its name.
 
     Raises:
-        BtAgentsError: There is none that this user owns and nobody else can write.
+        BtAgentsError: No folder is owned by this user and writable for nobody else.
     """
     user = os.geteuid()
     named = environment.get("XDG_RUNTIME_DIR", "")
@@ -72,9 +72,9 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def reserve_domain() -> int:
-    """Return a domain id that no other process of this user holds, and nobody uses.
+    """Return a free domain id, which no other process of this user holds, and lock it.
 
-    The lock ends with the process, however it ends.
+    The lock ends with the process, however that ends.
 
     Raises:
         BtAgentsError: As in :func:`runtime_folder`.
@@ -98,10 +98,10 @@ def reserve_domain() -> int:
 
 
 def hold_domain(domain: int, who: str, part: str = "") -> None:
-    """Make this process the only one that runs a system on a domain, however it ends.
+    """Make this process the only one that runs a system on a domain; the lock ends with it.
 
-    With the name of a ``part``, that one may run beside other parts. The message to another that
-    wants the same, too, says ``who`` has it.
+    With the name of a ``part``, it may run along with other parts. ``who`` names the holder in the
+    message to another process that wants the same lock.
 
     Raises:
         BtAgentsError: Another process of this user holds it, or the lock file cannot be used.
@@ -127,7 +127,7 @@ def hold_domain(domain: int, who: str, part: str = "") -> None:
 def holder(domain: int) -> str:
     """Return the name of the system on a domain, as given to :func:`hold_domain`.
 
-    Empty when no process of this user runs one there.
+    It is empty if no process of this user runs a system there.
     """
     try:
         lock = os.open(_lock_file(domain), os.O_RDONLY | os.O_NOFOLLOW)
@@ -145,10 +145,10 @@ def holder(domain: int) -> str:
 
 @contextmanager
 def turn_to_join(domain: int, limit_s: float = JOIN_LIMIT_S) -> Iterator[None]:
-    """Join a domain when less than :data:`MOST_JOINING` commands of this user are joining it.
+    """Join a domain when fewer than :data:`MOST_JOINING` commands of this user are joining it.
 
-    Each process that joins is told of every other: many at once would keep the machine busy with
-    each other. After ``limit_s`` it is joined anyway.
+    Each joining process and every other discover each other: many at once would keep the machine
+    busy. After ``limit_s`` the process joins anyway.
 
     Raises:
         BtAgentsError: As in :func:`runtime_folder`.
@@ -183,7 +183,7 @@ def _lock_file(domain: int, part: str = "") -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Return whether something is a folder of this user that nobody else can write."""
+    """Return whether a path is a folder of this user that nobody else can write to."""
     try:
         found = folder.lstat()
     except OSError:
@@ -197,7 +197,7 @@ def _is_private(folder: Path) -> bool:
 
 
 def _is_used(domain: int) -> bool:
-    """Return whether the first participant of a domain is there, of whichever user."""
+    """Return whether a domain has a first participant, of any user."""
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
         try:
             probe.bind(("127.0.0.1", _FIRST_PORT + _PORTS_OF_A_DOMAIN * domain))
@@ -207,7 +207,7 @@ def _is_used(domain: int) -> bool:
 
 
 def _take_lock(lock: int) -> bool:
-    """Take the lock; return False if another holds it (:func:`holder` does for an instant)."""
+    """Take the lock; return False if another process holds it (:func:`holder` does briefly)."""
     for _ in range(3):
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Server that forks the processes of nodes, after it has loaded their modules.
+"""Server that forks the processes of nodes after loading their modules.
 
-Loading takes most of the start of a node, and what is loaded is most of its memory, which forked
-processes share. A forked process becomes a child of the one that asked for it, as the server's own
-fork ends at once and the kernel hands its child to the nearest ancestor that adopts.
+Loading takes most of the start-up time of a node, and loaded modules take most of its memory,
+which forked processes share. A forked process becomes a child of the requesting process: the
+server's own fork ends at once, and the kernel gives its child to the nearest ancestor that adopts
+orphans.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from bt_agents_ros import node_main
 from bt_agents_ros.signals import block_sigint
 
 ANSWER_S = 10.0
-"""Longest time until a process is forked, with what is left of the loading [s]."""
+"""Longest time until a process is forked, including the rest of the loading [s]."""
 
 _ADOPTED_S = 5.0
 _POLL_S = 0.001
@@ -43,17 +44,17 @@ _PR_SET_CHILD_SUBREAPER = 36
 _PR_GET_CHILD_SUBREAPER = 37
 
 _ROOM = "-" * 3000
-"""Last argument of the server, whose place the command lines of forked processes take."""
+"""Last argument of the server; command lines of forked processes overwrite it."""
 
 _ARGUMENTS_START, _ARGUMENTS_END = 45, 46
 """Fields of ``/proc/self/stat`` after the name, as in :manpage:`proc(5)`."""
 
 
 class ForkedProcess:
-    """A child process, with those methods of ``subprocess.Popen`` that a supervisor needs.
+    """Child process, with the methods of ``subprocess.Popen`` that a supervisor needs.
 
     Attributes:
-        returncode: As there; None while it runs.
+        returncode: As in ``Popen``; None while the process runs.
     """
 
     def __init__(self, pid: int) -> None:
@@ -66,22 +67,22 @@ class ForkedProcess:
         return self.returncode
 
     def wait(self) -> int:
-        """Wait for the end; return the exit code."""
+        """Wait for the end of the process; return the exit code."""
         self._wait(0)
         assert self.returncode is not None
         return self.returncode
 
     def send_signal(self, number: int) -> None:
-        """Send a signal, unless it has ended."""
+        """Send a signal, unless the process has ended."""
         if self.poll() is None:
             os.kill(self.pid, number)
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Ask the process to end."""
         self.send_signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """End it at once."""
+        """End the process at once."""
         self.send_signal(signal.SIGKILL)
 
     def _wait(self, options: int) -> None:
@@ -92,10 +93,10 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """Client of the server, which loads modules from now on.
+    """Client of the server, which starts to load modules at once.
 
     Args:
-        modules: What the processes run, in the order of their starts.
+        modules: Modules that the processes run, in the order of their starts.
     """
 
     def __init__(self, modules: Iterable[str]) -> None:
@@ -125,17 +126,17 @@ class ForkServer:
         output: int,
         descriptors: Sequence[int],
     ) -> ForkedProcess:
-        """Start a process in a session of its own.
+        """Start a process in its own session.
 
         Args:
             command: ``PYTHON -m bt_agents_ros.node_main MODULE …``.
             environment: Its environment.
             output: Descriptor of its standard output and error; its standard input is empty.
-            descriptors: Others that it gets, by the same numbers.
+            descriptors: Other descriptors that it inherits under the same numbers.
 
         Raises:
-            OSError: The server has ended, does not answer, or takes no request of that size. It is
-                closed then.
+            OSError: The server has ended, does not answer, or takes no request of that size. The
+                server is then closed.
         """
         request = {"command": command, "environment": environment, "descriptors": descriptors}
         message = json.dumps(request).encode()
@@ -151,7 +152,7 @@ class ForkServer:
         return ForkedProcess(int(answer))
 
     def close(self) -> None:
-        """End the server, which has nothing to lose; what it has forked goes on."""
+        """End the server, which has no state to save; forked processes continue."""
         self._connection.close()
         self._process.kill()
         self._process.wait()
@@ -159,10 +160,10 @@ class ForkServer:
 
 @contextmanager
 def _adopting() -> Iterator[None]:
-    """Have the kernel hand orphans of descendants to this process within this block.
+    """Let this process adopt orphaned descendants within this block.
 
     Raises:
-        OSError: The kernel cannot.
+        OSError: The kernel does not support it.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     before = ctypes.c_int()
@@ -180,11 +181,11 @@ def _serve(connection: socket.socket) -> list[str]:
     parent, *modules = json.loads(connection.recv(_REQUEST_BYTES))
     with gc_paused():
         for module in modules:
-            # Whoever runs it says what is wrong with it.
+            # The process that runs the module reports its error.
             with suppress(Exception):
                 importlib.import_module(module)
     gc.freeze()
-    # Threads of libraries, which wait, are not there in the fork.
+    # Waiting threads of libraries do not exist in the fork.
     warnings.filterwarnings("ignore", "This process.* is multi-threaded", DeprecationWarning)
     while True:
         text, descriptors, _, _ = socket.recv_fds(connection, _REQUEST_BYTES, _MOST_DESCRIPTORS)
@@ -203,11 +204,11 @@ def _serve(connection: socket.socket) -> list[str]:
 def _become(
     request: Mapping[str, Any], received: Sequence[int], parent: int, connection: socket.socket
 ) -> list[str]:
-    """Make this process what was asked for; return its command."""
+    """Turn this process into the requested one; return its command."""
     command: list[str] = request["command"]
     numbers: list[int] = request["descriptors"]
     os.setsid()
-    # Out of the way of the numbers that are asked for.
+    # Move them out of the way of the requested numbers.
     received = [connection.detach(), *received]
     free = max(*received, *numbers) + 1
     answering, *moved = (fcntl(one, F_DUPFD, free) for one in received)
@@ -230,10 +231,10 @@ def _become(
 
 
 def _run(module: str, arguments: Sequence[str]) -> NoReturn:
-    """Run a node, and end this process as ``multiprocessing`` ends what it has forked.
+    """Run a node, and end this process as ``multiprocessing`` ends its forks.
 
-    Destructors of C libraries are left out: that of LTTng's tracing waits for a thread of its own
-    that is not there in a fork, and crashes.
+    It skips destructors of C libraries: that of LTTng's tracing waits for a thread that does not
+    exist in a fork, and crashes.
     """
     sys.argv = [str(node_main.__file__), *arguments]
     code: object = 1
@@ -253,7 +254,7 @@ def _run(module: str, arguments: Sequence[str]) -> NoReturn:
 
 
 def _set_command_line(words: Sequence[str]) -> None:
-    """Show other words as the command line of this process, as far as there is room."""
+    """Show another command line for this process, if there is room for it."""
     fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     start, end = int(fields[_ARGUMENTS_START]), int(fields[_ARGUMENTS_END])
     shown = "".join(f"{word}\0" for word in words).encode()[: max(0, end - start - 1)]

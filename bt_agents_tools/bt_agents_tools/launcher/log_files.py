@@ -21,7 +21,7 @@ MOST_BYTES = 8_000_000
 """Size at which a log file is rotated [bytes]."""
 
 MOST_FOLDERS = 20
-"""Log folders of starts that are kept, besides those of systems that run."""
+"""Number of log folders to keep, in addition to those of running systems."""
 
 _FOLDER = re.compile(r"\d{4}-\d\d-\d\d-\d{6}-(\d+)")
 _TAIL_BYTES = 16_384
@@ -29,9 +29,9 @@ _LONGEST_LINE = 500
 
 
 class LogFile:
-    """Log file of a component, to which every start is appended; only its end is read.
+    """Log file of a component, to which every start appends; only its end is read.
 
-    What is older than the last :data:`MOST_BYTES` is in one file beside it, ``….log.1``.
+    Lines older than the last :data:`MOST_BYTES` are in one file next to it, ``….log.1``.
     """
 
     def __init__(self, path: Path, most_bytes: int = MOST_BYTES) -> None:
@@ -41,11 +41,11 @@ class LogFile:
 
     @property
     def older(self) -> Path:
-        """File of what was rotated last."""
+        """File of the last rotated lines."""
         return self.path.with_name(f"{self.path.name}.1")
 
     def open(self, start: int) -> BinaryIO:
-        """Return the file for the output of a start of the process, the first being 1."""
+        """Return the file for the output of a start of the process, counted from 1."""
         log = os.fdopen(open_private(self.path, os.O_WRONLY | os.O_APPEND), "ab")
         if start > 1:
             log.write(f"--- start {start}, {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
@@ -54,11 +54,10 @@ class LogFile:
         return log
 
     def rotate(self) -> None:
-        """Move the content of a file that is too large into :attr:`older`, in place of that.
+        """Move the content of a file that is too large into :attr:`older`, which it replaces.
 
-        The process goes on writing: it appends, so that its next line is the first of the emptied
-        file. Of what it writes within the moment between the last copy and the emptying nothing
-        is kept.
+        The process keeps appending, so that its next line is the first of the emptied file. Output
+        in the moment between the last copy and the emptying is lost.
         """
         try:
             if self.path.stat().st_size < self._most_bytes:
@@ -88,17 +87,17 @@ class LogFile:
 
 
 def new_log_folder(state: str = "") -> Path:
-    """Return the path of a log folder for this start, in a state folder; nothing is made."""
+    """Return the path of a log folder for this start, in a state folder; make nothing."""
     return log_home(state) / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
 
 
 def log_home(state: str = "") -> Path:
-    """Return the folder of the log folders of all starts, in a state folder."""
+    """Return the folder of all log folders, in a state folder."""
     return (Path(state).expanduser().resolve() if state else state_home()) / "logs"
 
 
 def make_log_folder(folder: Path) -> None:
-    """Make the log folder of a start; delete those of the oldest starts that have ended.
+    """Make the log folder of a start; delete those of the oldest ended starts.
 
     Raises:
         OSError: It cannot be made.
@@ -109,15 +108,15 @@ def make_log_folder(folder: Path) -> None:
 
 
 def ended(home: Path, runs: Callable[[int], bool]) -> list[Path]:
-    """Return the log folders of starts whose process ``runs`` no more, oldest first."""
+    """Return the log folders of starts whose process no longer ``runs``, oldest first."""
     return sorted(folder for folder, process in _folders(home) if not runs(process))
 
 
 def erase_lines(home: Path, person: PersonMention) -> dict[Path, int]:
-    """Remove the lines that name a person from all log files; return how many by file.
+    """Remove the lines that name a person from all log files; return their number by file.
 
-    A file is changed in place, as a process that runs appends to it. What it writes within the
-    moment between the last look and the new end may be lost.
+    A file is changed in place, because a running process appends to it. Output in the moment
+    between the last read and the new end may be lost.
 
     Raises:
         OSError: A file cannot be written.
@@ -140,7 +139,7 @@ def erase_lines(home: Path, person: PersonMention) -> dict[Path, int]:
 
 
 def is_running(process: int) -> bool:
-    """Return whether a process of this user has this id."""
+    """Return whether a process of this user has an id."""
     with suppress(ProcessLookupError):
         with suppress(PermissionError):
             os.kill(process, 0)

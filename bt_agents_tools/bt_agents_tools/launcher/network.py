@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Network of a system of several machines: who is let in, and how slow it is."""
+"""Network of a system on several machines: access and speed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bt_agents_tools.launcher.supervisor import (
 
 
 def open_to_network(environment: MutableMapping[str, str]) -> None:
-    """Let in everybody on the network, as ``ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET`` does.
+    """Admit everybody on the network, as ``ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET`` does.
 
     Raises:
         BtAgentsError: As in :func:`set_discovery`.
@@ -30,9 +30,9 @@ def open_to_network(environment: MutableMapping[str, str]) -> None:
 
 
 def prolong_requests(environment: MutableMapping[str, str], factor: float) -> None:
-    """Have requests expire later by a factor, with a profile made of that for several machines.
+    """Multiply the lifespan of requests by a factor, in a copy of the profile for several machines.
 
-    A profile of the user's own stays.
+    A profile of the user stays unchanged.
     """
     if factor == 1.0 or environment.get(PROFILE) != str(LAN_PROFILE):
         return

@@ -35,10 +35,10 @@ RANGES = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
 LAST_DOMAIN = 232
 
 FIRST_LIMIT_S = 1.2
-"""Time for the components that are stopped first, before the others are stopped [s]."""
+"""Time for the components that stop first, before the others are stopped [s]."""
 
 STOP_LIMIT_S = 5.0
-"""Time for the others on a busy machine, before they are killed [s]."""
+"""Time for the others to stop on a busy machine before they are killed [s]."""
 
 SILENCE_S = 10.0
 """Time without a heartbeat after which a component that had one counts as hung [s]."""
@@ -60,16 +60,16 @@ class Component:
     """Process of the system.
 
     Attributes:
-        name: For people, and of its log file.
-        node: Name of its node; empty for the one that the node gives itself.
+        name: Name for people and for its log file.
+        node: Name of its node; empty for the node's default name.
         module: Python module that runs the node.
         parameters: ROS parameters by name; they override those of the file.
-        stops_first: True when it is stopped before the others, which it needs for a clean end.
-        restarts: True when it is started again if it ends after it was up.
-        needed: False when the system goes on without it, even if it was never up.
-        arguments: Of the module, before those of ROS.
-        descriptors: Open files of this process that it inherits, by the same numbers.
-        environment: Variables that no other process of the system gets, such as a key.
+        stops_first: True if it stops before the others, because it needs them for a clean end.
+        restarts: True if it is restarted when it ends after it was up.
+        needed: False if the system continues without it, even if it was never up.
+        arguments: Arguments of the module, before those of ROS.
+        descriptors: Open files of this process that it inherits under the same numbers.
+        environment: Variables that only this process gets, such as a key.
         parts: Nodes that share the process, with their modules; empty for one node of its name.
     """
 
@@ -88,7 +88,7 @@ class Component:
 
     @property
     def modules(self) -> tuple[str, ...]:
-        """All that the process loads."""
+        """Modules that the process loads."""
         return (self.module, *self.parts.values())
 
     def command(self) -> list[str]:
@@ -100,16 +100,16 @@ class Component:
         command += ["-r", f"__node:={self.node}"] if self.node else []
         command += ["--params-file", str(self.file)] if self.file else []
         for name, value in self.parameters.items():
-            # JSON is YAML, too.
+            # JSON is also YAML.
             command += ["-p", f"{name}:={json.dumps(value, ensure_ascii=False)}"]
         return command
 
 
 def set_discovery(environment: MutableMapping[str, str]) -> None:
-    """Restrict discovery and traffic to this machine, unless the user has set it otherwise.
+    """Restrict discovery and traffic to this machine, unless the user has set a range.
 
-    With Fast DDS that is a whitelist of loopback addresses. Its range is then ``SUBNET``: with
-    ``LOCALHOST`` ROS adds shared memory, which a process that dies can leave locked for others. A
+    For Fast DDS this is a whitelist of loopback addresses with the range ``SUBNET``: with
+    ``LOCALHOST``, ROS adds shared memory, which a dying process can leave locked for others. A
     user who sets ``SUBNET`` gets a profile for several machines.
 
     Raises:
@@ -152,16 +152,16 @@ def discovery_text(environment: Mapping[str, str]) -> str:
 
 
 class Backoff:
-    """Exponential back-off between restarts, which begins anew after a long enough life.
+    """Exponential back-off between restarts, which resets after a long enough life.
 
-    It is for what fails at once again and again, not for what is killed now and then.
+    It is for processes that repeatedly fail at once, not for those that are killed occasionally.
     """
 
     def __init__(self) -> None:
         self._next_s = _FIRST_WAIT_S
 
     def next_wait(self, lived_s: float) -> float:
-        """Return the time to wait before the next start of a process that was up so long [s]."""
+        """Return the wait before the next start of a process, given how long it was up [s]."""
         if lived_s >= _STEADY_LIFE_S:
             self._next_s = _FIRST_WAIT_S
         wait_s = self._next_s
@@ -171,16 +171,16 @@ class Backoff:
 
 @dataclass(eq=False)
 class _Supervised:
-    """Component with its process, over all of its starts; times are those of the supervisor [s].
+    """Component with its process over all of its starts; times are on the supervisor's clock [s].
 
     Attributes:
-        ready: Pipe on which the process reports that it is up; -1 once that is known.
+        ready: Pipe on which the process reports that it is up; -1 after the report.
         up_at: Time at which the last start was up; None while it is not.
-        been_up: True once any start of it was up.
+        been_up: True once any of its starts was up.
         last_heartbeat: Time of the last heartbeat of this start; None before the first.
-        inactive: Its nodes that were told to leave the system for now.
-        ended_at: Time at which its end was noticed; None while it runs.
-        restart_at: Time of the next start; None when none is planned.
+        inactive: Its nodes that were told to leave the system temporarily.
+        ended_at: Time at which the supervisor noticed its end; None while it runs.
+        restart_at: Time of the next start; None if none is planned.
     """
 
     component: Component
@@ -197,7 +197,7 @@ class _Supervised:
     restart_at: float | None = None
 
     def poll_ready(self, now: float) -> bool:
-        """Return True once, when the process reports that it is up."""
+        """Return True once, after the process reports that it is up."""
         if self.ready < 0:
             return False
         try:
@@ -222,8 +222,8 @@ class Supervisor:
     Args:
         logs: The folder.
         clock: Steady time [s].
-        fork_server: Forks the processes, and is closed by its owner; without one each process
-            loads its modules itself.
+        fork_server: Forks the processes; its owner closes it. Without one, each process loads its
+            modules itself.
     """
 
     def __init__(
@@ -240,7 +240,7 @@ class Supervisor:
         self._last_poll = clock()
 
     def start(self, *components: Component) -> None:
-        """Start processes, each in its own session, so that a Ctrl-C reaches only this process."""
+        """Start processes in their own sessions, so that a Ctrl-C reaches only this process."""
         try:
             make_log_folder(self._logs)
         except OSError as error:
@@ -264,7 +264,7 @@ class Supervisor:
         return one is not None and one.been_up
 
     def failure(self) -> str:
-        """Return which component ended by itself, with the end of its log; empty for none."""
+        """Return the component that ended by itself, with the end of its log; empty for none."""
         for one in self._components.values():
             code = one.process.poll()
             if code is not None:
@@ -272,7 +272,7 @@ class Supervisor:
         return ""
 
     def on_heartbeat(self, name: str) -> None:
-        """Handle a heartbeat of a node; from then on silence of its process counts as a hang."""
+        """Handle a heartbeat of a node; from then on, silence of its process counts as a hang."""
         one = self._with(name)
         if one is None or name in one.inactive:
             return
@@ -281,7 +281,7 @@ class Supervisor:
             one.last_heartbeat = self._clock()
 
     def on_state(self, name: str, state: str) -> None:
-        """Handle that a managed node was told to be in a state; inactive it has no heartbeat."""
+        """Handle a requested state of a managed node; an inactive node has no heartbeat."""
         one = self._with(name)
         if one is None:
             return
@@ -295,7 +295,7 @@ class Supervisor:
             one.last_heartbeat = None
 
     def _with(self, node: str) -> _Supervised | None:
-        """Return the component with a node, unless what it sends is of an earlier start."""
+        """Return the component with a node, unless its message comes from an earlier start."""
         one = self._components.get(node)
         if one is None:
             every = self._components.values()
@@ -305,12 +305,12 @@ class Supervisor:
         return one
 
     def poll(self) -> list[str]:
-        """Kill what hangs and restart what has ended when its time has come; never blocks.
+        """Kill hanging processes and restart ended ones when they are due; never block.
 
-        Log files that have become too large are rotated.
+        It also rotates log files that are too large.
 
         Returns:
-            Events since the last call, in lines for a terminal.
+            Events since the last call, as lines for a terminal.
 
         Raises:
             BtAgentsError: A component has ended that is needed and was never up, or that does not
@@ -322,8 +322,8 @@ class Supervisor:
         self._last_poll = now
         for one in self._components.values():
             if pause_s > _STALL_S and one.last_heartbeat is not None:
-                # This process was paused, and has handled no heartbeat meanwhile. After a long
-                # pause it may never again hear from a process that is healthy.
+                # This process was paused, and has not handled heartbeats meanwhile. After a long
+                # pause it may never hear from a healthy process again.
                 one.last_heartbeat = now if pause_s <= LONGEST_PAUSE_S else None
             one.log.rotate()
             events += self._poll_one(one)
@@ -333,7 +333,7 @@ class Supervisor:
         events: list[str] = []
         now = self._clock()
         name = one.component.name
-        # Polled first: what the process wrote before its end is in the pipe then.
+        # Poll first: then the pipe has everything that the process wrote before its end.
         code = one.process.poll() if one.restart_at is None else None
         if one.poll_ready(now) and one.ended_at is not None:
             events.append(f"{name} is back after {now - one.ended_at:.1f} s")
@@ -376,7 +376,7 @@ class Supervisor:
         return []
 
     def stop(self) -> list[str]:
-        """End all processes, in order; return the names of those that had to be killed."""
+        """End all processes in order; return the names of those that had to be killed."""
         first = [one for one in self._components.values() if one.component.stops_first]
         self._stop(first, FIRST_LIMIT_S)
         stuck = self._stop(list(self._components.values()), STOP_LIMIT_S)
@@ -388,7 +388,7 @@ class Supervisor:
         return [one.component.name for one in stuck]
 
     def kill(self) -> None:
-        """End all processes at once, which leave nothing behind that is worth the time."""
+        """Kill all processes at once, when a clean end is not worth the time."""
         for one in self._components.values():
             one.process.kill()
 
@@ -406,7 +406,7 @@ class Supervisor:
 def spawn(
     component: Component, log: LogFile, start: int, fork_server: ForkServer | None = None
 ) -> tuple[subprocess.Popen[bytes] | ForkedProcess, int]:
-    """Start a process; return it with the pipe on which it reports that it is up."""
+    """Start a process; return it and the pipe on which it reports that it is up."""
     ready, write_end = os.pipe()
     os.set_blocking(ready, False)
     environment = {
@@ -442,14 +442,14 @@ def launch(
     descriptors: Sequence[int],
     fork_server: ForkServer | None,
 ) -> subprocess.Popen[bytes] | ForkedProcess:
-    """Start a process in a session of its own: forked, or by itself without a server that works.
+    """Start a process in its own session: forked, or directly without a working fork server.
 
     Args:
-        command: See :meth:`ForkServer.start`, as for the others.
+        command: See :meth:`ForkServer.start`, also for the next ones.
         environment: Its environment.
         output: Descriptor of its standard output and error.
-        descriptors: Others that it gets.
-        fork_server: Has loaded its modules.
+        descriptors: Other descriptors that it inherits.
+        fork_server: Server that has loaded its modules.
     """
     if fork_server is not None:
         with suppress(OSError):

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rehearsals: trees played without a robot, and their tests."""
+"""Rehearsals: trees that run without a robot, and their tests."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Answers of a rehearsal to skills: as typed, as scripted, or by default."""
+"""Answers of a rehearsal to skills: typed, scripted or default ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from bt_agents_tools.rehearsal.events import Use
 
 
 class AnswerSource(Protocol):
-    """Person who answers skills in place of the script."""
+    """Source of answers from a person, in place of the script."""
 
     def asks(self, use: Use) -> bool:
         """Return whether to ask the person about a use of a skill."""
@@ -47,7 +47,7 @@ _STATES = {
 
 
 class Answers:
-    """Answers of a script, given in turn."""
+    """Answers of a script, used in turn."""
 
     def __init__(self, rules: Iterable[AnswerRule]) -> None:
         self._rules = sorted(rules, key=lambda rule: not is_path(rule.key))
@@ -56,7 +56,7 @@ class Answers:
     def play(
         self, use: Use, typed: ScriptedAnswer | None = None
     ) -> tuple[ScriptedReply, Mapping[str, Plain]]:
-        """Return the reply to a use of a skill, typed, scripted or by default, and its outputs."""
+        """Return the reply to a use of a skill, typed, scripted or default, and its outputs."""
         scripted = typed or self._scripted(use.node) or ScriptedAnswer()
         given = {**default_answers.outputs(use.node, use.inputs), **scripted.outputs}
         answer = _Answer.of(use, given)
@@ -120,7 +120,7 @@ def _put(message: dict[str, Plain], path: str, value: Plain) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Answer:
-    """Text output of a skill that has ``choices``, as given and as it counts among them."""
+    """Text output of a skill that has ``choices``, as given and as matched to them."""
 
     output: str
     text: str
@@ -132,7 +132,7 @@ class _Answer:
 
     @classmethod
     def of(cls, use: Use, outputs: Mapping[str, Plain]) -> _Answer | None:
-        """Return the first text among outputs; None without one, or without ``choices``."""
+        """Return the first text among outputs; None without a text or without ``choices``."""
         choices = use.inputs.get("choices")
         texts = ((name, value) for name, value in outputs.items() if isinstance(value, str))
         name, text = next(texts, ("", ""))
@@ -142,10 +142,10 @@ class _Answer:
 
 
 def _rejection(use: Use, answer: _Answer | None, result: Mapping[str, Plain]) -> str:
-    """Return why an answer is no success, empty when it is one.
+    """Return why an answer is not a success; empty if it is one.
 
-    It is one of the ``choices`` that the skill was given, and fulfils its ``succeed_when``, where
-    fields that the script does not give are taken as right.
+    A successful answer is one of the skill's ``choices`` and fulfils its ``succeed_when``; fields
+    that the script does not give count as right.
     """
     if answer is not None and answer.choices and not answer.counted:
         return f"'{answer.text}' is none of the choices"

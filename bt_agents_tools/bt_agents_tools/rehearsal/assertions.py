@@ -33,7 +33,7 @@ from bt_agents_tools.rehearsal.events import Rehearsed, Use
 from bt_agents_tools.rehearsal.transcript import phrase, time_text, value_text
 
 Row = tuple[str, str, bool]
-"""Text of the expected, text of the found, and whether they match."""
+"""Texts of the expected and the found value, and whether they match."""
 
 E = TypeVar("E")
 F = TypeVar("F")
@@ -44,7 +44,7 @@ _TOLERANCE_S = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class AssertionFailure:
-    """Expectation that was not fulfilled, for lists with the expected and the found in rows."""
+    """Unfulfilled expectation; lists have rows of expected and found entries."""
 
     position: Position
     message: str
@@ -52,7 +52,7 @@ class AssertionFailure:
 
 
 def failed_assertions(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[AssertionFailure, ...]:
-    """Return the expectations of a case that were not fulfilled."""
+    """Return the unfulfilled expectations of a case."""
     wanted = {type(one) for one in case.expectations}
     found: list[AssertionFailure] = []
     if rehearsed.declined and ExpectedBids not in wanted:
@@ -79,7 +79,7 @@ def failed_assertions(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[Assert
 def _values(
     wanted: Expectation, what: str, expected: Mapping[str, Plain], found: Mapping[str, Plain]
 ) -> AssertionFailure | None:
-    """Compare the values that are expected; where none is, there may be none."""
+    """Compare expected values; if none is expected, none may exist."""
     shown = {
         name: f"{name} {value_text(found[name])}" if name in found else _NOTHING
         for name in expected or found
@@ -209,7 +209,7 @@ def _compared(
 
 
 def _side_by_side(rows: Iterable[Row]) -> list[Row]:
-    """Return the rows with a missing and an unexpected entry in its place joined to one."""
+    """Return the rows with each missing entry joined to the unexpected one in its place."""
     joined: list[Row] = []
     pending: list[int] = []
     for expected, found, same in rows:
@@ -230,7 +230,7 @@ def aligned(
 ) -> list[tuple[E | None, F | None]]:
     """Return the longest common subsequence as pairs of expected and found, None for a gap.
 
-    What is not expected is left out unless ``exact``.
+    Unexpected entries are left out unless ``exact``.
     """
     rows, columns = len(expected), len(found)
     longest = [[0] * (columns + 1) for _ in range(rows + 1)]
@@ -269,7 +269,7 @@ def _fits(wanted: SkillUse, use: Use) -> bool:
 
 
 def _use_text(use: SkillUse) -> str:
-    """Return an expected use in the form in which uses are shown."""
+    """Return an expected use in the display form of uses."""
     main = use.inputs.get(use.main) if use.main is not None else None
     first = f'"{value_text(main)}"' if use.main == "text" and main else value_text(main)
     others = (

@@ -15,14 +15,14 @@ from bt_agents_language.nodes.node_type import Mark, Role
 from bt_agents_language.tools.lint import outcomes
 
 Marks = Mapping[str, frozenset[Mark]]
-"""Path of a node → the marks of what it has done."""
+"""Path of a node → marks of its behaviour."""
 
 _OUTCOMES = {Mark.SUCCEEDED: Outcome.SUCCESS, Mark.FAILED: Outcome.FAILURE}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:
-    """Node or branch that no test has been through, with a text such as ``never ticked``."""
+    """Node or branch that no test covers, with a text such as ``never ticked``."""
 
     path: str
     position: Position
@@ -38,8 +38,8 @@ class Coverage:
 
     Attributes:
         total: Number of nodes and branches.
-        missed: Number of those that no test has been through.
-        gaps: The same, in the order of the trees, without those below another gap.
+        missed: Number of those that no test covers.
+        gaps: The missed ones in tree order, without those below another gap.
     """
 
     agent: str
@@ -49,17 +49,17 @@ class Coverage:
 
     @property
     def percent(self) -> int:
-        """Tested part, rounded down, so that only full coverage is 100."""
+        """Percentage covered, rounded down, so that only full coverage is 100."""
         return 100 * (self.total - self.missed) // self.total
 
 
 def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
     """Return the coverage of an agent's trees by several rehearsals together.
 
-    Every node counts once for having been ticked. Where the tree decides, both ways count: a
-    ``check`` true and false, a ``when``, ``once`` or ``cooldown`` left out, a ``timeout`` or
-    ``while`` broken off, every alternative of a ``selector`` and what comes before an
-    ``on_failure`` succeeding; what can only succeed or fail by its fields counts one way.
+    Every ticked node counts once. At decisions both ways count: a ``check`` true and false, a
+    ``when``, ``once`` or ``cooldown`` skipped, a ``timeout`` or ``while`` interrupted, every
+    alternative of a ``selector``, and success before an ``on_failure``. A node whose fields allow
+    only success or only failure counts one way.
     """
     seen: defaultdict[str, set[Mark]] = defaultdict(set)
     for one in marks:
@@ -71,7 +71,7 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
     while waiting:
         node, reached = waiting.pop()
         if type_of(node).role is Role.BRANCH:
-            # It is never ticked, but decides when or how often its child is chosen.
+            # It is never ticked, but decides when or how often its child is selected.
             waiting += [(child, reached) for child in reversed(node.children)]
             continue
         ticked = Mark.TICKED in seen[node.path]
@@ -91,7 +91,7 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
 
 
 def _branches(node: NodeSpec) -> Iterator[tuple[NodeSpec, Mark, str]]:
-    """Yield the possible branches of a node: the node, the mark it needs, and the gap as text."""
+    """Yield the possible branches of a node: the node, its required mark, and the gap as text."""
     node_type = type_of(node)
     possible = outcomes(node) if node_type.to_cover else frozenset()
     for mark, text in node_type.to_cover:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Order of the events of a tick: as they happened, the nodes of a branch from the top."""
+"""Order of the events in a tick: as they happened, with the nodes of a branch from the top."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bt_agents_tools.rehearsal.events import Event, EventKind
 
 
 class EventOrder:
-    """Events of the ticks of one rehearsal, in the order in which they are to be read.
+    """Sorter that puts the events of each tick of a rehearsal into reading order.
 
     The nodes by path have parents before children.
     """
@@ -36,8 +36,8 @@ class EventOrder:
         """Return the events of a tick at a time [s]: its changes and the held events.
 
         Each held event has the number of changes before it. A change of a node comes after the
-        events of the node itself, and after the changes of all nodes above it. A node that has
-        ``failed`` the whole run is no event of its own.
+        node's own events, and after the changes of all nodes above it. A node that has ``failed``
+        the whole run is not a separate event.
         """
         happened = [*held]
         waits: list[Event] = []
@@ -57,12 +57,12 @@ class EventOrder:
                 happened.append((number, event))
             elif change.status is Status.RUNNING and type_of(node).waits is not None:
                 waits.append(Event(at_s=at_s, kind=EventKind.WAITS, node=node, text=text))
-        # A change comes after the events before it: the sort is stable.
+        # The sort is stable, so a change comes after the events before it.
         happened.sort(key=lambda pair: pair[0])
         return self._merged([*(event for _, event in happened), *waits], ticks)
 
     def _declines(self, node: NodeSpec, change: StatusChange) -> bool:
-        """Return whether a node decides now, and has not done before, against its branch."""
+        """Return whether a node now decides against its branch, and has not done so before."""
         if change.status is not Status.FAILURE or not type_of(node).decides:
             self._declined.discard(change.path)
             return False
@@ -71,7 +71,7 @@ class EventOrder:
         return not known and bool(change.message)
 
     def _is_shown(self, change: StatusChange) -> bool:
-        """Return whether a change is shown; one that only resets an ended node is not."""
+        """Return whether to show a change; one that only resets an ended node is not shown."""
         was_running = change.path in self._running
         if change.status is Status.RUNNING:
             self._running.add(change.path)

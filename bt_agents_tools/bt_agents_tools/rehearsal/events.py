@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Events of a rehearsal, as data that can be shown, compared and counted."""
+"""Events of a rehearsal as data for display, comparison and counts."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class Event:
     Attributes:
         at_s: Time since the start [s].
         inputs: Inputs of a skill, or fields of a message.
-        takes_s: Duration of a skill that begins [s]; infinite for ever.
-        text: The rest, for people.
-        outcome: Outcome of the run, for ``ENDS``; None when it did not end.
-        change: The node's new status, of a ``TICK``.
+        takes_s: Duration of a skill that begins [s]; infinite if it never ends.
+        text: Further details for people.
+        outcome: Outcome of the run, for ``ENDS``; None if it did not end.
+        change: New status of the node, for a ``TICK``.
     """
 
     at_s: float
@@ -76,7 +76,7 @@ class Use:
 
     @property
     def main(self) -> Plain:
-        """Value of the main input; None when there is none."""
+        """Value of the main input; None if there is none."""
         skill = self.node.skill
         return self.inputs.get(skill.main) if skill is not None and skill.main else None
 
@@ -91,15 +91,15 @@ class Rehearsed:
     """Result of a rehearsal.
 
     Attributes:
-        outcome: Outcome of the run; None when it did not end, or was not awarded.
-        message: Its reason.
+        outcome: Outcome of the run; None if it did not end or was not awarded.
+        message: Reason of the outcome.
         duration_s: Virtual duration [s].
         ticks: Ticks of the tree and of its clean-up.
-        cancelled_by: Mood rule or reason that cancelled it; empty when nothing did.
-        declined: Why the agent does not bid for the scene; empty when it does.
-        told: Values that the tree has put into the scene, the last of each.
-        remembered: What it has remembered of the person, the last of each.
-        undecided: Conditions that could not be decided, each with its reason.
+        cancelled_by: Mood rule or reason that cancelled it; empty if nothing did.
+        declined: Why the agent does not bid for the scene; empty if it does.
+        told: Values that the tree has put into the scene, the latest of each.
+        remembered: Facts that it has remembered about the person, the latest of each.
+        undecided: Undecidable conditions, each with its reason.
         marks: Marks of each node for coverage, by path.
     """
 

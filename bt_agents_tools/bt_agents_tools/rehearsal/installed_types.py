@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Installed ROS types, where there are any, for what is read without a running system."""
+"""Installed ROS types, if any, for files that are read without a running system."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bt_agents_language.nodes.symbols import SymbolTable
 
 
 def installed_types() -> Interfaces | None:
-    """Return the installed ROS types; None without ROS, where types stay unchecked."""
+    """Return the installed ROS types; None without ROS, which leaves types unchecked."""
     try:
         from bt_agents_ros.installed import InstalledInterfaces
     except ImportError:
@@ -19,7 +19,7 @@ def installed_types() -> Interfaces | None:
 
 
 def with_installed_types(symbols: SymbolTable) -> SymbolTable:
-    """Return the symbols of a rehearsal, in which messages are checked against their types.
+    """Return symbols for a rehearsal that checks messages against their types.
 
     Types of packages that are not installed, such as those of a robot elsewhere, stay unchecked.
     """

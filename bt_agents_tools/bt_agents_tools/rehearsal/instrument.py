@@ -20,7 +20,7 @@ from bt_agents_language.model.specs import (
 
 
 def with_replacements(agent: AgentSpec, replacements: Iterable[Replacement]) -> AgentSpec:
-    """Return the agent with other nodes in place of those that are replaced."""
+    """Return the agent with replacements in place of some nodes."""
     every = tuple(replacements)
     if not every:
         return agent
@@ -28,16 +28,16 @@ def with_replacements(agent: AgentSpec, replacements: Iterable[Replacement]) -> 
 
 
 def with_open_bindings(agent: AgentSpec) -> AgentSpec:
-    """Return the agent with skills that send their inputs as they are.
+    """Return the agent with skills that send their inputs unchanged.
 
     The binding decides what a skill sends on a robot, and differs between robots; a rehearsal
-    compares with what the author has written.
+    compares with the author's text.
     """
     return _changed(agent, _with_open_bindings)
 
 
 def replaced(path: str, replacements: Iterable[Replacement]) -> Replacement | None:
-    """Return the replacement of a node, None when it stays as it is."""
+    """Return the replacement of a node; None if it has none."""
     return next((one for one in replacements if matches(one.pattern, path)), None)
 
 

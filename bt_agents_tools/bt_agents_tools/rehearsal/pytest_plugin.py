@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plug-in of pytest for the test files of agents: one item a case, without robot and ROS."""
+"""Pytest plug-in for the test files of agents: one item per case, without robot and ROS."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import enclosing_folder
 
-# The rest is imported when there is a case: pytest loads this module in every project.
+# Import the rest only for a case, because pytest loads this module in every project.
 if TYPE_CHECKING:
     from _pytest._code.code import TerminalRepr, TracebackStyle
 
@@ -30,9 +30,9 @@ _MAX_READ_BYTES = 1024 * 1024
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect ``*.test.yaml`` of a trees folder, or with cases for an agent.
+    """Collect ``*.test.yaml`` in a trees folder, or with cases for an agent.
 
-    Files of other programs are left out, but never one of a trees folder: an error in its first
+    Files of other programs are skipped, but never a file in a trees folder: an error in its first
     lines must not drop its cases silently.
     """
     if file_path.name.endswith(_SUFFIXES) and _is_agent_test(file_path):
@@ -95,7 +95,7 @@ class AgentCase(pytest.Item):
     def repr_failure(
         self, excinfo: pytest.ExceptionInfo[BaseException], style: TracebackStyle | None = None
     ) -> str | TerminalRepr:
-        # A traceback helps no author.
+        # A traceback does not help authors.
         if isinstance(excinfo.value, CaseFailed):
             return str(excinfo.value)
         return super().repr_failure(excinfo)

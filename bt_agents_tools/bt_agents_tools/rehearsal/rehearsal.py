@@ -46,24 +46,24 @@ from bt_agents_tools.rehearsal.transcript import time_text, tuned_text
 from feedback_node.rules import Watch
 
 TICK_S = 0.1
-"""Time between ticks as long as each of them does something, as on the robot [s]."""
+"""Time between ticks while each of them does something, as on the robot [s]."""
 
 LIVE_SCENE_S = LEASE_S / 2
 """Time between live scenes while a mood rule waits [s]."""
 
 _NUDGE_S = 1e-6
-"""Advance of the clock when a sum of times falls short by a rounding error [s]."""
+"""Advance of the clock if a sum of times falls short by a rounding error [s]."""
 
 Prompt = Callable[[str, Sequence[NodeSpec]], ScriptedEvent | None]
-"""Asks a person for an event while a tree only waits, with the reason and the nodes that wait.
+"""Function that asks a person for an event while a tree waits, given the reason and waiting nodes.
 
-None means no event: then a time limit runs out, or, where there is none, the rehearsal ends.
+None means no event: then a time limit runs out, or if there is none, the rehearsal ends.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits of a rehearsal that does not end by itself; the time is virtual [s]."""
+    """Limits for a rehearsal that does not end by itself; the time is virtual [s]."""
 
     duration_s: float = 24 * 3600.0
     ticks: int = 100_000
@@ -84,7 +84,7 @@ def rehearse(
 
     ``on_event`` takes every event at once, ``answer_source`` answers skills in place of the
     script, and ``prompt`` asks for an event when the tree waits for one that is not scripted. With
-    ``force`` the tree runs even when the agent does not bid for the scene.
+    ``force``, the tree runs even if the agent does not bid for the scene.
     """
     limits = limits or Limits()
     return _Rehearsal(agent, space, scenario, on_event, answer_source, prompt, limits).run(force)
@@ -117,7 +117,7 @@ class _Rehearsal:
         self._events: list[Event] = []
         self._told: dict[str, float] = {}
         self._remembered: dict[str, Fact] = {}
-        # Events of a tick are held until the whole tick is published, each with the number of
+        # Events of a tick are held until the tick is published, each with the number of
         # changes before it.
         self._held: list[tuple[int, Event]] | None = None
         self._published = 0
@@ -183,7 +183,7 @@ class _Rehearsal:
         return self._rehearsed(None, message)
 
     def _reason(self, result: RunResult) -> str:
-        """Return the reason of the end, with the node that failed."""
+        """Return the reason of the end, with the failed node."""
         text = result.message
         tip = self._nodes.get(result.tip)
         located = isinstance(text, LocatedReason)
@@ -208,7 +208,7 @@ class _Rehearsal:
         self._rests = not active and at_rest(self._ticked, self._run.deadlines)
 
     def _move_on(self) -> str:
-        """Advance the clock to the next event; return why there is none, else an empty text."""
+        """Advance the clock to the next event; return why there is none, or an empty text."""
         now = self._clock.now
         if now > self._limits.duration_s or self._run.ticks > self._limits.ticks:
             return (
@@ -229,7 +229,7 @@ class _Rehearsal:
                 continue
             due = min(self._watch.due, self._polled_at + LIVE_SCENE_S)
             if self._watch.due < math.inf and due < then:
-                # Only a mood rule waits, which does not change the tree.
+                # Only a mood rule waits, and that does not change the tree.
                 now = self._clock.now = max(due, now + _NUDGE_S)
                 if self._poll_mood_rules():
                     return ""
@@ -245,7 +245,7 @@ class _Rehearsal:
         return f"it waits for ever: nothing more will happen ({waiting})"
 
     def _prompt_while_waiting(self, until: float) -> ScriptedEvent | None:
-        """Return the event that a person enters while the tree only waits until a time."""
+        """Return the event that a person enters while the tree only waits; None for none."""
         announced = bool(self._agenda) or min(self._watch.due, self._run.deadline) < math.inf
         if self._prompt is None or not self._rests or announced:
             return None
@@ -275,7 +275,7 @@ class _Rehearsal:
             if one.values or one.person is not None or one.silent is not None:
                 self._live.change(one)
                 if one.silent:
-                    # The tree is ticked when the lease ends, even one that only waits.
+                    # The end of the lease ticks the tree, even if it only waits.
                     lease_end = self._clock.now + LEASE_S + _NUDGE_S
                     self._schedule(ScriptedEvent(after_s=0.0), lease_end)
                 self._event(EventKind.SCENE, change_text(one))
@@ -331,7 +331,7 @@ class _Rehearsal:
         self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {text}")
 
     def _tell_scene_layer(self, goal: SkillGoal) -> bool:
-        """Take what the tree puts into the scene or remembers; return whether that was heard."""
+        """Take values that the tree sets or remembers; return whether they arrived."""
         if self._live.silent:
             return False
         fields: Mapping[str, Any] = goal.fields
@@ -348,7 +348,7 @@ class _Rehearsal:
         return True
 
     def _publish_changes(self, changes: Sequence[StatusChange]) -> None:
-        """Publish the changes of a tick that are not published yet, and the held events."""
+        """Publish the unpublished changes of a tick, and the held events."""
         new = changes[self._published :]
         held = [(number - self._published, event) for number, event in self._held or ()]
         self._published, self._held = len(changes), None
@@ -368,7 +368,7 @@ class _Rehearsal:
             self._schedule(one, self._clock.now + one.after_s)
 
     def _question(self, use: Use) -> Callable[[], ScriptedAnswer | None] | None:
-        """Return a function that asks a person about a use of a skill; None for nobody."""
+        """Return a function that asks a person about a use of a skill; None to ask nobody."""
         source = self._answer_source
         if source is None or not source.asks(use):
             return None

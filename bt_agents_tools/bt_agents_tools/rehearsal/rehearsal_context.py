@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Context of the nodes in a rehearsal: they take the children and texts that it names."""
+"""Context of the nodes in a rehearsal, which scripts their choices of children and texts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class RehearsalContext(RunContext):
-    """Context with scripted picks and variants, each in turn, and the last one for ever."""
+    """Context with scripted picks and variants, used in turn; the last one repeats."""
 
     def __init__(
         self,

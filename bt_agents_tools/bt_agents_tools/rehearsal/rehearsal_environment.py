@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environment of a rehearsal: skills answered from the script, and their events."""
+"""Environment of a rehearsal: answers skills from the script, and reports their events."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ SCENE_LAYER = (remember.BINDING.name, set_.BINDING.name)
 class RehearsalEnvironment(ScriptedEnvironment):
     """Environment that answers skills from a script.
 
-    ``ask`` returns a function that asks a person about a use of a skill once its begin is
+    ``ask`` returns a function that asks a person about a use of a skill after its start is
     published, or None to ask nobody; ``on_feedback`` takes feedback that the tree gives;
-    ``tell_scene_layer`` takes what is for the scene layer, and returns whether that was heard.
+    ``tell_scene_layer`` takes values for the scene layer, and returns whether they arrived.
 
     Attributes:
-        uses: The skills that were used, in order.
+        uses: The used skills, in order.
         active: True after a request of the tree, until it is set to False.
         told_time: True after the tree has read the local time, until it is set to False.
     """
@@ -78,7 +78,7 @@ class RehearsalEnvironment(ScriptedEnvironment):
         use = self._use(goal)
         question = self._ask(use)
         if question is not None:
-            # How long it takes is not known before it is answered.
+            # Its duration is unknown until it is answered.
             self._event(EventKind.BEGINS, use)
         reply, outputs = self._script.play(use, question() if question is not None else None)
         scripted = ScriptedGoal(goal, reply, self.clock)
@@ -111,7 +111,7 @@ class RehearsalEnvironment(ScriptedEnvironment):
         return min((goal.next_change for goal in goals), default=float("inf"))
 
     def report_ended(self) -> None:
-        """Report the goals that have ended by now as events."""
+        """Report goals that have ended by now as events."""
         ended = [one for one in self._open_goals if one[0].state.ended]
         self._open_goals = [one for one in self._open_goals if not one[0].state.ended]
         for goal, use, outputs in ended:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes of a rehearsal: the awarded one, and the live one that scripted events change."""
+"""Scenes of a rehearsal: the awarded one, and the live one, which scripted events change."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bt_agents_language.files.testing.scenarios import RehearsedPerson, Scenario
 
 
 def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
-    """Return the scene that a scenario starts from."""
+    """Return the scene at the start of a scenario."""
     scene = Scene(
         scene_id="rehearsed",
         label="",
@@ -37,7 +37,7 @@ def _who(known: RehearsedPerson | None) -> dict[str, Any]:
 
 
 class RehearsedLiveScene:
-    """Live scene of a rehearsal; it is stale some time after the scene layer fell silent."""
+    """Live scene of a rehearsal; it becomes stale some time after the scene layer falls silent."""
 
     def __init__(self, space: SceneSpace, scene: Scene, clock: Callable[[], float]) -> None:
         self._space = space
@@ -52,7 +52,7 @@ class RehearsedLiveScene:
         return self._silent_since is not None
 
     def change(self, event: ScriptedEvent) -> None:
-        """Apply a scripted event; changes during a silence are visible once it is over."""
+        """Apply a scripted event; changes during a silence become visible after it."""
         person = self._scene.person if event.person is None else event.person
         if event.silent is False:
             self._silent_since = None
@@ -74,16 +74,16 @@ class RehearsedLiveScene:
             self._seen = self._scene
 
     def tell(self, values: Mapping[str, float]) -> None:
-        """Take values that the person has told."""
+        """Take values told by the person."""
         self._change(values, Origin.TOLD, self._scene.person)
 
     def remember(self, facts: Mapping[str, Fact]) -> None:
-        """Remember values of the person."""
+        """Remember facts about the person."""
         self._scene = replace(self._scene, remembered={**self._scene.remembered, **facts})
         self._seen = self._scene
 
     def now(self) -> Scene:
-        """Return the scene as it is now, or the last one of a silence, marked as stale."""
+        """Return the current scene; during a silence the last one, marked as stale."""
         silent_s = 0.0 if self._silent_since is None else self._clock() - self._silent_since
         return self._seen if silent_s <= LEASE_S else replace(self._seen, stale_s=silent_s)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test files of agents: discovery, runs, and reports."""
+"""Test files of agents: discovery, runs and reports."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class CaseResult:
 
 @dataclass(frozen=True, kw_only=True)
 class FileResult:
-    """Results of the cases of one file; ``error`` is set when it could not be read."""
+    """Results of the cases of one file; ``error`` is set if it could not be read."""
 
     file: Path
     agent: AgentSpec | None = None
@@ -53,7 +53,7 @@ class FileResult:
 
 
 class TreesFolders:
-    """Trees folders of tests, each read once, in a language or that of its scene."""
+    """Trees folders of tests, each read once, in a given language or that of its scene."""
 
     def __init__(self, language: str = "") -> None:
         self._language = language
@@ -63,7 +63,7 @@ class TreesFolders:
         """Return the trees folder around a file.
 
         Raises:
-            BtAgentsError: It lies in none.
+            BtAgentsError: It is in none.
             ReadError: The scene or the skills of the folder are broken.
         """
         folder = enclosing_folder(path)
@@ -72,10 +72,10 @@ class TreesFolders:
         return self._trees[folder]
 
     def read_test(self, path: Path) -> tuple[AgentTest, SceneSpace]:
-        """Return a test file and the scene parameters that it is about.
+        """Return a test file and its scene parameters.
 
         Raises:
-            BtAgentsError: As :meth:`trees_of`.
+            BtAgentsError: As in :meth:`trees_of`.
             ReadError: There is a problem; it lists all of them.
         """
         trees = self.trees_of(path)
@@ -84,7 +84,7 @@ class TreesFolders:
 
 
 def find_tests(paths: Iterable[Path]) -> list[Path]:
-    """Return test files: those named, and those anywhere below the folders named.
+    """Return test files: the named ones, and those anywhere below the named folders.
 
     Raises:
         BtAgentsError: A path does not exist, or is a file of another kind.
@@ -120,7 +120,7 @@ def run_file(path: Path, folders: TreesFolders, word: str = "") -> FileResult:
     """Run the cases of a file whose names have ``word`` in them.
 
     Raises:
-        BtAgentsError: The file lies in no trees folder.
+        BtAgentsError: The file is in no trees folder.
     """
     try:
         test, space = folders.read_test(path)
@@ -137,11 +137,11 @@ def run_file(path: Path, folders: TreesFolders, word: str = "") -> FileResult:
 def broken_by(paths: Iterable[Path], agents: Mapping[str, AgentSpec]) -> list[FileResult]:
     """Return the test files of agents, with the cases that pass now and fail with other specs.
 
-    Each file of one of these agents, by name, is there, also without such a case. A case that
-    names a language of its own is left out, as the other specs are in that of the robot.
+    The result has every file of one of these agents, by name, even without such a case. Cases
+    with their own language are left out, because the other specs use the robot's language.
 
     Raises:
-        BtAgentsError: A file lies in no trees folder.
+        BtAgentsError: A file is in no trees folder.
     """
     folders, results = TreesFolders(), []
     for path in paths:
@@ -173,7 +173,7 @@ def coverages(results: Iterable[FileResult]) -> list[Coverage]:
 
 
 def failure(result: CaseResult) -> str:
-    """Return the report of a failed case: each failure side by side, then the transcript."""
+    """Return the report of a failed case: its failures side by side, then the transcript."""
     blocks: list[str] = []
     for one in result.failures:
         blocks.append(f"{one.position.file}:{one.position.line}: {one.message}")
@@ -187,7 +187,7 @@ def failure(result: CaseResult) -> str:
 
 
 def junit(results: Iterable[FileResult]) -> str:
-    """Return results as a JUnit document: a suite a file, a test case a case."""
+    """Return results as a JUnit document: a suite per file, a test case per case."""
     root = ElementTree.Element("testsuites", name="bt-agents")
     for result in results:
         failed = sum(not case.passed for case in result.cases)

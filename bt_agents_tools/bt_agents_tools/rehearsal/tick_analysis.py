@@ -15,13 +15,13 @@ from bt_agents_language.nodes.catalogue import DECORATORS, type_of
 from bt_agents_language.nodes.node_type import Mark
 
 Ticked = Sequence[tuple[Behaviour, Status]]
-"""Nodes of one tick in the order in which they answered, and how."""
+"""Nodes of one tick with their statuses, in the order in which they answered."""
 
 _LIMITS = tuple(f"@{one.key}" for one in DECORATORS.values() if one.limits)
 
 
 def spec_of(node: Behaviour) -> NodeSpec | None:
-    """Return the spec that a node was built from."""
+    """Return the spec of a node."""
     spec = getattr(node, "spec", None)
     return spec if isinstance(spec, NodeSpec) else None
 
@@ -52,8 +52,8 @@ def add_marks(ticked: Ticked, marks: dict[str, set[Mark]]) -> None:
 def at_rest(ticked: Ticked, deadlines: Mapping[str, float]) -> bool:
     """Return whether another tick would do nothing before the next event or deadline.
 
-    That is so when every running node waits for a running child, for its environment or for a
-    deadline of its own, and no leaf has done anything that it would do again.
+    This is true if every running node waits for a running child, for its environment or for its
+    own deadline, and no leaf has done anything that it would do again.
     """
     return all(_rests(node, status, deadlines) for node, status in ticked)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transcript of a rehearsal: its events as lines that read like a script of the scene."""
+"""Transcript of a rehearsal: its events as lines that read like a script."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _LOOKS = {
     EventKind.TICK: (" ", "dim"),
     EventKind.ENDS: ("●", ""),
 }
-"""Symbol of each kind of event, and its style of rich."""
+"""Symbol and rich style of each kind of event."""
 
 _OUTCOMES = {
     TreeOutcome.SUCCEEDED: "bold green",
@@ -61,14 +61,14 @@ def transcript(events: Iterable[Event]) -> str:
 
 
 def style_of(event: Event) -> str:
-    """Return the style of rich for the lines of an event."""
+    """Return the rich style for the lines of an event."""
     return _OUTCOMES[event.outcome] if event.kind is EventKind.ENDS else _LOOKS[event.kind][1]
 
 
 def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[str]:
-    """Return the lines of an event; none for one that adds nothing.
+    """Return the lines of an event; none if it adds nothing.
 
-    With ``ticks`` every change of every node adds one, too.
+    With ``ticks``, every change of every node adds a line, too.
     """
     text = _text(event, ticks)
     if text is None:
@@ -86,7 +86,7 @@ def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[str]:
 def _folded(text: str, room: int) -> list[str]:
     """Return a text in lines; a place in a file is never cut, so that it can be copied.
 
-    A path of a node that is longer than a line is left out, as the place in the file follows it.
+    A node path that is longer than a line is left out, because the place in the file follows it.
     """
     text = _PATH.sub(lambda found: "(" if len(found[1]) + 2 > room else found[0], text)
     cut = not any("/" in word for word in text.split() if len(word) > room)
@@ -119,7 +119,7 @@ def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
         if one.name in inputs
         and one.name != skill.main
         and inputs[one.name] != one.default
-        # How a text is said is left out, not what is shown with it.
+        # The manner of speaking is left out, but not what is shown with a text.
         and (not quoted or one.type is FieldType.TEXT)
     )
     given = ", ".join(filter(None, (f'"{main}"' if quoted else main, *others)))
@@ -127,7 +127,7 @@ def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
 
 
 def _label(node: NodeSpec) -> str:
-    """Return the label of a node for people: its author's name, else its key."""
+    """Return the label of a node for people: the author's name for it, else its key."""
     last = node.path.rpartition("/")[2].partition("@")[0]
     segment = last.partition(".")[2] or last
     inner = node

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents answer`: the open question of the simulated robot, and an answer to it."""
+"""Command `bt-agents answer`: shows or answers the open question of the simulated robot."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def answer(text: tuple[str, ...]) -> None:
         words = " ".join(text)
         asked, taken = asked_by(questions, words)
         publish(observer, "answers", typed_message("std_msgs/msg/String", [f"data={taken}"]))
-        # Nothing has been received since the answer was sent.
+        # Nothing was received since the answer was sent.
         before = len(told)
 
         def closed() -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents check`: problems of a trees folder, without a robot, even without ROS."""
+"""Command `bt-agents check`: lists the problems of a trees folder, even without ROS."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def check_paths(paths: Iterable[str], interfaces: Interfaces | None) -> Checked:
     """Return the problems of folders and files.
 
     Raises:
-        BtAgentsError: A path is neither a trees folder nor a file that belongs into one.
+        BtAgentsError: A path is neither a trees folder nor a file that belongs in one.
     """
     wanted: dict[Path, list[Path] | None] = {}
     for path in map(named_path, paths):
@@ -100,13 +100,13 @@ def check_paths(paths: Iterable[str], interfaces: Interfaces | None) -> Checked:
 def watched(
     paths: tuple[str, ...], show: Callable[[Checked], None], sleep: Callable[[float], None]
 ) -> Iterator[tuple[str, ...]]:
-    """Check and show, and again after each change; yield the files that have changed before.
+    """Check and show now and after each change; yield the files that changed.
 
-    ``sleep`` waits so many seconds; it raises ``KeyboardInterrupt`` to end.
+    ``sleep`` waits for a number of seconds; it raises ``KeyboardInterrupt`` to end.
     """
     interfaces = installed_types()
     folders = {_located(named_path(path))[0] for path in paths} or {take_trees()}
-    # Looked at before it is checked: a change during the check must not be missed.
+    # Poll before the check, so that a change during the check is not missed.
     seen = changes(lambda: poll(folders, SUFFIXES), sleep)
     show(check_paths(paths, interfaces))
     for changed in seen:
@@ -118,7 +118,7 @@ def watched(
 
 
 def summary(checked: Checked) -> str:
-    """Return what was found in one line: ``4 agents are fine, 1 warning``."""
+    """Return the result in one line: ``4 agents are fine, 1 warning``."""
     parts = []
     agents, fine = len(checked.agents), not count(checked.problems, Severity.ERROR)
     if agents:
@@ -139,12 +139,12 @@ def summary(checked: Checked) -> str:
 
 
 def _located(path: Path) -> tuple[Path, Path | None]:
-    """Return the trees folder that a path is about, and the part of it that is meant."""
+    """Return the trees folder of a path, and the part of the folder that the path selects."""
     if (path / "scene.yaml").is_file():
         return path, None
     if (path / "trees" / "scene.yaml").is_file():
         return path / "trees", None
-    # A link that leads nowhere is there, and a problem.
+    # A dangling link exists, and is a problem.
     if not os.path.lexists(path):
         raise BtAgentsError(f"there is no file or folder '{path}'; check the name")
     return enclosing_folder(path), path

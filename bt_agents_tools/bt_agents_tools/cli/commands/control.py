@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that hold a running tree: `bt-agents pause`, `resume`, `step` and `breakpoint`."""
+"""Commands that control a running tree: `bt-agents pause`, `resume`, `step` and `breakpoint`."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _breakpoints(observer: Observer, host: str) -> dict[str, list[str]]:
 
 
 def _nodes(observer: Observer, hosts: Iterable[str]) -> dict[str, list[Any]]:
-    """Return the nodes of the trees of some hosts by agent, without those of the clean-up."""
+    """Return the tree nodes of some hosts by agent, without those of the clean-up."""
     received = [observer.received(f"{host}/trees") for host in hosts]
     observer.spin_until(lambda: all(received), BUSY_LIMIT_S)
     return {
@@ -142,10 +142,10 @@ def _nodes(observer: Observer, hosts: Iterable[str]) -> dict[str, list[Any]]:
 
 
 def _paths(words: Iterable[str], known: Sequence[str]) -> list[str]:
-    """Return the paths that are meant by paths or their ends.
+    """Return the paths that match given paths or ends of paths.
 
     Raises:
-        BtAgentsError: A word fits none, or several.
+        BtAgentsError: A given path matches none or several.
     """
     found = []
     for word in words:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents demo`: a scripted morning at an airport."""
+"""Command `bt-agents demo`: plays a scripted morning at an airport."""
 
 from __future__ import annotations
 
@@ -71,12 +71,12 @@ def demo(voice: bool, script: Path | None, tags: str, browser: bool, journal: st
 
 
 def _has_display() -> bool:
-    """Return whether a browser would open a window; some open in the terminal without one."""
+    """Return whether a browser would open a window; without one, some open in the terminal."""
     return sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
 
 
 def _folder(script: Path | None) -> Path:
-    """Return the trees folder here, when it has what is shown, else that of the installation."""
+    """Return the trees folder here if it has the needed files, else that of the installation."""
     try:
         here = find_trees()
     except NoTreesFolderError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents explain`: page of the reference about a word or a code, in the terminal."""
+"""Command `bt-agents explain`: shows the reference page of a word or code in the terminal."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ door = "their_nodes:Door"
 """
 
 Part = Text | Table | Padding
-"""A part of a page; a text that must not be wrapped has ``no_wrap``."""
+"""Part of a page; a text that must not be wrapped has ``no_wrap``."""
 
 
 @click.command()
@@ -71,7 +71,7 @@ def explain(word: str, directory: str) -> None:
 
 
 def print_page(console: Console, parts: Iterable[Part]) -> None:
-    """Print parts of a page without blanks at the ends of lines, and what is copied whole."""
+    """Print parts of a page without trailing blanks, and without breaks in text to copy."""
     for part in parts:
         if isinstance(part, Text) and part.no_wrap:
             console.print(part, soft_wrap=True)
@@ -88,7 +88,7 @@ def _trimmed(line: list[Segment]) -> list[Segment]:
 
 
 def explanation(word: str, symbols: SymbolTable) -> Iterable[Part]:
-    """Return the page of a word or code, as written or as a report shows it, part by part.
+    """Return the page of a word or code, written as in a file or a report, part by part.
 
     Raises:
         BtAgentsError: There is no such word.
@@ -99,9 +99,9 @@ def explanation(word: str, symbols: SymbolTable) -> Iterable[Part]:
     subtrees = list(_subtrees(symbols))
     pages = list(_pages(plain, symbols, subtrees))
     if pages:
-        # With an empty line between two of them.
+        # Put an empty line between two of them.
         return (part for one in pages for part in (Text(), *one)[one is pages[0] :])
-    # A misspelt node is likelier than a misspelt key or code.
+    # A misspelled node is more likely than a misspelled key or code.
     nodes = node_pages(symbols)
     names = [one.key for one in nodes] + [*TOPICS] + [one.name for _, one in subtrees]
     keys = [*file_words(installed_kinds()), *(field.name for one in nodes for field in one.fields)]
@@ -113,7 +113,7 @@ def explanation(word: str, symbols: SymbolTable) -> Iterable[Part]:
 def _pages(
     word: str, symbols: SymbolTable, subtrees: Iterable[tuple[str, SubtreeSpec]]
 ) -> Iterator[Iterable[Part]]:
-    """Yield all pages of a word: a node may be called like a key of a file or of a node."""
+    """Yield all pages of a word: a node may have the same name as a key of a file or node."""
     if word in codes():
         yield _code(codes()[word])
     page = node_page(word, symbols)
@@ -140,7 +140,7 @@ def _pages(
 
 
 def _subtrees(symbols: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
-    """Return the path of each library with each of its subtrees; a broken one has none."""
+    """Return the path of each library with each of its subtrees; a broken library has none."""
     libraries = symbols.libraries
     for path in libraries.paths() if libraries is not None else ():
         with suppress(ImportProblem):
@@ -150,7 +150,7 @@ def _subtrees(symbols: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
 
 
 def _symbols(directory: str) -> SymbolTable:
-    """Return the symbols of a trees folder, without one those of the language itself."""
+    """Return the symbols of a trees folder, or without one, those of the language itself."""
     try:
         return folder_symbols(take_trees(directory))
     except BtAgentsError as error:
@@ -234,7 +234,7 @@ def _topic(page: ReferenceTopic) -> Iterable[Part]:
             yield Text(f"{heading}:\n")
         table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
         if any(meaning for _, meaning in rows):
-            # So that the meaning has room beside it.
+            # This leaves room for the meaning next to it.
             table.add_column(style="cyan", max_width=34)
         for form, meaning in rows:
             table.add_row(*map(Text, filter(None, (form, meaning))))
@@ -260,7 +260,7 @@ def _fields(fields: Iterable[FieldEntry]) -> Table:
 
 
 def _example(text: str, language: str) -> Text:
-    # The terminal's own colours, so that it can be read on light and on dark ground.
+    # The terminal's own colours are readable on light and dark backgrounds.
     syntax = Syntax("", language, theme="ansi_dark", background_color="default")
     highlighted = syntax.highlight(textwrap.indent(text.rstrip(), "  "))
     highlighted.rstrip()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents feedback`: feedback of a person to an agent."""
+"""Command `bt-agents feedback`: gives a person's feedback to an agent."""
 
 from __future__ import annotations
 

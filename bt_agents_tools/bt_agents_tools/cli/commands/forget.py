@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents forget`: removal of a person from everything that is kept."""
+"""Command `bt-agents forget`: removes a person from all stored data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from bt_agents_tools.cli.trees_choice import kept_state, state_option
 from bt_agents_tools.launcher.log_files import erase_lines, log_home
 
 _FORGOTTEN_CODES = ("UNKNOWN_LAYER",)
-"""Codes of an answer that says that there is nothing to forget."""
+"""Codes of answers that report nothing to forget."""
 
 
 @click.command()
@@ -53,7 +53,7 @@ def forget(
         "ledger": lambda: _from_ledger(Path(ledger or kept.ledger), layer, author, runs),
         "memory": lambda: _from_memory(Path(memory or kept.memory), mention.name),
         "journals": lambda: _from_journals(Path(journal or kept.journal), mention),
-        # Last, as the nodes write into them whom they have forgotten.
+        # Last, because the nodes log whom they have forgotten.
         "logs": lambda: _from_logs(kept, state, mention),
     }
     for place, erase in places.items():
@@ -66,7 +66,7 @@ def forget(
 
 
 def _ask_system(layer: str, author: str) -> tuple[bool, bool]:
-    """Have the nodes of a running system forget; return whether there is one, and what is left."""
+    """Make the nodes of a running system forget; return whether there is one, and what is left."""
     try:
         with connect() as observer:
             asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
@@ -122,7 +122,7 @@ def _from_journals(folder: Path, person: PersonMention) -> str:
     if not any(any(folder.glob(one)) for one in ("*.mcap", "*.mcap.zstd", "*/metadata.yaml")):
         return f"there is none in {folder}"
     try:
-        # The journal is an extra that need not be installed.
+        # The journal is an optional extra.
         lab = import_module("bt_agents_lab.recorder.erasure")
     except ModuleNotFoundError as error:
         raise BtAgentsError(journal_needs(error.name)) from None

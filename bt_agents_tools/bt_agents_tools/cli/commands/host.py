@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents host`: the agents of a trees folder, beside a system that runs elsewhere."""
+"""Command `bt-agents host`: runs the agents of a trees folder for a system elsewhere."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents keep`: write-back of tuned values into the agents' files."""
+"""Command `bt-agents keep`: writes tuned values back into the agents' files."""
 
 from __future__ import annotations
 

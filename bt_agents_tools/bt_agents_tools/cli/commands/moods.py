@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents moods`: mood of the person during each node of a run."""
+"""Command `bt-agents moods`: shows the mood of the person during each node of a run."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
 
 
 def mood_table(trace: Any, names: dict[str, str]) -> Table:
-    """Return the table of a ``MoodTrace``, with the names of nodes by path as far as known."""
+    """Return the table of a ``MoodTrace``, with the known names of nodes by path."""
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("node", overflow="fold")
     for heading in ("time", "mood", "change"):

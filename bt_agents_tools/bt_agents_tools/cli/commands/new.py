@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents new`: a first file that works, in a new trees folder if there is none yet."""
+"""Command `bt-agents new`: writes a first working file, in a new trees folder if needed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _SCHEMA_LINE = re.compile(r"^# yaml-language-server:.*\n", re.MULTILINE)
 
 @dataclass(frozen=True, kw_only=True)
 class _FirstFiles:
-    """Files to be written, with their texts, and what to do then."""
+    """Files to write, with their texts, and the next steps for the author."""
 
     texts: Mapping[Path, str]
     steps: Sequence[str]
@@ -193,7 +193,7 @@ def new(name: str, directory: Path | None, kind: str, like: str, of_pattern: str
 
 
 def _origin(like: str, of_pattern: str, trees: Trees) -> tuple[Trees, Path]:
-    """Return the file that a new agent is copied from, and the folder of what it imports."""
+    """Return the file that a new agent is copied from, and the folder of its imports."""
     if of_pattern:
         return read_trees(find_trees(SHIPPED)), pattern_file(of_pattern)
     folder = str(trees.folder) if like in {agent.name for agent in trees.agents} else SHIPPED
@@ -202,7 +202,7 @@ def _origin(like: str, of_pattern: str, trees: Trees) -> tuple[Trees, Path]:
 
 
 def _copies(name: str, origin: Trees, file: Path, directory: Path) -> tuple[str, str]:
-    """Return the texts of an agent and of its tests under another name; copy what it imports."""
+    """Return the texts of an agent and its tests under another name; copy its imports."""
     read = read_agent_file(file, FolderLibraries(origin.folder, origin.symbols), cause="copy")
     if read.agent is None or read.text is None:
         raise BtAgentsError(str(read.error))
@@ -246,7 +246,7 @@ def _names(name: str, directory: Path, kind: str) -> list[Path]:
 
 
 def _make_folder(directory: Path) -> None:
-    """Give a folder that is empty or not there the scene and the skills that are shipped."""
+    """Write the shipped scene and skills into an empty or missing folder."""
     if (directory / "scene.yaml").exists():
         return
     if directory.is_dir() and any(directory.iterdir()):
@@ -261,7 +261,7 @@ def _make_folder(directory: Path) -> None:
 
 
 def _schema(directory: Path, kind: str) -> str:
-    """Return the line that gives an editor completion, where there are schemas beside a folder."""
+    """Return the line that enables completion in editors, if schemas are next to a folder."""
     schema = f"schema/{kind}.schema.json"
     if not (directory.absolute().parent / schema).is_file():
         return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of operators to the market: pin, unpin, veto, allow, award, preview, and cancel."""
+"""Commands of operators to the market: pin, unpin, veto, allow, award, preview and cancel."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _operate(action: str, **fields: Any) -> None:
 def _scene(
     observer: Observer, values: Assignments, scene_id: str, person: bool | None, label: str
 ) -> Any:
-    """Return the scene of another round with some values changed, of parameters there are."""
+    """Return the scene of another round with changed values of known parameters."""
     from bt_agents_tools.client import market
 
     auctions = last_decisions(observer)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents preset`: named values that are applied together."""
+"""Command `bt-agents preset`: manages named sets of values that are applied together."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def show(name: str, form: TableForm) -> None:
 
 
 def _counts(one: Any) -> tuple[str, int, int]:
-    """Return the name of a preset, and how many values and agents it has."""
+    """Return the name of a preset with the numbers of its values and agents."""
     return one.name, len(one.names), len({name.partition(".")[0] for name in one.names})
 
 
@@ -107,7 +107,7 @@ def _presets(observer: Observer) -> Iterable[Any]:
 
 
 def _hosts_with(observer: Observer, name: str) -> list[str]:
-    """Return the hosts that have a preset; all when none has, so that their answers say so."""
+    """Return the hosts that have a preset; all if none has, so that their answers say so."""
     from bt_agents_tools.client import tuning
 
     every = find_hosts(observer)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents profile`: inspect, undo, reset, export, import, forget and check profiles."""
+"""Command `bt-agents profile`: inspects and changes learned profiles."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _reason = click.option("--reason", default="", help="Why, in words.")
 
 
 class _ProfileGroup(click.Group):
-    """A group whose first argument may be an agent or an option of `show`, not a command."""
+    """Group whose first argument may be an agent or an option of `show` instead of a command."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         is_option = bool(args) and args[0].startswith("-")
@@ -289,7 +289,7 @@ def recover(file: Path, new: Path) -> None:
 
 
 def _document(action: str, state: str, **fields: str) -> str:
-    """Return a document of the running system, or of the ledger when there is none."""
+    """Return a document of the running system, or of the ledger if none runs."""
     if not state:
         try:
             with connect() as observer:
@@ -304,7 +304,7 @@ def _document(action: str, state: str, **fields: str) -> str:
 
 
 def _with_ledger(state: str) -> StateFolder:
-    """Return the state folder of the trees folder here, which has a ledger."""
+    """Return the state folder of the trees folder here, which must have a ledger."""
     kept = kept_state(state)
     if not kept.ledger.is_file():
         raise BtAgentsError(

@@ -54,7 +54,7 @@ def publish(topic: str, values: tuple[str, ...]) -> None:
 
 
 def _heard(observer: Observer, topic: str, *, sensors: bool) -> Mapping[str, str]:
-    """Return what trees listen to now, perhaps with the scene layer's sensors: topic → type."""
+    """Return topics with types that trees, and optionally the scene layer's sensors, listen to."""
     with loading():
         from bt_agents_tools.client.publication import heard_topics
     nodes = find_hosts(observer)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents record`: start and end of a recording, and moments that are marked in it."""
+"""Command `bt-agents record`: starts and ends recordings, and marks moments in them."""
 
 from __future__ import annotations
 

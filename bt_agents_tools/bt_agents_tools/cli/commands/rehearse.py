@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents rehearse`: an agent's tree in the terminal, on a virtual clock."""
+"""Command `bt-agents rehearse`: runs an agent's tree in the terminal, on a virtual clock."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def rehearse(
     space, symbols = trees.scene.space, with_installed_types(trees.symbols)
     options = scenario_yaml(
         spec,
-        # --scene takes only the first of its values; the others come as arguments.
+        # --scene takes only the first of its values; the others arrive as arguments.
         scene=(*scene, *(one for one in arguments if "=" in one)),
         person=person,
         clock=clock,
@@ -162,7 +162,7 @@ def _chosen(cases: Sequence[AgentTestCase], name: str, file: str) -> AgentTestCa
 
 
 def _joined(first: Scenario | None, options: Scenario, seed: int | None) -> Scenario:
-    """Return a case's scenario with the options instead or on top."""
+    """Return a case's scenario, with options that replace or extend it."""
     if first is None:
         return options
     return replace(

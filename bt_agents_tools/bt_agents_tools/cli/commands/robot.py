@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents robot`: the simulated robot alone, beside a system that runs elsewhere."""
+"""Command `bt-agents robot`: runs only the simulated robot, for a system elsewhere."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents scene`: the present scene with origin and confidence of its values."""
+"""Command `bt-agents scene`: shows the present scene with origin and confidence of its values."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _print(message: Any, persons: Any, labels: Labels, as_json: bool) -> None:
 
 
 def _labels_of(observer: Observer) -> Labels:
-    """Return the labels of the trees folder that runs; none when it is on another machine."""
+    """Return the labels of the running trees folder; none if it is on another machine."""
     observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
     for card in observer.cards.values():
         with suppress(BtAgentsError):
@@ -98,7 +98,7 @@ def _labels(trees: Path) -> Labels:
 
 
 def _poll(observer: Observer) -> Iterator[tuple[Any, Any]]:
-    """Yield the present scene and the persons; None where persons are not tracked."""
+    """Yield the present scene and the persons; None if persons are not tracked."""
     received = observer.received("bt_agents/scene/persons")
     while True:
         message = accepted(observer.ask("scene_layer/analyze"), "the scene layer").scene
@@ -109,7 +109,7 @@ def _poll(observer: Observer) -> Iterator[tuple[Any, Any]]:
 
 
 def page(message: Any, persons: Any, labels: Labels) -> RenderableType:
-    """Return the printed form of a scene, and of the persons where they are tracked."""
+    """Return the printed form of a scene, and of tracked persons."""
     parts: list[RenderableType] = [Text(_heading(message))]
     if message.values:
         parts.append(_values(message, labels))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents schema`: JSON Schemas of an author's files, for help in an editor."""
+"""Command `bt-agents schema`: writes JSON Schemas of an author's files, for editors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def schema(directory: str, output: Path, check: bool) -> None:
 
     \b
     # yaml-language-server: $schema=../../schema/agent.schema.json
-    """  # noqa: D301 (click wants the character, not the two letters)
+    """  # noqa: D301 (click needs the character, not the escape sequence)
     symbols = folder_symbols(take_trees(directory))
     outdated = []
     for name, kind in installed_kinds().items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents security`: the policy of SROS2 for DDS security."""
+"""Command `bt-agents security`: writes the SROS2 policy for DDS security."""
 
 from __future__ import annotations
 

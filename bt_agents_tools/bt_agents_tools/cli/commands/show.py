@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents show`: an agent's tree with every decorator and subtree in its place."""
+"""Command `bt-agents show`: shows an agent's tree with its decorators and subtrees in place."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents status`: the market, all hosts and agents, and every problem."""
+"""Command `bt-agents status`: shows the market, all hosts and agents, and every problem."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def status(form: TableForm, shows_all: bool) -> None:
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         observer.spin_until(lambda: observer.profiles is not None, SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
-        for scene in scenes:  # of one that was refused there is no decision
+        for scene in scenes:  # a refused scene has no decision
             names.add(scene)
         cards = [card for _, card in sorted(observer.cards.items())]
         if form is TableForm.JSON:
@@ -134,13 +134,13 @@ def status(form: TableForm, shows_all: bool) -> None:
 def rule_problems(market: Any, profiles: Any) -> Sequence[Any]:
     """Return the rules of the market and of moods that could not be decided.
 
-    The profiles are None where the feedback node has published none.
+    The profiles are None if the feedback node has published none.
     """
     return [*market.problems, *(profiles.problems if profiles is not None else ())]
 
 
 def differing_agents(profiles: Any) -> Sequence[str]:
-    """Return the agents whose host bids with another profile than that of the ledger."""
+    """Return the agents whose host bids with a profile that differs from the ledger."""
     return profiles.differing if profiles is not None else ()
 
 
@@ -154,14 +154,14 @@ def shown_agents(cards: Sequence[Any], most: int) -> list[Sequence[Any]]:
 
 
 def host_text(name: str, card: Any) -> str:
-    """Return the name of a host, with the machine that it runs on where its card says so."""
+    """Return the name of a host, with its machine if its card states one."""
     return f"{name}, on {card.machine}" if card.machine else name
 
 
 def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bool) -> str:
-    """Return what a market does, since when and for which scene, as text.
+    """Return the activity of a market, its beginning and its scene, as text.
 
-    Of one that is idle it says what was last, unless that is shown elsewhere.
+    For an idle market it is the last activity, unless that is shown elsewhere.
     """
     text = f"{constant_text(market, market.state, STATES)} {since_text(market.header.stamp, now)}"
     if market.scene_id:
@@ -175,7 +175,7 @@ def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bo
 
 
 def _node_at_work(observer: Observer) -> str:
-    """Return the node that decides the status of the tree that runs; empty without one."""
+    """Return the node that decides the status of the running tree; empty without one."""
     market = observer.market
     if market.state not in (market.RUNNING, market.CANCELLING):
         return ""
@@ -191,12 +191,12 @@ def _node_at_work(observer: Observer) -> str:
 
 
 def tip_text(path: str, name: str) -> str:
-    """Return the name of a node with its path; the path alone of one without a name."""
+    """Return the name of a node with its path, or the path alone if it has no name."""
     return f"{name} ({path})" if name else path
 
 
 def _pause(observer: Observer) -> Any:
-    """Return the ``RunControl.msg`` of the run under way if that is paused, else None."""
+    """Return the ``RunControl.msg`` of the current run if it is paused, else None."""
     market = observer.market
     if market.state not in (market.RUNNING, market.CANCELLING):
         return None
@@ -207,7 +207,7 @@ def _pause(observer: Observer) -> Any:
 
 
 def _ranking_lines(market: Any, last: Any) -> Iterator[str]:
-    """Yield how bids are ranked, and who may not bid or gets no run."""
+    """Yield lines about the ranking of bids, and about agents that may not bid or get no run."""
     text = f"strategy: {market.strategy}"
     if market.shadow_strategy:
         text += f"; beside it {market.shadow_strategy} only scores"
@@ -230,7 +230,7 @@ def _version_text(agent: Any) -> str:
 
 
 def _print_agents(cards: Sequence[Any]) -> None:
-    """Print a line of CSV for each agent of some hosts."""
+    """Print a CSV line for each agent of some hosts."""
     parameters = list(dict.fromkeys(name for card in cards for name in card.parameters))
     rows = []
     for card in cards:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents strategy`: the strategies of a running market, and a switch between them."""
+"""Command `bt-agents strategy`: shows and switches the strategies of a running market."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ _KEYS = ("strategy", "ranks", "scores", "option", "value", "minimum", "maximum",
 
 
 def _rows(found: Strategies) -> Iterator[tuple[object, ...]]:
-    """Yield a row for each strategy, and one for each of its options."""
+    """Yield a row for each strategy and for each of its options."""
     for name, description in found.descriptions.items():
         place = (name, name == found.current, name == found.shadow)
         yield (*place, None, None, None, None, description)
@@ -134,7 +134,7 @@ def _with_options(found: Strategies) -> str:
 
 
 def _ranking_text(found: Strategies, last: Any) -> str:
-    """Return who ranks and who only scores, with the disagreements so far, as text."""
+    """Return the ranking and the shadow strategy, with their disagreements so far, as text."""
     text = f"> ranks: {found.current}"
     if found.shadow:
         by = (found.current, found.shadow)

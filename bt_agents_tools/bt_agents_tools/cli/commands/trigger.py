@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands about the scene: `bt-agents trigger` puts one on the market, `sense` changes it."""
+"""Commands for the scene: `bt-agents trigger` puts one on the market, `sense` changes it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bo
             return [auction for auction in auctions if auction.scene.scene_id == mine]
 
         def end() -> Any:
-            # A scene that is sent again was taken before.
+            # A resent scene was taken before.
             mine_ended = (one for one in ends if one.scene_id == mine)
             return next((one for one in mine_ended if one.code != "DUPLICATE"), None)
 
@@ -61,7 +61,7 @@ def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bo
 
         observer.spin_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
         if waits():
-            # A preemption round may still come, or a refusal.
+            # A preemption round or a refusal may still follow.
             observer.spin_until(lambda: decided() or bool(rounds()), 1.0)
         known = observer.spin_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
         scene_names = names_of_scenes(auctions)
@@ -110,7 +110,7 @@ def _analyze(observer: Observer, values: Assignments, person: bool | None, **fie
 
 
 def _queue_text(observer: Observer, urgent: bool) -> str:
-    """Return how many scenes wait, and a remark when urgency has no effect."""
+    """Return the number of waiting scenes, and a remark if urgency has no effect."""
     mode, waiting = admission_text(observer)
     if urgent and mode not in ("", "preempt"):
         waiting += f" (urgent counts only where new scenes preempt, here they {mode})"

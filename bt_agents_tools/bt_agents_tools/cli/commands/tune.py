@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents tune`: changes of tunables, learning rates and profiles at run time."""
+"""Command `bt-agents tune`: changes tunables, learning rates and profiles at run time."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _PROFILE = re.compile(r"(?P<agent>[^.]+)\.profile\.(?P<parameter>.+)")
 
 
 def user() -> str:
-    """Return the name of the user, empty when it is unknown."""
+    """Return the name of the user, empty if unknown."""
     try:
         return getpass.getuser()[:60]
     except (OSError, KeyError):
@@ -39,7 +39,7 @@ def user() -> str:
 
 
 def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
-    """Ask a host to tune, and print its answer, when it accepts."""
+    """Ask a host to tune, and print its answer if it accepts."""
     answer = observer.ask(f"{host}/tune", action=action, **fields)
     click.echo(accepted(answer, f"the host {host}").message)
 
@@ -101,7 +101,7 @@ def tune(
 
 
 def _split(arguments: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
-    """Return the agent, empty for none, and the names and values behind it."""
+    """Return the agent, empty for none, and the names and values that follow it."""
     agent = arguments[0] if arguments and "=" not in arguments[0] else ""
     values = []
     for argument in arguments[bool(agent) :]:
@@ -117,7 +117,7 @@ def _split(arguments: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
 def _set(
     observer: Observer, agent: str, values: Iterable[tuple[str, str]], *, author: str, reason: str
 ) -> None:
-    """Set values: those of the hosts first, then those of profiles."""
+    """Set values, first those of the hosts, then those of profiles."""
     named = [(f"{agent}.{name}" if agent else name, text) for name, text in values]
     profiles = _profiles(named)
     on_hosts = [(name, text) for name, text in named if not _PROFILE.fullmatch(name)]
@@ -135,7 +135,7 @@ def _set(
 
 
 def _profiles(named: Iterable[tuple[str, str]]) -> dict[str, dict[str, float]]:
-    """Return the values of profiles among some values, by agent and scene parameter."""
+    """Return those of some values that belong to profiles, by agent and scene parameter."""
     found: dict[str, dict[str, float]] = {}
     for name, text in named:
         match = _PROFILE.fullmatch(name)
@@ -152,7 +152,7 @@ def _profiles(named: Iterable[tuple[str, str]]) -> dict[str, dict[str, float]]:
 
 
 def _take_back(observer: Observer, agent: str, action: str, *, author: str, reason: str) -> None:
-    """Undo or redo the last change of an agent or of the host; of profiles the last tuning."""
+    """Undo or redo the last change of an agent or the host; for profiles, the last tuning."""
     host = _one_host(observer, agent)
     if action == "undo":
         profile = _undoable_profile(observer, host, agent)
@@ -167,7 +167,7 @@ def _take_back(observer: Observer, agent: str, action: str, *, author: str, reas
 
 
 def _undoable_profile(observer: Observer, host: str, agent: str) -> TunedProfile | None:
-    """Return the tuning of a profile that is newer than all that the host could undo."""
+    """Return the tuning of a profile that is newer than every change that the host can undo."""
     from bt_agents_tools.client import tuning
 
     stamps = (
@@ -192,7 +192,7 @@ def _one_host(observer: Observer, agent: str) -> str:
 def _by_host(
     observer: Observer, listed: list[tuple[str, str]]
 ) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return values by host; those without an agent go to each host."""
+    """Return values by host; values without an agent go to every host."""
     if not listed:
         return []
     whose = {name.partition(".")[0] for name, _ in listed if "." in name}
@@ -228,7 +228,7 @@ def _show(observer: Observer, agent: str, form: TableForm) -> None:
         ]
         print_table([Column(key=key) for key in keys], rows, form)
         return
-    # Output into a file or pipe is not wrapped.
+    # Output to a file or pipe is not wrapped.
     fitted = form is TableForm.FITTED and sys.stdout.isatty()
     width = shutil.get_terminal_size().columns if fitted else 10_000
     for found in states.values():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents up`: the agents of a trees folder until Ctrl-C."""
+"""Command `bt-agents up`: runs the agents of a trees folder until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def up(
         components.scene_layer(trees, memory=memory),
         components.host(trees, tags, bindings, str(kept.tunings), language, str(kept.open_goals)),
         components.feedback(trees, ledger=profiles),
-        # In the browser it speaks with the voice of the browser.
+        # In the browser, the robot speaks with the browser's voice.
         components.robot(pace=1.0, voice="auto" if voice and not in_browser else "off"),
     ]
     wanted = {PARTS[part] for part in parts}

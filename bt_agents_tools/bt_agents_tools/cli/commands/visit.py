@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents visit`: the visitors of a script come to a running system."""
+"""Command `bt-agents visit`: sends the visitors of a script to a running system."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def visit(script: Path) -> None:
                 supervisor.poll()
                 observer.spin_until(lambda: bool(interrupt or done), _POLL_S)
                 for visitor in visitors[came:]:
-                    if visitor.data:  # empty for one who leaves
+                    if visitor.data:  # empty for a visitor who leaves
                         click.echo(visitor.data)
                 names = names_of_scenes(auctions)
                 for end in ends[ended:]:

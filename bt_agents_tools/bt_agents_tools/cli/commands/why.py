@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents why`: the reasons of a decision."""
+"""Command `bt-agents why`: shows the reasons for a decision."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _show_recorded(
     state: str, journal: Path | None, round_number: int | None, form: TableForm
 ) -> None:
     try:
-        # The journal is an extra that need not be installed.
+        # The journal is an optional extra.
         lab = import_module("bt_agents_lab.cli.journal")
     except ModuleNotFoundError as error:
         raise BtAgentsError(journal_needs(error.name)) from None
@@ -93,7 +93,7 @@ def _print_stops(runs: Sequence[Any], auction: Any, names: SceneLabels) -> None:
 
 
 def _show(auctions: Sequence[Any], round_number: int | None, form: TableForm) -> Any:
-    """Print the decision of a round, of the last one without a number, and return it."""
+    """Print and return the decision of a round; without a number, of the last one."""
     found = [a for a in auctions if round_number is None or a.round == round_number]
     if not found:
         known = ", ".join(str(a.round) for a in auctions)
