@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal node: records every message of a system as it was sent."""
+"""Journal node, which records every message of a system as it was sent."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ FLUSH_S = 1.0
 """Longest time that a message waits in memory [s]."""
 
 MOST_HOSTS = 100
-"""Hosts that are recorded, at most."""
+"""Maximum number of recorded hosts."""
 
 _EVENTS = ("bt_agents/scene", "bt_agents/scene/persons")
-"""Latched topics of which each message is one of its own, and holds for no later file."""
+"""Latched topics whose messages are independent events, not facts for later files."""
 
 MOST_REPORTING = 200
-"""Nodes and devices whose health is recorded, at most."""
+"""Maximum number of nodes and devices whose health is recorded."""
 
 _CARDS = topic_called("bt_agents/cards")
 _DIAGNOSTICS = topic_called("/diagnostics")
@@ -53,7 +53,7 @@ _MESSAGE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
 class JournalNode(BaseNode):
-    """Recorder of the messages of a system, into one file for each start and day."""
+    """Node that records the messages of a system into one file for each start and day."""
 
     def __init__(
         self, folder: Path, *, today: Callable[[], date] = date.today, **node_kwargs: Any
@@ -114,7 +114,7 @@ class JournalNode(BaseNode):
         super().destroy_node()
 
     def on_state(self, state: RecordingState) -> None:
-        """Publish the state of the recording, and record it while there is one."""
+        """Publish the state of the recording, and record it during a recording."""
         message = RecordingStatus(
             header=header_at(to_time(state.since_ns * 1e-9)),
             recording=state.is_recording,
@@ -197,7 +197,7 @@ class JournalNode(BaseNode):
         self.create_subscription(load_type(heard.type), name, handle, profile, raw=True)
 
     def _handle_card(self, data: bytes, info: Mapping[str, Any]) -> None:
-        """Record the card of a host, and its other topics from then on."""
+        """Record the card of a host, and from then on its other topics."""
         host = str(deserialize_message(data, HostCard).host)
         if host not in self._hosts:
             if len(self._hosts) >= MOST_HOSTS:
@@ -215,7 +215,7 @@ class JournalNode(BaseNode):
         self.journal.record(_received(topic, data, info), fact=f"{topic.name} {host}")
 
     def _handle_diagnostics(self, data: bytes, info: Mapping[str, Any]) -> None:
-        """Record the health of a node when it changes; it is published each second."""
+        """Record the health of a node at each change; it is published every second."""
         statuses = deserialize_message(data, DiagnosticArray).status
         node = str(statuses[0].hardware_id or statuses[0].name) if statuses else ""
         reported = tuple((one.name, one.level, one.message) for one in statuses)
@@ -244,7 +244,7 @@ class JournalNode(BaseNode):
 
 
 def definition_text(type_name: str) -> str | None:
-    """Return the text of an installed type, such as ``std_msgs/msg/Bool``; None without one."""
+    """Return the definition of an installed type, such as ``std_msgs/msg/Bool``, or None."""
     if not _MESSAGE.fullmatch(type_name):
         return None
     for prefix in prefixes():
@@ -256,7 +256,7 @@ def definition_text(type_name: str) -> str | None:
 
 
 def _offered(profile: QoSProfile) -> str:
-    """Return a profile as ``ros2 bag`` of every version reads it: numbers of rmw, in YAML."""
+    """Return a profile in the form that all versions of ``ros2 bag`` read: rmw numbers in YAML."""
     infinite = "{sec: 9223372036, nsec: 854775807}"
     return (
         f"- history: {int(profile.history)}\n"

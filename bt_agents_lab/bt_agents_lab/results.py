@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of experiments and journals as one typed table: rounds, their bids, and feedback."""
+"""Results of experiments and journals as one typed table: rounds, bids and feedback."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from marketplace_node.effects import PublishAuction
 
 ResultRow = Mapping[str, object]
-"""One row, by the keys of :func:`result_columns`; what is left out is unknown."""
+"""Row with the keys of :func:`result_columns`; missing cells are unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,17 +63,17 @@ _FIXED = (
 )
 
 _VECTORS = ("value", "before", "after", "target")
-"""Each has a column for each parameter of the scene."""
+"""Vectors; each has a column for every scene parameter."""
 
 
 def result_columns(parameters: Sequence[str]) -> tuple[ResultColumn, ...]:
-    """Return the columns of results about these parameters of the scene."""
+    """Return the columns of results for these scene parameters."""
     vectors = (f"{of}_{name}" for of in _VECTORS for name in parameters)
     return (*_FIXED, *(ResultColumn(key=key, type=float) for key in vectors))
 
 
 def rows_of_decision(effect: PublishAuction) -> Iterator[ResultRow]:
-    """Return the rows of a round: itself, its accepted bids, its refused ones."""
+    """Return the rows of a round: the round, its accepted bids and its refused bids."""
     decision, terms = effect.decision, effect.decision.terms
     return _rows_of_round(
         {
@@ -95,7 +95,7 @@ def rows_of_decision(effect: PublishAuction) -> Iterator[ResultRow]:
 
 
 def rows_of_auction(auction: Any) -> Iterator[ResultRow]:
-    """Return the same rows as :func:`rows_of_decision`, with times, of an ``Auction`` message."""
+    """Return the rows of :func:`rows_of_decision`, with times, for an ``Auction`` message."""
     return _rows_of_round(
         {
             "epoch": auction.epoch,
@@ -165,7 +165,7 @@ def _rows_of_round(
 def row_of_change(
     change: ProfileChange, parameters: Sequence[str], wrong: bool | None
 ) -> ResultRow:
-    """Return the row of a change of a profile, by feedback that was wrong, right, or unknown."""
+    """Return the row of a profile change by feedback that was wrong, right or unknown."""
     cause = change.revision.cause
     return {
         "row": "feedback",
@@ -185,7 +185,7 @@ def row_of_change(
 
 
 def row_of_feedback(feedback: Any, wrong: bool | None = None) -> ResultRow:
-    """Return the same row as :func:`row_of_change`, with its time, of a ``Feedback`` message."""
+    """Return the row of :func:`row_of_change`, with its time, for a ``Feedback`` message."""
     return {
         "row": "feedback",
         "epoch": feedback.epoch or None,
@@ -221,13 +221,13 @@ def _seconds(stamp: Any) -> float:
 
 
 class ResultFile:
-    """File of results; its ending says the format."""
+    """File of results, whose extension determines the format."""
 
     def __init__(self, path: Path) -> None:
-        """Make the file, so that nothing is computed in vain.
+        """Make the file first, so that no results are computed in vain.
 
         Raises:
-            BtAgentsError: It can not be written, is of no known format, or pyarrow is missing.
+            BtAgentsError: It is not writable, has no known format, or pyarrow is missing.
         """
         self._path = path
         write = {".csv": _write_csv, ".parquet": _write_parquet}.get(path.suffix)
@@ -244,10 +244,10 @@ class ResultFile:
             raise self._unwritten(error) from None
 
     def write(self, parameters: Sequence[str], rows: Iterable[ResultRow]) -> None:
-        """Replace what is in the file.
+        """Replace the content of the file.
 
         Raises:
-            BtAgentsError: It can not be written.
+            BtAgentsError: It is not writable.
         """
         columns = result_columns(parameters)
         try:
@@ -262,7 +262,7 @@ class ResultFile:
 
 
 def _known(row: ResultRow, columns: Sequence[ResultColumn]) -> list[object]:
-    """Return the cells of a row; None for what is unknown, numbers that are none included."""
+    """Return the cells of a row; None for unknown values, including NaN."""
     found = (row.get(column.key) for column in columns)
     return [finite_or_none(cell) if isinstance(cell, float) else cell for cell in found]
 

@@ -95,7 +95,7 @@ def run(
         if rounds is not None:
             spec = spec.shortened(rounds)
         start = time.monotonic()
-        # Each way uses up the feedback of its own copy.
+        # Each way consumes the feedback of its own copy.
         rows: list[ResultRow] = []
         records = through_core(folder, with_seed(spec, spec.seed), settings, rows.append)
         seconds = time.monotonic() - start
@@ -240,7 +240,7 @@ def sweep(
             lambda done, total: progress.update(task, completed=done, total=total),
         )
     seconds = time.monotonic() - start
-    # Beside a table for a program, the words go where people still see them.
+    # If a program reads the table, messages go where people still see them.
     aside = form.for_program
     click.echo(spec.title, err=aside)
     _print_sweep(played, form)
@@ -259,7 +259,7 @@ _SHOWN = ("wrong", "right", "worst", "starved", "regret", "settles")
 
 
 def _print_sweep(played: Played, form: TableForm) -> None:
-    """Print a few measures in words for people, all as numbers for a program."""
+    """Print a few measures as text for people, or all as numbers for a program."""
     from bt_agents_lab.experiments.measures import summary
     from bt_agents_lab.experiments.sweep import rule_label
     from bt_agents_lab.experiments.sweep_figures import best_cells, cells, measured
@@ -306,7 +306,7 @@ def _compare(
 
 
 def _file_of(folder: Path, folders: Sequence[Path], out: Path | None) -> ResultFile | None:
-    """Return the file for the results of one of some experiments, once it can be written."""
+    """Return the file for the results of one experiment, after making sure it is writable."""
     if out is None:
         return None
     apart = out.with_name(f"{out.stem}-{folder.name}{out.suffix}")
@@ -373,7 +373,7 @@ def _print_agents(found: Sequence[_AgentResult], form: TableForm) -> None:
 def _judge(
     console: Console, folder: Trees, spec: ExperimentSpec, records: Sequence[FeedbackRecord]
 ) -> bool:
-    """Print whether the profiles are those of the closed form; return whether nothing differs."""
+    """Print whether the profiles match the closed form; return whether nothing differs."""
     starts = {agent.name: agent.profile for agent in folder.agents}
     rates = {agent.name: agent.learning_rate for agent in folder.agents}
     orders = tuple(record.scene for record in records) == spec.order()
@@ -405,7 +405,7 @@ def _row(values: Sequence[float]) -> str:
 
 
 def _no_closed_form(folder: Trees, spec: ExperimentSpec) -> str:
-    """Return the reason why profiles do not follow the closed form; empty when they do."""
+    """Return why the profiles do not follow the closed form; empty if they do."""
     if spec.feedback.errors is not None:
         return "some of the feedback is wrong"
     if without := {agent.name for agent in folder.agents} - set(spec.feedback.each):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents journal`: the contents of a journal, and its reading for the other commands."""
+"""`bt-agents journal`: shows the contents of journals; also reads them for other commands."""
 
 from __future__ import annotations
 
@@ -81,17 +81,17 @@ def _result_rows(recording: RecordingIndex) -> Iterator[ResultRow]:
 
 
 def _parameters(recording: RecordingIndex) -> list[str]:
-    """Return all parameters of scenes and feedback, in the order in which they come."""
+    """Return all parameters of scenes and feedback, in order of appearance."""
     of_rounds = (value.name for one in recording.rounds for value in one.auction.scene.values)
     of_feedback = (name for one in recording.feedbacks for name in one.feedback.parameters)
     return list(dict.fromkeys([*of_rounds, *of_feedback]))
 
 
 def read_files(files: Sequence[Path]) -> RecordingIndex:
-    """Return the contents of journals and bags; without any of the newest day here.
+    """Return the contents of journals and bags, by default of the newest day here.
 
     Raises:
-        BtAgentsError: There is no file, one cannot be read at all, or they hold several systems.
+        BtAgentsError: There is no file, one is unreadable, or they hold several systems.
     """
     paths = files or newest_journal(kept_state().journal)
     recording = read(paths, os.environ.get("ROS_NAMESPACE", ""))
@@ -104,10 +104,10 @@ def read_files(files: Sequence[Path]) -> RecordingIndex:
 
 @contextmanager
 def damage_reported() -> Iterator[None]:
-    """Report a message that can be decoded but has other fields than its type as damage.
+    """Report a decodable message whose fields differ from its type as damage.
 
     Raises:
-        BtAgentsError: Such a message was met.
+        BtAgentsError: There is such a message.
     """
     try:
         yield
@@ -121,10 +121,10 @@ def damage_reported() -> Iterator[None]:
 def recorded_rounds(files: Sequence[Path]) -> list[Round]:
     """Return the rounds of journals and bags, the oldest first.
 
-    Their texts are printable: anybody may have sent what a journal holds.
+    Their texts are made printable, because a journal may hold messages from anybody.
 
     Raises:
-        BtAgentsError: There is no journal, or it cannot be read at all.
+        BtAgentsError: There is no journal, or it is unreadable.
     """
     rounds = read_files(files).rounds
     for one in rounds:
@@ -133,7 +133,7 @@ def recorded_rounds(files: Sequence[Path]) -> list[Round]:
 
 
 def _printable(value: Any) -> Any:
-    """Return a recorded message, or a part of one, with printable texts."""
+    """Return a recorded message or a part of it with printable texts."""
     match value:
         case str():
             return printable(value)
@@ -142,7 +142,7 @@ def _printable(value: Any) -> Any:
         case SimpleNamespace():
             for name in value.__slots__:
                 part = getattr(value, name)
-                # The only text of a decision that has several lines.
+                # This is the only text of a decision with several lines.
                 shown = printable_lines(part) if name == "explanation" else _printable(part)
                 setattr(value, name, shown)
     return value
@@ -168,7 +168,7 @@ def newest_journal(folder: Path) -> list[Path]:
 
 
 def show_problems(console: Console, recording: RecordingIndex) -> None:
-    """Print what cannot be read and what is lost."""
+    """Print unreadable and lost parts."""
     for text in (*recording.hints, *recording.problems):
         console.print(f"[yellow]{_escaped(text)}[/]")
     for topic, number in sorted(recording.lost.items()):
@@ -176,7 +176,7 @@ def show_problems(console: Console, recording: RecordingIndex) -> None:
 
 
 def _described(one: Any) -> str:
-    """Return label, notes and author of a recording or a bookmark, as far as there are any."""
+    """Return the label, notes and author of a recording or a bookmark, if any."""
     author = f" ({one.author})" if one.author else ""
     notes = f" - {one.notes}" if one.notes else ""
     return f"{one.label or 'no label'}{notes}{author}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents replay`: repeats the contents of a journal without ROS and compares them."""
+"""`bt-agents replay`: repeats the contents of a journal without ROS and compares the results."""
 
 from __future__ import annotations
 

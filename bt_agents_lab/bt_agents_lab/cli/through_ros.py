@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An experiment through the real ROS graph: market, host, feedback node and scene layer."""
+"""Experiments through the real ROS graph: market, host, feedback node and scene layer."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def through_ros(
 ) -> list[FeedbackRecord]:
     """Play a whole experiment and return its rounds.
 
-    Of the settings the strategy, its options and the tie rule count. Rows of the table of results
-    are handed out at the end.
+    Only the strategy, its options and the tie rule of the settings count. The rows of the table of
+    results are passed on at the end.
 
     Raises:
-        BtAgentsError: A part did not start, died or stood still.
+        BtAgentsError: A part did not start, died or stalled.
         KeyboardInterrupt: It was interrupted, and all parts have ended.
     """
     if "ROS_DOMAIN_ID" not in os.environ:
@@ -90,7 +90,7 @@ def _record(
     )
 
     def is_complete() -> bool:
-        """Return whether the last round is there, with its decision, which may come after it."""
+        """Return whether the last round has arrived, with its decision, which may come later."""
         enough = len(feedbacks) >= spec.rounds
         return enough and any(one.round == feedbacks[-1].round for one in reversed(auctions))
 
@@ -146,12 +146,12 @@ def _script(spec: ExperimentSpec, space: SceneSpace) -> str:
         {"label": f"scene {number}", "scene": dict(zip(space.names, vector, strict=True))}
         for number, vector in enumerate(spec.order(), start=1)
     ]
-    # JSON is YAML, too.
+    # JSON is also YAML.
     return json.dumps({"format": 1, "title": "an experiment", "visits": visits}, indent=1)
 
 
 def prepared_experiment(spec: ExperimentSpec, space: SceneSpace) -> str:
-    """Return the experiment as a file that has the seed that was asked for."""
+    """Return the experiment as a file with the requested seed."""
 
     def named(vector: Vector) -> dict[str, float]:
         pairs = zip(space.names, vector, strict=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents what-if`: the effect of another strategy, learning or other agents on a journal."""
+"""`bt-agents what-if`: shows the effect of other strategies, learning or agents on a journal."""
 
 from __future__ import annotations
 

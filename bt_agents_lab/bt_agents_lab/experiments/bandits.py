@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contextual bandits of MABWiser, to compare with: they learn from rewards, without profiles."""
+"""Contextual bandits of MABWiser as baselines: they learn from rewards, without profiles."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ _EPSILON = Option(
 BANDITS: Mapping[str, tuple[Option, ...]] = MappingProxyType(
     {"linucb": (_ALPHA,), "lints": (_ALPHA,), "knn": (_NEIGHBOURS, _EPSILON)}
 )
-"""Options of each bandit by its name: LinUCB (Li and others, 2010), linear Thompson sampling
+"""Options of each bandit by name: LinUCB (Li and others, 2010), linear Thompson sampling
 (Agrawal and Goyal, 2013), and the best of the nearest earlier scenes."""
 
 
 class Bandits:
     """One bandit for each of many runs.
 
-    Its arms are the agents that are there, its context is the scene as shares of the ranges, and
-    its reward lies between −1 and 1.
+    Its arms are the present agents, its context is the scene as shares of the ranges, and its
+    reward is between −1 and 1.
     """
 
     def __init__(
@@ -71,17 +71,17 @@ class Bandits:
         present = np.flatnonzero(world.present_in(0)).tolist()
         self._bandits: list[Any] = [mab.MAB(present, *policies[name](), seed=one) for one in seeds]
         self._rewarded = np.zeros(len(seeds), dtype=np.int64)
-        # A neighbourhood is full from here on; before, chance decides.
+        # From here on a neighbourhood is full; before, chance decides.
         self._needed = int(values.get("k", 1))
 
     def award(self, rows: Integers, scene: Floats, excluded: Bools, chance: Floats) -> Integers:
-        """Return the agent that each of some runs takes.
+        """Return the agent that each of some runs selects.
 
         Args:
             rows: Some runs.
             scene: [rows, n].
-            excluded: Agents that may not be taken, the same number in each run, [rows, N].
-            chance: Order of the agents where nothing is known yet, [rows, N].
+            excluded: Agents that are not allowed, the same number in each run, [rows, N].
+            chance: Order of the agents while nothing is known, [rows, N].
         """
         contexts = self._contexts(scene)
         scores = np.where(excluded, np.inf, chance)
@@ -98,14 +98,14 @@ class Bandits:
         return np.asarray(scores.argmin(axis=-1))
 
     def learn(self, rows: Integers, scene: Floats, chosen: Integers, reward: Floats) -> None:
-        """Give each of some runs the reward of what it took."""
+        """Give each of some runs the reward of its selected agent."""
         contexts = self._contexts(scene)
         for place, row in enumerate(rows.tolist()):
             agent = int(chosen[place])
             bandit = self._bandits[row]
             if agent not in bandit.arms:
                 bandit.add_arm(agent)
-            # The first reward makes a bandit, the others change it.
+            # The first reward creates a bandit, the others update it.
             take = bandit.partial_fit if self._rewarded[row] else bandit.fit
             take([agent], [float(reward[place])], contexts[place : place + 1])
             self._rewarded[row] += 1

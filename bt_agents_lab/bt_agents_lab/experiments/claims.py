@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Claims of the paper about its experiments, judged by many runs of each."""
+"""Claims of the paper about its experiments, judged by many runs."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ REACHED = 0.05
 """Manhattan distance at which a profile counts as arrived, in the units of the parameters."""
 
 LATE = 100
-"""Rounds at the end of a run in which a profile should be stable."""
+"""Number of rounds at the end of a run in which a profile should be stable."""
 
 JUDGED = 300
-"""Least number of rounds by which Experiment 3 is judged."""
+"""Minimum number of rounds for judging Experiment 3."""
 
 NEAR = 0.25
-"""A value that close to what it should be is near, a sixteenth of the range."""
+"""Distance within which a value counts as near its target: a sixteenth of the range."""
 
 JUMP = 1.0
-"""A change of a parameter by a quarter of its range is abrupt."""
+"""Change of a parameter that counts as abrupt: a quarter of its range."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,7 @@ def first(experiment: Paper) -> list[ClaimVerdict]:
 
 
 def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[ClaimVerdict]:
-    """Judge the claims about Experiment 2, of three scenarios named as in :data:`RATES`."""
+    """Judge the claims about Experiment 2, with three scenarios named as in :data:`RATES`."""
     any_arm = arms["moderate"]
     few = any_arm.spec.feedback.errors
     third = arms["aggressive"].spec.feedback.errors
@@ -100,7 +100,7 @@ def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[ClaimVerdict
 
 
 def played_third(experiment: Paper, seeds: Sequence[int]) -> Replicas:
-    """Play Experiment 3 with random ties; the paper leaves open who gets a scene of equal bids."""
+    """Play Experiment 3 with random ties; the paper leaves open which of equal bids wins."""
     spec = experiment.spec.shortened(max(experiment.spec.rounds, JUDGED))
     return replicas(world_of(experiment.folder, spec), spec, seeds, Arm(tie_break="random"))
 
@@ -172,7 +172,7 @@ def _abrupt(runs: Replicas, errors: FeedbackErrors) -> ClaimVerdict:
         [np.repeat(runs.world.starts[None, None], len(wrong), 0), runs.course.profiles], axis=1
     )[:, :, 0]
     rises = (values[:, 2:] - values[:, :-2]).max(axis=-1)
-    # From a settled profile: the first ten cycles rise anyway.
+    # Start from a settled profile: the first ten cycles rise anyway.
     settled = np.arange(twice.shape[1]) >= 10
     events = twice & settled & (values[:, :-2, -1] < 2.0)
     jumps = rises[events]
@@ -259,7 +259,7 @@ def _judged(
     rounds: int = 0,
     unit: str = "runs",
 ) -> ClaimVerdict:
-    """Return the verdict on a claim of ``claims.yaml``; a reason stands for the one there."""
+    """Return the verdict on a claim of ``claims.yaml``; a given reason replaces the one there."""
     texts = _claims()[name]
     criterion = texts["criterion"].format(
         reached=REACHED,

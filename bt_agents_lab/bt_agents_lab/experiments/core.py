@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An experiment with the market and the learning of the nodes, but without ROS."""
+"""Experiments with the nodes' market and learning, but without ROS."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from marketplace_node.strategies import STRATEGIES
 HOST = "/agents"
 _INSTANCE = "core"
 _NOW = 0.0
-"""Time of every event, as nothing takes any time [s]."""
+"""Time of every event, because nothing takes any time [s]."""
 
 
 class Core:
-    """One market, one host of all agents of a folder, and one feedback node, as objects.
+    """One market, one host of all agents in a folder, and one feedback node, as objects.
 
     Every tree succeeds at once.
     """
@@ -208,10 +208,10 @@ def through_core(
     settings: Settings | None = None,
     on_result: Callable[[ResultRow], None] = lambda _: None,
 ) -> list[FeedbackRecord]:
-    """Play a whole experiment, whose feedback is used up, and return its rounds.
+    """Play a whole experiment, consuming its feedback, and return its rounds.
 
-    Without settings agents are selected as in the paper. Rows of the table of results are handed
-    out as they come.
+    Without settings, agents are selected as in the paper. Rows of the table of results are passed
+    on as they arise.
 
     Raises:
         BtAgentsError: The strategy needs more than the bids, or a scene led to no feedback.

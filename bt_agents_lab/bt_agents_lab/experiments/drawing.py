@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
-"""Palette for people who do not see all colours (Okabe and Ito, 2008)."""
+"""Palette for colour-blind readers (Okabe and Ito, 2008)."""
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "bt-agents",
@@ -40,7 +40,7 @@ _STYLE: dict[Any, Any] = {
 _PNG_DPI = 130
 
 _LAYOUTS = 2
-"""A layout changes which ticks have labels, and so how much room these need."""
+"""Number of layout passes: a layout changes which ticks have labels, and so their size."""
 
 
 @contextmanager
@@ -49,7 +49,7 @@ def sheet(
 ) -> Iterator[tuple[Figure, Sequence[Axes]]]:
     """Yield an empty figure of a size [inch] and its axes, row by row.
 
-    Afterwards it is saved as SVG and PNG, in a folder that is made when it is not there.
+    Afterwards it is saved as SVG and PNG in a folder, which is made if missing.
 
     Raises:
         BtAgentsError: matplotlib is not installed, or the files cannot be written.
@@ -83,7 +83,7 @@ def sheet(
 
 
 def smooth(values: Floats, rounds: int) -> Floats:
-    """Return means over the last rounds up to each, for values [..., T]."""
+    """Return the means over the last rounds up to each round, for values [..., T]."""
     sums = np.cumsum(values, axis=-1)
     sums = np.concatenate([np.zeros_like(sums[..., :1]), sums], axis=-1)
     ends = np.arange(1, values.shape[-1] + 1)
@@ -92,7 +92,7 @@ def smooth(values: Floats, rounds: int) -> Floats:
 
 
 def below(axes: Axes, note: str) -> None:
-    """Put the legend below, where it covers nothing, with a note about lines and bands."""
+    """Put the legend below the figure, with a note about lines and bands."""
     axes.legend(
         loc="upper center",
         bbox_to_anchor=(0.5, -0.17 if axes.get_xlabel() else -0.1),

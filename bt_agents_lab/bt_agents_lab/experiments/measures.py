@@ -15,18 +15,18 @@ from bt_agents_lab.experiments.simulation import Course
 from marketplace_node.strategies.arrays import Bools, Floats, Integers
 
 LAST = 100
-"""Rounds at the end of a run that count as learned."""
+"""Number of rounds at the end of a run that count as learned."""
 
 SETTLED = 0.95
 WINDOW = 20
-"""A run has converged from the round on from which all windows of this length are that right."""
+"""Window length: a run has converged when all later windows of this length are right enough."""
 
 Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """A share with its 95 % interval; all 0..1."""
+    """Share with its 95 % interval; all 0..1."""
 
     share: float
     low: float
@@ -40,13 +40,13 @@ class PerRun:
     Attributes:
         late: Share of the last scenes that a best suited agent got, [R].
         served: Whether every agent that suits a scene best ran for one in the last rounds, if
-            one came, [R].
+            one occurred, [R].
         ran: Whether every agent ran at all, [R].
-        regret: Sum of the misfit of the chosen agents above that of the best, [R].
-        cycles: Rounds until it stays right, [R]; infinite when it never does.
+        regret: Sum of the misfits of the selected agents beyond those of the best, [R].
+        cycles: Rounds until a run stays right, [R]; infinite if it never does.
         cancelled: Share of scenes for which a run was cancelled, [R].
-        error: Mean Manhattan distance of a profile to the scene of its agent, at the end, [R];
-            NaN for a bandit, which has no profiles.
+        error: Mean Manhattan distance at the end of a profile to the scene of its agent, [R]; NaN
+            for a bandit, which has no profiles.
         right: Number of runs that were right in each round, [T].
     """
 
@@ -62,14 +62,14 @@ class PerRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Measures:
-    """Measures of many runs together, means of those of :class:`PerRun`.
+    """Measures of many runs together, mostly means of those in :class:`PerRun`.
 
     Attributes:
         accuracy: Mean of ``late``.
         worst: The ``late`` of the worst run.
         starved: Share of runs that are not ``served``.
         never: Share of runs in which an agent never ran at all.
-        cycles: Median rounds until a run has converged; infinite when less than half did.
+        cycles: Median number of rounds until convergence; infinite if less than half converged.
     """
 
     runs: int
@@ -84,7 +84,7 @@ class Measures:
 
 
 def right(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Bools:
-    """Return where an agent got the scene that none suits better, [R, T]."""
+    """Return whether each scene went to an agent that none suits better, [R, T]."""
     chosen, least = _misfits(world, streams, course)
     return np.asarray(chosen == least)
 
@@ -112,7 +112,7 @@ def of_runs(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Pe
 def _misfits(
     world: SimulatedWorld, streams: RandomStreams, course: Course
 ) -> tuple[Floats, Floats]:
-    """Return the misfit of the chosen agents, and the least that there was, both [R, T]."""
+    """Return the misfits of the selected agents, and the smallest misfits, both [R, T]."""
     rounds = np.arange(streams.scene.shape[1])
     misfit = np.stack([world.misfit_in(index) for index in rounds.tolist()])
     least = misfit.min(axis=-1)[rounds, streams.scene]
@@ -122,7 +122,7 @@ def _misfits(
 def _served(world: SimulatedWorld, streams: RandomStreams, course: Course, late: Bools) -> Bools:
     """Return whether every agent got one of the last scenes that none suits better, [R].
 
-    An agent for which no such scene came is not counted.
+    Agents without such a scene are not counted.
     """
     misfit = world.misfit_in(streams.scene.shape[1] - 1)
     scenes, awarded = streams.scene[:, -LAST:], course.awarded[:, -LAST:]
@@ -134,7 +134,7 @@ def _served(world: SimulatedWorld, streams: RandomStreams, course: Course, late:
 
 
 def together(parts: Sequence[PerRun]) -> PerRun:
-    """Return the runs of several parts, in their order."""
+    """Return the runs of several parts, in order."""
     names = ("late", "served", "ran", "regret", "cycles", "cancelled", "error")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return PerRun(**joined, right=np.sum([part.right for part in parts], axis=0))
@@ -157,7 +157,7 @@ def summary(runs: PerRun) -> Measures:
 
 
 def converged(correct: Bools) -> Floats:
-    """Return the round from which each run stays right, [R]; infinite when it never does."""
+    """Return the round from which each run stays right, [R]; infinite if it never does."""
     width = min(WINDOW, correct.shape[1])
     sums = np.cumsum(np.pad(correct, ((0, 0), (1, 0))), axis=1)
     good = (sums[:, width:] - sums[:, :-width]) >= SETTLED * width
@@ -167,7 +167,7 @@ def converged(correct: Bools) -> Floats:
 
 
 def wilson(hits: int, runs: int) -> Interval:
-    """Return a share with its 95 % interval by Wilson's score (1927), right also near 0 and 1."""
+    """Return a share with its 95 % interval by Wilson's score (1927), also right near 0 and 1."""
     if runs == 0:
         return Interval(share=math.nan, low=0.0, high=1.0)
     share = hits / runs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures 5 to 9 of the paper, drawn with the runs of many seeds behind them."""
+"""Figures 5 to 9 of the paper, drawn from the runs of many seeds."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def second(folder: Path, arms: Mapping[str, Paper], seeds: Sequence[int]) -> Non
 def third(folder: Path, many: Replicas, rounds: int) -> None:
     """Draw Figure 9, and the share of right selections over many runs of Experiment 3."""
     world = many.world
-    # The first run in which every agent runs, else the first of all.
+    # Use the first run in which every agent runs, else the first of all.
     shown = int(np.argmax(many.course.all_ran))
     with sheet(folder, figure_name(9), (6.6, 7.4), rows=3) as (figure, (top, middle, bottom)):
         _three(top, many, shown, rounds)
@@ -125,7 +125,7 @@ def _profile(axes: Axes, shown: Replicas, many: Replicas) -> None:
 def _three(axes: Axes, many: Replicas, shown: int, rounds: int) -> None:
     for index, name in enumerate(many.world.agents):
         colour = COLOURS[index]
-        # All three parameters are alike in this experiment, so their mean shows each of them.
+        # All three parameters are equal in this experiment, so their mean shows each of them.
         values = many.course.profiles[:, :rounds, index].mean(axis=-1)
         start = many.world.starts[index].mean()
         band(axes, values[many.course.all_ran], colour)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Common random numbers for paired comparison: all chance of many runs, one seed a run."""
+"""Common random numbers for paired comparison: all randomness of many runs, one seed per run."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from marketplace_node.strategies.arrays import Bools, Floats, Integers
 
 Drawn = dict[tuple[object, ...], tuple[Floats, Bools]]
 WrongFeedback = Literal["any", "another"] | Vector
-"""Values of wrong feedback: any in the ranges, those that suit another agent, or one vector."""
+"""Values of wrong feedback: any in the ranges, those for another agent, or one vector."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RandomStreams:
-    """Chance of R runs of T rounds, with up to A attempts a round.
+    """Randomness of R runs of T rounds, with up to A attempts per round.
 
     Attributes:
-        seeds: One a run, R.
+        seeds: One seed per run, R.
         scene: Index of the scene, [R, T].
-        error_draw: Drawn evenly from 0 to 1; feedback is wrong where it is below the share of
-            wrong feedback, [R, T, A].
+        error_draw: Uniform from 0 to 1; feedback is wrong where it is below the share of wrong
+            feedback, [R, T, A].
         wrong: Values of wrong feedback, [R, T, n].
-        wrong_fit: Fit of an agent as it seems where feedback is wrong, from −1 to 1, [R, T, A].
+        wrong_fit: Apparent fit of an agent if feedback is wrong, from −1 to 1, [R, T, A].
         mood_noise: Noise of the mood in each second, standard normal, [R, T, A, seconds].
-        ties: Order of equal bids where chance decides it, [R, T, A, N].
+        ties: Order of equal bids if chance decides it, [R, T, A, N].
     """
 
     seeds: Sequence[int]
@@ -45,7 +45,7 @@ class RandomStreams:
     _drawn: Drawn = field(default_factory=dict)
 
     def drawn(self, at: Attempt, calls: Calls) -> Floats:
-        """Return the last of some successive draws for some runs, [runs, ...]; all are cached."""
+        """Return the last of successive draws for some runs, [runs, ...]; all are cached."""
         runs, round_index, attempt = at
         key = (round_index, attempt, calls)
         if key not in self._drawn:
@@ -61,14 +61,14 @@ class RandomStreams:
 
 
 Attempt = tuple[Integers, int, int]
-"""Some runs by index, one perhaps more than once, with round and attempt, both from 0."""
+"""Indices of some runs, possibly repeated, with round and attempt, both from 0."""
 
 Calls = tuple[tuple[str, tuple[int, ...]], ...]
-"""Successive draws: kind, and shape for one run."""
+"""Successive draws: the kind, and the shape for one run."""
 
 
 class CachedRandomSource:
-    """Source of many runs at once, each as it would draw alone: a ``strategies.Chance``.
+    """``strategies.Chance`` for many runs at once, with the same draws as separate runs.
 
     The first axis of each size is the runs.
     """
@@ -97,7 +97,7 @@ def round_seed(seed: int, round_index: int, attempt: int) -> str:
 def draw(
     world: SimulatedWorld, seeds: Sequence[int], rounds: int, wrong: WrongFeedback = "any"
 ) -> RandomStreams:
-    """Draw the chance of some runs, that of each from its own seed alone.
+    """Draw the randomness of some runs, each from its own seed alone.
 
     A shorter run is the beginning of a longer one.
     """
@@ -113,7 +113,7 @@ def draw(
         ties=np.empty((runs, rounds, attempts, agents), dtype=np.float32),
     )
     for row, seed in enumerate(seeds):
-        # A stream for each kind, so that a shorter run is the beginning of a longer one.
+        # Each kind has its own stream, so that a shorter run is the beginning of a longer one.
         scenes, errors, anything, another, fits, orders, moods = map(
             np.random.default_rng, np.random.SeedSequence(seed).spawn(7)
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of one experiment that differ in nothing but their seed."""
+"""Runs of one experiment that differ only in their seeds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Replicas:
-    """Runs of one experiment, with their world and chance."""
+    """Runs of one experiment, with their world and randomness."""
 
     world: SimulatedWorld
     streams: RandomStreams
@@ -31,7 +31,7 @@ def opened(path: Path) -> tuple[Trees, ExperimentSpec]:
     """Read the agents and the experiment of a folder.
 
     Raises:
-        BtAgentsError: Something in it cannot be read; it lists the problems.
+        BtAgentsError: A file cannot be read; the message lists the problems.
     """
     folder = read_trees(path)
     if folder.broken:
@@ -43,7 +43,7 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
     """Return the world of an experiment.
 
     Raises:
-        BtAgentsError: It has an agent without a feedback of its own under ``each``.
+        BtAgentsError: It has an agent without its own feedback under ``each``.
     """
     agents = sorted(folder.agents, key=lambda agent: agent.name)
     without = [agent.name for agent in agents if agent.name not in spec.feedback.each]
@@ -64,7 +64,7 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
 
 
 def streams_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]) -> RandomStreams:
-    """Return the chance of some runs, each as the experiment draws it with that seed."""
+    """Return the randomness of some runs, as the experiment draws it with each seed."""
     streams = draw(world, seeds, spec.rounds)
     places = {tuple(scene): index for index, scene in enumerate(world.scenes.tolist())}
     streams.error_draw[:] = 1.0
@@ -81,7 +81,7 @@ def streams_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]
 
 
 def with_seed(spec: ExperimentSpec, seed: int) -> ExperimentSpec:
-    """Return an experiment with another seed, and its feedback from the start."""
+    """Return an experiment with another seed, and with its feedback from the start."""
     errors = spec.feedback.errors
     return with_errors(
         replace(spec, seed=seed), None if errors is None else replace(errors, seed=seed)
@@ -98,7 +98,7 @@ def replicas(
 ) -> Replicas:
     """Play an experiment once for each seed, in its world or a variant of it.
 
-    Without an arm agents are selected and learn as in the paper.
+    Without an arm, agents are selected and learn as in the paper.
     """
     streams = streams_of(world, spec, seeds)
     # Feedback is wrong where the draw is 0, right where it is 1.

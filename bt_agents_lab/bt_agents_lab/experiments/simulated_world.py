@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated world: agents, the scenes they should learn, and a person who reacts to them."""
+"""Simulated world: agents, the scenes they should learn, and a person who reacts to them."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from marketplace_node.strategies import TIE_BREAKS
 from marketplace_node.strategies.arrays import Bools, Floats
 
 NOT_SIMULATED = (EXTERNAL, RULES)
-"""Strategies whose choice needs more than the bids."""
+"""Strategies that need more than the bids."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Person:
-    """Model of a person's mood during a run, and of the mood rules that follow it.
+    """Model of a person's mood during a run, and of the mood rules that observe it.
 
-    The mood changes each second by ``drift * fit`` and a normally distributed noise, inside the
+    The mood changes each second by ``drift * fit`` plus normally distributed noise, within the
     range of its parameter. The fit is 1 for an agent that is made for the scene, falls with the
-    Manhattan distance between both, is 0 at ``tolerance`` and never less than −1. Where feedback
-    is wrong, the mood has other reasons, and the fit is drawn evenly from −1 to 1.
+    Manhattan distance between both, is 0 at ``tolerance`` and never less than −1. If feedback is
+    wrong, the mood has other reasons, and the fit is uniform from −1 to 1.
 
     Attributes:
         seconds: Duration of an interaction; the mood is sampled once a second [s].
         drift: Change of the mood by a perfectly fitting agent [1/s].
         noise: Standard deviation of other changes of the mood in a second.
         tolerance: Distance at which an agent neither pleases nor annoys.
-        better: A rise of the mood by so much is positive feedback.
-        worse: A fall by so much is negative feedback, and the run is cancelled.
-        hold_s: Time for which either must hold; whole seconds [s].
+        better: Rise of the mood that gives positive feedback.
+        worse: Fall of the mood that gives negative feedback and cancels the run.
+        hold_s: Time that either must last; whole seconds [s].
     """
 
     seconds: int = 12
@@ -49,11 +49,11 @@ class Person:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChangeOfMind:
-    """Change of what agents are made for.
+    """Change of the scenes that agents are made for.
 
     Attributes:
-        after: Rounds before it.
-        best: Scene that each agent is made for from then on, [N, n].
+        after: Number of rounds before it.
+        best: Scene that each agent is then made for, [N, n].
     """
 
     after: int
@@ -67,16 +67,16 @@ class SimulatedWorld:
     N agents, K scenes, n parameters.
 
     Attributes:
-        space: The scene parameters; with a person one of them is the mood.
+        space: The scene parameters; with a person, one of them is the mood.
         agents: Names in alphabetical order, N.
         starts: Profiles before the first round, [N, n].
-        best: Scene that each agent is made for, which nobody but the person knows, [N, n].
+        best: Scene that each agent is made for, which only the person knows, [N, n].
         scenes: [K, n].
         rates: Learning rate of each agent, [N].
-        person: Person who reacts by mood during the run; None gives each agent after its run the
-            scene that it is made for as feedback, as in the paper.
-        change: Change of what the person wants during a run; None for none.
-        absent: Rounds at the start in which an agent is not there yet, by its name.
+        person: Person whose mood reacts during the run; with None, each agent gets the scene that
+            it is made for as feedback after its run, as in the paper.
+        change: Change of the person's wishes during a run; None for none.
+        absent: Number of rounds at the start in which an agent is absent, by its name.
     """
 
     space: SceneSpace
@@ -105,31 +105,31 @@ class SimulatedWorld:
         return self.change.best if changed and self.change is not None else self.best
 
     def present_in(self, round_index: int) -> Bools:
-        """Return whether each agent is there in a round, counted from 0, [N]."""
+        """Return whether each agent is present in a round, counted from 0, [N]."""
         return np.array([self.absent.get(name, 0) <= round_index for name in self.agents])
 
     def misfit_in(self, round_index: int) -> Floats:
         """Return the Manhattan distance of each scene to the one that each agent is made for.
 
-        It is infinite for an agent that is not there in the round, [K, N].
+        It is infinite for an agent that is absent in the round, [K, N].
         """
         misfit = np.abs(self.scenes[:, None] - self.best_in(round_index)).sum(axis=-1)
         return np.where(self.present_in(round_index), misfit, np.inf)
 
     @property
     def attempts(self) -> int:
-        """Most runs of an interaction: a cancelled run is followed by one of another agent."""
+        """Maximum number of runs per interaction: another agent follows a cancelled run."""
         return 1 if self.person is None else len(self.agents)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """One way to select.
+    """Method of selection.
 
     Attributes:
-        strategy: As the market's parameter.
-        options: Of the strategy; the others have their defaults.
-        tie_break: As the market's parameter, or ``random``, which the market does not have.
+        strategy: As in the market's parameter.
+        options: Options of the strategy; others have their defaults.
+        tie_break: As in the market's parameter, or ``random``, which the market does not have.
     """
 
     strategy: str = "manhattan"
@@ -138,7 +138,7 @@ class Selection:
 
     @property
     def label(self) -> str:
-        """For tables and figures: ``ucb c=2``."""
+        """Label for tables and figures: ``ucb c=2``."""
         parts = [self.strategy, *(f"{name}={value:g}" for name, value in self.options.items())]
         if self.tie_break != TIE_BREAKS[0]:
             parts.append(f"(ties: {self.tie_break})")
@@ -147,6 +147,6 @@ class Selection:
 
 @dataclass(frozen=True, kw_only=True)
 class Arm(Selection):
-    """One way to select and to learn."""
+    """Method of selection and learning."""
 
     rule: LearningRule = field(default_factory=LearningRule)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulation of many runs at once as arrays, each as it would go alone, to the last digit."""
+"""Simulation of many runs at once as arrays, equal to separate runs to the last digit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from marketplace_node.strategies import STRATEGIES, RoundArrays
 from marketplace_node.strategies.arrays import Bools, Floats, Integers
 
 NEVER = 1_000_000
-"""Second of an event that does not happen."""
+"""Time of an event that never happens [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,11 +25,11 @@ class Course:
     """Course of R runs of T rounds, of N agents with n parameters.
 
     Attributes:
-        awarded: Index of the agent that got each scene first, [R, T].
-        cancelled: Number of runs for it that were cancelled, [R, T].
+        awarded: Index of the first agent that got each scene, [R, T].
+        cancelled: Number of cancelled runs for each scene, [R, T].
         won: Number of runs of each agent in each round, [R, T, N]; 0 or 1.
-        profiles: After each round, [R, T, N, n]; with one round only, after the last one; NaN
-            for a bandit, which has none.
+        profiles: Profiles after each round, [R, T, N, n], or only after the last one, with one
+            round; NaN for a bandit, which has none.
     """
 
     awarded: Integers
@@ -60,7 +60,7 @@ class _State:
 def simulate(
     world: SimulatedWorld, arm: Arm, streams: RandomStreams, wrong_share: float = 0.0
 ) -> Course:
-    """Play all runs of ``streams``, with a probability that feedback is wrong, 0..1."""
+    """Play all runs of ``streams`` with a probability of wrong feedback, 0..1."""
     return _play(world, arm, streams, (wrong_share,), history=True)
 
 
@@ -69,7 +69,7 @@ def simulate_shares(
 ) -> list[Course]:
     """Play all runs of ``streams`` once for each share of wrong feedback; faster together.
 
-    Profiles are those after the last round alone.
+    The result has only the profiles after the last round.
     """
     whole = _play(world, arm, streams, wrong_shares, history=False)
     runs = len(streams.seeds)
@@ -86,7 +86,7 @@ def _play(
     *,
     history: bool,
 ) -> Course:
-    """Play R runs of ``streams`` for each of S shares; rows are those of the first share first."""
+    """Play R runs of ``streams`` for each of S shares; rows of the first share come first."""
     of_streams, rounds = streams.scene.shape
     runs = of_streams * len(wrong_shares)
     share = np.repeat(np.array(wrong_shares), of_streams)
@@ -173,7 +173,7 @@ def _award(
     scene: Floats,
     tried: Bools,
 ) -> Integers:
-    """Return the winner in each run; all runs have equally many agents left."""
+    """Return the winner in each run; all runs have the same number of agents left."""
     total = state.total[rows]
     profiles, runs, last_run = state.profiles, state.runs, state.last_run
     bidders = None
@@ -197,7 +197,7 @@ def _award(
         spec.values(arm.options),
         CachedRandomSource(streams, at),
     ).score
-    # Bidders stay in alphabetical order, so the first of those that are left comes first by name.
+    # Bidders stay in alphabetical order, so the first of the remaining ones is first by name.
     best = score == score.min(axis=-1, keepdims=True)
     if arm.tie_break == "random":
         ties = streams.ties[at]
@@ -235,10 +235,10 @@ def _moods(
 
 
 def _held(holds: Bools, hold_s: int) -> Integers:
-    """Return the second, from 1, at which a condition [seconds, rows] has held so long, or NEVER.
+    """Return the second, from 1, when a condition [seconds, rows] has held long enough, or NEVER.
 
-    As for :class:`feedback_node.rules.Watch`, a value counts until the next one: a rule that is
-    due fires on what was seen before.
+    As in :class:`feedback_node.rules.Watch`, a value counts until the next one: a due rule fires
+    on earlier values.
     """
     starts = len(holds) - hold_s
     if starts < 1:
@@ -276,7 +276,7 @@ def _learn(
 
 
 def _nearness(world: SimulatedWorld, told: Floats, scene: Floats) -> Floats:
-    """Return how near what an agent was told is to the scene, from 1 down to −1, [rows]."""
+    """Return how near an agent's feedback is to the scene, from 1 down to −1, [rows]."""
     ranges = (world.high - world.low).sum()
     return np.asarray(1.0 - 2.0 * np.abs(told - scene).sum(axis=-1) / ranges)
 

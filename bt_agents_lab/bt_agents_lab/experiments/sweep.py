@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sweep: comparison of strategies and learning rules over many runs, in several processes."""
+"""Sweeps: comparison of strategies and learning rules over many runs, in several processes."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from bt_agents_lab.experiments.simulation import simulate_shares
 from bt_agents_ros.signals import block_sigint
 
 PART = 1000
-"""Runs that are played at once, for the same results in any number of processes."""
+"""Number of runs per task; it is fixed, so that results do not depend on the processes."""
 
 
 def rule_label(rule: LearningRule) -> str:
-    """Return a learning rule for tables and figures: ``huber width=1``."""
+    """Return the label of a learning rule for tables and figures: ``huber width=1``."""
     parts = [str(rule.update)]
     if rule.update is Update.HUBER and rule.width:
         parts.append(f"width={next(iter(rule.width.values())):g}")
@@ -42,7 +42,7 @@ class SweepSpec:
     """Specification of a sweep.
 
     Attributes:
-        runs: Runs of each cell; run i has the seed ``seed + i``.
+        runs: Number of runs per cell; run i has the seed ``seed + i``.
         rounds: Length of a run.
         shares: Shares of wrong feedback.
         wrong: Values of wrong feedback.
@@ -61,7 +61,7 @@ class SweepSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """One strategy and learning rule under one share of wrong feedback."""
+    """One strategy and learning rule with one share of wrong feedback."""
 
     selection: Selection
     learning: LearningRule
@@ -75,19 +75,19 @@ Results = dict[tuple[int, int], PerRun]
 def sweep(
     spec: SweepSpec, processes: int = 1, progress: Callable[[int, int], None] = lambda d, t: None
 ) -> list[tuple[Cell, PerRun]]:
-    """Play every cell and return its measures, in the order of the spec.
+    """Play every cell and return their measures, in the order of the spec.
 
-    The result does not depend on the number of processes. ``progress`` takes the numbers of tasks
-    that are done, and of all.
+    The result does not depend on the number of processes. ``progress`` takes the numbers of
+    finished tasks and of all tasks.
 
     Raises:
-        BtAgentsError: A process was ended from outside.
+        BtAgentsError: A process was killed from outside.
     """
     parts = [
         range(first, min(first + PART, spec.seed + spec.runs))
         for first in range(spec.seed, spec.seed + spec.runs, PART)
     ]
-    # The draws of a strategy for some seeds serve all learning rules and shares.
+    # All learning rules and shares use the same draws of a strategy for some seeds.
     tasks = list(product(range(len(parts)), range(len(spec.selections))))
     done: dict[tuple[int, int], Results] = {}
     with closing(_worked(spec, parts, tasks, processes)) as worked:
@@ -116,7 +116,7 @@ def _worked(
     with ProcessPoolExecutor(processes, mp_context=context) as pool:
         waiting: dict[Future[Results], tuple[int, int]] = {}
         try:
-            # Only this process is told of a Ctrl-C; it ends the others.
+            # Only this process gets a Ctrl-C; it ends the others.
             signal_mask = block_sigint()
             try:
                 for part, selection in tasks:
@@ -146,7 +146,7 @@ def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
     results: Results = {}
     for rule, learning in enumerate(spec.learnings):
         if rule and chosen["strategy"] in BANDITS:
-            # A bandit learns by none of the rules.
+            # A bandit uses none of the learning rules.
             results |= {(rule, place): results[0, place] for place in range(len(spec.shares))}
             continue
         courses = simulate_shares(spec.world, Arm(**chosen, rule=learning), streams, spec.shares)

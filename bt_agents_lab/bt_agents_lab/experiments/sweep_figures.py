@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of a sweep: figures, a table and files for other programs."""
+"""Results of a sweep: figures, a table, and files for other programs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ HEADINGS = {
 """Columns of a table of results."""
 
 WINDOW = 10
-"""Rounds over which a learning curve is averaged."""
+"""Number of rounds over which a learning curve is averaged."""
 
 _THICKEST, _THINNEST = 3.0, 0.9
 """Widths of the first and the last line [points]."""
@@ -49,7 +49,7 @@ _THICKEST, _THINNEST = 3.0, 0.9
 _DASHES = ("-", "--", ":", "-.")
 _STAR: Mapping[str, Any] = {"marker": "*", "markersize": 14.0, "markeredgecolor": "black"}
 _CURVE_SHARE = 0.2
-"""Learning curves are drawn for the share of wrong feedback next to this one."""
+"""Learning curves show the share of wrong feedback closest to this one."""
 
 
 def write(folder: Path, spec: SweepSpec, played: Played) -> None:
@@ -72,7 +72,7 @@ def write(folder: Path, spec: SweepSpec, played: Played) -> None:
 def best_cells(played: Played) -> tuple[Cell, ...]:
     """Return the best cell for each share of wrong feedback.
 
-    It starves the fewest, then is right most often, then has the least regret.
+    It starves the fewest agents, then is right most often, then has the least regret.
     """
     by_share: dict[float, list[tuple[Cell, Measures]]] = {}
     for cell, runs in played:
@@ -108,7 +108,7 @@ def table(spec: SweepSpec, played: Played) -> str:
 
 
 def cells(cell: Cell, found: Measures) -> dict[str, str]:
-    """Return share of wrong feedback and measures as text, by the keys of :data:`HEADINGS`."""
+    """Return the share of wrong feedback and the measures as text, by keys of :data:`HEADINGS`."""
     return {
         "wrong": f"{cell.share:.0%}",
         "right": f"{found.accuracy:.2%}",
@@ -123,7 +123,7 @@ def cells(cell: Cell, found: Measures) -> dict[str, str]:
 
 
 def curves(folder: Path, spec: SweepSpec, played: Played) -> None:
-    """Draw how the share of right selections grows, a panel for each learning rule."""
+    """Draw the growth of the share of right selections, one panel per learning rule."""
     share = min(spec.shares, key=lambda one: abs(one - _CURVE_SHARE))
     columns = len(spec.learnings)
     with sheet(folder, "curves", (3.2 * columns + 0.4, 4.2), columns=columns) as (figure, panels):
@@ -146,7 +146,7 @@ def curves(folder: Path, spec: SweepSpec, played: Played) -> None:
 
 
 def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
-    """Draw right selections at the end, and starvation, over the share of wrong feedback."""
+    """Draw the final right selections and the starvation over the share of wrong feedback."""
     columns = len(spec.learnings)
     size = (3.2 * columns + 0.4, 6.4)
     least = 100.0 * min(float(runs.late.mean()) for _, runs in played)
@@ -182,9 +182,10 @@ def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
 
 
 def _lines(selections: Sequence[Selection]) -> list[dict[str, Any]]:
-    """Return the style of each line: a colour for a strategy, dashes for other options of it.
+    """Return the style of each line: a colour per strategy, dashes for its other options.
 
-    Each is thinner than the one before, which so is seen on both sides where they are equal.
+    Each line is thinner than the previous one, which stays visible on both sides if they are
+    equal.
     """
     families = list(dict.fromkeys(one.strategy for one in selections))
     counts = dict.fromkeys(families, 0)
@@ -226,7 +227,7 @@ def _csv(path: Path, played: Played) -> None:
 def measured(cell: Cell, found: Measures, best: bool) -> dict[str, object]:
     """Return a cell with its measures as numbers, flat, by the columns of results.csv.
 
-    ``best`` says whether it is one of :func:`best_cells`.
+    ``best`` states whether it is one of :func:`best_cells`.
     """
     values = asdict(found)
     flat: dict[str, object] = {

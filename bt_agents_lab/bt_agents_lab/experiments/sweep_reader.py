@@ -157,7 +157,7 @@ def read_sweep(path: Path) -> SweepSpec:
 
     Raises:
         ReadError: There is a problem; it lists all of them.
-        BtAgentsError: The experiment that it is about cannot be read.
+        BtAgentsError: The experiment of the sweep cannot be read.
     """
     with TypedReader.of(path) as reading:
         fields = reading.file(SWEEP)
@@ -167,7 +167,7 @@ def read_sweep(path: Path) -> SweepSpec:
         seed = fields.integer("seed")
         folder = fields.text("experiment")
         if not folder:
-            # Without the experiment nobody knows what the rest may name.
+            # Without the experiment, the valid names in the rest are unknown.
             reading.problems.raise_if_any()
         world = _world(path.parent / folder)
         space = world.space
@@ -309,7 +309,7 @@ def _change(reading: TypedReader, node: Node, world: SimulatedWorld) -> ChangeOf
 
 
 def _absent(reading: TypedReader, fields: MappingReader, world: SimulatedWorld) -> dict[str, int]:
-    """Return for how many rounds agents are not there yet."""
+    """Return for how many rounds agents are absent at the start."""
     absent: dict[str, int] = {}
     for entry in fields.entries("arrivals"):
         agent = _agent(reading, entry.key, world)
@@ -332,5 +332,5 @@ def _agent(reading: TypedReader, key: Scalar, world: SimulatedWorld) -> int | No
 
 
 def _given(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the values that a file gives; the others keep their defaults."""
+    """Return the values in a file; the others keep their defaults."""
     return {key: value for key, value in values.items() if value is not None}

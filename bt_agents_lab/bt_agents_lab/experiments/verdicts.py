@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Verdicts on claims, with the runs in which each was counted."""
+"""Verdicts on claims, with the runs that were counted for each."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from marketplace_node.strategies.arrays import Bools
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A claim of the paper and the criterion by which it is judged.
+    """Claim of the paper, and the criterion for judging it.
 
     Attributes:
-        section: Where it stands.
+        section: Section of the paper.
         quote: The sentence of the paper.
         criterion: Property of a run in which the claim holds.
-        figures: Numbers of the figures that show it.
+        figures: Numbers of figures that show it.
     """
 
     name: str
@@ -36,12 +36,12 @@ class ClaimVerdict:
     """Verdict on a claim.
 
     Attributes:
-        runs: Number of runs that were judged; 1 where nothing is left to chance.
-        held: Number of those in which it holds.
-        unit: Name of what was counted, in the plural.
-        interval: Share of runs and its 95 % interval (Wilson).
+        runs: Number of judged runs; 1 if nothing is random.
+        held: Number of runs in which it holds.
+        unit: Name of the counted items, in the plural.
+        interval: Share of runs, with its 95 % interval (Wilson).
         found: The measurements, for people.
-        reason: Why it holds only sometimes or not at all; empty when it holds.
+        reason: Why it holds only sometimes or not at all; empty if it holds.
     """
 
     claim: Claim
@@ -69,14 +69,14 @@ class ClaimVerdict:
 def judged(
     claim: Claim, held: Bools | Sequence[bool], found: str, reason: str = "", unit: str = "runs"
 ) -> ClaimVerdict:
-    """Return the verdict on a claim from one answer a run.
+    """Return the verdict on a claim from one answer per run.
 
     Args:
         claim: The claim.
-        held: For each run whether it holds.
+        held: For each run, whether it holds.
         found: The measurements, for people.
-        reason: Why it does not hold in every run; left out when it does.
-        unit: What is counted.
+        reason: Why it does not hold in every run; ignored if it does.
+        unit: Name of the counted items.
     """
     runs, hits = len(held), int(np.count_nonzero(held))
     return ClaimVerdict(
@@ -91,7 +91,7 @@ def judged(
 
 
 def percent(share: float) -> str:
-    """Return a share as text, with the digits that distinguish it from none and from all."""
+    """Return a share as text, with enough digits to distinguish it from none and all."""
     for digits in (1, 2, 3):
         rounded = round(share * 100, digits)
         if share in (0.0, 1.0) or 0.0 < rounded < 100.0:
@@ -122,7 +122,7 @@ def as_markdown(verdicts: Iterable[ClaimVerdict]) -> str:
 
 
 def figure_name(number: int) -> str:
-    """Return the name of the files of a figure of the paper, without an ending."""
+    """Return the file name of a figure of the paper, without extension."""
     return f"figure-{number}"
 
 

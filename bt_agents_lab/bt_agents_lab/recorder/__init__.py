@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal: all messages of a system, in one MCAP file for each start and day."""
+"""Journal of all messages of a system, in one MCAP file for each start and day."""

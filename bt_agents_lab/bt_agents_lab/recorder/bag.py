@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of ``ros2 bag record``: which files hold their messages, and how many there should be."""
+"""Bags of ``ros2 bag record``: their files, and their expected number of messages."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, entries_o
 from bt_agents_language.yaml.yaml_reader import Sequence as YamlList
 
 METADATA = "metadata.yaml"
-"""File of a bag that says what its folder holds."""
+"""File that describes the content of a bag's folder."""
 
 COMPRESSED = ".mcap.zstd"
-"""Ending of a file that was compressed as a whole, with ``--compression-mode file``."""
+"""Extension of a file that was compressed as a whole, with ``--compression-mode file``."""
 
 _ENDINGS = (".mcap", COMPRESSED)
 _SQLITE = (".db3", ".db3.zstd")
@@ -27,12 +27,12 @@ _MOST_DIGITS = 18
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedFiles:
-    """Files of MCAP of one journal, bag or folder.
+    """MCAP files of one journal, bag or folder.
 
     Attributes:
-        messages: Number of messages in them, as the ``metadata.yaml`` of a bag says; None for
+        messages: Number of messages in them according to the ``metadata.yaml`` of a bag; None if
             unknown.
-        problems: Texts about what is missing.
+        problems: Texts about missing parts.
     """
 
     paths: tuple[Path, ...]
@@ -41,21 +41,21 @@ class RecordedFiles:
 
     @property
     def size(self) -> int:
-        """Bytes of all of them.
+        """Total size of the files [bytes].
 
         Raises:
-            OSError: One cannot be looked at.
+            OSError: A file cannot be inspected.
         """
         return sum(path.stat().st_size for path in self.paths)
 
 
 def is_bag(folder: Path) -> bool:
-    """Return whether ``ros2 bag`` has written a folder, and has ended as usual."""
+    """Return whether ``ros2 bag`` has written a folder and ended normally."""
     return (folder / METADATA).is_file()
 
 
 def recorded_files(path: Path) -> RecordedFiles:
-    """Return the files that a path stands for: itself, those of a bag, or all in a folder.
+    """Return the files for a path: itself, those of a bag, or all in a folder.
 
     Raises:
         Refused: ``SQLITE_BAG`` or ``NO_RECORDING``.
@@ -77,7 +77,7 @@ def recorded_files(path: Path) -> RecordedFiles:
 
 
 def _named(folder: Path) -> RecordedFiles:
-    """Return the files that the metadata of a bag names; none when it cannot be read."""
+    """Return the files that the metadata of a bag names; none if it is unreadable."""
     try:
         root = _read(folder / METADATA)
     except ReadError as error:
@@ -89,7 +89,7 @@ def _named(folder: Path) -> RecordedFiles:
         raise _sqlite(folder)
     named = about.get("relative_file_paths") if isinstance(about, Mapping) else None
     items = named.items if isinstance(named, YamlList) else ()
-    # Early versions name the folder, too; a name leads nowhere else.
+    # Early versions include the folder; a name never leads outside.
     names = [PurePosixPath(one.text).name for one in items if isinstance(one, Scalar)]
     paths = [folder / name for name in dict.fromkeys(names) if name.endswith(_ENDINGS)]
     missing = [path.name for path in paths if not path.is_file()]
@@ -129,7 +129,7 @@ def _is_count(text: str) -> bool:
 
 
 def _text(node: Node | None, key: str) -> str:
-    """Return what stands behind a key as text; empty when there is none."""
+    """Return the value of a key as text; empty if there is none."""
     found = next((one.value for one in entries_of(node) if one.key.text == key), None)
     return found.text if isinstance(found, Scalar) else ""
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder of a journal: a file for each start and day, each complete in itself."""
+"""Recorder of a journal: one self-contained file for each start and day."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bt_agents_core.private_files import make_private_folder
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, Write
 
 MOST_WAITING = 32_000_000
-"""Bytes that wait in memory while nothing can be written; after that the newest are dropped."""
+"""Most bytes that wait in memory while writing fails; then the newest messages are dropped."""
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _FULL = (STORAGE_FULL, "there is room")
@@ -26,20 +26,20 @@ _NAME = re.compile(r"journal-(\d{4}-\d\d-\d\d)(?:_(\d{3,}))?\.mcap")
 
 
 class DailyRecorder:
-    """Recorder of messages; a full disk costs those that arrive meanwhile, and nothing else.
+    """Recorder of messages; a full disk loses only the messages that arrive meanwhile.
 
-    It records until it is stopped. While it is stopped, it remembers what is still true, so that
-    the file of the next start is complete in itself.
+    It records until it is stopped. While it is stopped, it remembers current facts, so that the
+    file of the next start is self-contained.
 
     Args:
-        days: Number of days of which files are kept; 0 keeps all.
+        days: Number of days whose files are kept; 0 keeps all.
         today: Returns the local date.
         report: Takes a text for people, and whether it is an error.
 
     Attributes:
-        dropped: Messages that found no room since the last that did.
+        dropped: Messages dropped since the last one that was stored.
         is_recording: False while it is stopped.
-        trouble: Why nothing can be written; empty when it can.
+        trouble: Why writing fails; empty if it works.
 
     Raises:
         Refused: ``IN_USE``; another journal writes into the folder.
@@ -76,14 +76,14 @@ class DailyRecorder:
 
     @property
     def path(self) -> Path:
-        """The file of this start and day; the last one while it is stopped."""
+        """File of this start and day; while stopped, the last one."""
         return self._file.path
 
     def record(self, message: RecordedMessage, *, fact: str = "") -> None:
         """Take a message for the next flush.
 
-        A fact holds until the next message of the same key, so it is repeated at the beginning of
-        later files; an event has no key.
+        A fact holds until the next message with the same key, so it is repeated at the beginning
+        of later files; an event has no key.
         """
         if self.is_recording and not self.trouble:
             try:
@@ -96,11 +96,11 @@ class DailyRecorder:
             self._add(message)
 
     def forget(self, fact: str) -> None:
-        """Repeat a fact no more."""
+        """Stop repeating a fact."""
         self._facts.pop(fact, None)
 
     def start(self, now_ns: int) -> None:
-        """Begin a new file after a stop, with the facts that hold; ``now_ns`` counts from 1970.
+        """Begin a new file after a stop, with the current facts; ``now_ns`` counts from 1970.
 
         Raises:
             Refused: ``IN_USE``; another journal writes into the folder.
@@ -117,7 +117,7 @@ class DailyRecorder:
         self._repeat_facts(now_ns)
 
     def stop(self) -> None:
-        """Write what waits in memory and end the file; report what is lost."""
+        """Write the waiting messages and end the file; report lost ones."""
         self.is_recording = False
         lost = self.dropped + self._file.close()
         os.close(self._lock)
@@ -128,7 +128,7 @@ class DailyRecorder:
             )
 
     def flush(self, now_ns: int) -> None:
-        """Write what waits in memory; ``now_ns`` counts from 1970."""
+        """Write the waiting messages; ``now_ns`` counts from 1970."""
         if not self.is_recording:
             return
         try:
@@ -145,7 +145,7 @@ class DailyRecorder:
             self.dropped = 0
 
     def close(self) -> None:
-        """Stop, if it records."""
+        """Stop a recording, if any."""
         if self.is_recording:
             self.stop()
 
@@ -164,10 +164,9 @@ class DailyRecorder:
         self._file.add(message, sequence % 2**32)
 
     def _change_file(self, now_ns: int) -> None:
-        """Begin the file of another day with the facts that still hold; raises OSError.
+        """Begin the file of another day with the current facts; raises OSError.
 
-        The file of the day before is closed only when all messages that were taken for it are in
-        it.
+        The previous file is closed only once it has all of its messages.
         """
         today = self._today()
         if today == self._date:
@@ -213,7 +212,7 @@ class DailyRecorder:
                 self._report(f"{path.name} is deleted, {self._days} days are kept", False)
 
     def _warn(self, error: OSError) -> None:
-        """Report once that nothing can be written."""
+        """Report once that writing fails."""
         trouble = error.strerror or str(error)
         if trouble != self.trouble:
             self.trouble = trouble
@@ -226,7 +225,7 @@ class DailyRecorder:
 
 
 def newest_files(folder: Path) -> list[Path]:
-    """Return the files of the newest day in a folder, oldest first; empty when there is none."""
+    """Return the files of the newest day in a folder, oldest first; empty if there are none."""
     found = sorted(folder.glob("*.mcap"))
     newest = _NAME.fullmatch(found[-1].name) if found else None
     if newest is None:
@@ -236,13 +235,13 @@ def newest_files(folder: Path) -> list[Path]:
 
 
 def _names(folder: Path) -> list[re.Match[str]]:
-    """Return the files of a folder that a journal has written: name, day and start of each."""
+    """Return the files in a folder that a journal wrote: name, day and start of each."""
     matches = [_NAME.fullmatch(path.name) for path in folder.iterdir()]
     return sorted(filter(None, matches), key=lambda match: match[0])
 
 
 def lock_folder(folder: Path) -> int:
-    """Return a lock of a folder, which lasts until it is closed or its process ends.
+    """Return a lock on a folder, which lasts until it is closed or its process ends.
 
     Raises:
         Refused: ``IN_USE``; a journal writes into the folder.

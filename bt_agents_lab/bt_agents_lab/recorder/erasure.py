@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Erasure of a person from journals: of all that names them, and of their rounds."""
+"""Erasure of a person from journals: of all messages that name them, and of their rounds."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Round = tuple[str, int]
 
 @dataclass(kw_only=True)
 class ErasedJournals:
-    """What was erased from the journals of a folder.
+    """Result of an erasure from the journals of a folder.
 
     Attributes:
-        messages: Number of messages that are gone.
-        files: The files they were in.
-        in_use: File that is being written and holds some still; None for none.
-        bags: Bags of ``ros2 bag`` in the folder, which are left as they are.
-        problems: What could not be read, and is not in the new files.
+        messages: Number of erased messages.
+        files: Files that contained them.
+        in_use: File that is being written and still holds some; None for none.
+        bags: Bags of ``ros2 bag`` in the folder, which stay unchanged.
+        problems: Unreadable parts, which are not in the new files.
     """
 
     messages: int = 0
@@ -43,10 +43,10 @@ class ErasedJournals:
 
 
 def erase_from_journals(folder: Path, person: PersonMention) -> ErasedJournals:
-    """Write the files of a folder anew without what is about a person.
+    """Rewrite the files of a folder without the messages about a person.
 
-    That is each message that names the person, and each of a round or a run in which one does.
-    A file of which nothing is left is deleted. Sequences keep their gaps, so that a replay says
+    These are the messages that name the person, and all messages of rounds and runs with such a
+    message. Empty files are deleted. Sequence numbers keep their gaps, so that a replay reports
     what is missing.
 
     Raises:
@@ -145,16 +145,16 @@ def _names(one: StoredMessage, person: PersonMention) -> bool:
     if not person.may_be_in(one.message.data):
         return False
     message = _decoded(one)
-    # What cannot be decoded cannot be looked at, and may name the person.
+    # An undecodable message cannot be checked, and may name the person.
     return message is None or any(map(person.is_in, _texts(message)))
 
 
 def _decoded(one: StoredMessage) -> Any:
-    """Return the message with its fields as attributes; None for one that is damaged."""
+    """Return the message with its fields as attributes; None if it is damaged."""
     try:
         return one.decoder(one.message.data)
     except Exception:
-        # Whatever a decoder makes of broken bytes.
+        # Decoders raise any exception for broken bytes.
         return None
 
 
@@ -164,7 +164,7 @@ def _round_of(message: Any) -> Round | None:
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """Yield all texts in a message, those of nested messages and lists too."""
+    """Yield all texts in a message, including nested messages and lists."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, list | tuple):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file of a journal, written by whole flushes, and definitions of the types in it."""
+"""MCAP file of a journal, written in complete flushes, with the definitions of its types."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.private_files import make_private_folder, open_private
 
 PROGRAM = "bt-agents"
-"""Begins the name of the writer in the header of each journal, of any format."""
+"""Prefix of the writer's name in the header of each journal, of any format."""
 
 LIBRARY = f"{PROGRAM} journal 2"
 """Name of the writer in the header of a file, with the format of its messages."""
 
 QOS = "offered_qos_profiles"
-"""Key in the metadata of a channel by which ``ros2 bag play`` publishes as was published."""
+"""Key in the metadata of a channel with the QoS that ``ros2 bag play`` publishes with."""
 
 Write = Callable[[int, bytes, int], int]
-"""As :func:`os.pwrite`."""
+"""Function like :func:`os.pwrite`."""
 
 Lookup = Callable[[str], str | None]
-"""Returns the text of a type by its full name; None when there is none."""
+"""Function that returns the definition of a type by its full name, or None."""
 
 _RULE = "=" * 80
 _FIELD = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_/]*)(?:\[[^\]]*\])?\s+[A-Za-z_]")
@@ -41,12 +41,12 @@ _LONGEST = 1_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedTopic:
-    """A topic that is recorded.
+    """Topic that is recorded.
 
     Attributes:
         type: ``package/msg/Name``.
-        definition: Text of the type, followed by those that it uses.
-        qos: What its publishers offer, as ``ros2 bag`` reads it; empty leaves it to that.
+        definition: Definition of the type, followed by those of types in it.
+        qos: QoS of its publishers, as ``ros2 bag`` reads it; empty for its default.
     """
 
     name: str
@@ -57,10 +57,10 @@ class RecordedTopic:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedMessage:
-    """One message as it was sent.
+    """Message as it was sent.
 
     Attributes:
-        data: Serialised (CDR).
+        data: Serialized message (CDR).
         sent_ns: When it was sent [ns since 1970].
         received_ns: When it was received [ns since 1970].
     """
@@ -72,7 +72,7 @@ class RecordedMessage:
 
 
 class JournalFile:
-    """A new MCAP file; messages wait in memory until a flush writes all of them or none.
+    """New MCAP file; messages wait in memory until a flush writes all of them or none.
 
     Attributes:
         waiting: Number of messages that are not in the file yet.
@@ -100,7 +100,7 @@ class JournalFile:
             raise
 
     def add(self, message: RecordedMessage, sequence: int) -> None:
-        """Take a message for the next flush, with its number among those of its topic."""
+        """Take a message for the next flush, with its sequence number in its topic."""
         self._writer.add_message(
             channel_id=self._channel(message.topic),
             log_time=message.received_ns,
@@ -111,13 +111,13 @@ class JournalFile:
         self.waiting += 1
 
     def flush(self) -> None:
-        """Write what waits; raises OSError, and then the file is as it was before."""
+        """Write the waiting messages; raises OSError, and then the file is unchanged."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._write_out()
         self.waiting = 0
 
     def close(self) -> int:
-        """Write what there is room for, and the summary; return how many messages found none."""
+        """Write the messages that fit, and the summary; return the number of lost messages."""
         try:
             with suppress(OSError):
                 self.flush()
@@ -143,7 +143,7 @@ class JournalFile:
         return self._channels[topic]
 
     def _write_out(self) -> None:
-        """Append the writer's output to the file, everything or nothing; raises OSError."""
+        """Append the writer's output to the file, all or nothing; raises OSError."""
         data, end = self._unwritten.getvalue(), self._unwritten.start
         done = 0
         try:
@@ -159,7 +159,7 @@ class _Unwritten(BytesIO):
     """Output of the MCAP writer that is not in the file yet.
 
     Attributes:
-        start: Offset in the file at which it belongs.
+        start: Its offset in the file.
     """
 
     start = 0
@@ -174,9 +174,9 @@ class _Unwritten(BytesIO):
 
 
 def definition(type_name: str, lookup: Lookup) -> str:
-    """Return the text of a type, followed by those of the types in it.
+    """Return the definition of a type, followed by those of the types in it.
 
-    They are separated as rosbag2 and Foxglove expect it: a line of 80 ``=``, ``MSG: pkg/Name``.
+    They are separated as rosbag2 and Foxglove expect: a line of 80 ``=``, ``MSG: pkg/Name``.
 
     Raises:
         Refused: ``NO_DEFINITION``.
@@ -184,7 +184,7 @@ def definition(type_name: str, lookup: Lookup) -> str:
     known = cache(lookup)
     parts: list[str] = []
     seen = [type_name]
-    # It grows while it is walked through.
+    # The list grows during the loop.
     for name in seen:
         text = known(name)
         if text is None or len(text) > _LONGEST:
@@ -200,7 +200,7 @@ def definition(type_name: str, lookup: Lookup) -> str:
 
 
 def _used(text: str, package: str) -> list[str]:
-    """Return the full names of the types of the fields of a text."""
+    """Return the full names of the field types in a definition."""
     found: dict[str, None] = {}
     for line in text.splitlines():
         match = _FIELD.match(line.partition("#")[0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the journal: whether everything is recorded, and can be written."""
+"""Health of the journal: whether it records everything and can write."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ def recording_health(*, is_recording: bool, file: str, trouble: str, dropped: in
 
     Args:
         is_recording: False while it is stopped.
-        file: The one that is written, else the last one.
-        trouble: Why nothing can be written; empty when it can.
-        dropped: Messages that have found no room since the last that did.
+        file: Current file, else the last one.
+        trouble: Why writing fails; empty if it works.
+        dropped: Messages dropped since the last one that was stored.
     """
     level, message = Health.OK, "everything is recorded"
     if trouble:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of journals and of bags of ``ros2 bag record``, whole or torn, without ROS."""
+"""Reader of journals and ``ros2 bag record`` bags, whole or torn, without ROS."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from bt_agents_lab.recorder.file import LIBRARY, PROGRAM
 from bt_agents_ros.system_topics import HOST, TOPICS
 
 MOST_UNPACKED = 1 << 26
-"""Bytes that a chunk may hold; more than a journal ever writes into one."""
+"""Most bytes of a chunk; more than a journal ever writes into one."""
 
 MOST_UNPACKED_FILE = 1 << 31
-"""Bytes that are read of a file which is compressed as a whole."""
+"""Most bytes to read from a file that is compressed as a whole."""
 
 _LARGEST_RECORD = 1 << 30
 _FIRST_MESSAGES = 1000
@@ -44,22 +44,21 @@ _OWN_PACKAGE = "bt_agents_interfaces/"
 _TELLING = tuple(
     one for one in TOPICS if one.type.startswith(_OWN_PACKAGE) and HOST not in one.name
 )
-"""Topics by whose names and types a system is known."""
+"""Topics whose names and types identify a system."""
 
 _FOOTER_BYTES = 37
-"""Length of the last record of a file, with the magic bytes behind it."""
+"""Length of the last record of a file, including the magic bytes after it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JournalEntry:
-    """One message of a journal.
+    """Message of a journal.
 
     Attributes:
         type: ``package/msg/Name``.
-        sent_ns: When it was sent; in a bag that does not say so, when it was received [ns since
-            1970].
-        lost: Number of messages of its topic right before it that the journal found no room for.
-        data: Serialised, as it was sent.
+        sent_ns: When it was sent, or for a bag without that time, received [ns since 1970].
+        lost: Number of messages of its topic that the journal dropped right before it.
+        data: Serialized message, as it was sent.
         decoder: Returns the message of ``data`` with its fields as attributes.
     """
 
@@ -81,7 +80,7 @@ class JournalEntry:
         except BtAgentsError:
             raise
         except Exception as error:
-            # Whatever a decoder makes of broken bytes.
+            # Decoders raise any exception for broken bytes.
             reason = str(error) or type(error).__name__
             raise BtAgentsError(
                 f"it or the definition of its type is damaged ({reason})"
@@ -90,11 +89,11 @@ class JournalEntry:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StoredMessage:
-    """One message of a file with all that the file says of it.
+    """Message of a file with all that the file states about it.
 
     Attributes:
-        is_ours: A journal has written the file, so that sequences count the messages of a topic.
-        decoder: As that of :class:`JournalEntry`.
+        is_ours: Whether a journal wrote the file, so that sequences count a topic's messages.
+        decoder: As in :class:`JournalEntry`.
     """
 
     channel: Channel
@@ -106,12 +105,12 @@ class StoredMessage:
 
 @dataclass(kw_only=True, slots=True)
 class Counted:
-    """Count of the messages of one topic that were not returned.
+    """Count of the messages of one topic that are not returned.
 
     Attributes:
-        lost: Number of those that the journal found no room for.
-        first_ns: When the first one was sent [ns since 1970].
-        last_ns: When the last one was.
+        lost: Number of messages that the journal dropped.
+        first_ns: When the first message was sent [ns since 1970].
+        last_ns: When the last message was sent [ns since 1970].
     """
 
     messages: int = 0
@@ -128,21 +127,21 @@ class Counted:
 
 
 class JournalReader:
-    """Reader of the messages of some journals and bags, in the order in which they were sent.
+    """Reader of the messages of some journals and bags, in the order of sending.
 
     Duplicates, such as a latched message that a journal received again after its restart, are
     returned once.
 
     Args:
         paths: Files, bags, or folders of files.
-        namespace: Of the system to read, where there are several in it.
+        namespace: Namespace of the system to read, if there are several.
 
     Attributes:
         files: All files that are read.
-        problems: Texts about what could not be read; complete after reading.
-        hints: Texts about what the files do not tell; complete after reading.
-        is_counted: Whether the files tell how many messages are lost; complete after reading.
-        counted: Topic → its messages that were only counted; complete after reading.
+        problems: Texts about unreadable parts; complete after reading.
+        hints: Texts about information that the files lack; complete after reading.
+        is_counted: Whether the files count lost messages; complete after reading.
+        counted: Topic → count of its messages that are not returned; complete after reading.
 
     Raises:
         Refused: ``SQLITE_BAG`` or ``NO_RECORDING``.
@@ -171,11 +170,11 @@ class JournalReader:
     def entries(self, types: Collection[str] | None = None) -> list[JournalEntry]:
         """Return messages of the types ``package/msg/Name``; None returns all.
 
-        The others are counted as often as they are there.
+        Each occurrence of the others is counted.
 
         Raises:
-            Refused: ``OTHER_FORMAT``, or ``SEVERAL_SYSTEMS``: they were recorded together, and
-                none of them is in the namespace.
+            Refused: ``OTHER_FORMAT``, or ``SEVERAL_SYSTEMS``: several were recorded together, and
+                none is in the namespace.
         """
         seen: set[int] = set()
         found = []
@@ -200,7 +199,7 @@ class JournalReader:
         return sorted(found, key=lambda entry: entry.sent_ns)
 
     def stored(self, path: Path) -> Iterator[StoredMessage]:
-        """Yield the messages of one of the files as they are stored, duplicates too.
+        """Yield the messages of one of the files as stored, including duplicates.
 
         Raises:
             Refused: ``OTHER_FORMAT``.
@@ -213,7 +212,7 @@ class JournalReader:
             for record in self._records(path, file):
                 match record:
                     case Header():
-                        # Others may count their messages otherwise.
+                        # Other programs may count messages differently.
                         ours = record.library == LIBRARY
                         if not ours:
                             self._note_foreign(path, record.library)
@@ -247,7 +246,7 @@ class JournalReader:
             yield JournalEntry(
                 topic=one.channel.topic,
                 type=one.schema.name,
-                # Recorders that do not know when a message was sent write 0.
+                # Recorders that do not know the time of sending write 0.
                 sent_ns=one.message.publish_time or one.message.log_time,
                 lost=_lost_before(one.message, sequences) if one.is_ours else 0,
                 data=one.message.data,
@@ -258,10 +257,10 @@ class JournalReader:
         self.counted.setdefault(one.topic, Counted()).add(one.sent_ns, one.lost)
 
     def _note_foreign(self, path: Path, library: str) -> None:
-        """Note that another program has written a file, once.
+        """Note once that another program wrote a file.
 
         Raises:
-            Refused: ``OTHER_FORMAT``; another version of this one has.
+            Refused: ``OTHER_FORMAT``; another version of this program wrote it.
         """
         if library.startswith(PROGRAM):
             raise Refused(
@@ -304,10 +303,10 @@ class JournalReader:
         return ours
 
     def _records(self, path: Path, file: BinaryIO) -> Iterator[McapRecord]:
-        """Yield the records of a file up to where it cannot be read any more.
+        """Yield the records of a file up to its first unreadable part.
 
-        A file that ends after a whole record has lost nothing: it is being written, or its journal
-        was killed.
+        A file that ends after a complete record has lost nothing: it is being written, or its
+        journal was killed.
         """
         whole = 0
         reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST_RECORD)
@@ -321,7 +320,7 @@ class JournalReader:
         except EndOfFile:
             size = os.fstat(file.fileno()).st_size
             if _is_packed(path):
-                # It was packed when its end was written.
+                # The file was compressed after its end was written.
                 self.problems.append(f"{path} is torn: the end of what was packed is missing")
             elif size > whole:
                 self.problems.append(
@@ -329,7 +328,7 @@ class JournalReader:
                     f"{size - whole} bytes cannot be read"
                 )
         except Exception as error:
-            # Whatever a decoder makes of broken bytes.
+            # Decoders raise any exception for broken bytes.
             why = str(error) or type(error).__name__
             self.problems.append(f"{path} can be read to byte {file.tell()} only: {why}")
 
@@ -342,14 +341,14 @@ class JournalReader:
 
 
 def _unpacked_records(file: BinaryIO) -> Iterator[McapRecord]:
-    """Yield the records of a file that is compressed as a whole, up to the end of its data.
+    """Yield the records of a file that is compressed as a whole, one by one, up to its end.
 
     They are unpacked one after the other.
 
     Raises:
         EndOfFile: It is torn.
-        ValueError: It holds more than :data:`MOST_UNPACKED_FILE`, or no MCAP.
-        Exception: Whatever a decoder makes of broken bytes.
+        ValueError: It holds more than :data:`MOST_UNPACKED_FILE`, or is not MCAP.
+        Exception: Any exception of a decoder for broken bytes.
     """
     unpacked = zstandard.ZstdDecompressor(max_window_size=MOST_UNPACKED).stream_reader(file)
     if unpacked.read(MAGIC_SIZE) != MCAP0_MAGIC:
@@ -379,7 +378,7 @@ def _is_packed(path: Path) -> bool:
 
 
 def _namespace_of(topic: str, type_name: str) -> str:
-    """Return the namespace of the system that a topic is of; empty where it does not tell."""
+    """Return the namespace of a topic's system; empty if the topic does not tell."""
     full = f"/{topic.lstrip('/')}"
     for known in _TELLING:
         if known.type == type_name and full.endswith(f"/{known.name}"):
@@ -388,7 +387,7 @@ def _namespace_of(topic: str, type_name: str) -> str:
 
 
 def _lost_before(message: Message, sequences: dict[int, int]) -> int:
-    """Return how many messages of the same topic are missing before one.
+    """Return the number of missing messages of the same topic before a message.
 
     Each file counts the messages of every topic from 1. ``sequences`` holds the number of the
     last message by channel.
@@ -399,9 +398,9 @@ def _lost_before(message: Message, sequences: dict[int, int]) -> int:
 
 
 def _summary(file: BinaryIO) -> tuple[dict[int, Schema], dict[int, Channel]]:
-    """Return the schemas and channels in the summary of a file; none when it has no summary.
+    """Return the schemas and channels in the summary of a file; none if it has no summary.
 
-    They serve where the chunk that declares them, often the first one, cannot be read.
+    They help if the chunk that declares them, often the first one, is unreadable.
     """
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
@@ -419,7 +418,7 @@ def _summary(file: BinaryIO) -> tuple[dict[int, Schema], dict[int, Channel]]:
                 elif isinstance(record, Channel):
                     channels[record.id] = record
     except Exception:
-        # Whatever a decoder makes of broken bytes; the messages are read all the same.
+        # Decoders raise any exception for broken bytes; the messages are still read.
         pass
     finally:
         file.seek(0)
@@ -427,9 +426,9 @@ def _summary(file: BinaryIO) -> tuple[dict[int, Schema], dict[int, Channel]]:
 
 
 def _unpacked(chunk: Chunk) -> list[McapRecord]:
-    """Return the records of a chunk; raises whatever a decoder makes of broken bytes.
+    """Return the records of a chunk; raises any exception of a decoder for broken bytes.
 
-    No more is unpacked than the chunk declares, and that is bounded.
+    It unpacks no more than the chunk declares, and that is bounded.
     """
     size = chunk.uncompressed_size
     if size > MOST_UNPACKED:
@@ -447,7 +446,7 @@ def _unpacked(chunk: Chunk) -> list[McapRecord]:
 
 
 def _decoded(factory: DecoderFactory, channel: Channel, schema: Schema, data: bytes) -> Any:
-    """Return a message of a channel; the factory makes the decoder of a schema once."""
+    """Return a message of a channel; the factory makes each schema's decoder once."""
     decoder = factory.decoder_for(channel.message_encoding, schema)
     if decoder is None and not schema.data:
         raise BtAgentsError(
@@ -463,9 +462,9 @@ def _decoded(factory: DecoderFactory, channel: Channel, schema: Schema, data: by
 
 
 def recording_label(path: Path) -> str:
-    """Return the label under which a file was begun; empty for none.
+    """Return the label with which a file was started; empty for none.
 
-    It stands right behind the facts with which a file begins, so no more is read.
+    It directly follows the facts at the beginning of a file, so no more is read.
     """
     try:
         reader = JournalReader([path])
@@ -473,6 +472,6 @@ def recording_label(path: Path) -> str:
             if one.schema.name == "bt_agents_interfaces/msg/RecordingStatus":
                 return str(one.decoder(one.message.data).label)
     except Exception:
-        # Whatever a decoder makes of broken bytes.
+        # Decoders raise any exception for broken bytes.
         pass
     return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control of a recording: its start, its end, its label, and the moments marked in it."""
+"""Control of a recording: its start, its end, its label and its bookmarks."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from bt_agents_core.text import ellipsize
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder
 
 MOST_BOOKMARKS = 10_000
-"""Moments that may be marked in one recording."""
+"""Maximum number of bookmarks in one recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingState:
-    """Whether everything is recorded now, and what is known of the recording.
+    """State of the recording: whether it records, and its details.
 
     Attributes:
-        since_ns: When this came into force [ns since 1970].
-        file: The one that is written, else the last one.
-        author: Who started it; empty when it began with the journal.
-        bookmarks: Number of moments that were marked in it.
+        since_ns: When this state began [ns since 1970].
+        file: Current file, else the last one.
+        author: Who started it; empty if it began with the journal.
+        bookmarks: Number of its bookmarks.
     """
 
     since_ns: int
@@ -37,7 +37,7 @@ class RecordingState:
 
 @dataclass(frozen=True, kw_only=True)
 class MarkedMoment:
-    """Moment of a recording that somebody wants to find again [ns since 1970]."""
+    """Bookmarked moment of a recording [ns since 1970]."""
 
     at_ns: int
     label: str
@@ -46,21 +46,21 @@ class MarkedMoment:
 
 
 class RecordingListener(Protocol):
-    """Whoever makes known what has changed; what is to be recorded of it is recorded by it."""
+    """Listener that publishes changes, and records those that belong in the recording."""
 
     def on_state(self, state: RecordingState) -> None:
-        """Take the state that holds from now on."""
+        """Take the new state."""
 
     def on_bookmark(self, moment: MarkedMoment) -> None:
-        """Take a moment that was marked."""
+        """Take a bookmarked moment."""
 
 
 class RecordingControl:
-    """Start, end and bookmarks of the recordings of one recorder, which records already.
+    """Start, end and bookmarks of the recordings of one recorder, which is already recording.
 
     Args:
         recorder: Writes the files.
-        listener: Is told of every change, and of the state at the beginning.
+        listener: Gets every change, and the initial state.
         now_ns: Returns the time of day [ns since 1970].
     """
 
@@ -74,7 +74,7 @@ class RecordingControl:
         listener.on_state(self.state)
 
     def start(self, *, label: str, notes: str, author: str) -> str:
-        """Begin a new file; return what was done, in words.
+        """Begin a new file; return a message about it.
 
         Raises:
             Refused: ``RECORDING_ALREADY``, ``IN_USE`` or ``CANNOT_WRITE``.
@@ -106,7 +106,7 @@ class RecordingControl:
         return f"{self._named()} is being recorded"
 
     def stop(self) -> str:
-        """End the file; return what was done, in words.
+        """End the file; return a message about it.
 
         Raises:
             Refused: ``NOT_RECORDING``.
@@ -117,7 +117,7 @@ class RecordingControl:
         return f"{self._named()} has ended, nothing is recorded now"
 
     def mark(self, *, label: str, notes: str, author: str) -> str:
-        """Mark the moment now; return what was done, in words.
+        """Mark the current moment; return a message about it.
 
         Raises:
             Refused: ``NOT_RECORDING``, or ``TOO_MANY`` bookmarks.
@@ -136,7 +136,7 @@ class RecordingControl:
         return f"marked in {self._named()}" + (f": {ellipsize(label, 80)}" if label else "")
 
     def check_file(self) -> None:
-        """Make known that another day has begun another file."""
+        """Report a new file that a new day has begun."""
         if self.state.is_recording and self.state.file != self._recorder.path.name:
             self._set(replace(self.state, file=self._recorder.path.name))
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of the decisions, profile changes and runs of a journal, and what-if on them."""
+"""Replay of the decisions, profile changes and runs in a journal, and what-if analysis."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counterfactual replay of a journal: another strategy, other learning or other agents."""
+"""Counterfactual replay of a journal with another strategy, other learning or other agents."""
 
 from __future__ import annotations
 
@@ -44,21 +44,21 @@ OTHERS_ASSUMED = (
     "Every agent of the folder bids in each round, also one that the host was told to leave out "
     "by its tags; --tags leaves it out here, too."
 )
-"""Further assumption when other agents bid, for people."""
+"""Further assumption if other agents bid, for people."""
 
 _Key = tuple[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Changes:
-    """Differences from what has happened.
+    """Changes to the recorded system.
 
     Attributes:
-        strategy: By which bids are ranked; empty keeps that of each round.
+        strategy: Strategy for ranking bids; empty keeps that of each round.
         rate: Learning rate of every agent; None keeps its own.
         update: How profiles follow feedback; None keeps that of each agent.
-        agents: Who bids, with the profile, learning and requirement of its file; None keeps those
-            who bid.
+        agents: Agents that bid, with the profile, learning and requirement of their files; None
+            keeps the recorded bidders.
     """
 
     strategy: str = ""
@@ -97,15 +97,15 @@ class Changes:
 
 @dataclass(frozen=True, kw_only=True)
 class RoundComparison:
-    """One round, as it was and as it would have been.
+    """A round as it was and as it would have been.
 
     Attributes:
         label: Name of the scene, for people.
-        was: Who won; empty for nobody.
-        now: Who would have won.
+        was: The winner; empty for none.
+        now: The winner with the changes; empty for none.
         margin_was: Score of the runner-up minus that of the winner; NaN without a runner-up.
-        margin_now: The same as it would have been.
-        problem: Why it could not be decided; empty when it could.
+        margin_now: The same with the changes.
+        problem: Why the round could not be decided; empty if it could.
     """
 
     epoch: str
@@ -124,9 +124,9 @@ class CounterfactualResult:
 
     Attributes:
         bidders: Agents that bid at least once.
-        given: Number of feedbacks that would have been given.
-        withheld: Number of those that would not, as another agent would have run.
-        profiles: Profile of each agent at the end, for everybody.
+        given: Number of feedbacks that would still have been given.
+        withheld: Number of those that would not, because another agent would have run.
+        profiles: Final profile of each agent, for everybody.
     """
 
     rounds: list[RoundComparison] = field(default_factory=list)
@@ -137,12 +137,12 @@ class CounterfactualResult:
 
     @property
     def chosen(self) -> Counter[str]:
-        """Agent → rounds that it would have won."""
+        """Agent → number of rounds that it would have won."""
         return Counter(case.now for case in self.rounds if case.now)
 
     @property
     def never(self) -> tuple[str, ...]:
-        """Agents that bid and would never have been chosen."""
+        """Agents that bid and would never have won."""
         return tuple(sorted(self.bidders - self.chosen.keys()))
 
     @property
@@ -152,7 +152,7 @@ class CounterfactualResult:
 
 
 def replay_with(recording: RecordingIndex, changes: Changes) -> CounterfactualResult:
-    """Decide and learn the contents of a journal with some changes, or none."""
+    """Repeat the decisions and the learning in a journal with some changes, or none."""
     changes.check()
     return _Counterfactual(changes).replay(recording)
 
@@ -278,7 +278,7 @@ class _Counterfactual:
         return self._now.setdefault((spec.name, EVERYBODY), own).profile
 
     def _begin(self, key: _Key, profile: Vector) -> None:
-        """Take over a profile that nothing recorded has led to."""
+        """Take a profile that does not result from anything recorded."""
         agent, layer = key
         taught = _Taught(profile=profile)
         if layer and self._was.get((agent, EVERYBODY)) == profile:
@@ -329,7 +329,7 @@ class _Counterfactual:
         self._now[key] = revisions[feedback.revision] = now
 
     def _taught(self, recorded: RecordedFeedback, space: SceneSpace, now: _Taught) -> _Taught:
-        """Return a profile after a feedback, but not after an undo."""
+        """Return the profile after a feedback, not after an undo."""
         feedback, spec = recorded.feedback, self._specs.get(recorded.feedback.agent)
         if is_managed(feedback):
             is_import = bool(feedback.feedback_id)
@@ -383,7 +383,7 @@ class _Counterfactual:
 
 @dataclass(frozen=True, kw_only=True)
 class _Taught:
-    """Profile as it would have been; what it was taught, as in :class:`Evidence`."""
+    """Profile as it would have been, with its feedback as in :class:`Evidence`."""
 
     profile: Vector
     recent: tuple[Vector, ...] = ()
@@ -392,7 +392,7 @@ class _Taught:
 
 @dataclass(kw_only=True)
 class _Runs:
-    """Runs of one market; the number of its last run for each agent."""
+    """Runs of one market, with the number of the last run of each agent."""
 
     runs: Counter[str] = field(default_factory=Counter)
     last: dict[str, int] = field(default_factory=dict)
@@ -406,10 +406,10 @@ class _Runs:
 
 
 class _RunCounts:
-    """Runs of each agent as they would have been, beside those that were.
+    """Counts of each agent's runs as they would have been, along with the recorded ones.
 
-    Bids carry how often their agents had run. Runs that a journal has not seen, as it begins later
-    or has lost something, are taken over; so counts without a change are as they were.
+    Bids state how often their agents had run. Runs that a journal has not seen, because it begins
+    later or has lost messages, are included; so without changes, counts stay as recorded.
     """
 
     def __init__(self) -> None:
@@ -417,10 +417,10 @@ class _RunCounts:
         self._now: defaultdict[str, _Runs] = defaultdict(_Runs)
 
     def updated(self, one: Round) -> _Runs:
-        """Take over the counts in the bids of a round; return them as they would have been.
+        """Take the counts in the bids of a round; return them as they would have been.
 
-        Where the journal does not begin with the market, its runs in all are at least those of the
-        bidders, which is all of them when everybody bids.
+        If the journal does not begin with the market, the total number of runs is at least that of
+        the bidders, which is exact if all agents bid.
         """
         auction = one.auction
         was, now = self._was[auction.epoch], self._now[auction.epoch]
@@ -435,20 +435,20 @@ class _RunCounts:
         return now
 
     def add(self, epoch: str, was: Iterable[str], now: Iterable[str]) -> None:
-        """Count who ran after a round, and who would have."""
+        """Count the agent that ran after a round, and the one that would have."""
         self._was[epoch].add(was)
         self._now[epoch].add(now)
 
 
 def _left_out(one: Round, agent: str) -> bool:
-    """Return whether an agent could not bid in a round, whatever it is like."""
+    """Return whether an agent could not bid in a round, whatever its properties."""
     refused = {bid.agent: bid.code for bid in one.auction.refused}
     bidders = {bid.agent for bid in one.auction.ranking}
     if agent in (*one.vetoed, *(one.excluded or ())) or refused.get(agent) in _EXCLUDED:
         return True
     if one.pinned:
         return agent != one.pinned
-    # Where the run was given to one, agents that were not there could not bid either.
+    # If an operator awarded the run, absent agents could not bid either.
     return NOT_AWARDED in refused.values() and agent not in bidders | refused.keys()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of the decisions of a journal: order, scores, winner and reason are compared."""
+"""Replay of the decisions in a journal: compares order, scores, winner and reason."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from marketplace_node.strategies import STRATEGIES
 KIND = "decision"
 
 _NOT_ASKED = " is not asked: "
-"""Part of lines about hosts of which the message holds nothing else."""
+"""Part of lines about hosts that the message does not mention elsewhere."""
 
 
 def replay_decisions(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
-    """Decide each round again and yield whether everything about it is equal, bit for bit."""
+    """Decide each round again and yield whether all of it is equal, bit for bit."""
     for one in rounds:
         auction = one.auction
         where = one.name + (f", {auction.winner}" if auction.winner else "")
@@ -55,7 +55,7 @@ def replay_decisions(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
 
 
 def _by_any_rules(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
-    """Return the finding by those rules that the market may have had and that fit best."""
+    """Return the finding with the best fitting of the possible rules of the market."""
     findings = (
         _again(replace(one, possible_rules=(rules,)), space, where) for rules in one.possible_rules
     )
@@ -100,13 +100,13 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
             return not_recorded(KIND, where, missing)
         if difference:
             return compared(KIND, where, difference)
-    # Whom its call left out, and why, stands in the explanation.
+    # The explanation states which agents the call left out, and why.
     text = _reason_difference(auction, terms, ranked, space) if one.excluded == () else ""
     return compared(KIND, where, text)
 
 
 def _difference(one: Round, ranked: Ranked, scene: Scene) -> str:
-    """Return the first difference as text; empty when everything is equal."""
+    """Return the first difference as text; empty if everything is equal."""
     auction = one.auction
     for place, (was, now) in enumerate(zip_longest(auction.ranking, ranked.bids), 1):
         if was.agent != now.agent:
@@ -141,7 +141,7 @@ def _difference(one: Round, ranked: Ranked, scene: Scene) -> str:
 
 
 def _outcome_difference(auction: Any, best: RankedBid | None) -> str:
-    """Return how the outcome contradicts the winner; what it does to a run is not compared."""
+    """Return how the outcome contradicts the winner; its effect on a run is not compared."""
     expected = (best.agent_id, best.host) if best else (0, "")
     if (auction.winner_id, auction.host) != expected:
         was = f"{auction.winner_id} of '{auction.host}'"
@@ -158,10 +158,10 @@ def _outcome_difference(auction: Any, best: RankedBid | None) -> str:
 
 
 def _reason_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneSpace) -> str:
-    """Return what differs in the reason and explanation of a plain award; empty when nothing does.
+    """Return the difference in the reason and explanation of a plain award; empty if none.
 
-    Those of other rounds depend on more than their message holds: an earlier scene, a run that was
-    stopped or goes on, commands of operators, the answer of an external program.
+    Those of other rounds depend on more than their message holds: an earlier scene, a stopped or
+    continuing run, commands of operators, the answer of an external program.
     """
     plain = auction.outcome == AuctionOutcome.AWARDED and auction.strategy != EXTERNAL
     if not plain or auction.follows or auction.intervention:

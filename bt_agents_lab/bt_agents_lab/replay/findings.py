@@ -19,13 +19,13 @@ class ReplayVerdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayFinding:
-    """Comparison of one thing with its replay.
+    """Comparison of one item with its replay.
 
     Attributes:
         kind: ``decision``, ``profile change`` or ``run of a tree``.
-        where: Which one, for people.
-        text: The first difference, or what is missing; empty when equal.
-        size: Number of its parts, ticks for example.
+        where: Identification of the item, for people.
+        text: The first difference, or the missing part; empty if equal.
+        size: Number of its parts, such as ticks.
     """
 
     kind: str
@@ -36,7 +36,7 @@ class ReplayFinding:
 
 
 def compared(kind: str, where: str, difference: str, size: int = 1) -> ReplayFinding:
-    """Return the finding of a comparison; without a difference both are equal."""
+    """Return the finding of a comparison; an empty difference means equal."""
     verdict = ReplayVerdict.DIFFERENT if difference else ReplayVerdict.EQUAL
     return ReplayFinding(kind=kind, where=where, verdict=verdict, text=difference, size=size)
 
@@ -52,7 +52,7 @@ class FindingCounts:
 
     Attributes:
         counts: Kind and verdict → number.
-        sizes: Kind → number of parts of those that are equal.
+        sizes: Kind → number of parts in equal items.
         unequal: Findings that are not equal, in order.
     """
 
@@ -69,5 +69,5 @@ class FindingCounts:
 
     @property
     def different(self) -> int:
-        """Number of findings that are different."""
+        """Number of findings of differences."""
         return sum(one.verdict is ReplayVerdict.DIFFERENT for one in self.unequal)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules of a market of which only the texts of its hosts are recorded."""
+"""Rules of a market, reconstructed from the recorded texts of its hosts."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def rules_of_market(
 ) -> tuple[Rules, ...]:
     """Return the rules that agree with all rounds of one start of a market, at least one.
 
-    A market reads its rules at its start, and its hosts send their texts whenever these change: so
-    it may have other rules than the newest text, and a host of another folder may have none.
-    Where none agree, those of the first text are returned.
+    A market reads its rules at its start, and its hosts send their texts at each change: so its
+    rules may differ from the newest text, and a host of another folder may have none. If none
+    agree, the result is the rules of the first text.
 
     Args:
-        auctions: Its rounds.
+        auctions: Rounds of the market.
         texts: Texts of ``market.yaml``, the most likely one first.
         space: The scene parameters.
     """
@@ -39,7 +39,7 @@ def rules_of_market(
 
 
 def _rules(text: str, space: SceneSpace) -> Rules:
-    """Return the rules of a text; none of one that is wrong, with which no rule counts."""
+    """Return the rules of a text; none if it is invalid, because then no rule counts."""
     try:
         return read_market(Source(MARKET, text), space)
     except BtAgentsError:
@@ -47,7 +47,7 @@ def _rules(text: str, space: SceneSpace) -> Rules:
 
 
 def _agree(rules: Rules, auction: Any) -> bool:
-    """Return whether a round that was ranked by rules, or only looked at, was so by these."""
+    """Return whether these rules agree with a round that rules ranked or only scored."""
     bidders = [bid.agent for bid in auction.ranking]
     if RULES not in (auction.strategy, auction.shadow_strategy) or not bidders:
         return True

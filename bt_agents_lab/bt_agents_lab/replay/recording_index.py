@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Index of a journal: its rounds, profile changes and runs of trees."""
+"""Index of a journal: rounds, profile changes and runs of trees."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from marketplace_node.outcomes import RunEventKind, RunOutcome
 _TYPES = "bt_agents_interfaces/msg/"
 
 NO_TEXTS = "there is no scene.yaml, as no host has sent its texts before"
-"""Why a round cannot be decided again whose ``parsed`` is unknown."""
+"""Why a round with unknown ``parsed`` cannot be decided again."""
 
 RunKey = tuple[str, str, int, str]
 """Instance of the host, epoch of the market, round and agent of a run."""
@@ -32,11 +32,11 @@ class RecordedRun:
     """Messages about one run of a tree.
 
     Attributes:
-        records: Its record, in the order in which the parts were sent.
+        records: Parts of its record, in the order of sending.
         statuses: Changes of its ticks, in the same order.
         texts: Texts of its host before it began, newest first.
-        round: The round that awarded it; None for unknown.
-        torn: Whether messages around it are lost.
+        round: The round that awarded it; None if unknown.
+        torn: Whether messages around it were lost.
     """
 
     key: RunKey
@@ -58,14 +58,14 @@ class Round:
     """One round of a market.
 
     Attributes:
-        runs: Number of runs that this start of the market had begun before it; None for unknown.
-        parsed: Texts that define the scene; None for unknown.
-        possible_rules: Rules of the market, for the strategy ``rules``, which agree with all of
+        runs: Number of earlier runs of this start of the market; None if unknown.
+        parsed: Texts that define the scene; None if unknown.
+        possible_rules: Rules of the market, for the strategy ``rules``, that agree with all of
             its rounds, the most likely ones first.
-        excluded: Agents that its call for bids left out; None for unknown.
+        excluded: Agents that its call for bids left out; None if unknown.
         pinned: The one agent that could bid; empty for all.
         vetoed: Agents that could not bid.
-        ran: Agents whose run has begun after it; more than one where the host was lost.
+        ran: Agents whose runs began after it; more than one if the host was lost.
         run_events: Messages about these runs, in order.
     """
 
@@ -91,12 +91,12 @@ class Round:
 
     @property
     def earlier(self) -> int:
-        """Number of runs before this start of the market, as far as it knows."""
+        """Known number of runs before this start of the market."""
         return int(self.auction.earlier_runs)
 
     @property
     def least(self) -> int:
-        """Least number of runs before it, by the counts in its bids."""
+        """Minimum number of earlier runs, by the counts in its bids."""
         ranking = self.auction.ranking
         last = max((bid.last_run for bid in ranking), default=0)
         return max(int(last), sum(int(bid.runs) for bid in ranking))
@@ -107,9 +107,9 @@ class RecordedFeedback:
     """One change of a profile.
 
     Attributes:
-        card: The agent as its host introduced it last; None for unknown.
+        card: Latest card of the agent from its host; None if unknown.
         parameters: Order of the values of the card.
-        parsed: Texts that define the scene parameters; None for unknown.
+        parsed: Texts that define the scene parameters; None if unknown.
     """
 
     feedback: Any
@@ -120,11 +120,11 @@ class RecordedFeedback:
 
 @dataclass(kw_only=True)
 class RecordedProfile:
-    """Revision of a profile that came without feedback: its beginning, or an edit of its file.
+    """Revision of a profile without feedback: its beginning, or an edit of its file.
 
     Attributes:
-        layer: Empty for everybody's.
-        profile: Empty when the layer was forgotten.
+        layer: Layer; empty for everybody's profile.
+        profile: Values; empty if the layer was forgotten.
     """
 
     agent: str
@@ -138,16 +138,16 @@ class RecordingIndex:
     """Contents of a journal.
 
     Attributes:
-        events: Rounds of all markets, and what has become of profiles, in order.
+        events: Rounds of all markets, and changes of profiles, in order.
         recordings: Latest ``RecordingStatus`` of each file, in order.
         bookmarks: ``Bookmark`` messages, in order.
-        counts: Topic → messages.
-        lost: Topic → messages that the journal found no room for.
+        counts: Topic → number of messages.
+        lost: Topic → number of messages that the journal dropped.
         first_ns: When the first message was sent [ns since 1970]; 0 for none.
-        files: Files that hold them.
-        is_counted: Whether these tell how many messages are lost.
-        problems: Texts about what cannot be read.
-        hints: Texts to show before them.
+        files: Files that hold the messages.
+        is_counted: Whether the files count lost messages.
+        problems: Texts about unreadable parts.
+        hints: Texts to show before the problems.
     """
 
     events: list[Round | RecordedFeedback | RecordedProfile] = field(default_factory=list)
@@ -175,21 +175,21 @@ class RecordingIndex:
 
     @property
     def whole(self) -> bool:
-        """Whether everything could be read and nothing is lost."""
+        """Whether everything was readable and nothing is lost."""
         return not self.problems and not self.lost
 
 
 def index_entries(entries: Iterable[JournalEntry]) -> RecordingIndex:
-    """Return the contents of messages in the order in which they were sent."""
+    """Return the index of messages, which come in the order of sending."""
     return _Indexer().index(entries)
 
 
 def read(paths: Sequence[Path], namespace: str = "") -> RecordingIndex:
-    """Return the contents of some files; messages of no use for a replay are only counted.
+    """Return the index of some files; messages that a replay does not need are only counted.
 
     Args:
         paths: As for :class:`JournalReader`.
-        namespace: The same.
+        namespace: As for :class:`JournalReader`.
 
     Raises:
         BtAgentsError: A file cannot be opened, or holds several systems.
@@ -252,7 +252,7 @@ class _Indexer:
         return recording
 
     def _set_rules(self, epoch: str, texts: Sequence[str]) -> None:
-        """Give the rounds of one start of a market its rules, of which the texts are known."""
+        """Set the rules in the rounds of one start of a market, from their known texts."""
         rounds = [one for key, one in self._rounds.items() if key[0] == epoch]
         parsed = next((one.parsed for one in rounds if one.parsed is not None), None)
         if parsed is not None:
@@ -262,7 +262,7 @@ class _Indexer:
                 one.possible_rules = rules
 
     def _mark_gap(self, topic: str, run: RecordedRun, gap: bool) -> None:
-        """Mark the runs before and after lost messages, as both may miss some."""
+        """Mark the runs before and after lost messages, because both may lack some."""
         if gap:
             run.torn = True
             if topic in self._last_runs:
@@ -285,7 +285,7 @@ class _Indexer:
         self._unread = texts
 
     def _parse(self) -> ParsedTexts | None:
-        """Return what the newest texts define, or those before if they cannot be read here."""
+        """Return the content of the newest texts, or of earlier ones if unreadable here."""
         texts, self._unread = self._unread, None
         if texts is not None:
             try:
@@ -318,7 +318,7 @@ class _Indexer:
             self._begun[message.epoch] += 1
             ran.append(message.agent)
         elif message.event == RunEventKind.ENDED and message.agent not in ran:
-            # It was stopped before its host took it; the host ends only what it has taken.
+            # The run was stopped before its host took it; a host ends only runs that it has taken.
             taken = message.outcome in _TAKEN or message.stop_cause != StopCause.NOT_STOPPED
             self._begun[message.epoch] += taken
 
@@ -355,7 +355,7 @@ class _Indexer:
         )
 
     def _profiles(self, message: Any) -> None:
-        """Take the table of all profiles, for those revisions that came without feedback."""
+        """Take the table of all profiles, for revisions without feedback."""
         width, found = len(message.parameters), {}
         keys = zip(message.agents, message.layers, message.revisions, strict=True)
         for place, (agent, layer, revision) in enumerate(keys):
@@ -403,7 +403,7 @@ def _reason(error: Exception) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Call:
-    """Call for bids, and the pins and vetoes that were in force with it."""
+    """Call for bids, with the pins and vetoes in force."""
 
     excluded: tuple[str, ...]
     pinned: str

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of the profile changes of a journal, compared to the last digit."""
+"""Replay of the profile changes in a journal, compared to the last digit."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ KIND = "profile change"
 
 @dataclass(frozen=True, kw_only=True)
 class ProfileState:
-    """A revision of a profile, and what has led to it.
+    """Revision of a profile, with the feedback that led to it.
 
     Attributes:
-        revision: Its number; that of the revision which it brings back, if it does.
-        recent: What the feedbacks have asked for that led to it, oldest first.
-        known: False when some of these may not be recorded.
+        revision: Its number, or that of the revision that it restores.
+        recent: Targets of the feedbacks that led to it, oldest first.
+        known: False if some of these may not be recorded.
     """
 
     revision: int
@@ -36,21 +36,21 @@ class ProfileState:
 
 
 class ProfileHistory:
-    """Revisions of one profile as they were announced, as far as later ones depend on them.
+    """Announced revisions of one profile, as far as later ones depend on them.
 
-    Those that come without feedback, as the author has edited the profile or the layer begins,
-    are not announced: they are where a number is missing.
+    Revisions without feedback, when the author edits the profile or the layer begins, are not
+    announced: their numbers are missing.
     """
 
     def __init__(self) -> None:
         self._states: dict[int, ProfileState] = {}
 
     def before(self, feedback: Any, authored: Sequence[float]) -> ProfileState:
-        """Return the state that a feedback found; ``authored`` is the profile of the file."""
+        """Return the state before a feedback; ``authored`` is the profile in the file."""
         number, profile = feedback.revision - 1, tuple(feedback.before)
         last = max(self._states, default=-1)
         if last > number:
-            # The layer was forgotten, and begins anew.
+            # The layer was forgotten and begins anew.
             self._states.clear()
         if number not in self._states:
             known = number == 0 or profile == tuple(authored)
@@ -60,7 +60,7 @@ class ProfileHistory:
     def add(
         self, feedback: Any, before: ProfileState, space: SceneSpace, rule: LearningRule
     ) -> ProfileState:
-        """Add the revision that a feedback has led to by a rule; return its state."""
+        """Add the revision that results from a feedback and a rule; return its state."""
         number, kind = feedback.revision, FeedbackKind(feedback.kind)
         profile = tuple(feedback.after)
         if kind is not FeedbackKind.SET:
@@ -80,7 +80,7 @@ class ProfileHistory:
         return state
 
     def _restored(self, number: int, profile: Vector, before: ProfileState) -> ProfileState:
-        """Return the state after an undo, or after a reset, which begins anew."""
+        """Return the state after an undo or a reset, which begins anew."""
         undone = self._states.get(before.revision - 1)
         if undone is not None and undone.profile == profile:
             return undone
@@ -89,12 +89,12 @@ class ProfileHistory:
 
 
 def is_managed(feedback: Any) -> bool:
-    """Return whether a change is an undo, a reset or an import, of which the last has an id."""
+    """Return whether a change is an undo, a reset or an import; only an import has an id."""
     return feedback.kind == FeedbackKind.SET and not feedback.learning_rate
 
 
 def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFinding]:
-    """Learn each feedback again and yield whether the profile after it is equal."""
+    """Learn each feedback again and yield whether the resulting profile is equal."""
     histories: defaultdict[tuple[str, str], ProfileHistory] = defaultdict(ProfileHistory)
     for recorded in feedbacks:
         feedback = recorded.feedback
@@ -117,7 +117,7 @@ def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFin
 
 
 def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
-    """Return the learning rule of an ``AgentCard``, whose values have this order."""
+    """Return the learning rule of an ``AgentCard`` whose values have this order."""
     learning = card.learning
 
     def named(values: Sequence[float]) -> dict[str, float]:
@@ -171,7 +171,7 @@ def _again(
 
 
 def _changes(feedback: Any, rule: LearningRule, space: SceneSpace) -> int:
-    """Return the number of changes after which an annealed rate was as recorded; else 0."""
+    """Return the number of changes that gives the recorded annealed rate; else 0."""
     if rule.anneal == 0.0 or not feedback.rates:
         return 0
     for name, then in zip(space.names, feedback.rates, strict=True):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of decoded messages into scenes, terms and bids of the market's pure core."""
+"""Conversion of decoded messages into scenes, terms and bids of the market core."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
 
 
 def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
-    """Return the terms that were fixed when a round opened, after so many runs of this start."""
+    """Return the fixed terms of a round at its opening, after a number of runs of this start."""
     auction = one.auction
     return Terms(
         epoch=auction.epoch,
@@ -87,9 +87,9 @@ def bids_of(ranking: Iterable[Any]) -> tuple[AcceptedBid, ...]:
 
 
 def external_of(auction: Any) -> External:
-    """Return the external answer by which a round was ranked.
+    """Return the external answer that ranked a round.
 
-    Bids that such an answer puts first have a score below every distance, that is below 0.
+    Bids that such an answer puts first have scores below every distance, that is below 0.
     """
     first = tuple(bid.agent for bid in auction.ranking if bid.score < 0.0)
     return External(ranking=first) if first else External(failure="it gave no usable answer")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agents read again from recorded texts, on a machine that has neither their folder nor ROS."""
+"""Agents from recorded texts, read on a machine that may have neither their folder nor ROS."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SCENE = "scene.yaml"
 class RecordedInterfaces:
     """ROS types of the machine on which the agents ran, as far as bindings depend on them.
 
-    The bindings were in force, so they had no problem; no value depends on the types of fields.
+    The bindings were in use, so they were valid; no value depends on the types of fields.
     """
 
     def __init__(self, packages: frozenset[str]) -> None:
@@ -54,7 +54,7 @@ class ParsedTexts:
     """Agents and scene parameters that the texts of a host define.
 
     Attributes:
-        folder: Of the texts while they were read, as it stands in positions.
+        folder: Folder of the texts during reading, as positions state it.
     """
 
     trees: Trees
@@ -83,7 +83,7 @@ class TextFiles:
         """Return the texts of an ``AgentFiles`` message.
 
         Raises:
-            Refused: ``BAD_PATH``; a path leads out of the folder.
+            Refused: ``BAD_PATH``; a path leads outside the folder.
         """
         for path in message.files:
             parts = PurePosixPath(path)
@@ -96,7 +96,7 @@ class TextFiles:
 
     @cached_property
     def parsed(self) -> ParsedTexts:
-        """What they define, but for agents that have texts of their own.
+        """Content of the texts, except for agents with their own texts.
 
         Raises:
             BtAgentsError: They cannot be read here.
@@ -106,7 +106,7 @@ class TextFiles:
         )
 
     def parsed_for(self, agent: str) -> ParsedTexts:
-        """Return what they define of one agent.
+        """Return the content of the texts for one agent.
 
         Raises:
             BtAgentsError: They cannot be read here.

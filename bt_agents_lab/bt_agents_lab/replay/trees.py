@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of the runs of trees in a journal, compared change by change."""
+"""Replay of tree runs in a journal, compared change by change."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from bt_agents_language.model.specs import AgentSpec
 KIND = "run of a tree"
 
 _STATUSES = ("INVALID", "RUNNING", "SUCCESS", "FAILURE")
-"""Names of the numbers of ``StatusChange.msg``."""
+"""Names of the status numbers in ``StatusChange.msg``."""
 
 Change = tuple[str, str, str, str]
 """Path, name, status and message of a node."""
 
 
 class _Missing(Exception):
-    """Missing part of a recording; the text names it."""
+    """Missing part of a recording, named by the text."""
 
 
 def replay_runs(runs: Iterable[RecordedRun]) -> Iterator[ReplayFinding]:
@@ -53,7 +53,7 @@ def _again(run: RecordedRun) -> int | str:
     """Return the number of equal ticks, or the first difference as text.
 
     Raises:
-        Refused: The record is broken.
+        Refused: The record is damaged.
         _Missing: Something was not recorded.
     """
     if not run.records:
@@ -92,13 +92,13 @@ def _again(run: RecordedRun) -> int | str:
 
 
 def _spec_of(run: RecordedRun, recording: Recording) -> tuple[AgentSpec, ParsedTexts]:
-    """Return the agent as it was, from the texts in which its version came up."""
+    """Return the agent as it was, from the texts in which its version first appeared."""
     name, version = recording.head.get("agent"), recording.head.get("version")
     fitting = [texts for texts in run.texts if texts.versions.get(str(name)) == version]
     if not fitting:
         raise _Missing(f"there is no text of version {version} of {name}")
     try:
-        # The oldest: a library may have changed since, and waits as the tree does.
+        # Use the oldest: a library may have changed since, and waits like the tree.
         parsed = fitting[-1].parsed_for(str(name))
     except BtAgentsError as error:
         raise _Missing(f"its texts cannot be read here: {error}") from None
@@ -124,7 +124,7 @@ def _status(number: int) -> str:
 
 
 def _difference(step: ReplayedStep, before: list[Change], again: list[Change]) -> str:
-    """Return the first difference in a step as text; empty when there is none."""
+    """Return the first difference in a step as text; empty if there is none."""
     for was, now in zip_longest(before, again):
         if was != now:
             return f"{_shown(was)} was reported, now {_shown(now)}"

@@ -124,7 +124,7 @@ def strategies(observer: Observer) -> Strategies | None:
 
 
 def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> str | None:
-    """Set parameters of the market together; return the error, empty if set, None if unanswered."""
+    """Set parameters of the market together; return why not, empty if set, None if unanswered."""
     parameters = [
         Parameter(name, value=value).to_parameter_msg() for name, value in changes.items()
     ]

@@ -30,7 +30,7 @@ def open_to_network(environment: MutableMapping[str, str]) -> None:
 
 
 def prolong_requests(environment: MutableMapping[str, str], factor: float) -> None:
-    """Multiply the lifespan of requests by a factor, in a copy of the profile for several machines.
+    """Multiply the lifespan of requests by a factor, in a copy of the network profile.
 
     A profile of the user stays unchanged.
     """
