@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robots of a fleet that learn together: their ledgers over a PostgreSQL database."""
+"""Learning in a fleet of robots: synchronises their ledgers over a PostgreSQL database."""

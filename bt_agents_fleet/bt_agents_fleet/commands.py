@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents fleet`: learn together with other robots, over a database."""
+"""Command `bt-agents fleet`: learns together with other robots over a database."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def status(form: TableForm, state: str) -> None:
 def run(state: str) -> None:
     """Keep this robot's ledger and the database up to date, until Ctrl-C."""
     kept = kept_state(state)
-    read_settings(kept.path)  # Who has not joined is told before ROS is loaded.
+    read_settings(kept.path)  # Report a robot that has not joined before loading ROS.
     set_discovery(os.environ)
     interrupt = Interrupt()
     with loading():

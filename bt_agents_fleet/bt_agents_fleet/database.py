@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The PostgreSQL database of a fleet; every call ends in time, also when the server hangs."""
+"""PostgreSQL database of a fleet; every call ends in time, even if the server hangs."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from bt_agents_fleet.shares import SharedLayers
 from feedback_node.learning.fleet_steps import FleetStep, StepEvent
 
 CHANNEL = "bt_agents_fleet"
-"""On which a robot that has pushed something says so; a hint, as what is missed is polled."""
+"""Channel for notifications of pushes; they are only hints, because robots also poll."""
 
 LIMIT_S = 5.0
 """Longest time of one transaction [s]."""
 
 BATCH = 200
-"""Steps that one transaction pushes or pulls."""
+"""Maximum number of steps that one transaction pushes or pulls."""
 
 _MIGRATION = re.compile(r"(\d{4})_[a-z_]+\.sql")
 _LOCK = 0x62746167  # "btag"
@@ -38,18 +38,18 @@ _LONGEST_TARGET = 8192
 
 
 class FleetError(Refused):
-    """The database of the fleet cannot be used; its code says why."""
+    """Failed use of the fleet's database; the code gives the reason."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PushPosition:
-    """How far a robot's ledger is in the database.
+    """Position of the database in a robot's ledger.
 
     Attributes:
-        number: Of the last row that is covered; 0 for none.
-        checksum: Of that row; 0 when it was forgotten.
-        ledger: What tells this ledger from others: the checksum of its first row; 0 for none.
-        shares: Agent → what was shared of it when that was written.
+        number: Number of the last covered row; 0 for none.
+        checksum: Checksum of that row; 0 if it was forgotten.
+        ledger: Identity of the ledger: the checksum of its first row; 0 for none.
+        shares: Agent → its shared layers at the time of writing.
     """
 
     number: int = 0
@@ -60,10 +60,10 @@ class PushPosition:
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What a robot takes of the steps of others for one agent.
+    """Steps of other robots that a robot takes for one agent.
 
     Attributes:
-        base: Version of the profile of its file, as of :func:`base_of`.
+        base: Version of the profile in its file, as in :func:`base_of`.
         after: Arrival of the last step that it has.
     """
 
@@ -78,8 +78,8 @@ class RobotRow:
     """Robot as the database knows it.
 
     Attributes:
-        steps: How many steps of it are there.
-        seen_s: So long ago it was there last [s].
+        steps: Number of its steps in the database.
+        seen_s: Time since its last access [s].
     """
 
     robot: str
@@ -89,14 +89,14 @@ class RobotRow:
 
 
 def checked_address(address: str, certificates: str = "") -> str:
-    """Return an address of a database as libpq's options, with TLS as strict as it can be.
+    """Return a database address as libpq options, with TLS as strict as possible.
 
-    A server that is reached over the net is checked with its name against certificates
-    (``sslmode=verify-full``) unless the address says otherwise.
+    The name and certificate of a remote server are verified (``sslmode=verify-full``) unless the
+    address specifies another mode.
 
     Args:
-        address: URI or options of libpq.
-        certificates: File of the certificates that sign the server's; empty for libpq's own.
+        address: libpq URI or options.
+        certificates: File of root certificates for the server; empty for libpq's default.
 
     Raises:
         FleetError: ``BAD_ADDRESS``, or ``PASSWORD_IN_ADDRESS``.
@@ -124,15 +124,15 @@ def checked_address(address: str, certificates: str = "") -> str:
 
 
 class FleetDatabase:
-    """Connection to the database of a fleet, made when it is needed and dropped when it fails.
+    """Connection to the database of a fleet, made on demand and dropped on failure.
 
     All methods but :meth:`close` raise :class:`FleetError`: ``DATABASE_AWAY``, ``SCHEMA_NEWER``,
     ``SCHEMA_OLD``, ``NOT_JOINED`` or ``DATABASE_FAILED``.
 
     Args:
-        address: As of :func:`checked_address`.
+        address: Address from :func:`checked_address`.
         robot: Name of this robot.
-        password: Empty for libpq's own ways.
+        password: Password; empty for libpq's own methods.
         limit_s: Longest time of one transaction [s].
     """
 
@@ -147,7 +147,7 @@ class FleetDatabase:
 
     @property
     def is_connected(self) -> bool:
-        """True while the last call has succeeded."""
+        """True if the last call succeeded."""
         return self._connection is not None
 
     def close(self) -> None:
@@ -158,14 +158,14 @@ class FleetDatabase:
                 connection.close()
 
     def connect(self) -> None:
-        """Connect, and check that the tables are those of this version."""
+        """Connect, and check that the tables match this version."""
         with self._transaction() as connection:
             _check_version(connection)
         with self._bounded() as connection:
             connection.execute(f"LISTEN {CHANNEL}")
 
     def join(self) -> None:
-        """Make the tables, or bring them up to date, and add this robot."""
+        """Create or update the tables, and add this robot."""
         with self._transaction() as connection:
             connection.execute("SELECT pg_advisory_xact_lock(%s)", (_LOCK,))
             found = _version(connection)
@@ -185,7 +185,7 @@ class FleetDatabase:
             )
 
     def leave(self, *, erase: bool) -> None:
-        """Take the steps of this robot out when they are to be erased, and the robot with them."""
+        """With ``erase``, remove this robot and its steps; otherwise do nothing."""
         if not erase:
             return
         with self._transaction() as connection:
@@ -194,12 +194,12 @@ class FleetDatabase:
             connection.execute("DELETE FROM robot WHERE robot = %s", (self._robot,))
 
     def position(self) -> PushPosition:
-        """Return how far the ledger of this robot is covered."""
+        """Return the covered position in the ledger of this robot."""
         with self._transaction() as connection:
             return self._position(connection, lock=False)
 
     def push(self, before: PushPosition, steps: Sequence[FleetStep], after: PushPosition) -> None:
-        """Add steps, and what they cover with them, unless somebody else has done so meanwhile.
+        """Add steps and the new position, unless another process has done so meanwhile.
 
         Raises:
             FleetError: ``ROBOT_TAKEN`` or ``LEDGER_TAKEN``.
@@ -231,9 +231,9 @@ class FleetDatabase:
                 ) from None
 
     def pull(self, wanted: Sequence[Wanted]) -> list[dict[str, Any]]:
-        """Return steps of other robots that are not known yet, unchecked, in order of arrival.
+        """Return unknown steps of other robots, unchecked, in order of arrival.
 
-        What is too long is cut to a length that no step has.
+        Values that are too long are cut to a length that no step has.
         """
         with self._transaction() as connection:
             found = connection.execute(_PULL, (*_columns(wanted), self._robot, BATCH)).fetchall()
@@ -242,13 +242,13 @@ class FleetDatabase:
         return [dict(zip(names, row, strict=True)) for row in found]
 
     def count(self, wanted: Sequence[Wanted]) -> dict[str, int]:
-        """Return agent → how many steps of other robots there are for it."""
+        """Return the number of other robots' steps for each agent."""
         with self._transaction() as connection:
             found = connection.execute(_COUNT, (*_columns(wanted), self._robot)).fetchall()
         return {str(agent): int(count) for agent, count in found}
 
     def robots(self) -> list[RobotRow]:
-        """Return all robots of the fleet, by name."""
+        """Return all robots of the fleet, sorted by name."""
         with self._transaction() as connection:
             _check_version(connection)
             found = connection.execute(_ROBOTS).fetchall()
@@ -258,7 +258,7 @@ class FleetDatabase:
         ]
 
     def wait(self, seconds: float) -> None:
-        """Wait until somebody has pushed something, at most so long."""
+        """Wait for a push by any robot, for a limited time."""
         with self._bounded(seconds + self._limit_s) as connection:
             for _ in connection.notifies(timeout=seconds, stop_after=1):
                 break
@@ -285,7 +285,7 @@ class FleetDatabase:
 
     @contextmanager
     def _bounded(self, seconds: float | None = None) -> Iterator[psycopg.Connection[Any]]:
-        """Use the connection; when the time is over its socket is shut, which ends any call."""
+        """Use the connection; after the time limit, close its socket, which ends any call."""
         descriptor = -1
         timer: Timer | None = None
         try:
@@ -398,7 +398,7 @@ def _shares(text: str) -> dict[str, str]:
 
 
 def _migrations() -> dict[int, str]:
-    """Return the statements of each version of the tables, by its number from 1."""
+    """Return the statements of each version of the tables, by version number from 1."""
     found = {}
     for file in files("bt_agents_fleet").joinpath("migrations").iterdir():
         if number := _MIGRATION.fullmatch(file.name):
@@ -408,7 +408,7 @@ def _migrations() -> dict[int, str]:
 
 
 def _version(connection: psycopg.Connection[Any]) -> int:
-    """Return the version of the tables; 0 when there are none."""
+    """Return the version of the tables; 0 if there are none."""
     there = connection.execute("SELECT to_regclass('schema_version') IS NOT NULL").fetchone()
     if not (there and there[0]):
         return 0

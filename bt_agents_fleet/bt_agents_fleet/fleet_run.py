@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One robot that is kept up to date with the database of its fleet until it is interrupted."""
+"""Synchronisation of one robot with the database of its fleet until it is interrupted."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _LAST_RETRY_S = 5.0
 
 
 class FleetRun:
-    """Synchronisation again and again, by one process of a state folder at a time.
+    """Repeated synchronisation, by one process per state folder at a time.
 
     Args:
         trees: The trees folder.
         state: Its state folder.
-        ledger: The file of the feedback node.
-        say: Called with one line whenever something has changed about it.
+        ledger: Ledger file of the feedback node.
+        say: Called with one line at each change of its state.
     """
 
     def __init__(self, trees: Path, state: Path, ledger: Path, say: Callable[[str], None]) -> None:
@@ -46,10 +46,10 @@ class FleetRun:
         self._said: str | None = None
 
     def run(self, interrupt: Interrupt) -> None:
-        """Keep the robot up to date until somebody interrupts.
+        """Keep the robot up to date until an interrupt.
 
         Raises:
-            BtAgentsError: It has not joined, or its files cannot be read.
+            BtAgentsError: The robot has not joined, or its files are unreadable.
         """
         settings = read_settings(self._state)
         with ExitStack() as opened:

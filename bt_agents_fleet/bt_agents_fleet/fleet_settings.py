@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of a robot that has joined a fleet: a file of its state folder, for its owner alone."""
+"""Settings of a robot that has joined a fleet: a private file in its state folder."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from bt_agents_core.state_folder import FLEET_SETTINGS
 from feedback_node.learning.fleet_steps import ROBOT_NAME
 
 STATUS_FILE = "fleet-status.json"
-"""File of a state folder with how far the robot is, as its process has written it last."""
+"""File of a state folder with the progress of the robot, as last written by its process."""
 
 PASSWORD_VARIABLE = "BT_AGENTS_FLEET_PASSWORD"
-"""Variable of the environment with the password, where no file is named."""
+"""Environment variable with the password, if no file is named."""
 
 _LONGEST = 20_000
 _LONGEST_PASSWORD = 1000
@@ -29,11 +29,11 @@ _LONGEST_PASSWORD = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class FleetSettings:
-    """Which robot this is, and in which fleet.
+    """Identity of this robot and its fleet.
 
     Attributes:
-        address: Of the database, as of :func:`database.checked_address`.
-        password_file: Absolute; empty without one.
+        address: Address of the database, from :func:`database.checked_address`.
+        password_file: Absolute path; empty for none.
     """
 
     robot: str
@@ -69,7 +69,7 @@ def write_settings(folder: Path, settings: FleetSettings) -> Path:
 
 
 def write_private(file: Path, text: str, *, durable: bool = True) -> None:
-    """Replace the text of a file that only its owner reads.
+    """Replace the text of a private file.
 
     Raises:
         OSError: It cannot be written.
@@ -104,7 +104,7 @@ def read_settings(folder: Path) -> FleetSettings:
 
 
 def password_of(settings: FleetSettings, environment: Mapping[str, str] = os.environ) -> str:
-    """Return the password from its file or the environment; empty for libpq's own ways.
+    """Return the password from its file or the environment; empty for libpq's own methods.
 
     Raises:
         Refused: ``PASSWORD_READABLE`` or ``PASSWORD_UNREADABLE``.
@@ -127,7 +127,7 @@ def password_of(settings: FleetSettings, environment: Mapping[str, str] = os.env
 
 
 def read_status(folder: Path) -> dict[str, Any]:
-    """Return what the robot's process has written last; empty when it has not."""
+    """Return the last status that the robot's process wrote; empty if there is none."""
     try:
         with (folder / STATUS_FILE).open(encoding="utf-8") as opened:
             found = json.loads(opened.read(1_000_000))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One robot and the database of its fleet: steps go there, and those of others come from there.
+"""Synchronisation of one robot's ledger with the database of its fleet.
 
-The ledger is the truth. What has been pushed stands in the database, in the transaction of the
-steps; what has been pulled stands in the ledger, in the transaction of the steps. So a cycle may
-be cut off anywhere: the next one goes on where both agree.
+The ledger is the truth. The database stores the pushed position in the transaction of the steps;
+the ledger stores the pulled position in the transaction of the steps. So a cycle may be
+interrupted anywhere: the next one continues where both agree.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from feedback_node.ledger.rows import FORGOTTEN
 from feedback_node.management.fleet_documents import MOST_STEPS, refusals_of, to_fleet_document
 
 MOST_REFUSED = 100
-"""Refused steps that are kept aside, the newest; the database has all."""
+"""Maximum number of the newest refused steps to keep; the database has all."""
 
 MOST_BATCHES = 50
-"""Batches of each direction in one cycle."""
+"""Maximum number of batches per direction in one cycle."""
 
 _ROWS = 500
-"""Rows of the ledger that are read at once."""
+"""Number of ledger rows to read at once."""
 
 Deliver = Callable[[str], str]
-"""Hands a document to the feedback node, returns that of its answer; or raises BtAgentsError."""
+"""Sends a document to the feedback node and returns its answer; may raise BtAgentsError."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RefusedStep:
-    """Step of another robot that was not taken in."""
+    """Refused step of another robot."""
 
     robot: str
     number: int
@@ -58,16 +58,16 @@ class RefusedStep:
 
 @dataclass(kw_only=True)
 class FleetStatus:
-    """How far a robot is.
+    """Progress of a robot's synchronisation.
 
     Attributes:
-        problem: Why the last cycle has not ended; empty when it has.
-        at: When that was [s since 1970].
-        pushed: Number of the last row of the ledger that the database covers; -1 for not known.
-        last: Number of the last row of the ledger.
-        taken: Steps of other robots in the ledger.
-        refused: Steps that were refused since the process was started.
-        aside: The newest of them.
+        problem: Why the last cycle failed; empty if it succeeded.
+        at: Time of the last cycle [s since 1970].
+        pushed: Number of the last ledger row that the database covers; -1 if unknown.
+        last: Number of the last ledger row.
+        taken: Number of other robots' steps in the ledger.
+        refused: Number of steps refused since the start of the process.
+        aside: The newest refused steps.
     """
 
     problem: str = ""
@@ -79,20 +79,20 @@ class FleetStatus:
     aside: deque[RefusedStep] = field(default_factory=lambda: deque(maxlen=MOST_REFUSED))
 
     def to_json(self) -> str:
-        """Return it for the status file."""
+        """Return the status as JSON for the status file."""
         return json.dumps({**vars(self), "aside": [asdict(one) for one in self.aside]})
 
 
 @dataclass(kw_only=True)
 class _LedgerIndex:
-    """What is known of the rows of the ledger up to the last one that was read.
+    """Index of the ledger rows read so far.
 
     Attributes:
-        bases: Agent → version of the profile of its file.
+        bases: Agent → version of the profile in its file.
         arrivals: Agent and base → arrival of the last step of others in the ledger.
         taken: Robot and number of all steps of others in the ledger.
-        counts: Agent and base → how many there are.
-        unordered: Agents with own steps since the feedback node has put them in order.
+        counts: Agent and base → number of steps of others in the ledger.
+        unordered: Agents with own steps since the feedback node last ordered the steps.
     """
 
     last: int = 0
@@ -104,16 +104,16 @@ class _LedgerIndex:
 
 
 class FleetSync:
-    """Synchronisation of one ledger with one database, a cycle at a time.
+    """Synchronisation of one ledger with one database in cycles.
 
     Args:
         robot: Name of this robot.
         space: Its space of profiles.
-        ledger: The file, which the feedback node may be writing.
+        ledger: Ledger file, which the feedback node may be writing.
         database: The database of the fleet.
-        deliver: Hands a document to the feedback node.
-        shares: Returns what is shared of which agent.
-        wall: Wall time [s].
+        deliver: Sends a document to the feedback node.
+        shares: Returns the shared layers of each agent.
+        wall: Returns the wall time [s].
     """
 
     def __init__(
@@ -141,11 +141,11 @@ class FleetSync:
         self._agrees = False
 
     def cycle(self) -> None:
-        """Push and pull what is new.
+        """Push and pull new steps.
 
         Raises:
-            BtAgentsError: It could not be ended; the next cycle goes on. A :class:`FleetError`
-                when that is because of the database.
+            BtAgentsError: The cycle failed; the next one continues. It is a :class:`FleetError`
+                if the database is the reason.
         """
         self.status.at = self._wall()
         try:
@@ -161,7 +161,7 @@ class FleetSync:
             raise Refused("NO_LEDGER", f"{self._path} is not there yet; 'bt-agents up' makes it")
         shares = dict(self._shares())
         if shares != self._shared:
-            # What is wanted now was perhaps passed by before.
+            # Steps that are wanted now may have been skipped before.
             self._shared, self._agrees = shares, False
         with self._open() as ledger:
             self._read(ledger)
@@ -189,13 +189,13 @@ class FleetSync:
         """Bring the index up to date with the ledger."""
         index = self._index
         if index.last and ledger.checksum(index.last) is None:
-            # Another file is in its place.
+            # Another file has taken its place.
             index = self._index = _LedgerIndex()
             self._agrees = False
         known = index.last
         while entries := ledger.entries(after=index.last, most=_ROWS):
             if known and any(one.cause.cause == FORGOTTEN for _, one in entries):
-                # Rows that were read before are erased.
+                # Rows that were read before have been erased.
                 index = self._index = _LedgerIndex()
                 self._agrees = False
                 known = 0
@@ -214,13 +214,13 @@ class FleetSync:
         if name in index.taken:
             return
         index.taken.add(name)
-        # What is forgotten counts whatever the agent's file says.
+        # A removal counts, whatever the agent's file says.
         pair = step.agent, "" if step.event is StepEvent.FORGET else step.base
         index.counts[pair] = index.counts.get(pair, 0) + 1
         index.arrivals[pair] = max(index.arrivals.get(pair, 0), step.arrival)
 
     def _check(self, ledger: LedgerReader, position: PushPosition) -> None:
-        """Check that the database covers this ledger and no other.
+        """Check that the database covers this ledger and not another one.
 
         Raises:
             Refused: ``OTHER_LEDGER``.
@@ -242,7 +242,7 @@ class FleetSync:
     def _push(self, ledger: LedgerReader, shares: Mapping[str, SharedLayers]) -> None:
         declared = {agent: share.value for agent, share in sorted(shares.items())}
         before = self._database.position()
-        # What is shared now was perhaps not shared before; what is there already is not added.
+        # Layers shared now may not have been shared before; existing steps are not added again.
         start = before.number if before.shares == declared else 0
         bases = _bases_at(ledger, start)
         for _ in range(MOST_BATCHES):
@@ -280,9 +280,9 @@ class FleetSync:
         ]
 
     def _compare(self, wanted: Sequence[Wanted]) -> None:
-        """Begin anew with the agents of which the database has more steps than the ledger.
+        """Start anew with agents that have more steps in the database than in the ledger.
 
-        The arrivals of a database that was put back from a copy are others.
+        The arrivals in a database restored from a backup differ.
         """
         there = self._database.count([replace(one, after=0) for one in wanted]) if wanted else {}
         for one in wanted:
@@ -309,7 +309,7 @@ class FleetSync:
     def _take(
         self, rows: Sequence[Mapping[str, Any]], shares: Mapping[str, SharedLayers]
     ) -> set[str]:
-        """Hand rows over; return the agents whose steps the feedback node does not take yet."""
+        """Deliver rows; return the agents whose steps the feedback node does not accept yet."""
         steps: list[FleetStep] = []
         for row in rows:
             name = str(row["robot"]), int(row["number"])
@@ -336,7 +336,7 @@ class FleetSync:
         return waiting
 
     def _hand_over(self, agents: Sequence[str], steps: Sequence[FleetStep]) -> set[str]:
-        """Deliver steps; return the agents for which some come too early."""
+        """Deliver steps; return the agents for which some are too early."""
         answer = self._deliver(
             to_fleet_document(
                 self._robot, agents, steps, persons=SharedLayers.ALL in self._shared.values()
@@ -366,12 +366,12 @@ class FleetSync:
 
 
 def is_shared(step: FleetStep, shares: Mapping[str, SharedLayers]) -> bool:
-    """Return whether a step may leave its robot, and may be taken in."""
+    """Return whether a step may leave its robot and may be accepted."""
     return step.agent in shares and shares[step.agent].includes(step.layer)
 
 
 def _bases_at(ledger: LedgerReader, number: int) -> dict[str, str]:
-    """Return agent → base at a row of the ledger."""
+    """Return the base of each agent at a ledger row."""
     bases: dict[str, str] = {}
     last = 0
     while last < number and (entries := ledger.entries(after=last, most=_ROWS)):
@@ -382,7 +382,7 @@ def _bases_at(ledger: LedgerReader, number: int) -> dict[str, str]:
 
 
 def _target(text: Any) -> Any:
-    """Return the values of a row; what is no JSON as an empty mapping, which no step has."""
+    """Return the values of a row; invalid JSON gives an empty mapping, which no step has."""
     try:
         return json.loads(str(text))
     except (ValueError, RecursionError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Client of the feedback node, which takes in the steps of other robots."""
+"""Client of the feedback node, which accepts the steps of other robots."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from bt_agents_ros.spinner import Spinner
 
 _FIND_S = 3.0
 _ANSWER_S = 30.0
-"""Longest time for an answer; a person may be being erased [s]."""
+"""Longest time for an answer; an erasure of a person may be running [s]."""
 
 
 class FeedbackClient:
-    """Client of the feedback node of the system on this ROS domain, made when it is needed."""
+    """Client of the feedback node of the system on this ROS domain; it connects on demand."""
 
     def __init__(self) -> None:
         rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(
-            "_bt_agents_observer",  # as that of a command, which policies of DDS security know
+            "_bt_agents_observer",  # same name as for commands, which DDS security policies know
             namespace=os.environ.get("ROS_NAMESPACE", ""),
             start_parameter_services=False,
         )
@@ -35,11 +35,11 @@ class FeedbackClient:
         )
 
     def deliver(self, document: str) -> str:
-        """Hand a document over; return that of the answer.
+        """Send a document; return the document of the answer.
 
         Raises:
             BtAgentsError: There is no answer.
-            Refused: The feedback node does not take it.
+            Refused: The feedback node does not accept it.
         """
         if not self._spinner.spin_until(self._client.service_is_ready, _FIND_S):
             raise BtAgentsError("the feedback node is away; what the others have learned waits")

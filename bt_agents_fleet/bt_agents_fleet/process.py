@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Process of a fleet beside the others of a system: TREES STATE LEDGER PIPE."""
+"""Fleet process of a system, with the arguments TREES STATE LEDGER PIPE."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def main() -> int:
     interrupt = Interrupt()
     die_with_parent()
     trees, state, ledger = map(Path, sys.argv[1:4])
-    # Its lines are for the terminal of the parent, who may have stopped to read them.
+    # Its lines are for the terminal of the parent, which may have stopped reading them.
     pipe = int(sys.argv[4])
     os.set_blocking(pipe, False)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the files of a trees folder let a robot share, read again when one of them has changed."""
+"""Layers that a robot may share according to its trees folder, read again after changes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _SUFFIXES = (".yaml", ".yml")
 
 
 class SharedLayers(StrEnum):
-    """Layers of an agent that leave the robot, and are taken from others."""
+    """Layers of an agent that the robot shares with others."""
 
     PLACES = "place"
     ALL_BUT_PERSONS = "everything"
     ALL = "everything, persons"
 
     def includes(self, layer: str) -> bool:
-        """Return whether a layer is among them; the profile for everybody is one, too."""
+        """Return whether a layer is shared; the profile for everybody is a layer, too."""
         if layer == EVERYBODY:
             return self is not SharedLayers.PLACES
         if layer.startswith(f"{PERSON}/"):
@@ -32,10 +32,10 @@ class SharedLayers(StrEnum):
 
 
 class Shares:
-    """What is shared of each agent of a trees folder.
+    """Shared layers of each agent in a trees folder.
 
-    Layers of persons are where ``scene.yaml`` says so, too. An agent whose file is broken, or
-    gone, is left out: nothing of it is shared meanwhile.
+    Layers of persons are shared only if ``scene.yaml`` also allows it. An agent with a broken or
+    missing file shares nothing meanwhile.
     """
 
     def __init__(self, trees: Path) -> None:
@@ -44,10 +44,10 @@ class Shares:
         self._shares: dict[str, SharedLayers] = {}
 
     def read(self) -> Mapping[str, SharedLayers]:
-        """Return agent → what is shared of it, without those of which nothing is.
+        """Return the shared layers of each agent that shares any.
 
         Raises:
-            BtAgentsError: No agent can be read, as ``scene.yaml`` is broken.
+            BtAgentsError: No agent can be read, because ``scene.yaml`` is broken.
         """
         stamps = poll([self._trees], _SUFFIXES)
         if stamps != self._stamps:

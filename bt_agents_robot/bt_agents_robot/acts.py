@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Acts of the simulated robot, which begin, take their time and end; without ROS."""
+"""Acts of the simulated robot, which begin, take time and end; without ROS."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ ANSWER_WAIT_S = 10.0
 """Default time to wait for an answer [s]."""
 
 HEARD_SHARE = 0.3
-"""A voice that ends before this share of the expected time counts as silent."""
+"""Share of the expected time; a voice that ends earlier counts as silent."""
 
 LONGEST_S = 3600.0
-"""Longest time that a caller may ask for [s]."""
+"""Longest time that a caller may request [s]."""
 
 SPEED = 1.0
 """Speed of driving [m/s]."""
@@ -33,11 +33,11 @@ OTHER_DISTANCE = 3.0
 """Distance of any other place [m]."""
 
 UNREACHABLE = "nowhere"
-"""The place that nobody can drive to, for rehearsing a failure."""
+"""Unreachable place, for rehearsing a failure."""
 
 
 class ActKind(IntEnum):
-    """Kind of an act; the numbers are those of ``RobotAct.msg``."""
+    """Kind of an act; the numbers match ``RobotAct.msg``."""
 
     SAY = 1
     ASK = 2
@@ -46,17 +46,17 @@ class ActKind(IntEnum):
 
 
 class Act:
-    """One act; its times are steady times [s].
+    """Act of the robot; its times are on the steady clock [s].
 
     Attributes:
         kind: What the robot does.
-        text: What it says, asks or shows, or where it drives.
+        text: Text that it says, asks or shows, or its destination.
         line: One line for people, for example ``says: Hello``.
-        uses_mouth: Whether it has to wait until no other act speaks.
+        uses_mouth: Whether it must wait until no other act speaks.
         clip: Name of the clip that it shows; empty for none.
-        choices: Answers that count; none means any.
+        choices: Valid answers; none means any.
         rate: Speed of its speech relative to normal.
-        begun_at: None while it waits.
+        begun_at: Time of its beginning; None while it waits.
     """
 
     kind: ActKind
@@ -76,26 +76,26 @@ class Act:
         self.begun_at = now
 
     def elapsed(self, now: float) -> float:
-        """Return the time since it began [s]; 0 before."""
+        """Return the time since its beginning [s]; 0 before."""
         return 0.0 if self.begun_at is None else now - self.begun_at
 
     def progress(self, now: float) -> float:
-        """Return the share of it that is done, 0..1."""
+        """Return the completed share, 0..1."""
         if self.begun_at is None:
             return 0.0
         return min(1.0, self.elapsed(now) / self.duration_s) if self.duration_s > 0 else 1.0
 
     def is_over(self, now: float) -> bool:
-        """Return whether a begun act has come to its end."""
+        """Return whether a begun act has ended."""
         return self.elapsed(now) >= self.duration_s
 
     def is_speaking(self, _now: float) -> bool:
-        """Return whether it holds the mouth."""
+        """Return whether it uses the mouth now."""
         return False
 
     @property
     def is_waiting(self) -> bool:
-        """True while it has nothing left to do but wait for a person."""
+        """True while it only waits for a person."""
         return False
 
     def stop(self) -> None:
@@ -106,7 +106,7 @@ class Say(Act):
     """Act of speaking a text.
 
     Raises:
-        Refused: The text or the rate cannot be used.
+        Refused: The text or the rate is invalid.
     """
 
     kind = ActKind.SAY
@@ -127,7 +127,7 @@ class Say(Act):
             self._process = self._voice.say(self.text, self.rate, self._pace)
 
     def is_speaking(self, now: float) -> bool:
-        """Return whether the voice goes on, for at most twice the expected time."""
+        """Return whether the voice is still speaking, for at most twice the expected time."""
         if self.begun_at is None or self._spoken:
             return False
         self._spoken = self._has_spoken(self.elapsed(now))
@@ -154,15 +154,15 @@ class Say(Act):
         self._process = None
         if code != 0 and self._voice is not None:
             self._voice.disable(f"exit code {code}")
-        # A program without a sound device may end at once and still report success.
+        # Without a sound device, a program may end at once and still report success.
         return code == 0 and elapsed >= HEARD_SHARE * self.duration_s
 
 
 class Ask(Say):
-    """Act of asking a question and waiting for an answer, which may interrupt the question.
+    """Act of asking a question and waiting for an answer; the answer may interrupt the question.
 
     Raises:
-        Refused: The question or the waiting time cannot be used.
+        Refused: The question or the waiting time is invalid.
     """
 
     kind = ActKind.ASK
@@ -179,7 +179,7 @@ class Ask(Say):
         self._waiting_since: float | None = None
 
     def begins_waiting(self, now: float) -> bool:
-        """Return True once, when the question has been spoken."""
+        """Return True once, after the question was spoken."""
         if self._waiting_since is None and super().is_over(now):
             self._waiting_since = now
             return True
@@ -190,7 +190,7 @@ class Ask(Say):
         return self._waiting_since is not None and not self.answer
 
     def receive(self, answer: str) -> bool:
-        """Receive the text of a person; return whether it counts as an answer."""
+        """Take the text of a person; return whether it counts as an answer."""
         if self.begun_at is None or self.answer:
             return False
         self.answer = counted_answer(answer, self.choices)
@@ -203,7 +203,7 @@ class Ask(Say):
         return min(1.0, self.elapsed(now) / (self.duration_s + self._wait_s))
 
     def is_over(self, now: float) -> bool:
-        """Return whether there is an answer, or none came in time."""
+        """Return whether it has an answer, or none came in time."""
         waited = self._waiting_since is not None and now - self._waiting_since >= self._wait_s
         return bool(self.answer) or waited
 
@@ -212,7 +212,7 @@ class Show(Act):
     """Act of showing a clip or a text on the display.
 
     Raises:
-        Refused: There is nothing to show, or the duration cannot be used.
+        Refused: There is nothing to show, or the duration is invalid.
     """
 
     kind = ActKind.SHOW
@@ -233,7 +233,7 @@ class Drive(Act):
     """Act of driving to a place.
 
     Raises:
-        Refused: There is no place, or no way to it.
+        Refused: The place is missing or unreachable.
     """
 
     kind = ActKind.DRIVE
@@ -246,12 +246,12 @@ class Drive(Act):
         super().__init__(place, f"drives to: {place}", self.distance / SPEED / pace)
 
     def driven(self, now: float) -> float:
-        """Return the distance that is driven [m]."""
+        """Return the driven distance [m]."""
         return self.distance * self.progress(now)
 
 
 def check_duration(duration_s: float, what: str, default_s: float) -> float:
-    """Return a duration that a caller asks for; 0 stands for the default.
+    """Return a duration requested by a caller; 0 means the default.
 
     Raises:
         Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Button presses of a simulated visitor, each made once a tree listens; without ROS."""
+"""Button presses of a simulated visitor, each sent once a tree listens; without ROS."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from collections.abc import Callable
 
 
 class ButtonPresses:
-    """Buttons that a visitor is about to press.
+    """Buttons that a visitor will press.
 
-    A ``wait_for`` listens only while it runs, which may begin after the words that name a button.
+    A ``wait_for`` listens only while it runs, and may start after the words that name a button.
     """
 
     def __init__(self) -> None:
         self._planned: dict[str, float] = {}
 
     def plan(self, topic: str, at: float) -> None:
-        """Plan to press a button at a time [s]; one that is planned already keeps its time."""
+        """Plan to press a button at a time [s]; an already planned one keeps its time."""
         self._planned.setdefault(topic, at)
 
     def due(self, now: float, listens: Callable[[str], bool]) -> list[str]:
-        """Return the topics of the buttons to press now, each once; others wait for a listener."""
+        """Return the topics of the buttons to press now, once each; others wait for a listener."""
         topics = [topic for topic, at in self._planned.items() if now >= at and listens(topic)]
         for topic in topics:
             del self._planned[topic]
         return topics
 
     def give_up(self, now: float) -> list[str]:
-        """Forget all buttons; return the topics of those to which nobody has listened in time."""
+        """Forget all buttons; return the topics of those without a listener in time."""
         missed = [topic for topic, at in self._planned.items() if now >= at]
         self._planned.clear()
         return missed

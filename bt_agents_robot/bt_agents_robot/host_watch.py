@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which goals of the robot have lost their host; without ROS."""
+"""Detection of goals of the robot that have lost their host; without ROS."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from bt_agents_core.liveness import STALL_S, extended_after_stall
 
 MOST_HOSTS = 20
-"""Hosts that are watched; one more takes the place of one that is gone, if any is."""
+"""Maximum number of watched hosts; one more replaces a departed one, if any."""
 
 
 @dataclass(eq=False, kw_only=True)
 class _Host:
-    """A host: its start, the ids of its open goals, and when it was heard last."""
+    """Host: its start, the ids of its open goals, and its last sign of life."""
 
     instance: str
     goals: frozenset[bytes]
@@ -22,12 +22,12 @@ class _Host:
 
 
 class HostWatch:
-    """Watch over the hosts whose goals are performed; all times are steady times [s].
+    """Watch over the hosts of performed goals; all times are on the steady clock [s].
 
-    A goal that no host has named, as of a person at a command line, has nobody to lose.
+    A goal that no host has named, such as one from a command line, cannot lose its host.
 
     Attributes:
-        lease_s: How long a host may be silent.
+        lease_s: Longest allowed silence of a host.
     """
 
     def __init__(self, lease_s: float, now: float) -> None:
@@ -38,15 +38,15 @@ class HostWatch:
 
     @property
     def hosts(self) -> Collection[str]:
-        """The hosts whose heartbeats have to be heard."""
+        """Hosts whose heartbeats are needed."""
         return self._hosts.keys()
 
     def on_open_goals(
         self, host: str, instance: str, goals: Collection[bytes], now: float
     ) -> None:
-        """Handle what a host has open.
+        """Handle the open goals of a host.
 
-        A new start of a host has nothing to do with the goals of the one before.
+        A new start of a host does not own the goals of the previous start.
         """
         known = self._hosts.get(host)
         if known is None and len(self._hosts) >= MOST_HOSTS:
@@ -59,15 +59,15 @@ class HostWatch:
         self._hosts[host] = _Host(instance=instance, goals=frozenset(goals), heard_at=now)
 
     def on_heartbeat(self, host: str, instance: str, now: float) -> None:
-        """Handle a sign of life; that of another start of the host is none."""
+        """Handle a sign of life; ignore it if it comes from another start of the host."""
         known = self._hosts.get(host)
         if known is not None and known.instance == instance:
             known.heard_at = now
 
     def lost(self, now: float) -> dict[bytes, str]:
-        """Return the goals whose host is gone, with the reason; polled with each heartbeat."""
+        """Return the goals whose host is gone, with the reason; called at each heartbeat."""
         if now - self._polled_at > STALL_S:
-            # The robot itself was held up; what its hosts have sent still waits to be read.
+            # The robot itself was stalled; messages of its hosts are still waiting to be read.
             for host in self._hosts.values():
                 host.heard_at = extended_after_stall(
                     host.heard_at, self.lease_s, self._polled_at, now

@@ -16,19 +16,19 @@ PAUSE_S = 2.0
 """Time between two visits [s]."""
 
 REACTION_S = 1.0
-"""Time that people think before they answer or press a button [s]."""
+"""Time that people need before they answer or press a button [s]."""
 
 _MARGIN_S = 0.1
 
 _NEAR = 0.1
-"""Largest difference between a value and its measurement, as a share of its range."""
+"""Largest difference between a value and its measurement, as a share of the range."""
 
 
 def check_visitors(spec: SceneSpec, script: Script) -> None:
-    """Check that the visitors of a script can come through the sensors of a scene.
+    """Check that the sensors of a scene can represent the visitors of a script.
 
     Raises:
-        Refused: ``NAMED_VISITOR`` for one who would stay unknown.
+        Refused: ``NAMED_VISITOR`` for a visitor who would stay unknown.
     """
     if spec.names_persons:
         return
@@ -45,13 +45,13 @@ def check_visitors(spec: SceneSpec, script: Script) -> None:
 def readings(
     spec: SceneSpec, values: Mapping[str, float], person: bool, name: str = ""
 ) -> dict[SourceSpec, float | str]:
-    """Return the reading of each source at these values; NaN where it reads nothing.
+    """Return the reading of each source for these values; NaN if it reads nothing.
 
     Args:
         spec: The scene.
-        values: What is true of the visitor, by scene parameter.
+        values: True values of the visitor, by scene parameter.
         person: Whether the visitor is a person.
-        name: Who it is; empty for somebody who is not known by name.
+        name: Name of the visitor; empty if unknown.
     """
     found = {
         source: _reading(source, values[source.parameter])
@@ -72,14 +72,14 @@ def readings(
 
 
 def sample_reading(spec: SceneSpec, source: SourceSpec) -> float | str:
-    """Return a reading that a source may have."""
+    """Return a possible reading of a source."""
     if spec.persons is not None and source in spec.persons.parts:
         return part_id(source)
     return source.table[0][0] if source.table else 0.0
 
 
 def part_id(part: SourceSpec) -> str:
-    """Return the id of a part of the visitor, of whom there is one at a time."""
+    """Return the id of a part of the current visitor."""
     return f"{part.parameter}1"
 
 
@@ -96,14 +96,14 @@ def is_measured(
     person_measured: bool,
     measured: Mapping[str, float],
 ) -> bool:
-    """Return whether a scene layer measures a visitor as :func:`readings` describe them.
+    """Return whether a scene layer measures a visitor as in :func:`readings`.
 
     Args:
         spec: The scene.
-        values: What is true of the visitor, by scene parameter.
+        values: True values of the visitor, by scene parameter.
         person: Whether the visitor is a person.
-        person_measured: What the scene layer says about that.
-        measured: What it measures, by scene parameter.
+        person_measured: Whether the scene layer measures a person.
+        measured: Values that it measures, by scene parameter.
     """
     tells_persons = spec.person is not None or spec.persons is not None
     if tells_persons and person_measured != person:
@@ -127,7 +127,7 @@ def is_read(reading: float | str) -> bool:
 
 
 def field_value(example: object, reading: float | str) -> Any:
-    """Return a reading in the type of the field that carries it, known by an example.
+    """Return a reading in the type of its field, which an example shows.
 
     Raises:
         TypeError: The field cannot carry it.
@@ -166,8 +166,8 @@ def nested(fields: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 def pause_after(spec: SceneSpec, seen: Iterable[str], coming: Visit | None, pace: float) -> float:
     """Return the pause before the next visitor [s].
 
-    Readings of the last visitor must be stale before somebody comes of whom less is known, and a
-    tracked one must be lost; both take real time, whatever the pace.
+    Readings of the last visitor must become stale before a visitor with fewer readings comes, and
+    a tracked visitor must be lost; both take real time, whatever the pace.
     """
     known = coming.values if coming is not None else {}
     lingering = set(seen) - set(known)

@@ -48,13 +48,13 @@ from bt_agents_ros.workarounds.sender_identity import SenderRates, create_identi
 COLOURS = ("off", "white", "green", "yellow", "blue", "red")
 
 MOST_ACTS = 20
-"""Acts under way or waiting, beyond which a goal is not taken."""
+"""Maximum number of ongoing and waiting acts; then goals are rejected."""
 
 MOST_WAITING = 5
-"""Texts waiting for the mouth, beyond which a goal is not taken."""
+"""Maximum number of texts waiting for the mouth; then goals are rejected."""
 
 RESULT_TIMEOUT_S = 5
-"""Time for which results are stored [s]; the rclpy default of 900 s slows every further goal."""
+"""Time to store results [s]; the rclpy default of 900 s slows every further goal."""
 
 _SLOWEST_TICK_S, _FASTEST_TICK_S = 0.02, 0.005
 _FEEDBACK_STEP = 0.1
@@ -62,7 +62,7 @@ _FEEDBACK_STEP = 0.1
 
 @dataclass(eq=False)
 class _Performed:
-    """Act of a goal; ``begun`` is the stamp of its beginning, ``number`` its place among all."""
+    """Act of a goal; ``begun`` is the stamp of its beginning, ``number`` its sequence number."""
 
     act: Act
     goal: Any
@@ -73,10 +73,10 @@ class _Performed:
 
 
 class RobotNode(BaseNode):
-    """The simulated robot; a given voice takes the place of the parameter ``voice``.
+    """Simulated robot; a given voice overrides the parameter ``voice``.
 
-    What a host has sent ends when that host falls silent. What belongs to a run from which the
-    market has gone on is refused: it was held up on its way.
+    Goals of a host end when the host falls silent. Late goals of runs that the market has left
+    behind are refused.
     """
 
     def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
@@ -170,7 +170,7 @@ class RobotNode(BaseNode):
                 accepts=SenderRates(),
             )
         except Exception as error:
-            # The name comes from outside; rclpy has no common root for what it makes of bad ones.
+            # The name comes from outside; rclpy's errors for bad names have no common base class.
             raise Refused("BAD_NAME", f"its heartbeat cannot be heard: {error}") from None
 
     def _on_heartbeat(self, message: Heartbeat, _sender: str) -> None:
@@ -305,7 +305,7 @@ class RobotNode(BaseNode):
             performed.goal.publish_feedback(_feedback(act, now))
 
     def _begin_waiting(self) -> None:
-        """Begin waiting acts: a text as soon as nothing else is spoken, the others at once."""
+        """Begin waiting acts: a text as soon as no other is spoken, others at once."""
         now = time.monotonic()
         for performed in self._performed:
             act = performed.act
@@ -320,7 +320,7 @@ class RobotNode(BaseNode):
             self._report(act.line)
 
     def _publish_changes(self) -> None:
-        """Publish the acts and the questions that may be answered now, when they have changed."""
+        """Publish the acts and the open questions if they have changed."""
         acts = [_shown(one) for one in self._performed if one.act.begun_at is not None]
         if acts != self._state.acts:
             self._state.acts = acts
@@ -341,7 +341,7 @@ class RobotNode(BaseNode):
         self._states.publish(self._state)
 
     def _end(self, performed: _Performed, message: str | None) -> None:
-        """End an act; a message is the reason why it was cut short."""
+        """End an act; a message gives the reason for an early end."""
         self._performed.remove(performed)
         performed.act.stop()
         performed.done.set_result(message)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fence between the runs of a robot: which of them are over, so that late words stay out."""
+"""Fence between the runs of a robot, which keeps out late requests of ended runs."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections import deque
 from bt_agents_core.run_key import RunKey
 
 MOST_RUNS = 100
-"""Runs that are remembered as over, and earlier markets, each."""
+"""Maximum numbers of remembered ended runs and of remembered earlier markets."""
 
 
 class RunFence:
-    """Fence that lets in what belongs to a run under way, to one to come, or to none.
+    """Fence that admits requests of the current run, of future runs, and without a run.
 
-    What the market has gone on from is over. A goal may be here before the news of its run, so a
-    run that was never named is taken for one to come. The last run of an earlier market may clean
-    up until the next market has awarded one.
+    Runs that the market has left are over. A goal may arrive before the news of its run, so an
+    unknown run counts as a future one. The last run of an earlier market may clean up until the
+    next market awards a run.
     """
 
     def __init__(self) -> None:
@@ -26,7 +26,7 @@ class RunFence:
         self._earlier: deque[str] = deque(maxlen=MOST_RUNS)
 
     def on_market(self, named: RunKey) -> None:
-        """Handle the run that the market names; one without an agent says that none is there."""
+        """Handle the run that the market reports; a run without an agent means none."""
         before = self._named
         if before is not None and before.epoch != named.epoch:
             self._earlier.append(before.epoch)
@@ -37,7 +37,7 @@ class RunFence:
         self._is_awarded = self._is_awarded or bool(named.agent)
 
     def is_over(self, run: RunKey) -> bool:
-        """Return whether what belongs to a run comes too late."""
+        """Return whether a run is over, so that its requests are too late."""
         named = self._named
         if named is None or not run.epoch or run == named:
             return False

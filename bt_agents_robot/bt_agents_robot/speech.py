@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Duration of speech, and the voice of the robot where a speech program is installed."""
+"""Duration of speech, and the voice of the robot if a speech program is installed."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ CHARACTERS_PER_S = 15.0
 """Speed of calm speech: about 150 words a minute."""
 
 PAUSE_S = 0.3
-"""Breath before the first word [s]."""
+"""Pause before the first word [s]."""
 
 LONGEST_TEXT = 2000
-"""Most characters of one text; far fewer than a pipe takes without a reader."""
+"""Longest text in characters; far fewer than a pipe takes without a reader."""
 
 WORDS_PER_MINUTE = 175
-"""Normal speed of eSpeak; above :data:`FASTEST_WORDS_PER_MINUTE` nobody follows."""
+"""Normal speed of eSpeak; above :data:`FASTEST_WORDS_PER_MINUTE` speech is incomprehensible."""
 
 FASTEST_WORDS_PER_MINUTE = 450
 SLOWEST_WORDS_PER_MINUTE = 80
@@ -46,7 +46,7 @@ def check_text(text: str, what: str) -> str:
 
 
 def check_rate(rate: float) -> float:
-    """Return the speed of speech relative to normal; 0 stands for 1.
+    """Return the speed of speech relative to normal; 0 means 1.
 
     Raises:
         Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
@@ -59,15 +59,15 @@ def check_rate(rate: float) -> float:
 
 
 def speaking_time(text: str, rate: float, pace: float) -> float:
-    """Return the duration of a spoken text [s]; its rate and the pace are relative to normal."""
+    """Return the duration of a spoken text [s]; rate and pace are relative to normal."""
     return (len(text) / CHARACTERS_PER_S + PAUSE_S) / rate / pace
 
 
 def espeak_command(program: str, rate: float, pace: float) -> tuple[str, ...] | None:
-    """Return the command that speaks the text of its standard input.
+    """Return the command that speaks the text from its standard input.
 
     Returns:
-        None when the pace is beyond what a voice can do; the text is then only shown.
+        None if the pace is too fast for a voice; then the text is only shown.
     """
     words_per_minute = round(WORDS_PER_MINUTE * rate * pace)
     if words_per_minute > FASTEST_WORDS_PER_MINUTE:
@@ -76,17 +76,17 @@ def espeak_command(program: str, rate: float, pace: float) -> tuple[str, ...] | 
 
 
 class Process(Protocol):
-    """Part of :class:`subprocess.Popen` that is used here."""
+    """Part of :class:`subprocess.Popen` that this module uses."""
 
     def poll(self) -> int | None:
         """Return the exit code; None while it runs."""
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Ask the process to end."""
 
 
 def start_process(command: Sequence[str], text: str) -> Process:
-    """Start a speech program and hand it the text; never through a shell or as an argument.
+    """Start a speech program and write the text to it, never through a shell or as an argument.
 
     Raises:
         OSError: The program cannot be started.
@@ -96,7 +96,7 @@ def start_process(command: Sequence[str], text: str) -> Process:
     )
     stdin = process.stdin
     if stdin is not None:
-        # One that has ended already says so by its exit code.
+        # A program that has already ended reports that by its exit code.
         with suppress(BrokenPipeError):
             stdin.write(text.encode("utf-8", "replace"))
             stdin.close()
@@ -104,7 +104,7 @@ def start_process(command: Sequence[str], text: str) -> Process:
 
 
 class Voice:
-    """Voice of a child process; silent, after a warning, where there is no program or it fails."""
+    """Voice of a child process; silent, after a warning, if the program is missing or fails."""
 
     def __init__(
         self,
@@ -120,7 +120,7 @@ class Voice:
 
     @property
     def audible(self) -> bool:
-        """Whether there is a speech program that has not failed."""
+        """Whether a speech program exists and has not failed."""
         return self._program is not None
 
     def say(self, text: str, rate: float, pace: float) -> Process | None:
@@ -136,10 +136,10 @@ class Voice:
             return None
 
     def stop(self, process: Process) -> None:
-        """End a text that is being spoken."""
+        """Stop speaking the current text."""
         if process.poll() is None:
             process.terminate()
-            # Asked again for its exit code at the next text, so that no zombie stays.
+            # The next text polls it again for its exit code, so that no zombie stays.
             self._stopped.append(process)
 
     def disable(self, reason: str) -> None:

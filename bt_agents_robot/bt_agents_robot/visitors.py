@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated visitors, who feed the sensors' topics, answer the robot and press buttons."""
+"""Simulated visitors, who publish sensor readings, answer the robot and press buttons."""
 
 from __future__ import annotations
 
@@ -58,17 +58,17 @@ SENSOR_PERIOD_S = 0.2
 MEASURED_S = 2.0
 """Longest wait until the scene layer measures a visitor; then the scene is requested anyway [s].
 
-A publisher can see a subscription that does not hear it yet.
+A publisher can discover a subscription before that receives its messages.
 """
 
 WARNING_PERIOD_S = 5.0
-"""Time between two warnings that nobody subscribes [s]."""
+"""Time between two warnings about missing subscribers [s]."""
 
 _TICK_S = 0.02
 
 
 class _Sensor:
-    """One sensor topic, with all sources that read it."""
+    """Sensor topic, with all sources that read it."""
 
     def __init__(
         self, node: Node, scene: SceneSpec, topic: str, kind: str, sources: Sequence[SourceSpec]
@@ -77,7 +77,7 @@ class _Sensor:
         self._scene = scene
         self._type = load_type(kind, BindingKind.TOPIC)
         self._examples = {source: self._example(source) for source in sources}
-        # Reliable, so that both kinds of subscription match.
+        # A reliable publisher matches both kinds of subscription.
         profile = qos.FACT if any(source.latched for source in sources) else qos.EVENTS
         self.publisher: Publisher = node.create_publisher(self._type, topic, profile)
 
@@ -95,7 +95,7 @@ class _Sensor:
         self.publisher.publish(message)
 
     def _fields(self, values: dict[SourceSpec, float | str]) -> dict[str, Any]:
-        """Return the readings by the paths of their fields."""
+        """Return the readings by field path."""
         fields: dict[str, Any] = {}
         for source in self.sources:
             reading = values[source]
@@ -124,7 +124,7 @@ class _Sensor:
 
 
 class _Tracker(_Sensor):
-    """The topic that says who is tracked, with all sources that read its items."""
+    """Topic with tracked persons, with all sources that read its items."""
 
     def __init__(
         self, node: Node, scene: SceneSpec, spec: TrackedSpec, sources: Sequence[SourceSpec]
@@ -134,7 +134,7 @@ class _Tracker(_Sensor):
         self.numbers_persons = isinstance(self._read_default(spec.id), int)
 
     def publish_person(self, person: str, values: dict[SourceSpec, float | str]) -> None:
-        """Publish the list with one person; an empty id stands for nobody."""
+        """Publish the list with one person; an empty id means an empty list."""
         if not person:
             self._send(nested([(self._spec.field, [])]))
             return
@@ -144,7 +144,7 @@ class _Tracker(_Sensor):
         self._send(nested([(self._spec.field, [item])]))
 
     def _read_default(self, path: str) -> Any:
-        """Return a field of an item as a new message has it; an empty path is the item itself."""
+        """Return a field of an item in a new message; an empty path is the item itself."""
         message = self._type()
         items = f"{self._spec.field}.0"
         if path:
@@ -162,10 +162,10 @@ class _Tracker(_Sensor):
 
 
 class VisitorsNode(BaseNode):
-    """Player of a script of people who come, are sensed, react and leave.
+    """Player of a script with people who come, are sensed, react and leave.
 
     Raises:
-        Refused: A source has a type or field that cannot be written, or as
+        Refused: A source has a type or field that cannot be written, or as in
             :func:`check_visitors`.
     """
 
@@ -331,7 +331,7 @@ class VisitorsNode(BaseNode):
         self._sensing_pending = True
 
     def _meet(self, name: str) -> None:
-        """Give a visitor an id that is tracked, and the topics that are about that person."""
+        """Give a visitor a tracked id, and create the topics about that person."""
         if self._tracker is None:
             return
         number = self._performance.number
@@ -343,14 +343,14 @@ class VisitorsNode(BaseNode):
         self._personal = self._make_sensors({one: topic for one, topic in topics.items() if topic})
 
     def _part(self) -> None:
-        """Take away what is about the last visitor."""
+        """Remove the topics about the last visitor."""
         for sensor in self._personal:
             self.destroy_publisher(sensor.publisher)
         self._personal = []
         self._name = self._id = ""
 
     def _trigger_when_sensed(self, now: float) -> None:
-        """Request the scene once every sensor in use has a subscriber and was measured."""
+        """Request the scene once every used sensor has a subscriber and was measured."""
         if self._sensing_pending:
             values = self._readings()
             sensors = (*self._sensors, *(self._personal if self._person else ()))
@@ -381,7 +381,7 @@ class VisitorsNode(BaseNode):
                 self._trigger.publish(Empty())
 
     def _ask_what_is_measured(self) -> None:
-        """Request the scene at once where the scene layer measures the visitor by now."""
+        """Request the scene at once if the scene layer already measures the visitor."""
         if self._is_asking:
             return
         self._is_asking = True
@@ -408,7 +408,7 @@ class VisitorsNode(BaseNode):
         )
 
     def _request_urgently(self) -> None:
-        """Request the scene by the service, as a trigger cannot carry the urgency."""
+        """Request the scene by a service, because a trigger cannot carry the urgency."""
         self._calls.call(
             self._analyze,
             Analyze.Request(urgent=True, announce=True),
@@ -433,7 +433,7 @@ class VisitorsNode(BaseNode):
     def _is_heard(self, topic: str) -> bool:
         """Return whether the host of the run listens to a button and is connected.
 
-        A journal or a terminal may listen as well, which no tree has begun.
+        Other listeners, such as a journal or a terminal, do not count.
         """
         button = self._buttons[topic]
         nodes = self.get_subscriptions_info_by_topic(button.topic_name)
@@ -466,10 +466,10 @@ class VisitorsNode(BaseNode):
 
 
 def make_node() -> VisitorsNode:
-    """Create the node as the parameters of its process ask for.
+    """Create the node according to the parameters of its process.
 
     Raises:
-        BtAgentsError: The trees folder, ``scene.yaml`` or the script cannot be used.
+        BtAgentsError: The trees folder, ``scene.yaml`` or the script is unusable.
     """
 
     def make(values: Mapping[str, str]) -> VisitorsNode:
