@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees from and to BehaviorTree.CPP and Groot2."""
+"""Import and export of trees for BehaviorTree.CPP and Groot2."""

@@ -28,14 +28,14 @@ _NOT_IN_TREES = (
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedAgent:
-    """Exported file of BehaviorTree.CPP, with remarks on what differs in it."""
+    """Exported BehaviorTree.CPP file, with remarks on its differences."""
 
     text: str
     remarks: tuple[Remark, ...]
 
 
 def export_agent(source: Source, symbols: SymbolTable) -> ExportedAgent:
-    """Return the file of BehaviorTree.CPP for an agent file and the symbols that it may use.
+    """Return the BehaviorTree.CPP file for an agent file and the symbols that it may use.
 
     Raises:
         ReadError: There is a problem in the file; it lists all of them.
@@ -60,12 +60,12 @@ class _Export:
         self._models = Models()
         self._remarks = Remarks()
         self._files: dict[str, _TreeFile] = {}
-        # (file, name) of the subtrees that are used.
+        # (file, name) of the used subtrees.
         self._used: list[tuple[str, str]] = []
 
     def run(self, source: Source, agent: str, tunables: tuple[Tunable, ...]) -> ExportedAgent:
         main = self._open(source)
-        # Reserved first, so that the agent's own tree gets the ID that its name asks for.
+        # Reserve this first, so that the agent's own tree gets the ID of its name.
         main_id = self._models.tree_id(agent)
         if tunables:
             self._models.declare("SubTree", main_id, tunables)
@@ -76,7 +76,7 @@ class _Export:
         for name, subtree in main.subtrees.items():
             if subtree.position.file == main.file:
                 self._use(main.file, name)
-        # It grows while it is walked through.
+        # The list grows during the loop.
         for file, name in self._used:
             trees.append(self._subtree(file, name))
         self._remark_keys(main)

@@ -44,7 +44,7 @@ _INITIAL_COMMENT = (
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedAgent:
-    """Imported agent file, its remarks in the order of the XML file."""
+    """Imported agent file, with remarks in the order of the XML file."""
 
     text: str
     remarks: tuple[Remark, ...]
@@ -59,7 +59,7 @@ def import_agent(
     load: Load | None = None,
     main: str = "",
 ) -> ImportedAgent:
-    """Return the agent file for a file, or a project, of BehaviorTree.CPP.
+    """Return the agent file for a BehaviorTree.CPP file or project.
 
     Args:
         source: The file, or the project file of Groot2.
@@ -83,7 +83,7 @@ class _Import:
         self._agent = agent
         self._space = symbols.space
         self._custom = CustomNodes(self._document, symbols)
-        # Trees that are imported already, by their ID.
+        # Already imported trees by ID.
         self._callees: dict[str, Callee] = {}
         self._remarks = Remarks()
         self._subtree_name = Renaming()
@@ -169,7 +169,7 @@ class _Import:
         return [call for call in calls if call.get("ID") == tree_id]
 
     def _mentions(self, tree_id: str | None) -> Counter[str]:
-        """Return how often each blackboard entry is mentioned in a tree."""
+        """Return how often a tree mentions each blackboard entry."""
         if tree_id is None:
             return Counter()
         return Counter(_mentioned_entries(self._document.trees[tree_id]))
@@ -250,7 +250,7 @@ class _Import:
 
 
 def _plain_default(declared: ModelPort, names: TreeNames, name: str) -> Data:
-    """Return the default of a port, which is a text where the tree compares it with one."""
+    """Return the default of a port, which is a text if the tree compares it with one."""
     is_text = names.type_of(name) is FieldType.TEXT
     field_type = FieldType.TEXT if is_text else field_type_of(declared.type)
     try:
@@ -274,7 +274,7 @@ def _input(field_type: FieldType, default: Data | None = None) -> Data:
 
 
 def _with_initial_values(tree: YamlNode, values: Mapping[str, Data], comment: str) -> YamlNode:
-    """Return a tree that first sets names to the values that came from outside of it."""
+    """Return a tree that first sets names to values from outside."""
     if not values:
         return tree
     first = YamlNode(key="set", value=dict(values), comments=(comment,) if comment else ())
@@ -285,7 +285,7 @@ def _with_initial_values(tree: YamlNode, values: Mapping[str, Data], comment: st
 
 
 def _mentioned_entries(element: Element) -> Iterator[str]:
-    """Return the blackboard entries that an element and all below it mention."""
+    """Return the blackboard entries that an element and its descendants mention."""
     builtin = BUILTINS.get(node_id(element))
     for name, attribute in element.attributes.items():
         entry = pointed_at(attribute.value)
@@ -299,7 +299,7 @@ def _mentioned_entries(element: Element) -> Iterator[str]:
 
 
 def skills_file(missing: tuple[MissingSkill, ...]) -> str:
-    """Return a skills file that declares some skills; empty when there is none."""
+    """Return a skills file that declares some skills; empty if there are none."""
     if not missing:
         return ""
     skills: dict[str, Data] = {}

@@ -26,7 +26,7 @@ class PortKind(Enum):
 
 
 Limits = tuple[int, int | None]
-"""Smallest and largest number of children; None is any number."""
+"""Smallest and largest number of children; None means any number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,10 +34,10 @@ class Builtin:
     """Built-in node.
 
     Attributes:
-        ours: Equivalent in our language; empty when there is none.
+        ours: Equivalent in our language; empty if there is none.
         ports: Port → kind of its value.
-        children: How many it has.
-        note: Difference between the two; empty when they do the same.
+        children: Allowed number of children.
+        note: Difference between the two; empty if they do the same.
     """
 
     id: str
@@ -70,13 +70,13 @@ _BUILTINS = yaml.load(
 BUILTINS: Mapping[str, Builtin] = {
     name: _builtin(name, entry) for name, entry in _BUILTINS["nodes"].items()
 }
-"""Nodes of BehaviorTree.CPP 4, and the control nodes of Nav2, by id."""
+"""Nodes of BehaviorTree.CPP 4, and control nodes of Nav2, by id."""
 
 CONDITIONS: Mapping[str, tuple[str, str]] = {
     name: (entry.get("ours", ""), entry.get("note", ""))
     for name, entry in _BUILTINS["attributes"].items()
 }
-"""Attribute of any node → equivalent in our language (may be empty), and the difference."""
+"""Attribute of any node → its equivalent in our language (may be empty) and the difference."""
 
 WRITTEN_PORTS: Mapping[str, tuple[str, ...]] = {
     name: tuple(ports) for name, ports in _BUILTINS["writes"].items()
@@ -84,20 +84,20 @@ WRITTEN_PORTS: Mapping[str, tuple[str, ...]] = {
 """Leaf of Nav2 → ports that it writes; it reads the others."""
 
 EXPLICIT = ("Action", "Condition", "Control", "Decorator")
-"""Elements of the explicit form, with the name of the node in ``ID``."""
+"""Elements of the explicit form, with the node name in ``ID``."""
 
 SKIP_IF, FAILURE_IF, SUCCESS_IF, WHILE = "_skipIf", "_failureIf", "_successIf", "_while"
 ON_SUCCESS, ON_FAILURE, ON_HALTED, POST = "_onSuccess", "_onFailure", "_onHalted", "_post"
 
 OTHER_ATTRIBUTES = ("ID", "name", "_autoremap", "_description", "_fullpath", "_uid", "_collapsed")
-"""Attributes of any node without an effect on the tree, or that are read elsewhere."""
+"""Attributes of any node that have no effect on the tree or are read elsewhere."""
 
 _HEAD = "| BehaviorTree.CPP | here | difference |\n|---|---|---|\n"
 _TABLE = re.compile(re.escape(_HEAD) + r"(\|.*\n)*")
 
 
 def with_table(page: str) -> str:
-    """Return the documentation page about Groot2 with its table generated anew."""
+    """Return the documentation page about Groot2 with a newly generated table."""
     return _TABLE.sub(lambda _: groot_table(), page)
 
 

@@ -95,7 +95,7 @@ def export_groot(agent: str, out: str, directory: str) -> None:
 
 
 def _xml_files(named: tuple[str, ...]) -> list[Path]:
-    """Return the files that are named, and those of the folders that are named."""
+    """Return the named files, and those in named folders."""
     found: list[Path] = []
     for path in map(Path, named):
         inside = sorted(path.glob("*.xml")) if path.is_dir() else [path]
@@ -122,7 +122,7 @@ def _find(agent: str, directory: str) -> tuple[Path, SymbolTable]:
 
 
 def _take(named: str) -> Path:
-    """Return the trees folder; one that nobody named is said."""
+    """Return the trees folder; print it if the user named none."""
     folder = find_trees(named)
     if not named:
         click.echo(f"trees folder: {folder.resolve()}", err=True)

@@ -48,7 +48,7 @@ def _composite(key: str, *, memory: bool = True) -> Translate:
 
 
 def _fallback(tree: TreeImport, element: Element) -> YamlNode:
-    # An exported handler: a fallback that has the name of our decorator.
+    # An exported handler: a fallback with the name of our decorator.
     if element.get("name") == ON_FAILURE.key and len(element.children) == 2:
         node = tree.node(element.children[0])
         if WHEN.key not in node.decorators:
@@ -57,7 +57,7 @@ def _fallback(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _noted(translate: Translate) -> Translate:
-    """Return a translator that remarks on the difference in the catalogue first."""
+    """Return a translator that first remarks on the difference in the catalogue."""
 
     def noted(tree: TreeImport, element: Element) -> YamlNode:
         tree.note(element, BUILTINS[node_id(element)].note)
@@ -99,7 +99,7 @@ def _parallel_all(tree: TreeImport, element: Element) -> YamlNode:
 def _if_then_else(tree: TreeImport, element: Element) -> YamlNode:
     cases: list[YamlNode] = []
     rest = [element]
-    # An exported 'choose' is one such node inside of the other.
+    # An exported 'choose' consists of such nodes inside each other.
     while rest and (
         element is rest[0] or (rest[0].tag == "IfThenElse" and not rest[0].attributes)
     ):
@@ -122,7 +122,7 @@ def _choose(tree: TreeImport, cases: list[YamlNode], otherwise: list[Element]) -
 
 
 def _by_result(tree: TreeImport, element: Element) -> YamlNode:
-    """Return nodes that choose by the result of a node instead of a condition."""
+    """Return nodes that choose by the result of a node instead of by a condition."""
     condition_node, first, *otherwise = element.children
     if not otherwise:
         return sequence(tree.node(condition_node), tree.node(first))
@@ -138,13 +138,13 @@ def _branch(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def numbered_case(tree: TreeImport, element: Element, condition: Raw, number: int) -> YamlNode:
-    """Return a case of a ``choose``, called by its number where it has no name."""
+    """Return a case of a ``choose``, named by its number if it has no name."""
     case = decorated(_branch(tree, element), "when", condition)
     return replace(case, name=case.name or f"case_{number}")
 
 
 def _condition_text(tree: TreeImport, element: Element) -> Raw | None:
-    """Return the condition that an element checks, as text; None when it is more than that."""
+    """Return the condition that an element checks, as text; None if it does more than that."""
     if node_id(element) == CHECK.key and set(element.attributes) <= {"ID", "condition"}:
         tree.names.mention(names_of_expression(element.get("condition")))
         return Raw(element.get("condition"))
@@ -153,7 +153,7 @@ def _condition_text(tree: TreeImport, element: Element) -> Raw | None:
 
 
 def _formula(tree: TreeImport, element: Element) -> Formula | None:
-    """Return the condition that an element checks; None when it is more than that."""
+    """Return the condition that an element checks; None if it does more than that."""
     if node_id(element) != "ScriptCondition" or set(element.attributes) - {"code", "ID"}:
         return None
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of custom nodes: words of our language, else leaves that are skills of the robot."""
+"""Import of custom nodes as words of our language, or else as skills of the robot."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _own_decorator(tree: TreeImport, element: Element) -> YamlNode | None:
 
 
 def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
-    """Return the node for one of our composites; None for anything else."""
+    """Return the node for one of our composites, or None for anything else."""
     ports = {attribute.name for attribute in given_ports(element)}
     own_key = node_id(element)
     if own_key in (SEQUENCE.key, SELECTOR.key) and ports == {"memory"}:
@@ -96,7 +96,7 @@ def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
 
 
 def _own_fields(tree: TreeImport, element: Element, own: NodeType) -> dict[str, Data] | None:
-    """Return the fields of a node of our language; None when the ports are not those fields."""
+    """Return the fields of a node of our language; None if the ports are not those fields."""
     by_port = {port(one.name): one for one in own.fields}
     given = given_ports(element)
     required = {port(one.name) for one in own.fields if one.required}
@@ -119,7 +119,7 @@ def _value(own: NodeType, fields: dict[str, Data]) -> Data:
 
 
 def _port_value(tree: TreeImport, attribute: Attribute, field_type: FieldType) -> Data:
-    """Return the value of a port; the names in it are recorded as read."""
+    """Return the value of a port; record the names in it as read."""
     data = tree.port(attribute, attribute.value, field_type)
     if isinstance(data, str) and "${" in data.replace("$${", ""):
         tree.note(attribute, "the ${…} in it is taken as a name of our language")
@@ -128,10 +128,10 @@ def _port_value(tree: TreeImport, attribute: Attribute, field_type: FieldType) -
 
 @dataclass
 class MissingSkill:
-    """Skill that no file declares, as far as its uses show it.
+    """Skill that no file declares, as far as its uses reveal it.
 
     Attributes:
-        defaults: Input that need not be given → its value then.
+        defaults: Optional input → its default value.
     """
 
     name: str
@@ -142,7 +142,7 @@ class MissingSkill:
     given: Counter[str] = field(default_factory=Counter)
 
     def default(self, name: str) -> Data | None:
-        """Return the value of an input that some use leaves out; None where every use gives it."""
+        """Return the value of an input that some use leaves out; None if every use gives it."""
         if name in self.defaults or self.given[name] == self.uses:
             return self.defaults.get(name)
         return usual_value(self.inputs[name])
@@ -150,7 +150,7 @@ class MissingSkill:
 
 @dataclass(frozen=True)
 class _Signature:
-    """Signature of a skill or plug-in: types of its fields, its main field, its outputs."""
+    """Signature of a skill or plug-in: the types of its fields, its main field, its outputs."""
 
     fields: Mapping[str, FieldType]
     main: str | None
@@ -169,7 +169,7 @@ class CustomNodes:
     """Translator of custom nodes.
 
     Attributes:
-        missing: Skills that are used but not known, by name.
+        missing: Used but unknown skills, by name.
     """
 
     def __init__(self, document: Document, symbols: SymbolTable) -> None:
@@ -196,7 +196,7 @@ class CustomNodes:
         )
 
     def skill(self, tree: TreeImport, element: Element) -> YamlNode:
-        """Return the node for the skill that is called as an element is."""
+        """Return the node for the skill with the name of an element."""
         name = snake(node_id(element))
         if name in WORDS:
             tree.note(
@@ -222,7 +222,7 @@ class CustomNodes:
         return _skill_node(tree, use)
 
     def _missing_skill(self, name: str, model: Model) -> MissingSkill:
-        """Return a skill that nobody declares, with the inputs that have a value by default."""
+        """Return an undeclared skill, with its inputs that have default values."""
         if name not in self.missing:
             skill = self.missing[name] = MissingSkill(name)
             for port_name, one in model.ports.items():
@@ -263,13 +263,13 @@ class CustomNodes:
             tree.note(attribute, f"the output '{attribute.name}' is lost: {shown}")
             return
         if name in _ERRORS and tree.names.is_new(entry):
-            # Others may read it before the first error.
+            # Other nodes may read it before the first error.
             tree.names.read([tree.names.rename(entry)], _ERRORS[name])
         use.outputs[tree.names.rename(entry)] = name
 
 
 def _usual_model(element: Element) -> Model:
-    """Return the model of an element that the file does not declare, as far as Nav2 has it."""
+    """Return Nav2's model of an element that the file does not declare, if any."""
     written = WRITTEN_PORTS.get(node_id(element))
     if written is None:
         return Model(kind="Action")
@@ -294,7 +294,7 @@ def _direction(tree: TreeImport, use: _Use, attribute: Attribute, declared: Mode
         return "out" if name not in signature.fields else "in"
     if signature is not None or declared.direction:
         return declared.direction or "in"
-    # Nothing declares it. An entry that nothing has set yet, but others use, is set here.
+    # It has no declaration. An entry that is not set yet, but used elsewhere, is set here.
     entry = pointed_at(attribute.value)
     if entry is None or not tree.names.is_new(entry):
         return "in"
@@ -306,7 +306,7 @@ def _direction(tree: TreeImport, use: _Use, attribute: Attribute, declared: Mode
 
 
 def _ports(element: Element, model: Model) -> list[Attribute]:
-    """Return the ports of an element, with those that point at an entry by default."""
+    """Return the ports of an element, including those that point at an entry by default."""
     ports = given_ports(element)
     given = {attribute.name for attribute in ports}
     ports += [
@@ -314,7 +314,7 @@ def _ports(element: Element, model: Model) -> list[Attribute]:
         for name, one in model.ports.items()
         if name not in given and pointed_at(one.default) is not None
     ]
-    # '{=}' stands for the entry that is called as the port is.
+    # '{=}' means the entry with the name of the port.
     return [
         replace(one, value=f"{{{one.name}}}") if pointed_at(one.value) == "=" else one
         for one in ports
@@ -340,7 +340,7 @@ def _skill_node(tree: TreeImport, use: _Use) -> YamlNode:
 
 
 def _by_default(declared: ModelPort) -> tuple[FieldType, Data]:
-    """Return the type of a port and its value by default; any type where the two do not fit."""
+    """Return the type and default value of a port; any type if the two do not fit."""
     field_type = field_type_of(declared.type)
     try:
         value = from_port(declared.value, field_type, str)

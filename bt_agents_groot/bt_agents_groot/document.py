@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Document reader: trees and models of a BehaviorTree.CPP file, checked as that library does."""
+"""Reader of trees and models in a BehaviorTree.CPP file, with the checks of that library."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ _KINDS = (*EXPLICIT, "SubTree")
 _ROOT = "root"
 
 MAX_FILES = 64
-"""Files of one project."""
+"""Maximum number of files in one project."""
 
 Load = Callable[[Path], Source]
-"""Returns the text of a file that is included; raises a ``ReadError`` where it cannot."""
+"""Function that returns the text of an included file, or raises a ``ReadError``."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelPort:
-    """Declared port: ``in``, ``out`` or ``both``, its C++ type and default."""
+    """Declared port: ``in``, ``out`` or ``both``, with its C++ type and default."""
 
     direction: str
     type: str = ""
@@ -43,7 +43,7 @@ class ModelPort:
 
     @property
     def value(self) -> str:
-        """Default that is a value; empty where it points at an entry of the tree around it."""
+        """Default value; empty if the default points at an entry of the enclosing tree."""
         return self.default if pointed_at(self.default) is None else ""
 
 
@@ -69,7 +69,7 @@ class Document:
         models: ID → model of a custom node.
         subtree_models: ID → model of a subtree.
         unread: Elements of the file that are not imported.
-        calls: ID of a tree → its ``SubTree`` elements; each tree behind those that it calls.
+        calls: ID of a tree → its ``SubTree`` elements; each tree comes after those that it calls.
     """
 
     trees: dict[str, Element] = field(default_factory=dict)
@@ -81,12 +81,12 @@ class Document:
 
 
 def node_id(element: Element) -> str:
-    """Return the type of a node: its ``ID`` in the explicit form, else the name of its element."""
+    """Return the type of a node: its ``ID`` in the explicit form, else its element name."""
     return element.get("ID") if element.tag in _KINDS else element.tag
 
 
 def has_skill(node: Element | Xml) -> bool:
-    """Return whether a node, or one below it, is a skill or a tree."""
+    """Return whether a node or a descendant is a skill or a tree."""
     if node.children:
         return any(map(has_skill, node.children))
     name = node_id(node) if isinstance(node, Element) else node.tag
@@ -105,14 +105,14 @@ def given_ports(element: Element) -> list[Attribute]:
 def read_document(
     source: Source, others: Sequence[Source] = (), load: Load | None = None, main: str = ""
 ) -> Document:
-    """Return the trees and models of a file, and of others that belong to it.
+    """Return the trees and models of a file and of others that belong to it.
 
     Args:
         source: The file.
-        others: More files that are read with it.
-        load: Reads what ``<include path="…"/>`` names; None leaves that unread.
-        main: ID of the tree that starts, of which only what it calls is read beside it; empty
-            takes the one that the first file names.
+        others: Other files to read with it.
+        load: Reads included files (``<include path="…"/>``); None leaves them unread.
+        main: ID of the main tree; only this tree and the trees that it calls are read. If empty,
+            the first file names the main tree.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
@@ -135,7 +135,7 @@ class _DocumentReader:
 
     def read(self) -> Document:
         taken: set[str] = set()
-        # What is read here may include more files.
+        # Files read here may include more files.
         while waiting := [one for file, one in self._readings.items() if file not in taken]:
             taken.add(waiting[0].source.file)
             if waiting[0].root is not None:
@@ -151,9 +151,9 @@ class _DocumentReader:
         return self._found
 
     def _read_trees(self) -> None:
-        """Read all trees; where one is named that starts, only that and those that it calls.
+        """Read all trees; with a named main tree, only that and those that it calls.
 
-        What an agent does when it is stopped is called by nobody.
+        It also reads ``on_cancel``, the clean-up of an agent, which no tree calls.
         """
         trees = self._found.trees
         starting = [one for one in trees if one == self._wanted or snake(one) == "on_cancel"]
@@ -383,7 +383,7 @@ class _DocumentReader:
             )
 
     def _order_trees(self) -> None:
-        """Put each tree behind those that it calls; report every tree that contains itself."""
+        """Put each tree after those that it calls; report every tree that contains itself."""
         finished: dict[str, list[Element]] = {}
         for start in self._found.calls:
             chain = {start: iter(self._found.calls[start])}

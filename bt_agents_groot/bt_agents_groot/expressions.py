@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our expressions as formulas, and conditions and values of ours as scripts."""
+"""Conversion of our expressions to formulas, and of our conditions and values to scripts."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _NOT, _MINUS = 3, 7
 
 
 def parse_formula(text: str) -> Formula:
-    """Return the formula of an expression of our language, which was checked before.
+    """Return the formula for a checked expression of our language.
 
     ``a between b and c`` becomes two comparisons.
 
     Raises:
-        Untranslatable: It is too long to be written as a script.
+        Untranslatable: It is too long for a script.
     """
     tokens = tokenize(text)
     if len(tokens) > MAX_TOKENS:
@@ -48,7 +48,7 @@ def parse_formula(text: str) -> Formula:
 
 
 def condition_script(node: Node, *, opposite: bool = False) -> str:
-    """Return a condition as a script, or the opposite of it.
+    """Return a condition or its negation as a script.
 
     Raises:
         Untranslatable: Scripts cannot express it.
@@ -62,7 +62,7 @@ def set_script(entries: tuple[MappingEntry, ...]) -> str:
     """Return the script that sets names to values.
 
     Raises:
-        Untranslatable: A value has no equivalent, or needs a name that is set with it.
+        Untranslatable: A value has no equivalent, or needs a name that is set together with it.
     """
     statements: list[str] = []
     names: set[str] = set()
@@ -78,7 +78,7 @@ def set_script(entries: tuple[MappingEntry, ...]) -> str:
 
 
 class _Parser:
-    """Pratt parser of tokens that were checked before."""
+    """Pratt parser for checked tokens."""
 
     def __init__(self, tokens: list[Token]) -> None:
         self._tokens = tokens
@@ -90,7 +90,7 @@ class _Parser:
         return token
 
     def formula(self, weakest: int) -> Formula:
-        """Read operands joined by operators that are stronger than ``weakest``."""
+        """Read operands that are joined by operators stronger than ``weakest``."""
         left = self._operand()
         while True:
             operator = self._tokens[self._next].text

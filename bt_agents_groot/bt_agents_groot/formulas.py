@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formulas: common form of our expressions and of BehaviorTree.CPP's scripts, and both texts."""
+"""Formulas: common form of our expressions and BehaviorTree.CPP's scripts, and both texts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bt_agents_core.errors import BtAgentsError
 
 
 class Untranslatable(BtAgentsError):
-    """Raised for something without an equivalent in the other language."""
+    """Raised for constructs without an equivalent in the other language."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Conditional:
 
 @dataclass(frozen=True)
 class Call:
-    """Call of a function of our language; a list is the call of ``[``."""
+    """Call of a function of our language; a list is a call of ``[``."""
 
     function: str
     arguments: tuple[Formula, ...]
@@ -95,7 +95,7 @@ def negated(formula: Formula) -> Formula:
 
 
 def negative(formula: Formula) -> Formula:
-    """Return a formula with a minus sign before it."""
+    """Return a formula with a preceding minus sign."""
     match formula:
         case Constant(int() | float() as value) if not isinstance(value, bool):
             return Constant(-value)
@@ -156,7 +156,7 @@ def _expression(formula: Formula) -> tuple[str, int]:
 
 
 def _enclosed(operand: tuple[str, int], strength: int) -> str:
-    """Return an operand in parentheses, unless its operator is as strong as that."""
+    """Return an operand in parentheses, unless its operator is strong enough."""
     text, own = operand
     return text if own >= strength else f"({text})"
 
@@ -218,7 +218,7 @@ def script_name(name: str) -> str:
     """Return a name in the form of scripts: ``scene.age`` becomes ``scene__age``.
 
     Raises:
-        Untranslatable: It is the field of a message, or has letters that scripts cannot hold.
+        Untranslatable: It is a message field, or has letters that scripts do not allow.
     """
     head, point, _ = name.partition(".")
     text = name.replace(".", "__", 1)
@@ -228,6 +228,6 @@ def script_name(name: str) -> str:
 
 
 def dotted_name(name: str) -> str | None:
-    """Return the dotted name of which :func:`script_name` made a name; None for any other."""
+    """Return the dotted name for a name made by :func:`script_name`; None for any other."""
     match = _GROUPED.fullmatch(name)
     return f"{match[1]}.{match[2]}" if match else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Models of an exported file: declarations of nodes with their ports and IDs, for Groot2."""
+"""Models in an exported file: declarations of nodes with their ports and IDs, for Groot2."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.nodes.node_type import NodeField
 
 Field = FieldSpec | NodeField | Tunable
-"""What becomes a port."""
+"""Things that become ports."""
 
 
 class Models:
-    """Collection of the nodes that a file uses and that are not built into BehaviorTree.CPP."""
+    """Collection of the used nodes that are not built into BehaviorTree.CPP."""
 
     def __init__(self) -> None:
         self._ids: dict[tuple[str, str], str] = {}
@@ -48,7 +48,7 @@ class Models:
     def declare(
         self, kind: str, model_id: str, inputs: Iterable[Field], outputs: Iterable[Field] = ()
     ) -> str:
-        """Declare a node and return its ID, which of a node of our language is its key."""
+        """Declare a node and return its ID, which for a node of our language is its key."""
         ports = [_port("input_port", one) for one in inputs]
         ports += [_port("output_port", one) for one in outputs]
         model = Xml(kind, {"ID": model_id}, tuple(ports))

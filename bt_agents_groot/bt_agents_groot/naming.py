@@ -17,9 +17,9 @@ _OUT = "_out"
 
 
 def snake(text: str) -> str:
-    """Return a text as a name of our language: small letters, digits and ``_``.
+    """Return a text as a name of our language: lower case letters, digits and ``_``.
 
-    A text without any letter that can be written so becomes ``x``.
+    A text without suitable letters becomes ``x``.
     """
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     name = _OTHER.sub("_", _BORDER.sub("_", plain).lower()).strip("_")[:MAX_NAME].rstrip("_")
@@ -31,7 +31,7 @@ def snake(text: str) -> str:
 def pascal(name: str, taken: Collection[str]) -> str:
     """Return an ID for a name: ``say_something`` becomes ``SaySomething``.
 
-    Where that is taken or could not be read back, the name itself is the ID.
+    If the ID is taken or not reversible, the name itself is the ID.
     """
     capitalised = "".join(word.capitalize() for word in name.split("_"))
     if capitalised not in taken and snake(capitalised) == name:
@@ -47,12 +47,12 @@ def port(name: str) -> str:
 
 
 def output_name(name: str, inputs: Collection[str]) -> str:
-    """Return the name of an output as a port, which is another than that of an input."""
+    """Return the port name of an output, which differs from that of an input."""
     return f"{name}{_OUT}" if name in inputs else name
 
 
 def output_of(name: str, inputs: Collection[str]) -> str:
-    """Return the output that is called so beside some inputs, the inverse of `output_name`."""
+    """Return the output with a port name, given some inputs; the inverse of `output_name`."""
     own = name.removesuffix(_OUT)
     return own if own in inputs else name
 
@@ -60,7 +60,7 @@ def output_of(name: str, inputs: Collection[str]) -> str:
 def field_of(port_name: str) -> str:
     """Return the field name of a port, the inverse of :func:`port`.
 
-    A port that is called as a word of expressions gets another name.
+    A port with the name of a word of expressions gets another name.
     """
     name = entry_of(port_name)
     name = name if _OURS.fullmatch(name) else snake(name)
@@ -68,7 +68,7 @@ def field_of(port_name: str) -> str:
 
 
 def entry_of(port_name: str) -> str:
-    """Return the name of a port inside of a subtree."""
+    """Return the name of a port inside a subtree."""
     return port_name[:-1] if re.fullmatch("name_+", port_name) else port_name
 
 

@@ -22,13 +22,13 @@ from bt_agents_language.nodes.on_failure import ON_FAILURE
 _POSITIVE = re.compile(r"(?=.*[1-9])[0-9]{1,9}(\.[0-9]{1,9})?")
 _USUAL_HZ = "10.0"
 _NO_LIMIT = 10**9
-"""More recoveries than any run has."""
+"""Number of recoveries that no run reaches."""
 
 
 def _recovery_node(tree: TreeImport, element: Element) -> YamlNode:
-    """Return tries of the first child, with the second behind each failure but the last.
+    """Return attempts of the first child, with the second after each failure but the last.
 
-    A recovery that fails ends the tries: the count of recoveries is then above their limit.
+    A failed recovery ends the attempts: the count of recoveries is then above their limit.
     """
     first, second = element.children
     tried = tree.node(first)
@@ -51,7 +51,7 @@ def _recovery_node(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _retries(tree: TreeImport, element: Element) -> tuple[str, Data]:
-    """Return how many recoveries there may be, as an expression, and how many attempts."""
+    """Return the number of recoveries, as an expression, and the number of attempts."""
     text = element.get("number_of_retries", "1").strip()
     entry = pointed_at(text)
     if entry is not None:
@@ -64,7 +64,7 @@ def _retries(tree: TreeImport, element: Element) -> tuple[str, Data]:
 
 
 def _round_robin(tree: TreeImport, element: Element) -> YamlNode:
-    """Return one child after the other until one succeeds, beginning behind the last one done."""
+    """Return one child after another until one succeeds, beginning after the last one that ran."""
     tree.note(element, BUILTINS[node_id(element)].note)
     turn = tree.names.fresh("turn")
     if not _flag(tree, element, "wrap_around", True):
@@ -82,7 +82,7 @@ def _round_robin(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _single_round(tree: TreeImport, element: Element, turn: str) -> YamlNode:
-    """Return the children that have not had their turn; behind the last one, it has failed."""
+    """Return the children that have not had their turn; after the last one, the node fails."""
     *others, last = (tree.node(child, below_fallback=True) for child in element.children)
     tries = [
         decorated(
@@ -111,7 +111,7 @@ def _pipeline(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _repeated(tree: TreeImport, element: Element) -> Repeated:
-    """Return a child of a pipeline, with what limits how often it is repeated."""
+    """Return a child of a pipeline, with the limit on its repetitions."""
     if CONDITIONS.keys() & element.attributes.keys():
         return Repeated(node=tree.node(element))
     if node_id(element) == "RateController":
@@ -177,7 +177,7 @@ def _period(tree: TreeImport, element: Element) -> Raw:
 
 
 _CONTROLLERS = ("DistanceController", "SpeedController", "GoalUpdatedController")
-"""Decorators that say when their child is due again."""
+"""Decorators that decide when their child is due again."""
 
 NAV2_NODES: Mapping[str, Translate] = {
     "RecoveryNode": _recovery_node,

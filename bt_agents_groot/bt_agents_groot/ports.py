@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ports of BehaviorTree.CPP: their texts and C++ types from values of our fields, and back."""
+"""Ports of BehaviorTree.CPP: conversion between their texts and values of our fields."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ JSON = "json:"
 """Prefix of a port whose value is JSON; a convention of BehaviorTree.CPP."""
 
 MAX_JSON_DEPTH = 16
-"""Nesting of lists and mappings in one port."""
+"""Maximum nesting of lists and mappings in one port."""
 
 REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
-"""``${expression}``, or ``$${``, which stands for ``${`` itself."""
+"""``${expression}``, or ``$${``, which means ``${`` itself."""
 
 _LONGEST_MS = 999_999_999
 _NAME = re.compile(r"[^\W\d]\w*(\.\w+)?")
@@ -53,17 +53,17 @@ _UNITS = {FieldType.DURATION: "s", FieldType.LENGTH: "m", FieldType.ANGLE: "rad"
 
 
 class PortError(BtAgentsError):
-    """Raised for the text of a port that has no value."""
+    """Raised for a port text without a value."""
 
 
 def pointed_at(text: str) -> str | None:
-    """Return the entry in ``{entry}``; None when a text is no such pointer."""
+    """Return the entry in ``{entry}``; None if a text is no such pointer."""
     text = text.strip(" ")
     return text[1:-1] if len(text) > 2 and text[0] == "{" and text[-1] == "}" else None
 
 
 def as_port(node: Node, field_type: FieldType) -> str:
-    """Return the text of a port for the value of a field, of which only texts are literal."""
+    """Return the text of a port for the value of a field; only texts in it are literal."""
     if not isinstance(node, Scalar):
         return _as_json(plain_data(node))
     name = only_name(node.text)
@@ -78,7 +78,7 @@ def as_port(node: Node, field_type: FieldType) -> str:
 
 
 def variants_port(node: Node) -> str:
-    """Return the text of a port for the texts of which a skill takes one."""
+    """Return the text of a port for several texts, of which a skill takes one."""
     return _as_json({ONE_OF: plain_data(node)})
 
 
@@ -110,7 +110,7 @@ def _as_json(value: Plain) -> str:
 
 
 def only_name(text: str) -> str | None:
-    """Return the name in a text that is ``${name}`` and nothing else, if a port can hold it."""
+    """Return the name in a text that is only ``${name}``, if a port can hold it."""
     match = REFERENCE.fullmatch(text)
     name = match[1].strip() if match is not None and match[1] is not None else ""
     if not _NAME.fullmatch(name):
@@ -119,10 +119,10 @@ def only_name(text: str) -> str | None:
 
 
 def from_port(text: str, field_type: FieldType, rename: Callable[[str], str]) -> Data:
-    """Return the value of a field, of which only texts are literal, for the text of a port.
+    """Return the value of a field for the text of a port; only texts in it are literal.
 
     Raises:
-        PortError: It starts as JSON but is none.
+        PortError: It starts like JSON but is not JSON.
     """
     entry = pointed_at(text)
     if entry is not None:
@@ -135,7 +135,7 @@ def from_port(text: str, field_type: FieldType, rename: Callable[[str], str]) ->
 
 
 Mention = tuple[str, bool]
-"""Name in an expression, and whether it needs a value there: not before ``else``."""
+"""Name in an expression, and whether it needs a value there: it does not before ``else``."""
 
 
 def names_in(data: Data) -> Iterator[Mention]:
@@ -155,7 +155,7 @@ def names_in(data: Data) -> Iterator[Mention]:
 
 
 def names_of_expression(text: str) -> Iterator[Mention]:
-    """Yield the names in an expression of our language; none when it is no expression."""
+    """Yield the names in an expression of our language; none if it is invalid."""
     try:
         tokens = tokenize(text)
     except ExpressionError:
@@ -166,7 +166,7 @@ def names_of_expression(text: str) -> Iterator[Mention]:
 
 
 def _needs_quotes(text: str) -> bool:
-    """Return whether YAML would take a text without quotes for a number, a time, or the like."""
+    """Return whether YAML would read a text without quotes as a number, a time or the like."""
     scalar = Scalar(_NOWHERE, 0, 0, text, "")
     try:
         return isinstance(plain_value(scalar), bool | int | float)
@@ -234,10 +234,10 @@ def number_port(node: Node) -> str:
 
 
 def cpp_type(field_type: FieldType) -> str:
-    """Return the declared C++ type of a port, empty for any; a time has our own type name."""
+    """Return the declared C++ type of a port; empty for any; times have our own type name."""
     return "" if field_type is FieldType.ANY else _CPP_TYPES.get(field_type, field_type.value)
 
 
 def field_type_of(type_name: str) -> FieldType:
-    """Return our type for the declared type of a port; any for one that we do not have."""
+    """Return our type for the declared type of a port; any if we have no equivalent."""
     return _FIELD_TYPES.get(type_name.strip(), FieldType.ANY)

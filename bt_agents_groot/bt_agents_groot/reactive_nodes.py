@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of nodes whose first children are done again while the next ones run."""
+"""Import of nodes whose first children are repeated while the next ones run."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from bt_agents_language.nodes.node_type import FOREVER
 
 @dataclass(frozen=True, kw_only=True)
 class Repeated:
-    """Node that is done again and again.
+    """Node that is repeated.
 
     Attributes:
-        due: What is done before each further time; it succeeds when the node is due.
-        pause: Time before each further time.
+        due: Node that runs before each repetition; it succeeds when the repetition is due.
+        pause: Time before each repetition.
     """
 
     node: YamlNode
@@ -28,17 +28,17 @@ class Repeated:
 
 
 def asks_again(element: Element) -> bool:
-    """Return whether skills stand before the last child, which take time in our language.
+    """Return whether skills, which take time in our language, come before the last child.
 
-    Started over at each tick, as our own ``memory: false`` does, they would never end.
+    If restarted at each tick, as with our own ``memory: false``, they would never end.
     """
     return any(map(has_skill, element.children[:-1]))
 
 
 def while_repeated(tree: TreeImport, before: Sequence[Repeated], last: YamlNode) -> YamlNode:
-    """Return nodes that begin one after the other; each is repeated while those behind it run.
+    """Return nodes that begin one after the other; each is repeated while later ones run.
 
-    It ends as the last one does, and fails as soon as another fails.
+    The result ends like the last node, and fails as soon as another one fails.
     """
     done = [tree.names.fresh("done") for _ in before]
     name_of_last = f"behind_{done[-1].removeprefix('done_')}"
@@ -63,13 +63,13 @@ def _behind(name: str, node: YamlNode) -> YamlNode:
 
 
 def reactive_sequence(tree: TreeImport, element: Element) -> YamlNode:
-    """Return children of which all but the last are asked again while the next ones run."""
+    """Return children that are repeated, except the last, while the next ones run."""
     *before, last = map(tree.node, element.children)
     return while_repeated(tree, [Repeated(node=one) for one in before], last)
 
 
 def reactive_fallback(tree: TreeImport, element: Element) -> YamlNode:
-    """Return the same with success and failure exchanged."""
+    """Return the same as :func:`reactive_sequence` with success and failure exchanged."""
     *before, last = (
         decorated(tree.node(child, below_fallback=True), "invert", True)
         for child in element.children

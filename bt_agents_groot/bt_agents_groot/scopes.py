@@ -32,19 +32,19 @@ _USUAL: Mapping[FieldType, bool | int | float | str] = {
 
 
 def usual_value(field_type: FieldType) -> bool | int | float | str:
-    """Return a value of a type for what nobody gives one."""
+    """Return the usual default value of a type."""
     return _USUAL.get(field_type, "")
 
 
 class TreeNames:
-    """Names of one tree while it is translated.
+    """Names of one tree during its translation.
 
     Args:
         mentions: Blackboard entry → how often the tree mentions it.
         given: Entries that callers of the tree set.
 
     Attributes:
-        shared: Entries of all trees together (``@name``) that the tree mentions.
+        shared: Entries shared by all trees (``@name``) that the tree mentions.
         written: Names that the tree writes.
     """
 
@@ -55,12 +55,12 @@ class TreeNames:
         self._given = given
         self._rename = Renaming()
         self._originals: dict[str, str] = {}
-        # Name → whether its first mention reads it, in the order of the tree.
+        # Name → whether its first mention in tree order reads it.
         self._first: dict[str, bool] = {}
-        # Names for which an expression has another value where they have none.
+        # Names for which an expression has an alternative if they have no value.
         self._tried: set[str] = set()
         self._types: dict[str, FieldType] = {}
-        # Name → another one whose value it gets.
+        # Name → another name whose value it gets.
         self._same: dict[str, str] = {}
         self._fresh: Counter[str] = Counter()
 
@@ -80,27 +80,27 @@ class TreeNames:
         return self._originals.get(name, name)
 
     def fresh(self, prefix: str) -> str:
-        """Return a name that is not used in the tree, and record that it is written."""
+        """Return a name that is unused in the tree, and record that it is written."""
         self._fresh[prefix] += 1
         name = self._rename(f"{prefix} {self._fresh[prefix]}")
         self.write(name)
         return name
 
     def is_new(self, entry: str) -> bool:
-        """Return whether this is the first mention of an entry, and others follow."""
+        """Return whether this is the first of several mentions of an entry."""
         name = self.rename(entry)
         known = name in self._first or name in self._tried or entry in self._given
         return not known and self._mentions.get(entry, 0) > 1
 
     def read(self, names: Iterable[str], field_type: FieldType = FieldType.ANY) -> None:
-        """Record that names are read, at a place of a type."""
+        """Record that names are read at a place with a type."""
         for name in names:
             if "." not in name:
                 self._first.setdefault(name, True)
                 self._add_type(name, field_type)
 
     def mention(self, mentions: Iterable[Mention], field_type: FieldType = FieldType.ANY) -> None:
-        """Record that names stand in expressions of our language."""
+        """Record that names occur in expressions of our language."""
         for name, needs_value in mentions:
             if needs_value:
                 self.read([name], field_type)
@@ -144,7 +144,7 @@ class TreeNames:
 
     @property
     def needed(self) -> list[str]:
-        """Names that are read before the tree writes them."""
+        """Names that the tree reads before it writes them."""
         needed = [name for name, reads in self._first.items() if reads]
         return needed + sorted(self._tried - self._first.keys())
 
@@ -153,11 +153,11 @@ class TreeNames:
         return usual_value(self.type_of(name))
 
     def type_of(self, name: str) -> FieldType:
-        """Return the type for which a name is used; any where nothing says it."""
+        """Return the type for which a name is used; any if unknown."""
         return self._types.get(self._alike(name), FieldType.ANY)
 
     def is_text(self, formula: Formula) -> bool:
-        """Return whether the value of a formula is certainly a text."""
+        """Return whether the value of a formula is definitely a text."""
         match formula:
             case Name(name):
                 return self.type_of(name) is FieldType.TEXT
@@ -168,7 +168,7 @@ class TreeNames:
         return False
 
     def _alike(self, name: str) -> str:
-        """Return the one of the names with the same values that stands for all of them."""
+        """Return the representative of the names with the same value."""
         while name in self._same:
             following = self._same[name]
             self._same[name] = self._same.get(following, following)

@@ -40,7 +40,7 @@ def as_condition(statements: list[Statement]) -> Formula:
 
 
 def condition_text(formula: Formula, names: TreeNames) -> Raw:
-    """Return a condition as text of our language; its names are recorded as read.
+    """Return a condition as text of our language; record its names as read.
 
     Raises:
         Untranslatable: Our language has no such condition.
@@ -64,7 +64,7 @@ def _nodes(statements: list[Statement], names: TreeNames) -> Iterator[YamlNode]:
     values: dict[str, Data] = {}
     for statement in statements:
         if isinstance(statement, Assignment) and not isinstance(statement.value, Conditional):
-            # The values of one 'set' do not see each other.
+            # The values of one 'set' cannot refer to each other.
             if {statement.name, *names_in_formula(statement.value)} & set(values):
                 yield YamlNode(key="set", value=values)
                 values = {}
@@ -92,7 +92,7 @@ def _assigned(statement: Assignment, names: TreeNames) -> Data:
 
 
 def _with_joins(formula: Formula, names: TreeNames) -> Formula:
-    """Return a formula with the sign that joins texts in place of their ``+``."""
+    """Return a formula with the operator that joins texts in place of their ``+``."""
     match formula:
         case Binary("+" | ".." as sign, left, right):
             sign = ".." if names.is_text(formula) else sign
@@ -131,7 +131,7 @@ def _embedded(formula: Formula) -> str:
 
 
 def _joined(formula: Formula) -> str:
-    """Return the parts of a text that is put together, values in ``${…}``."""
+    """Return a joined text, with values in ``${…}``."""
     match formula:
         case Binary("..", left, right):
             return _joined(left) + _joined(right)

@@ -20,10 +20,10 @@ from bt_agents_groot.formulas import (
 )
 
 MAX_TOKENS = 400
-"""Tokens of one script; formulas of this size can be walked without running out of stack."""
+"""Maximum number of tokens in a script; formulas of this size do not exhaust the stack."""
 
 MAX_DEPTH = 32
-"""Nesting of parentheses and signs."""
+"""Maximum nesting of parentheses and signs."""
 
 _TOKEN = re.compile(
     r"""
@@ -72,10 +72,10 @@ def parse_script(text: str, rename: Callable[[str], str]) -> list[Statement]:
 
     From weak to strong: ``? :``, ``||``, ``&&``, comparisons (``a < b < c`` compares twice),
     ``| ^``, ``&``, ``+ - ..``, ``* /``, signs. The rules are those of ``script_parser.cpp`` in
-    BehaviorTree.CPP 4.7; numbers stand for enums nowhere, because only a program knows its enums.
+    BehaviorTree.CPP 4.7, but without names of enums, because only a program knows its enums.
 
     Raises:
-        ScriptError: The text is no script.
+        ScriptError: The text is not a script.
     """
     parser = _Parser(_tokens(text), rename)
     statements: list[Statement] = []
@@ -109,7 +109,7 @@ def _tokens(text: str) -> list[_Token]:
 
 
 class _Parser:
-    """Pratt parser of the tokens of one script."""
+    """Pratt parser for the tokens of one script."""
 
     def __init__(self, tokens: list[_Token], rename: Callable[[str], str]) -> None:
         self._tokens = tokens
@@ -132,7 +132,7 @@ class _Parser:
         return token
 
     def statement(self) -> Statement:
-        """Parse an assignment or a formula, and the semicolons behind it."""
+        """Parse an assignment or a formula, and the semicolons after it."""
         start = self._peek
         statement: Statement = self._formula(0)
         if self._peek.text in _ASSIGNMENTS and self._peek.kind == "operator":
@@ -143,7 +143,7 @@ class _Parser:
             if _ASSIGNMENTS[sign.text]:
                 value = Binary(_ASSIGNMENTS[sign.text], statement, value)
             statement = Assignment(statement.name, value)
-        # Between assignments the semicolon may be left out.
+        # The semicolon between assignments is optional.
         if not self.at_end and self._peek.text != ";" and not isinstance(statement, Assignment):
             token = self._peek
             raise ScriptError(f"an operator is expected before '{token.text}'", token.offset)
@@ -226,7 +226,7 @@ class _Parser:
 
 
 def _is_text(*operands: Formula) -> bool:
-    """Return whether an operand is certainly a text."""
+    """Return whether an operand is definitely a text."""
     return any(
         (isinstance(one, Constant) and isinstance(one.value, str))
         or (isinstance(one, Binary) and one.operator == "..")

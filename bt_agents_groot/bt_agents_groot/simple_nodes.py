@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of built-in decorators and leaves of BehaviorTree.CPP as those of our language."""
+"""Import of built-in decorators and leaves of BehaviorTree.CPP as nodes of our language."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _plain(key: str) -> Translate:
 
 
 def _loop(key: str, port: str, without: str = "") -> Translate:
-    """Return the translator of a loop, which ends as ``without`` says where it has no times."""
+    """Return the translator of a loop, which becomes a check of ``without`` if its count is 0."""
 
     def translate(tree: TreeImport, element: Element) -> YamlNode:
         times = _count(tree, element, port) if port else Raw(FOREVER)
@@ -47,7 +47,7 @@ def _loop(key: str, port: str, without: str = "") -> Translate:
 def _timeout(tree: TreeImport, element: Element) -> YamlNode:
     limit = _duration(tree, element, "msec")
     child = tree.node(element.children[0])
-    # No milliseconds mean no limit there.
+    # There, no milliseconds mean no limit.
     return child if limit == Raw("0 s") else decorated(child, "timeout", limit)
 
 
@@ -89,14 +89,14 @@ def _precondition(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def unknown_parent(tree: TreeImport, element: Element) -> YamlNode:
-    """Return the children of an element without equivalent behind a leaf that fails."""
+    """Return the children of an element without equivalent after a leaf that fails."""
     fate = "child stands" if len(element.children) == 1 else "children stand"
     failing = _untranslated(tree, element, f"; its {fate} behind a node that fails")
     return sequence(failing, *map(tree.node, element.children))
 
 
 def _queue(tree: TreeImport, element: Element) -> YamlNode:
-    """Return the child repeated with one value after the other; the queue has to be constant."""
+    """Return the child repeated with one value after another; the queue must be constant."""
     values = _values(element)
     status = element.get("if_empty", "SUCCESS").strip()
     if values is None or status not in ("SUCCESS", "FAILURE"):
@@ -125,7 +125,7 @@ def _queue(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _values(element: Element) -> list[Data] | None:
-    """Return the values of a queue; None when it is no list of such values."""
+    """Return the values of a queue; None if it is not a list of such values."""
     text = element.get("queue")
     if not text or pointed_at(text) is not None or text.startswith("json:"):
         return None
@@ -174,7 +174,7 @@ def _duration(tree: TreeImport, element: Element, port: str) -> Raw:
 
 
 def time_of(milliseconds: float) -> Raw:
-    """Return a time as people write it."""
+    """Return a time in the form that people write."""
     if milliseconds % 60_000 == 0 and milliseconds > 0:
         return Raw(f"{milliseconds / 60_000:.0f} min")
     if milliseconds % 1000 == 0:
@@ -207,7 +207,7 @@ def _set_blackboard(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _untranslated(tree: TreeImport, element: Element, because: str = "") -> YamlNode:
-    """Return a leaf in place of one that cannot be translated: it logs so, and fails."""
+    """Return a leaf in place of an untranslatable one; it logs that fact and fails."""
     tree.lost(element, f"{_element_text(element)} has no equivalent{because}")
     message = f"not translated: {_element_text(element)}".replace("${", "$ {")
     node = YamlNode(key="log", value={"message": message, "level": "error"})

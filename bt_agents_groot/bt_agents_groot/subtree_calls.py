@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of ``SubTree`` elements: arguments that are passed in, outputs that come back."""
+"""Import of ``SubTree`` elements with their arguments and outputs."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Callee:
 
     Attributes:
         model: Declared ports, with their defaults.
-        inputs: Declared input → its name inside of the tree.
-        optional: Inputs that need not be given.
-        outputs: Names that the tree writes and that some caller uses.
+        inputs: Declared input → its name inside the tree.
+        optional: Optional inputs.
+        outputs: Names that the tree writes and a caller uses.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Callee:
 def ports_of_call(element: Element, model: Model) -> dict[str, str]:
     """Return the arguments of a ``SubTree`` element: entry → text, with ``{=}`` resolved.
 
-    Ports that point at an entry by default are among them.
+    They include ports that point at an entry by default.
     """
     texts = {one.name: one.value for one in given_ports(element)}
     if not remaps_all(element):
@@ -49,12 +49,12 @@ def ports_of_call(element: Element, model: Model) -> dict[str, str]:
 
 
 def remaps_all(element: Element) -> bool:
-    """Return whether a ``SubTree`` element shares all entries of the same name."""
+    """Return whether a ``SubTree`` element shares all entries with the same name."""
     return element.get("_autoremap").strip().lower() in ("true", "1")
 
 
 def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Callee]) -> YamlNode:
-    """Return the node that calls a subtree, one of those that are imported already by their ID."""
+    """Return the node that calls one of the already imported subtrees, given by ID."""
     tree_id = element.get("ID")
     callee = callees.get(tree_id)
     if callee is None:

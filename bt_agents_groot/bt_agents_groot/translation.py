@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remarks of a translation: what differs in the file that was made, and what is missing."""
+"""Remarks of a translation about differences and losses in the new file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class RemarkLevel(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Remark:
-    """Difference or loss at a place of the file that was translated."""
+    """Difference or loss at a place in the source file."""
 
     level: RemarkLevel
     position: Position
@@ -30,12 +30,12 @@ class Remark:
 
     @property
     def comment(self) -> str:
-        """Text of the remark for a comment in the translated file."""
+        """Text of the remark, for a comment in the translated file."""
         return f"{self.level.value}: {self.message}"
 
 
 class Remarks:
-    """Collection of remarks; the same one at the same place counts once."""
+    """Collection of remarks; the same remark at the same place counts once."""
 
     def __init__(self) -> None:
         self._remarks: dict[Remark, None] = {}

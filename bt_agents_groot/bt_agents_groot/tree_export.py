@@ -41,12 +41,12 @@ from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
 Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
-"""Returns the ID and the interface of a subtree by its name."""
+"""Function that returns the ID and the interface of a subtree by its name."""
 
 Decorate = Callable[[Node, Xml], Xml]
-"""Returns an element with a decorator around it, of which only the main field or switch is given.
+"""Function that wraps an element in a decorator, of which only the main field or switch is given.
 
-Raises :class:`Untranslatable` when BehaviorTree.CPP has no decorator for that.
+It raises :class:`Untranslatable` if BehaviorTree.CPP has no such decorator.
 """
 
 _WEIGHTS = NodeField(name="weights", description="how often each child is chosen")
@@ -54,7 +54,7 @@ _VALUES = NodeField(name="values", description="names and values")
 
 
 class TreeExport:
-    """Translator of the trees of one file, which collects their declarations and remarks."""
+    """Translator for the trees of one file; it collects their declarations and remarks."""
 
     def __init__(self, models: Models, subtrees: Subtrees, remarks: Remarks) -> None:
         self._models = models
@@ -66,7 +66,7 @@ class TreeExport:
 
         Args:
             raw: The node.
-            part_of_parent: Decorators that the composite around it takes care of.
+            part_of_parent: Decorators that the enclosing composite handles.
         """
         xml = self._with_name(raw, self._undecorated(raw))
         for decorator in reversed([*DECORATORS.values()]):
@@ -154,7 +154,7 @@ class TreeExport:
         if memory is None or boolean(memory) is not False:
             return Xml(tag, children=children)
         if any(map(has_skill, children[:-1])):
-            # A node of that library is asked again at each tick, and ours is started again.
+            # That library ticks the node again at each tick, while ours starts it again.
             assert raw.type is not None
             own = self._declared_tag(raw.key, "Control", raw.type.key, raw.type.fields)
             return Xml(own, {"memory": "false"}, children)
@@ -176,7 +176,7 @@ class TreeExport:
         return Xml("Parallel", counts, children)
 
     def _choose(self, raw: RawNode) -> Xml:
-        """Return one ``IfThenElse`` inside of the other."""
+        """Return nested ``IfThenElse`` nodes."""
         otherwise = raw.nodes.get("otherwise")
         rest: tuple[Xml, ...] = (self.node(otherwise),) if otherwise is not None else ()
         for case in reversed(raw.children):
@@ -315,7 +315,7 @@ NODES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
     "wait_for": TreeExport._wait_for,
     "subtree": TreeExport._subtree,
 }
-"""Translator of each node type that has one; the others stay words of our language."""
+"""Translators of node types; others stay words of our language."""
 
 DECORATED: Mapping[str, Decorate] = {
     "when": _skip_unless,
@@ -328,4 +328,4 @@ DECORATED: Mapping[str, Decorate] = {
     "timeout": _around("Timeout", "msec", milliseconds),
     "invert": _around("Inverter"),
 }
-"""Translator of each decorator that has one, as :data:`NODES`."""
+"""Translators of decorators, like :data:`NODES`."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of one tree: what all elements have in common, such as names, conditions and scripts."""
+"""Import of one tree: common parts of all elements, such as names, conditions and scripts."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _MAX_LABEL = 64
 
 
 class TreeImport:
-    """Tree that is being imported, with its name scope."""
+    """Tree during its import, with its name scope."""
 
     def __init__(
         self, names: TreeNames, remarks: Remarks, translate: Translate, skill: Translate
@@ -59,14 +59,14 @@ class TreeImport:
         self._remarks = remarks
         self._translate = translate
         self._skill = skill
-        # Comments of the elements that are being translated, the innermost last.
+        # Comments of the elements during their translation, the innermost last.
         self._comments: list[list[str]] = []
 
     def node(self, element: Element, *, below_fallback: bool = False) -> YamlNode:
-        """Return the node for an element and all below it."""
+        """Return the node for an element and its descendants."""
         description = element.get("_description")
         self._comments.append([description] if description else [])
-        # In the order in which BehaviorTree.CPP evaluates them.
+        # This is the order in which BehaviorTree.CPP evaluates them.
         guards = {
             name: condition
             for name in (FAILURE_IF, SUCCESS_IF, SKIP_IF, WHILE)
@@ -78,11 +78,11 @@ class TreeImport:
         return with_comments(node, self._comments.pop())
 
     def skill(self, element: Element) -> YamlNode:
-        """Return the skill that is called as an element is, whatever stands below that."""
+        """Return the skill with the name of an element, whatever is below the element."""
         return self._skill(self, replace(element, children=()))
 
     def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
-        """Return a node with a decorator around it; remark on differences when it is skipped."""
+        """Return a node with a decorator around it; remark on differences if it can be skipped."""
         whole = decorated(node, key, value)
         if whole.key == SEQUENCE.key and whole.children == (node,) and can_be_skipped(node):
             self.note(
@@ -93,11 +93,11 @@ class TreeImport:
         return whole
 
     def lost(self, where: Element | Attribute, message: str) -> None:
-        """Remark on a loss, also in a comment above the node being translated."""
+        """Remark on a loss, also in a comment above the current node."""
         self._comment(self._remarks.lost(where.position, message))
 
     def note(self, where: Element | Attribute, message: str) -> None:
-        """Remark on a difference, also in a comment above the node being translated."""
+        """Remark on a difference, also in a comment above the current node."""
         self._comment(self._remarks.note(where.position, message))
 
     def _comment(self, remark: Remark) -> None:
@@ -110,7 +110,7 @@ class TreeImport:
         return parse_script(attribute.value, self.names.rename)
 
     def port(self, where: Element | Attribute, text: str, field_type: FieldType) -> Data:
-        """Return the value of a port; the names in it are recorded as read."""
+        """Return the value of a port; record the names in it as read."""
         try:
             data = from_port(text, field_type, self.names.rename)
         except PortError as error:
@@ -120,7 +120,7 @@ class TreeImport:
         return data
 
     def script(self, attribute: Attribute) -> YamlNode:
-        """Return the node for a script; its names are recorded as read and written.
+        """Return the node for a script; record its names as read and written.
 
         Raises:
             Untranslatable: Our language has no equivalent of a statement.
@@ -128,17 +128,17 @@ class TreeImport:
         return as_node(self._statements(attribute), self.names)
 
     def condition(self, attribute: Attribute) -> Formula:
-        """Return a script as a condition; its names are recorded as read.
+        """Return a script as a condition; record its names as read.
 
         Raises:
-            Untranslatable: It is none, or our language has no such condition.
+            Untranslatable: It is not a condition, or our language has no such condition.
         """
         condition = as_condition(self._statements(attribute))
         self.text(condition)
         return condition
 
     def text(self, condition: Formula) -> Raw:
-        """Return a condition as text of our language; its names are recorded as read.
+        """Return a condition as text of our language; record its names as read.
 
         Raises:
             Untranslatable: Our language has no such condition.
@@ -163,7 +163,7 @@ class TreeImport:
         return node
 
     def _read(self, element: Element, name: str, read: Callable[[Attribute], T]) -> list[T]:
-        """Return what an attribute says; nothing when it is not there, or is left out."""
+        """Return the content of an attribute; nothing if it is missing or left out."""
         attribute = element.attributes.get(name)
         if attribute is not None:
             try:
@@ -186,7 +186,7 @@ class TreeImport:
             wanted.append(guards[WHILE])
         inner = node.decorators.get(WHEN.key)
         if isinstance(inner, Raw) and (decides_earlier or scripts):
-            # A node that is skipped has no result, so that its condition must go outside.
+            # A skipped node has no result, so its condition must be outside.
             wanted.append(parse_formula(inner.text))
             rest = {key: value for key, value in node.decorators.items() if key != WHEN.key}
             node = replace(node, decorators=rest)
@@ -204,13 +204,13 @@ class TreeImport:
         whole = wanted[0]
         for one in wanted[1:]:
             whole = Binary("and", whole, one)
-        # What decides earlier is never skipped.
+        # An earlier decision is never skipped.
         for earlier in decides_earlier:
             whole = Binary("or", earlier, whole)
         return decorated(node, "when", self.text(whole))
 
     def _with_scripts(self, element: Element, node: YamlNode) -> YamlNode:
-        """Return a node with the scripts that run after its end."""
+        """Return a node with scripts that run after its end."""
         success, post, failure = (
             self._read(element, name, self.script) for name in (ON_SUCCESS, POST, ON_FAILURE)
         )
@@ -236,4 +236,4 @@ class TreeImport:
 
 
 Translate = Callable[[TreeImport, Element], YamlNode]
-"""Returns the node for an element, but for its name, conditions and scripts."""
+"""Function that returns the node for an element without its name, conditions and scripts."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""XML files: parsing into elements that know their place, with limits, and writing."""
+"""XML files: parsing into elements that know their place, with limits; and writing."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import MAX_BYTES, TOO_LARGE, Source
 
 MAX_DEPTH = 64
-"""Nesting of elements."""
+"""Maximum nesting of elements."""
 
 MAX_ELEMENTS = 10_000
-"""Elements of one file."""
+"""Maximum number of elements in a file."""
 
 MAX_TEXT = 20_000
-"""Characters of one attribute."""
+"""Maximum length of an attribute in characters."""
 
 _ATTRIBUTE = re.compile(r"""([^\s=<>"'/]+)\s*=\s*("[^"]*"|'[^']*')""")
 _PROLOGUE = re.compile(r"\A[^<]*(?:<\?xml\b[^<>]*\?>|(?=<))")
@@ -43,10 +43,10 @@ class Attribute:
     """Attribute with its place.
 
     Attributes:
-        value: With escapes resolved.
-        position: The first character of its name.
+        value: Its value with resolved escapes.
+        position: Position of the first character of its name.
         span: Index of the first character of its value in the file's text, and of the one after
-            its last, quotation marks not counted.
+            its last, without quotation marks.
     """
 
     name: str
@@ -57,13 +57,13 @@ class Attribute:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Element:
-    """One element.
+    """XML element.
 
     Attributes:
-        position: Its ``<``.
-        end: The character behind its name.
-        attributes: By name, in the order of the file.
-        text: The text directly inside it, without spaces around it.
+        position: Position of its ``<``.
+        end: Position after its name.
+        attributes: Attributes by name, in the order of the file.
+        text: Text directly inside it, without surrounding spaces.
     """
 
     tag: str
@@ -83,7 +83,7 @@ class XmlReading:
     """XML file with its root element and the problems so far.
 
     Attributes:
-        root: Root element; None when the file cannot be parsed, which is among the problems.
+        root: Root element; None if the file cannot be parsed, which is one of the problems.
     """
 
     def __init__(self, source: Source) -> None:
@@ -111,12 +111,12 @@ class XmlReading:
 
 
 class _Refused(Exception):
-    """Raised to end the parsing; the reason is among the problems."""
+    """Raised to end the parsing; the reason is one of the problems."""
 
 
 @dataclass
 class _Open:
-    """Element whose end tag has not come yet."""
+    """Element whose end tag has not been parsed yet."""
 
     tag: str
     index: int
@@ -132,12 +132,12 @@ class _Parser:
         self._source = source
         self._problems = problems
         self._data = _with_stand_ins(source.text).encode("utf-8", "replace")
-        # Expat counts bytes, and only forwards: the part before this index is not decoded again.
+        # Expat counts bytes, only forwards: the part before this index is not decoded again.
         self._counted = (0, 0)
         self._open: list[_Open] = []
         self._count = 0
         self._root: Element | None = None
-        # The text is decoded already, whatever encoding the file says it has.
+        # The text is already decoded, whatever encoding the file declares.
         self._expat = expat.ParserCreate(encoding="utf-8")
         self._expat.ordered_attributes = True
         self._expat.StartDoctypeDeclHandler = self._doctype
@@ -146,7 +146,7 @@ class _Parser:
         self._expat.CharacterDataHandler = self._text
 
     def root(self) -> Element | None:
-        """Return the root element; None when there is none, which is among the problems."""
+        """Return the root element; None if there is none, which is one of the problems."""
         if len(self._data) > MAX_BYTES:
             self._problems.add("too-large", self._source.position(0), *TOO_LARGE)
             return None
@@ -285,11 +285,11 @@ class _Parser:
 
 
 def _with_stand_ins(text: str) -> str:
-    """Return a text in which bare ``&`` and ``<`` inside of attributes are other characters.
+    """Return a text in which other characters replace bare ``&`` and ``<`` inside attributes.
 
-    XML forbids the two there, and BehaviorTree.CPP reads them. A ``<`` before a ``>`` is rather
-    the next element, behind a quotation mark that is missing. What stands before the first element
-    is blank, because BehaviorTree.CPP skips it.
+    XML forbids the two there, but BehaviorTree.CPP reads them. A ``<`` before a ``>`` is more
+    likely the next element after a missing quotation mark. Text before the first element is
+    blanked, because BehaviorTree.CPP skips it.
     """
 
     def replaced(match: re.Match[str]) -> str:
@@ -307,7 +307,7 @@ def _with_stand_ins(text: str) -> str:
 
 @dataclass(frozen=True)
 class Xml:
-    """Element to be written."""
+    """XML element to write."""
 
     tag: str
     attributes: Mapping[str, str] = field(default_factory=dict)

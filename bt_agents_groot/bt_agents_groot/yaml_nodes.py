@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML nodes: nodes of our language that are made by an import, and their text."""
+"""YAML nodes: nodes of our language made by an import, and their text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bt_agents_language.yaml.scalars import quoted
 
 @dataclass(frozen=True)
 class Raw:
-    """Scalar without quotes where YAML allows it: a number, a time, a condition, ``${x}``."""
+    """Scalar without quotes if YAML allows it: a number, a time, a condition, ``${x}``."""
 
     text: str
 
@@ -34,7 +34,7 @@ class YamlNode:
     """Node of our language.
 
     Attributes:
-        value: Value of the key; of a composite its options.
+        value: Value of the key; for a composite, its options.
         name: Name for people; may be empty.
         siblings: Values of the sibling keys ``with``, ``outputs`` and ``weight``.
         comments: Comment lines above the node.
@@ -85,18 +85,17 @@ def selector(*children: YamlNode) -> YamlNode:
 
 
 def check(condition: Data) -> YamlNode:
-    """Return a leaf that succeeds when a condition is true."""
+    """Return a leaf that succeeds if a condition is true."""
     return YamlNode(key="check", value=condition)
 
 
 def decorated(node: YamlNode, key: str, value: Data) -> YamlNode:
-    """Return a node with one more decorator around all that it has.
+    """Return a node with one more decorator outside its others.
 
-    Where the order of decorators would put the new one inside of another, or where two of them
-    must not stand together, the node is put into a sequence of its own, and the decorator around
-    that.
+    If the order of decorators would put the new one inside another, or if two of them must not be
+    combined, the node is put into its own sequence, and the decorator around that.
     """
-    # What skips the node makes no difference to some decorators, and stays outside of them.
+    # Some decorators do not affect skipping, so decorators that skip stay outside of them.
     stays_outside = _SKIPPING if DECORATORS[key].unaffected else ()
     outer = {k: v for k, v in node.decorators.items() if k in stays_outside and k != key}
     inner = {k: v for k, v in node.decorators.items() if k not in outer}
@@ -138,7 +137,7 @@ def yaml_lines(data: Mapping[str, Data], indent: int = 0) -> list[str]:
 
 
 def _block(value: Data, indent: int) -> list[str]:
-    """Return the lines of a value in block style; none when it takes one line behind its key."""
+    """Return the lines of a value in block style; none if it fits on one line after its key."""
     match value:
         case YamlNode():
             return yaml_lines(value.entries(), indent)
