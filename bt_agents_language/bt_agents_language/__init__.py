@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The authors' files as checked specifications, and every tool that works on them."""
+"""Readers that turn authors' files into checked specifications, and tools for these."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Collection of one file's diagnostics, and the words that its messages share."""
+"""Collection of a file's diagnostics, and words that messages share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.diagnostics.renderers import MAX_COLLECTED, as_lines, as_text
 
 NO_TEXTS = "no-texts"
-"""Code of a problem that every text of a file has, so that the file is told it once."""
+"""Code of a problem that all texts of a file share, so that it is reported once per file."""
 
 _LONGEST_WORD = 64
 _MANY_WORDS = 200
@@ -24,14 +24,14 @@ _SAME = (
     ("answers", "choices", "options", "replies"),
     ("clip", "image", "photo", "picture", "video"),
 )
-"""Words that people take for one another."""
+"""Words that people confuse."""
 
 
 class SourceText(Protocol):
-    """What a collection needs of a file."""
+    """Part of a file that a collection needs."""
 
     def line(self, number: int) -> str:
-        """Return a line, counted from 1, without its end."""
+        """Return a line, counted from 1, without its line end."""
 
 
 class Diagnostics:
@@ -48,7 +48,7 @@ class Diagnostics:
         return len(self._found[Severity.ERROR])
 
     def beside(self, source: SourceText) -> Diagnostics:
-        """Return the same collection for problems of another file."""
+        """Return the same collection, for problems of another file."""
         other = Diagnostics(source)
         other._found = self._found
         return other
@@ -63,7 +63,7 @@ class Diagnostics:
         severity: Severity = Severity.ERROR,
         inserted: tuple[str, ...] = (),
     ) -> None:
-        """Add a problem; as :meth:`append`."""
+        """Add a problem, like :meth:`append`."""
         self.append(
             Diagnostic(
                 code=code,
@@ -77,10 +77,10 @@ class Diagnostics:
         )
 
     def append(self, diagnostic: Diagnostic) -> None:
-        """Add a problem; the same one at the same place, or of all texts of a file, counts once.
+        """Add a problem; duplicates at a place, or of all texts of a file, count once.
 
         Raises:
-            ReadError: There are so many errors that reading on makes no sense.
+            ReadError: There are too many errors to continue reading.
         """
         found = self._found[diagnostic.severity]
         position = diagnostic.position
@@ -101,7 +101,7 @@ class Diagnostics:
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """The warnings in the order of the file; they do not make it unreadable."""
+        """Warnings in the order of the file; they do not make it unreadable."""
         return tuple(_in_order(self._found[Severity.WARNING].values()))
 
     def error(self) -> ReadError:
@@ -112,13 +112,13 @@ class Diagnostics:
         """Raise all errors as one exception.
 
         Raises:
-            ReadError: There is an error; warnings alone are none.
+            ReadError: There is an error; warnings do not count.
         """
         if len(self):
             raise self.error()
 
     def _line(self, number: int) -> str:
-        # Each line is stored once: a hostile file has one long line with many problems.
+        # Store each line once: a hostile file may have one long line with many problems.
         if number not in self._lines:
             self._lines[number] = self._source.line(number) if self._source is not None else ""
         return self._lines[number]
@@ -129,7 +129,7 @@ def _in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 def merged(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return problems in their order, each once, with all places that insert its text."""
+    """Return problems in order, without duplicates, with all places that insert their texts."""
     found: dict[Diagnostic, Diagnostic] = {}
     for one in diagnostics:
         key = replace(one, inserted=())
@@ -138,7 +138,7 @@ def merged(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 def _joined(first: Diagnostic, other: Diagnostic) -> Diagnostic:
-    """Return a problem with the places of the same one, no more than one can read."""
+    """Return a problem with the places of its duplicates, limited to a readable number."""
     places = dict.fromkeys((*first.inserted, *other.inserted))
     return replace(first, inserted=tuple(places)[:MAX_COLLECTED])
 
@@ -155,7 +155,7 @@ def joined(errors: Iterable[ReadError]) -> ReadError:
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word that is most like another one, None when none is."""
+    """Return the known word most similar to another one; None if none is similar."""
     if len(word) > _LONGEST_WORD:
         return None
     words = list(known)
@@ -169,7 +169,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
         if word in same and (meant := next((one for one in words if one in same), None)):
             return meant
     if len(words) > _MANY_WORDS:
-        # So many are no list of keys; a wrong first letter is not worth the time.
+        # Too many words are not a list of keys; then a wrong first letter is not worth the time.
         words = [other for other in words if other[:1] == word[:1]][:_MANY_WORDS]
     folded = {other.casefold(): other for other in reversed(words)}
     alike = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)
@@ -177,7 +177,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a hint for a word that is not known: the most similar one, else all of a few."""
+    """Return a hint for an unknown word: the most similar one, or all if there are few."""
     words = list(known)
     near = nearest(word, words)
     if near is not None:

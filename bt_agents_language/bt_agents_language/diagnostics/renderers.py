@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renderings of diagnostics: text with excerpts, lines, JSON and annotations of GitHub."""
+"""Renderings of diagnostics: text with excerpts, lines, JSON and GitHub annotations."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import IO
 from bt_agents_core.diagnostic import Diagnostic, Severity
 
 MAX_COLLECTED = 500
-"""After so many errors reading ends: what is being read is no script."""
+"""Number of errors after which reading ends, because the file is not a script."""
 
 MAX_SHOWN = 100
-"""So many problems of one file are shown as text; more help nobody."""
+"""Maximum number of problems to show per file as text; more do not help."""
 
 MOST_IMPORTS = 2
-"""So many problems of imports that say the same are shown as text, of all files together."""
+"""Maximum number of equal import problems to show as text, in all files together."""
 
 _EXCERPT_WIDTH = 96
 _SEVERITY_COLOURS = {Severity.ERROR: "31;1", Severity.WARNING: "33;1"}
@@ -27,10 +27,10 @@ _BOLD, _DIM, _GREEN = "1", "2", "32"
 
 
 def wants_colour(stream: IO[str], environment: Mapping[str, str]) -> bool:
-    """Return whether colours may be written to a stream: only to a terminal.
+    """Return whether to write colours to a stream: only to a terminal.
 
-    In the environment a ``NO_COLOR`` that is not empty (https://no-color.org) and ``TERM=dumb``
-    turn them off.
+    A non-empty ``NO_COLOR`` (https://no-color.org) and ``TERM=dumb`` in the environment turn them
+    off.
     """
     if environment.get("NO_COLOR") or environment.get("TERM") == "dumb":
         return False
@@ -46,7 +46,7 @@ def as_line(diagnostic: Diagnostic, colour: bool = False) -> str:
 
 
 def _message(diagnostic: Diagnostic) -> str:
-    """Return what is wrong, with a place that inserts it and the number of others."""
+    """Return the message of a problem, with one inserting place and the number of others."""
     if not diagnostic.inserted:
         return diagnostic.message
     first, *others = diagnostic.inserted
@@ -76,30 +76,30 @@ def as_block(diagnostic: Diagnostic, colour: bool = False) -> str:
 
 
 def as_text(diagnostics: Iterable[Diagnostic], colour: bool = False) -> str:
-    """Return problems as text for a terminal, of one file and of one import no more than help."""
+    """Return problems as text for a terminal, with limits per file and per import."""
     return "\n".join(_limited(diagnostics, as_block, colour))
 
 
 def as_lines(diagnostics: Iterable[Diagnostic]) -> tuple[str, ...]:
-    """Return problems one line each, of one file and of one import no more than help."""
+    """Return problems as one line each, with limits per file and per import."""
     return tuple(_limited(diagnostics, as_line, False))
 
 
 def as_hinted_line(diagnostic: Diagnostic) -> str:
-    """Return a problem as :func:`as_line`, with its hint in parentheses."""
+    """Return a problem like :func:`as_line`, with its hint in parentheses."""
     hint = f" ({visible(diagnostic.hint)})" if diagnostic.hint else ""
     return as_line(diagnostic) + hint
 
 
 def as_json(diagnostics: Iterable[Diagnostic], about: Mapping[str, object]) -> str:
-    """Return problems as one JSON object, with the further keys that ``about`` has.
+    """Return problems as one JSON object, with the additional keys in ``about``.
 
     Returns:
         ``{"version": 1, …, "errors": 1, "warnings": 0, "truncated": false, "problems": [{"code",
         "severity", "file", "line", "column", "end_line", "end_column", "message", "hint"}, …]}``.
-        ``truncated`` says that a file has so many problems that not all are listed. Lines and
-        columns count from 1, the end is the character behind the last one, a hint may be empty.
-        Keys may come to be added; one that changes its meaning changes ``version``.
+        ``truncated`` is true if a file has too many problems to list all. Lines and columns count
+        from 1, the end is the character after the last one, a hint may be empty. Later releases
+        may add keys; a change in the meaning of a key changes ``version``.
     """
     every = list(diagnostics)
     report = {
@@ -114,7 +114,7 @@ def as_json(diagnostics: Iterable[Diagnostic], about: Mapping[str, object]) -> s
 
 
 def as_annotation(diagnostic: Diagnostic) -> str:
-    """Return a problem as a workflow command, which GitHub shows beside the line.
+    """Return a problem as a workflow command, which GitHub shows at its line.
 
     Source: https://docs.github.com/actions/reference/workflow-commands-for-github-actions; there
     the end column is the last marked one.
@@ -135,18 +135,18 @@ def as_annotation(diagnostic: Diagnostic) -> str:
 
 
 def count(diagnostics: Iterable[Diagnostic], severity: Severity) -> int:
-    """Return how many problems are so bad."""
+    """Return the number of problems with a severity."""
     return sum(diagnostic.severity is severity for diagnostic in diagnostics)
 
 
 def _is_cut(diagnostics: Iterable[Diagnostic]) -> bool:
-    """Return whether some file has as many problems of one severity as are collected."""
+    """Return whether a file reached the maximum number of problems of one severity."""
     found = Counter((one.position.file, one.severity) for one in diagnostics)
     return max(found.values(), default=0) >= MAX_COLLECTED
 
 
 def columns(text: str) -> int:
-    """Return how many columns of a terminal a text takes."""
+    """Return the number of terminal columns that a text takes."""
     return sum(
         0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
         for c in text
@@ -154,7 +154,7 @@ def columns(text: str) -> int:
 
 
 def visible(text: str) -> str:
-    """Return a text without anything that a terminal would obey instead of showing it."""
+    """Return a text without anything that a terminal would interpret instead of showing."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c == "\u00a0" else "\ufffd" for c in text)
@@ -178,9 +178,9 @@ def _limited(
 
 
 def _is_folded(diagnostic: Diagnostic, folded: dict[str, list[Diagnostic]]) -> bool:
-    """Return whether enough problems before one say the same of an import.
+    """Return whether enough earlier problems report the same about an import.
 
-    A broken import is never the cause, but follows from what is wrong in another file.
+    A broken import is never the cause, but follows from a problem in another file.
     """
     match diagnostic.code:
         case "broken-import":
@@ -211,7 +211,7 @@ def _excerpt(diagnostic: Diagnostic, colour: bool) -> list[str]:
 
 
 def _marked(diagnostic: Diagnostic) -> tuple[int, int]:
-    """Return the first and the last marked column of the first line, from 1."""
+    """Return the first and last marked column of the first line, from 1."""
     first, end = diagnostic.position, diagnostic.end
     if end is None:
         return first.column, first.column

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conditions over names that are compared with constants: whether they go only one way.
+"""Detection of conditions that are always true or always false.
 
-A comparison with constants is the same for all values between two of them. So a condition that is
-the same for every choice of these constants, and of a value between each two, always is.
+A comparison with constants has the same result for all values between two adjacent constants. So a
+condition with the same result for every choice of these constants, and of a value between each
+two, always has that result.
 """
 
 from __future__ import annotations
@@ -15,22 +16,22 @@ from itertools import pairwise, product
 from bt_agents_language.expression.ranges import Range
 
 MOST_CHOICES = 500
-"""Most combinations of values that are tried; a condition with more is not looked at."""
+"""Maximum number of combinations to try; a condition with more is skipped."""
 
 Constant = bool | int | float | str
 
 _OTHER = "\uffff"
-"""A text that is none of those in a condition."""
+"""Text that does not occur in a condition."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Condition:
-    """What a part of an expression says of its names.
+    """Truth of a part of an expression, depending on its names.
 
     Attributes:
-        holds: Whether it is true of some values, by name.
-        compared: Name → what it is compared with. What cannot be told from names and constants
-            is a name of its own.
+        holds: Returns whether it is true for some values by name.
+        compared: Name → constants that it is compared with. Parts that names and constants do not
+            determine have their own names.
     """
 
     holds: Callable[[Mapping[str, Constant]], bool]
@@ -39,7 +40,7 @@ class Condition:
 
 @dataclass(frozen=True, kw_only=True)
 class Domain:
-    """What a name can be: numbers in a range, or certain texts; empty for any."""
+    """Possible values of a name: numbers in a range, or certain texts; empty for any."""
 
     range: Range | None = None
     texts: Sequence[str] = ()
@@ -48,14 +49,14 @@ class Domain:
 def of_comparison(
     run: Callable[[Callable[[str], object]], object], name: str, constants: Iterable[Constant]
 ) -> Condition:
-    """Return the condition that a comparison of a name with constants is, evaluated by ``run``."""
+    """Return the condition for a comparison of a name with constants, which ``run`` evaluates."""
     return Condition(
         holds=lambda values: run(values.__getitem__) is True, compared={name: frozenset(constants)}
     )
 
 
 def of_truth(name: str) -> Condition:
-    """Return the condition that a name is true."""
+    """Return the condition for the truth of a name."""
     return Condition(
         holds=lambda values: values[name] is True, compared={name: frozenset((True, False))}
     )
@@ -80,15 +81,15 @@ def joined(word: str, left: Condition, right: Condition) -> Condition:
 
 
 def negated(condition: Condition) -> Condition:
-    """Return the contrary of a condition."""
+    """Return the negation of a condition."""
     holds = condition.holds
     return Condition(holds=lambda values: not holds(values), compared=condition.compared)
 
 
 def verdict(condition: Condition, domain_of: Callable[[str], Domain]) -> bool | None:
-    """Return what a condition always is; None when it can be both, or there is too much to try.
+    """Return the constant result of a condition; None if both are possible, or too many to try.
 
-    What evaluating the condition raises is passed on.
+    Exceptions of the evaluation are passed on.
     """
     names = [*condition.compared]
     tried = [_samples(condition.compared[name], domain_of(name)) for name in names]
@@ -103,7 +104,7 @@ def verdict(condition: Condition, domain_of: Callable[[str], Domain]) -> bool | 
 
 
 def _samples(compared: frozenset[Constant], domain: Domain) -> list[Constant]:
-    """Return one value of each kind that comparisons can tell apart; none for mixed constants."""
+    """Return one value of each kind that comparisons distinguish; none for mixed constants."""
     if all(isinstance(one, bool) for one in compared):
         return [True, False]
     if all(isinstance(one, str) for one in compared):

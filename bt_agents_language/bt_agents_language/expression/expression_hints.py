@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hints for usual mistakes in expressions: words of other languages, units, missing brackets."""
+"""Hints for common mistakes in expressions: words of other languages, units, missing brackets."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from bt_agents_language.expression.expression_tokens import (
 from bt_agents_language.expression.ranges import Range
 
 NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
-"""Words of other languages for nothing."""
+"""Words of other languages for a missing value."""
 
 ABSENT = (*NO_VALUES, "missing", "unknown", "known", "nothing", "unset")
-"""Words by which people ask whether there is a value at all."""
+"""Words with which people ask whether a value exists."""
 
 ABSENT_HINT = "ask whether a name has a value with known(x), or give it one with 'else': x else 1"
 
 
 def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
-    """Return the error for a name with an opening parenthesis behind it."""
+    """Return the error for a name that an opening parenthesis follows."""
     known = list(functions)
     value, dot, method = token.text.rpartition(".")
     if dot:
@@ -56,7 +56,7 @@ def no_value(token: Token) -> ExpressionError:
 def with_phrase(
     error: ExpressionError, text: str, range_of: Callable[[str], Range | None] | None
 ) -> ExpressionError:
-    """Return the error with the hint for a phrase of people in the text, where there is one."""
+    """Return the error, with a hint if the text contains a common phrase."""
     hint = _share_hint(text, range_of)
     for pattern, said in HINTS["phrases"].items():
         match = re.search(pattern, text, re.IGNORECASE)
@@ -70,7 +70,7 @@ _SHARE = re.compile(rf"({NAME})\s*([<>]=?|==)\s*([0-9]{{1,3}})\s*%(?!\s*[\w(])")
 
 
 def _share_hint(text: str, range_of: Callable[[str], Range | None] | None) -> str:
-    """Return how to compare with a share of a range; empty where the text does not do that."""
+    """Return how to compare with a share of a range; empty if the text does not do that."""
     match = _SHARE.search(text)
     if match is None:
         return ""
@@ -86,7 +86,7 @@ def _share_hint(text: str, range_of: Callable[[str], Range | None] | None) -> st
 
 
 def label_hint(name: str, sign: str, word: str) -> str:
-    """Return how to compare a parameter that has labels with one of them."""
+    """Return how to compare a parameter with one of its labels."""
     return f"write label({ellipsize(name)}) {sign} '{ellipsize(word)}'"
 
 
@@ -98,8 +98,8 @@ def unexpected(
     Args:
         token: The word.
         before: The word before it.
-        after: The word behind it.
-        labels: Words for the values of a parameter that stands before it.
+        after: The word after it.
+        labels: Words for the values of a parameter before it.
     """
     if token.text.lower() == "is" and after is not None and after.text in (*ABSENT, "not"):
         hint = ABSENT_HINT if after.text in ABSENT else "write !="

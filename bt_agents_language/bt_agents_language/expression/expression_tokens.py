@@ -17,7 +17,7 @@ from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.units import dimension_of
 
 MAX_TOKENS = 400
-"""Words of an expression; evaluation nests at most half as deep."""
+"""Maximum number of words in an expression; evaluation nests at most half as deep."""
 
 OPERATOR_WORDS = ("and", "or", "not", "in", "between", "else")
 
@@ -27,7 +27,7 @@ HINTS: Mapping[str, Mapping[str, str]] = yaml.load(
     files("bt_agents_language").joinpath("expression/hints.yaml").read_text(encoding="utf-8"),
     Loader=yaml.CSafeLoader,
 )
-"""What other languages write → how to write it here, by the kind of word."""
+"""Syntax of other languages → ours, by the kind of word."""
 
 _WORDS = frozenset((*OPERATOR_WORDS, "true", "false"))
 
@@ -52,10 +52,10 @@ _TOKEN = re.compile(
 
 
 class ExpressionError(BtAgentsError):
-    """An expression that cannot be understood, or whose values do not fit.
+    """An expression that is not understood, or whose values do not fit.
 
-    The column counts from 1 in the text that was parsed, and ``width`` characters are wrong there;
-    the hint may be empty.
+    The column counts from 1 in the parsed text, and ``width`` characters are wrong there; the hint
+    may be empty.
     """
 
     def __init__(self, message: str, column: int, hint: str = "", width: int = 1) -> None:
@@ -79,7 +79,7 @@ class TokenKind(Enum):
 
 @dataclass(slots=True, eq=False)
 class Token:
-    """One word; ``column`` counts from 1, ``value`` is that of a number, text or boolean."""
+    """Word; ``column`` counts from 1, ``value`` is the value of a number, text or boolean."""
 
     kind: TokenKind
     text: str
@@ -87,15 +87,15 @@ class Token:
     value: bool | int | float | str = ""
 
     def error(self, message: str, hint: str = "") -> ExpressionError:
-        """Return an error about this word."""
+        """Return an error at this word."""
         return ExpressionError(message, self.column, hint, len(self.text))
 
 
 def tokenize(text: str) -> list[Token]:
-    """Return the words of an expression, the end marked by a last one.
+    """Return the words of an expression, and a last one that marks the end.
 
     Raises:
-        ExpressionError: There is something that is no word, or there are too many.
+        ExpressionError: There is something else than words, or there are too many.
     """
     tokens: list[Token] = []
     at, end = 0, len(text.rstrip())
@@ -148,7 +148,7 @@ def _name(token: Token) -> Token:
 
 
 def unit_hint(amount: str, unit: str) -> str:
-    """Return how to write a number that has a unit behind it; empty when that is no unit."""
+    """Return how to write a number with a unit; empty if it is not a unit."""
     if unit.lower() in _HALVES_OF_A_DAY and amount.isdecimal() and 1 <= int(amount[:3]) <= 12:
         hour = int(amount) % 12 + _HALVES_OF_A_DAY[unit.lower()]
         return f"compare clock.hour, from 0 to 23: write {hour}"
@@ -189,7 +189,7 @@ def _number(token: Token) -> int | float:
 
 
 def _refuse_protected_quote(word: str, match: re.Match[str]) -> None:
-    """Refuse a quotation mark behind a backslash, which fails only far behind its cause."""
+    """Refuse a quotation mark after a backslash, which would fail only far after its cause."""
     following = match.string[match.end() : match.end() + 1]
     if word[-2] == "\\" and following.isalnum():
         other = '"' if word[0] == "'" else "'"

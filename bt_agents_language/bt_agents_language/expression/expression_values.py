@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of values in expressions, compiled parts, and the checks of their types and dimensions."""
+"""Kinds of values in expressions, compiled parts, and checks of their types and dimensions."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from bt_agents_language.expression.ranges import Range
 from bt_agents_language.expression.units import Dimension
 
 Lookup = Callable[[str], object]
-"""Returns the value of a name."""
+"""Function that returns the value of a name."""
 
 Evaluator = Callable[[Lookup], object]
-"""A compiled part of an expression."""
+"""Compiled part of an expression."""
 
 ANY_LABELS: Labels = ((0.0, ""),)
-"""Labels of a name of which nobody knows whether it is a scene parameter, and of which."""
+"""Labels of a name that may belong to any scene parameter."""
 
 LARGEST = sys.float_info.max
-"""Numbers that an expression computes lie between this and its negative."""
+"""Largest absolute value that an expression computes."""
 
 _LARGEST_SHOWN = 10**18
 
 
 class EvaluationError(ExpressionError):
-    """The values of an expression do not fit its operators and functions."""
+    """Values of an expression that do not fit its operators and functions."""
 
 
 class NoValue(BtAgentsError):
-    """A part of an expression has no value; ``else`` gives it one, ``known`` tells."""
+    """Missing value of a part of an expression; ``else`` replaces it, ``known`` tests for it."""
 
 
 class Undecided(EvaluationError):
-    """A condition that is neither true nor false, for another reason than a missing value."""
+    """Condition that is neither true nor false, for another reason than a missing value."""
 
 
 class ValueKind(Enum):
-    """Kinds of values that operators and functions tell apart."""
+    """Kinds of values that operators and functions distinguish."""
 
     NUMBER = "number"
     TEXT = "text"
@@ -53,7 +53,7 @@ class ValueKind(Enum):
 
     @staticmethod
     def of(value: object) -> ValueKind | None:
-        """Return the kind of a value; None for mappings and nothing."""
+        """Return the kind of a value; None for mappings and None."""
         if isinstance(value, bool):
             return ValueKind.BOOLEAN
         if isinstance(value, (int, float)):
@@ -78,17 +78,17 @@ class Part:
     """A part of an expression, compiled.
 
     Attributes:
-        kind: Kind of its value, None where only a run shows it.
-        column: Where its first word starts, from 1.
-        items: Kind of the items of a list that is written out; None elsewhere.
-        constant: Value of a number, text or boolean that is written out; None elsewhere.
+        kind: Kind of its value; None if it is known only at run time.
+        column: Start of its first word, from 1.
+        items: Kind of the items of a literal list; None otherwise.
+        constant: Value of a literal number, text or boolean; None otherwise.
         unit: Dimension of a quantity; None for plain numbers and everything else.
         words: The only texts that it can be; empty for any.
-        members: Parts of a list that is written out.
-        range: What its value lies in, as far as that is known.
-        labels: Words for values of a scene parameter; None where it is none.
-        name: The name that it is; empty for anything else.
-        condition: What it says of names that are compared with constants; None for nothing.
+        members: Parts of a literal list.
+        range: Range of its value, as far as known.
+        labels: Words for values of a scene parameter; None for anything else.
+        name: The name, if it is a name; empty otherwise.
+        condition: Condition on names that are compared with constants; None for none.
     """
 
     run: Evaluator
@@ -106,19 +106,19 @@ class Part:
     condition: Condition | None = None
 
     def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
-        """Refuse the part if its value is certainly of another kind.
+        """Refuse the part if its value is definitely of another kind.
 
         Raises:
-            ExpressionError: It is; ``needs`` says there who needs what: ``'<' needs numbers``.
+            ExpressionError: It is; ``needs`` states the requirement: ``'<' needs numbers``.
         """
         if self.kind is not None and self.kind is not kind:
             raise self.error(f"{needs}, found {self.kind.one}", hint)
 
     def refuse_other_words(self, other: Part) -> None:
-        """Refuse a text, or one in a list, that this part can never be.
+        """Refuse a text, or a text in a list, that this part can never equal.
 
         Raises:
-            ExpressionError: It is none of its ``words``.
+            ExpressionError: It is not one of its ``words``.
         """
         words = [*map(folded, self.words)]
         for one in other.members or (other,):
@@ -129,12 +129,12 @@ class Part:
                 )
 
     def error(self, message: str, hint: str = "") -> ExpressionError:
-        """Return an error about the part."""
+        """Return an error at the part."""
         return ExpressionError(message, self.column, hint, self.width)
 
 
 def a_number(value: object, word: str, column: int) -> float:
-    """Return a value that an operator or function needs as a number.
+    """Return the number that an operator or function needs.
 
     Raises:
         EvaluationError: It is none.
@@ -145,7 +145,7 @@ def a_number(value: object, word: str, column: int) -> float:
 
 
 def a_truth(value: object, word: str, column: int) -> bool:
-    """Return a value that an operator needs as true or false.
+    """Return the boolean that an operator needs.
 
     Raises:
         EvaluationError: It is neither.
@@ -156,10 +156,10 @@ def a_truth(value: object, word: str, column: int) -> bool:
 
 
 def bounded(value: float, word: str, column: int) -> float:
-    """Return the number that an operator or function gives.
+    """Return the number that results from an operator or function.
 
     Raises:
-        EvaluationError: It is too large, or no number at all.
+        EvaluationError: It is too large, or not a number.
     """
     if -LARGEST <= value <= LARGEST:
         return value
@@ -185,12 +185,12 @@ def described(value: object) -> str:
 
 
 def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
-    """Return the dimension of what an operator gives; None for a plain number, or no number.
+    """Return the dimension of an operator's result; None for a plain number, or no number.
 
     A plain number fits every dimension: it is in SI units.
 
     Raises:
-        ExpressionError: The operands have dimensions that do not go together.
+        ExpressionError: The operands have incompatible dimensions.
     """
     if word in ("+", "-", "%", "else"):
         return common_unit(word, (left, right))
@@ -201,20 +201,20 @@ def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
     if word == "*" and len(units) == 2:
         raise right.error(f"'*' cannot multiply {units[0].a} by {units[1].a}")
     if word in ("*", "/") and len(units) == 1:
-        # A number by a time is no quantity that a field could take.
+        # No field takes a number divided by a time.
         return left.unit if word == "/" else units[0]
     return None
 
 
 def unit_of_call(name: str, arguments: Sequence[Part]) -> Dimension | None:
-    """Return the dimension of what a function gives; as :func:`unit_of_pair`."""
+    """Return the dimension of a function's result, like :func:`unit_of_pair`."""
     if name not in ("min", "max", "abs", "round"):
         return None
     return common_unit(name, arguments[:1] if name == "round" else arguments)
 
 
 def common_unit(word: str, parts: Sequence[Part]) -> Dimension | None:
-    """Return the dimension that the parts have together; as :func:`unit_of_pair`."""
+    """Return the common dimension of the parts, like :func:`unit_of_pair`."""
     first: Dimension | None = None
     for part in parts:
         if part.unit is None:
@@ -226,5 +226,5 @@ def common_unit(word: str, parts: Sequence[Part]) -> Dimension | None:
 
 
 def common_kind(one: Part, other: Part) -> ValueKind | None:
-    """Return the kind that both parts have; None when they differ or only a run shows it."""
+    """Return the common kind of both parts; None if they differ or it is not known yet."""
     return one.kind if one.kind is other.kind else None

@@ -48,10 +48,10 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 MAX_LENGTH = 1000
-"""Characters of an expression."""
+"""Longest expression in characters."""
 
 MAX_DEPTH = 32
-"""Nesting of brackets, ``not`` and minus signs."""
+"""Maximum nesting of brackets, ``not`` and minus signs."""
 
 _LONGEST_TOLD = 200
 
@@ -60,8 +60,8 @@ class MisfitError(ExpressionError):
     """Values in an expression do not fit their operators.
 
     Attributes:
-        errors: What does not fit, and perhaps the word at which reading ended; itself the first.
-        mentions: The names in it; none where reading ended at some word.
+        errors: All errors, perhaps with the word at which reading ended; this one comes first.
+        mentions: Names in the expression; none if reading ended early.
     """
 
     def __init__(self, errors: Sequence[ExpressionError], mentions: Iterable[Mention]) -> None:
@@ -72,7 +72,7 @@ class MisfitError(ExpressionError):
 
 
 class MissingValue(NoValue):
-    """A name has no value now; a lookup raises it and an evaluation passes it on."""
+    """Current lack of a value for a name; a lookup raises it and an evaluation passes it on."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"'{name}' has no value")
@@ -80,7 +80,7 @@ class MissingValue(NoValue):
 
 
 class StaleValue(MissingValue):
-    """A name of the live scene whose last value is too old to tell anything about now."""
+    """Name of the live scene whose last value is too old to be current."""
 
     def __init__(self, name: str, silent_s: float) -> None:
         super().__init__(name)
@@ -91,7 +91,7 @@ class StaleValue(MissingValue):
 class Mention:
     """A name in an expression and the column where it starts, from 1.
 
-    It may miss where ``known`` or ``else`` is about whether it has a value.
+    Its value may be missing where ``known`` tests or ``else`` replaces it.
     """
 
     name: str
@@ -101,11 +101,11 @@ class Mention:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Foregone:
-    """A condition of names that goes only one way, whatever values the names have.
+    """A condition with the same result for all possible values of its names.
 
     Attributes:
-        always: Whether it is always true; else it never is.
-        joint: The ``and`` or ``or`` of which it is so; empty for one comparison.
+        always: Whether it is always true; otherwise it is never true.
+        joint: The ``and`` or ``or`` with this result; empty for a single comparison.
     """
 
     column: int
@@ -117,16 +117,16 @@ class Foregone:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Expression:
-    """A parsed expression; two are equal when their texts, and those that they name, are.
+    """Parsed expression; two are equal if their texts and the texts that they name are equal.
 
     Attributes:
         text: As written, without spaces around it.
-        mentions: Every name in it with its place in the text that was parsed.
-        kind: Kind of its value where that is known without running it.
+        mentions: Every name in it with its place in the parsed text.
+        kind: Kind of its value, if known before a run.
         unit: Dimension of its value; None for a plain number, or no number.
-        range: What its value lies in, as far as the ranges of the names tell.
-        foregone: Conditions in it that the ranges of the names, and their texts, decide.
-        texts: Names in it that always stand for the same text, with that text.
+        range: Range of its value, as far as the ranges of the names determine it.
+        foregone: Conditions in it that the ranges and texts of the names decide.
+        texts: Names in it that always have the same text, with that text.
     """
 
     text: str
@@ -144,13 +144,13 @@ class Expression:
         """Return its value.
 
         Raises:
-            EvaluationError: Values do not fit the operators, or a division by zero.
+            EvaluationError: Values do not fit the operators, or it divides by zero.
             MissingValue: Passed on from ``lookup``.
         """
         return self._run(lookup)
 
     def is_true(self, lookup: Lookup) -> bool:
-        """Return whether it is true, as a condition.
+        """Return whether it is true as a condition.
 
         Raises:
             Undecided: It cannot be evaluated, or its value is neither true nor false.
@@ -165,9 +165,9 @@ class Expression:
         raise self._undecided(f"it is {described(value)}, expected true or false", 1)
 
     def unmet(self, lookup: Lookup) -> str:
-        """Return the first of the conditions joined by ``and`` that is false; else the whole text.
+        """Return the first false one of the conditions joined by ``and``; else the whole text.
 
-        It is for a condition that :meth:`is_true` says is false.
+        Use it for a condition that is false according to :meth:`is_true`.
         """
         for text, run in self._conjuncts:
             with suppress(NoValue, EvaluationError):
@@ -190,7 +190,7 @@ def parse_expression(
     texts: Mapping[str, str] | None = None,
     choices_of: Callable[[str], Sequence[str]] = lambda _: (),
 ) -> Expression:
-    """Return the expression that a text says.
+    """Return the expression in a text.
 
     From weak to strong: ``or``, ``and``, ``not``, one of ``== != < <= > >= in, not in,
     between … and …``, ``+ -``, ``* / %``, the minus sign, ``else``. Operands are numbers, quoted
@@ -199,16 +199,16 @@ def parse_expression(
 
     Args:
         text: At most 1,000 characters.
-        kind_of: Kind of a name's value, None where only a run shows it.
+        kind_of: Kind of a name's value, None if known only at run time.
         unit_of: Dimension of a name's value, None for a plain number or no number.
         words_of: Name → the only texts that it can be.
-        range_of: What a name's value lies in, None where that is not known.
+        range_of: Range of a name's value, None if unknown.
         labels_of: Words for the values of a scene parameter, None for other names.
-        texts: Name → the text that it always stands for.
-        choices_of: The texts that a name is, as far as the file tells; empty for any.
+        texts: Name → the text that it always has.
+        choices_of: Possible texts of a name, as far as the file determines them; empty for any.
 
     Raises:
-        ExpressionError: The text is none.
+        ExpressionError: The text is not an expression.
         MisfitError: Values in it do not fit.
     """
     if len(text) > MAX_LENGTH:
@@ -248,7 +248,7 @@ def parse_expression(
 
 
 class _Parser:
-    """A Pratt parser over the tokens of one expression."""
+    """Pratt parser for the tokens of one expression."""
 
     def __init__(
         self,
@@ -360,14 +360,14 @@ class _Parser:
     def _note_conjuncts(
         self, word: str, left: Part, right: Part, end: int, beginning: int
     ) -> None:
-        """Note the operands of an ``and`` that is not inside of anything.
+        """Note the operands of an ``and`` at the top level.
 
         Args:
             word: The operator just read.
-            left: Its operand before it.
-            right: Its operand behind it.
-            end: Offset at which the one before it ends.
-            beginning: Offset at which the one behind it begins.
+            left: Operand before it.
+            right: Operand after it.
+            end: Offset of the end of the operand before it.
+            beginning: Offset of the beginning of the operand after it.
         """
         if word != "and":
             self.conjuncts.clear()
@@ -378,7 +378,7 @@ class _Parser:
         self.conjuncts.append((beginning, last.column - 1 + len(last.text), right.run))
 
     def _let_miss(self, first: int) -> None:
-        """Mark the names from one on as those that may be without a value."""
+        """Mark the names from an index on as those that may be without a value."""
         mentions = self.mentions[first:]
         self.mentions[first:] = [replace(mention, may_miss=True) for mention in mentions]
 
@@ -406,7 +406,7 @@ class _Parser:
         return self._compared(between, value, low, high)
 
     def _compared(self, comparison: Part, *operands: Part) -> Part:
-        """Return a comparison with the condition that it is, where constants tell that."""
+        """Return a comparison with its condition, if constants determine that."""
         names = [one.name for one in operands if one.name]
         others = [one for part in operands if not part.name for one in (part.members or (part,))]
         constants = [one.constant for one in others if one.constant is not None]
@@ -416,12 +416,12 @@ class _Parser:
         return replace(comparison, condition=condition)
 
     def _joined(self, word: str, whole: Part, left: Part, right: Part) -> Part:
-        """Return two conditions joined by ``and`` or ``or``, with the condition that they are."""
+        """Return two conditions joined by ``and`` or ``or``, with their joint condition."""
         one, other = _condition_of(left), _condition_of(right)
         return replace(whole, condition=conditions.joined(word, one, other))
 
     def _always(self, whole: Part) -> bool | None:
-        """Return what a condition always is; None when it can be both."""
+        """Return the constant result of a condition; None if both are possible."""
         if whole.range is not None and whole.range.settled:
             return whole.range == ranges.TRUE
         if whole.condition is None:
@@ -438,7 +438,7 @@ class _Parser:
         )
 
     def _attempt(self, check: Callable[P, T], *values: P.args, **named: P.kwargs) -> T | None:
-        """Return what a check gives; what it refuses is noted, and reading goes on."""
+        """Return the result of a check; note its error, if any, and continue."""
         try:
             return check(*values, **named)
         except ExpressionError as error:
@@ -446,12 +446,12 @@ class _Parser:
             return None
 
     def _note_foregone(self, whole: Part, before: int, noted: int, joint: str = "") -> None:
-        """Note a condition just read that goes only one way.
+        """Note a condition just read that has a constant result.
 
         Args:
             whole: The condition.
-            before: How many names there were before it.
-            noted: How many others were noted before it; what is noted in it says enough.
+            before: Number of names before it.
+            noted: Number of conditions noted before it; ones noted within it are enough.
             joint: The word that joins its parts.
         """
         names = tuple(dict.fromkeys(mention.name for mention in self.mentions[before:]))
@@ -615,7 +615,7 @@ class _Parser:
         )
 
     def _items(self, opening: Token, closing: str) -> list[Part]:
-        """Take the expressions up to a closing bracket, and that."""
+        """Read the expressions up to and including a closing bracket."""
         items: list[Part] = []
         if self._token.text == closing:
             self._take()
@@ -637,5 +637,5 @@ class _Parser:
 
 
 def _condition_of(part: Part) -> Condition:
-    """Return what a part says as a condition; one that nothing tells is true or false."""
+    """Return the condition of a part; an unknown one may be true or false."""
     return part.condition or conditions.of_truth(part.name or f"at {part.column}")

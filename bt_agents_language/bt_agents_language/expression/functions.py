@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Functions of expressions: numbers, texts, and whether there is a value at all."""
+"""Functions of expressions for numbers, texts and missing values."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from bt_agents_language.expression.expression_values import (
 )
 
 MAX_DIGITS = 15
-"""Digits behind the point that ``round`` can keep; no number has more."""
+"""Maximum number of decimal places for ``round``; no number has more."""
 
 _WHOLE_FROM = 2.0**53
 """Numbers from here on have no fraction."""
@@ -38,23 +38,23 @@ _MAYBE_THOUSANDS = re.compile(r"-?[^\D0]\d{0,2}[.,]\d{3}|.*[.,].*[.,].*")
 
 
 class NoNumber(EvaluationError, NoValue):
-    """A text does not hold one number that is clear."""
+    """Text that does not contain exactly one clear number."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Function:
-    """A function of at least one argument.
+    """Function with at least one argument.
 
     Attributes:
-        usage: How it is written, for messages.
-        means: What it gives, for the reference.
-        check_kinds: Refuses arguments whose kinds do not fit.
+        usage: Its syntax, for messages.
+        means: Its result, for the reference.
+        check_kinds: Refuses arguments of wrong kinds.
         compile: (arguments, column) → evaluator.
-        least: Arguments that it takes at least.
-        most: Arguments that it takes at most.
+        least: Minimum number of arguments.
+        most: Maximum number of arguments.
         gives: Kind of its result.
         asks_for_missing: Whether its arguments may be without a value.
-        words: Returns the only texts that it can give; none for any.
+        words: Returns the only possible texts of its result; none for any.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Function:
     words: Callable[[Sequence[Part]], tuple[str, ...]] = lambda arguments: ()
 
     def check(self, arguments: Sequence[Part], column: int) -> None:
-        """Refuse arguments whose number or kinds do not fit."""
+        """Refuse arguments of a wrong number or wrong kinds."""
         if not self.least <= len(arguments) <= self.most:
             count = {0: "nothing", 1: "one value"}.get(len(arguments), f"{len(arguments)} values")
             message = f"'{self.name}' is given {count} in its parentheses"
@@ -117,7 +117,7 @@ def _extreme(name: str, means: str, pick: Callable[[Iterable[float]], float]) ->
 def _picked(
     pick: Callable[[Iterable[float]], float], items: Iterable[object], name: str, column: int
 ) -> float:
-    # Endless is a fair reading of a range sensor; with "not a number" the order would decide.
+    # Infinity is a valid reading of a range sensor; with NaN the order would decide.
     numbers = [_sound(a_number(item, name, column), name, column) for item in items]
     if not numbers:
         raise EvaluationError(f"'{name}' of an empty list", column)
@@ -170,16 +170,16 @@ def _finite(value: object, column: int) -> float:
 
 
 def rounded(value: float, digits: int) -> float:
-    """Return a finite number rounded as at school: halves away from zero, 2.5 to 3.
+    """Return a finite number rounded half away from zero, 2.5 to 3.
 
-    What counts is how it is written, so that 2.675 gives 2.68; 0 digits give a whole number.
+    It rounds the decimal notation, so that 2.675 gives 2.68; 0 digits give an integer.
     """
     if isinstance(value, int):
         return value
     if abs(value) >= _WHOLE_FROM:
         return value if digits else int(value)
     nearest = Decimal(repr(value)).quantize(Decimal(1).scaleb(-digits), ROUND_HALF_UP, _EXACT)
-    # Adding zero takes the sign from -0.0.
+    # Adding zero removes the sign of -0.0.
     return float(nearest) + 0.0 if digits else int(nearest)
 
 
@@ -230,7 +230,7 @@ def _compile_number(arguments: Sequence[Part], column: int) -> Evaluator:
 
 
 def _number_in(text: str, column: int) -> float:
-    """Return the only number in a text, in digits; its point may be a comma."""
+    """Return the only number in a text; its decimal point may be a comma."""
     found = [match[0] for match in islice(_IN_DIGITS.finditer(text), 2)]
     problem = ""
     if len(found) != 1:
@@ -284,7 +284,7 @@ def _check_contains(arguments: Sequence[Part]) -> None:
 
 
 def _stands_in(words: str, text: str) -> bool:
-    """Return whether words stand in a text as such, not inside of longer words."""
+    """Return whether words occur in a text as whole words."""
     return re.search(rf"(?<!\w){re.escape(words)}(?!\w)", text) is not None
 
 

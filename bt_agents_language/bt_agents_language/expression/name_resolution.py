@@ -15,18 +15,18 @@ from bt_agents_language.expression.operators import HOUR
 
 
 class SceneLike(Protocol):
-    """A scene as far as conditions name it; see :class:`~bt_agents_core.scene.Scene`."""
+    """Part of a scene that conditions name; see :class:`~bt_agents_core.scene.Scene`."""
 
     @property
     def person(self) -> bool:
-        """True when a person is there."""
+        """True if a person is present."""
 
     @property
     def stale_s(self) -> float:
-        """Silence of the scene layer after which the values tell nothing about now; else 0 [s]."""
+        """Silence of the scene layer, if too long for the values to be current; else 0 [s]."""
 
     def get(self, name: str) -> float:
-        """Return the value of a parameter, NaN when it is not known.
+        """Return the value of a parameter, NaN if unknown.
 
         Raises:
             KeyError: There is no such parameter.
@@ -38,7 +38,7 @@ SceneT = TypeVar("SceneT", bound=SceneLike)
 
 @dataclass(frozen=True, kw_only=True)
 class SceneFacts:
-    """A scene as conditions name it, of which some values may count as unknown."""
+    """Scene as conditions name it, in which some values may count as unknown."""
 
     person: bool
     values: Mapping[str, float]
@@ -62,12 +62,12 @@ def resolve(
 
     Args:
         name: The name.
-        scene: Scene as awarded, or as it is asked about.
-        live: Returns the scene as it is now; None where conditions do not name it.
-        mood_change: Mood of a live scene minus that at the start, NaN when it is not known.
+        scene: Scene as awarded, or scene of a query.
+        live: Returns the current scene; None if conditions do not name it.
+        mood_change: Mood of a live scene minus that at the start, NaN if unknown.
         profile: Returns the agent's own value of a parameter.
-        clock: Returns the local time; None where nobody knows it.
-        person: Returns what is known of the person; None where conditions do not name it.
+        clock: Returns the local time; None if unknown.
+        person: Returns facts about the person; None if conditions do not name them.
 
     Raises:
         MissingValue: The name has no value here; a stale live scene raises :class:`StaleValue`.
@@ -97,7 +97,7 @@ def resolve(
 
 
 def surely_true(condition: Expression, lookup: Lookup) -> bool:
-    """Return whether a condition is true; one with a missing value is not.
+    """Return whether a condition is true; a condition with a missing value is not.
 
     Raises:
         Undecided: It is neither true nor false, and no value is missing.

@@ -24,10 +24,10 @@ from bt_agents_language.expression.expression_values import (
 )
 
 COMPARISON = 4
-"""Strength of ``==``, ``<``, ``in``, ``between`` and their like."""
+"""Strength of comparisons, such as ``==``, ``<``, ``in`` and ``between``."""
 
 HOUR = "clock.hour"
-"""Name of the hour, after whose last the first comes again."""
+"""Name of the hour, which wraps around."""
 
 _NUMBER_HINT = "the number in a text is number(…)"
 _JOIN_HINT = 'texts are not joined here; write them one behind the other: "${a} ${b}"'
@@ -35,13 +35,13 @@ _JOIN_HINT = 'texts are not joined here; write them one behind the other: "${a} 
 
 @dataclass(frozen=True, kw_only=True)
 class Operator:
-    """An operator between two operands.
+    """Operator between two operands.
 
     Attributes:
-        check: Refuses operands whose kinds do not fit.
+        check: Refuses operands of wrong kinds.
         compile: (left, right, column) → evaluator.
-        strength: Binds its operands the more tightly the larger it is.
-        gives: Kind of its result; None for that which its operands have in common.
+        strength: Precedence; larger values bind tighter.
+        gives: Kind of its result; None for the common kind of its operands.
         replaces_missing: Whether its left operand may be without a value.
     """
 
@@ -54,13 +54,13 @@ class Operator:
 
     @property
     def chains(self) -> bool:
-        """Whether it may follow an operator of the same strength."""
+        """Whether the operator may follow another of the same strength."""
         return self.strength != COMPARISON
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prefix:
-    """An operator before one operand; attributes as of :class:`Operator`."""
+    """Operator before one operand; attributes as in :class:`Operator`."""
 
     word: str
     strength: int
@@ -68,7 +68,7 @@ class Prefix:
     compile: Callable[[Part, int], Evaluator]
 
     def check(self, operand: Part) -> None:
-        """Refuse an operand whose kind does not fit."""
+        """Refuse an operand of a wrong kind."""
         operand.must_be(self.gives, f"'{self.word}' needs {self.gives.one}")
 
 
@@ -113,7 +113,7 @@ def _order(word: str, apply: Callable[[float, float], bool]) -> Operator:
 
             def against(lookup: Lookup) -> bool:
                 a = a_of(lookup)
-                # The usual case first: this line is most of what a tick spends on conditions.
+                # The usual case comes first: conditions spend most of their time on this line.
                 if type(a) is not float and type(a) is not int:
                     a = a_number(a, word, column)
                 return apply(a, limit)
@@ -174,7 +174,7 @@ def _equality(word: str, equal: bool) -> Operator:
 
 
 def _compared(value: object) -> object:
-    """Return a value as it is compared: of texts neither capitals nor their encoding matter."""
+    """Return a value for comparison: case and Unicode encoding of texts do not matter."""
     return folded(value) if isinstance(value, str) else value
 
 
@@ -184,7 +184,7 @@ def _incomparable(word: str, one: object, other: object, column: int) -> Evaluat
 
 
 def _quotes_hint(left: Part, word: str, right: Part) -> str:
-    """Return how to fix a comparison with a text: mostly by its quotes."""
+    """Return how to fix a comparison with a text, mostly by quoting it."""
     for part, other in ((left, right), (right, left)):
         value = part.constant
         if isinstance(value, str) and value in ABSENT:
@@ -248,7 +248,7 @@ def _membership(word: str, inside: bool) -> Operator:
 
 
 def _among(wanted: object, items: Iterable[object], word: str, column: int) -> bool:
-    """Return whether a value is one of some; ``true`` is not ``1`` here."""
+    """Return whether a value is one of some values; ``true`` is not ``1`` here."""
     kind = ValueKind.of(wanted)
     if kind is None or kind is ValueKind.LIST:
         raise EvaluationError(f"'{word}' looks for one value, found {described(wanted)}", column)
@@ -300,10 +300,10 @@ def _compile_else(left: Part, right: Part, _: int) -> Evaluator:
 
 
 def check_between(value: Part, low: Part, high: Part) -> None:
-    """Refuse operands of ``between`` that are no numbers, or a range that nothing lies in.
+    """Check the operands of ``between``.
 
     Raises:
-        ExpressionError: As said.
+        ExpressionError: They are not numbers, or the range is empty.
     """
     for part in (value, low, high):
         text = part.kind is ValueKind.TEXT
@@ -320,7 +320,7 @@ def check_between(value: Part, low: Part, high: Part) -> None:
 
 
 def compile_between(value: Part, low: Part, high: Part, column: int) -> Evaluator:
-    """Return the evaluator of ``value between low and high``; both ends belong to the range."""
+    """Return the evaluator of ``value between low and high``, which includes both ends."""
     value_of, low_of, high_of = value.run, low.run, high.run
 
     def run(lookup: Lookup) -> bool:
@@ -369,7 +369,7 @@ BINARY: dict[str, Operator] = {
         ),
     )
 }
-"""Operators between two operands; ``between … and …``, of three, has its own rule."""
+"""Operators between two operands; ``between … and …`` has three, and its own rule."""
 
 PREFIXES: dict[str, Prefix] = {
     "not": Prefix(word="not", strength=3, gives=ValueKind.BOOLEAN, compile=_compile_not),

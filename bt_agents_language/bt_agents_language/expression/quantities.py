@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of numbers, times, lengths and angles from and to the texts that people write."""
+"""Conversion of numbers, times, lengths and angles from and to texts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bt_agents_language.expression.units import (
 )
 
 MAX_DURATION_S = 365 * 24 * 3600.0
-"""No interaction takes longer than a year."""
+"""Longest duration: a year [s]."""
 
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER_ONLY = re.compile(_NUMBER)
@@ -39,7 +39,7 @@ _LONGEST_QUANTITY = 40
 
 
 class QuantityError(BtAgentsError):
-    """A text that is not the number or quantity it should be; ``hint`` may be empty."""
+    """Text that is not the expected number or quantity; ``hint`` may be empty."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -82,10 +82,10 @@ def integer(text: str) -> int:
 
 
 def quantity(text: str, field_type: FieldType) -> float:
-    """Return a time [s], length [m] or angle [rad]; a number without unit is in that.
+    """Return a time [s], length [m] or angle [rad]; these are the units of a bare number.
 
     Raises:
-        QuantityError: It is none, or a time that is negative or longer than a year.
+        QuantityError: It is not a quantity, or a time that is negative or longer than a year.
     """
     dimension = DIMENSIONS[field_type]
     text = text.strip()
@@ -106,9 +106,9 @@ def quantity(text: str, field_type: FieldType) -> float:
 
 
 def quantity_type(text: str, *, strict: bool = True) -> FieldType | None:
-    """Return the type of a number with a unit behind it, None for any other text.
+    """Return the type of a number with a unit, None for any other text.
 
-    Without ``strict``, any word that is like a unit counts as one.
+    Without ``strict``, any word similar to a unit counts as one.
     """
     match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
     if match is None or not match[2]:
@@ -118,20 +118,20 @@ def quantity_type(text: str, *, strict: bool = True) -> FieldType | None:
 
 
 def word_behind_number(text: str) -> str:
-    """Return the word behind the number that a text starts with; empty for any other text."""
+    """Return the word after the number at the start of a text; empty for any other text."""
     match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
     return match[2] if match is not None else ""
 
 
 def is_clock(text: str) -> bool:
-    """Return whether a text is written as on a clock: ``1:30``."""
+    """Return whether a text has the form of a clock time: ``1:30``."""
     return _CLOCK.fullmatch(text.strip()) is not None
 
 
 def format_quantity(value: float, field_type: FieldType, digits: int = 3) -> str:
-    """Return a value in SI as people write it: ``1.5 min``, ``250 ms``, ``90 deg``.
+    """Return an SI value in the form that people write: ``1.5 min``, ``250 ms``, ``90 deg``.
 
-    A quantity keeps so many significant digits; a value of any other type gets no unit.
+    A quantity keeps a number of significant digits; a value of any other type gets no unit.
     """
     if not math.isfinite(value):
         return f"{value:g}"
@@ -234,7 +234,7 @@ def _no_number(text: str, wanted: str, *, bare: bool = False) -> QuantityError:
 
 
 def _number_hint(text: str, bare: bool) -> str:
-    """Return how to write a number; ``bare`` where no unit is possible."""
+    """Return how to write a number; ``bare`` if no unit is possible."""
     if text.lower() in _WORDS:
         return f"write {_WORDS.index(text.lower())}"
     until = re.fullmatch(r"until\s+(.+)", text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ranges of what expressions give, as far as the ranges of the names in them tell."""
+"""Ranges of expressions, as far as the ranges of their names determine them."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from typing import NamedTuple
 
 
 class Range(NamedTuple):
-    """The numbers from one to another; of conditions, false counts as 0 and true as 1."""
+    """Range of numbers; for conditions, false counts as 0 and true as 1."""
 
     low: float
     high: float
 
     @property
     def settled(self) -> bool:
-        """Whether there is only one value."""
+        """Whether the range has only one value."""
         return self.low == self.high
 
 
 FALSE, TRUE, EITHER = Range(0, 0), Range(1, 1), Range(0, 1)
 
 Known = Range | None
-"""A range, None where nothing is known, or where the value is no number and no condition."""
+"""Range; None if unknown, or if the value is neither a number nor a condition."""
 
 
 def of_constant(value: object) -> Known:
-    """Return the range of a value that is written out."""
+    """Return the range of a literal value."""
     return Range(value, value) if isinstance(value, bool | int | float) else None
 
 
 def of_pair(word: str, left: Known, right: Known) -> Known:
-    """Return the range of what an operator between two operands gives."""
+    """Return the range of the result of an operator between two operands."""
     if word in _LOGIC:
         return _LOGIC[word](left or EITHER, right or EITHER)
     combine = _PAIRS.get(word)
@@ -40,7 +40,7 @@ def of_pair(word: str, left: Known, right: Known) -> Known:
 
 
 def of_prefix(word: str, operand: Known) -> Known:
-    """Return the range of what an operator before one operand gives."""
+    """Return the range of the result of an operator before one operand."""
     if operand is None:
         return None
     if word == "not":
@@ -54,7 +54,7 @@ def of_between(value: Known, low: Known, high: Known) -> Known:
 
 
 def of_call(name: str, arguments: Sequence[Known]) -> Known:
-    """Return the range of what a function gives; a list that it is given has that of its items."""
+    """Return the range of a function's result; a list argument has the range of its items."""
     ranges = [one for one in arguments if one is not None]
     if not ranges or len(ranges) < len(arguments):
         return None
@@ -69,7 +69,7 @@ def of_call(name: str, arguments: Sequence[Known]) -> Known:
 
 
 def of_list(items: Sequence[Known]) -> Known:
-    """Return the range that all items of a list lie in."""
+    """Return the common range of all items of a list."""
     ranges = [one for one in items if one is not None]
     if not ranges or len(ranges) < len(items):
         return None
@@ -103,7 +103,7 @@ def _inverse(of: Callable[[Range, Range], Range]) -> Callable[[Range, Range], Kn
 
 
 def _corners(of: Callable[[float, float], float]) -> Callable[[Range, Range], Known]:
-    """Return the range of an operator whose extremes lie where those of its operands do."""
+    """Return the range of an operator whose extremes are at the extremes of its operands."""
 
     def combine(left: Range, right: Range) -> Known:
         return _hull(of(a, b) for a in left for b in right)

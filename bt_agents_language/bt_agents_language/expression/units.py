@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units of time, length and angle, and the other spellings that people use for them."""
+"""Units of time, length and angle, with their alternative spellings."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from bt_agents_core.text import join_words
 
 @dataclass(frozen=True, kw_only=True)
 class Dimension:
-    """What a quantity measures.
+    """Dimension of a quantity.
 
     Attributes:
-        type: Of a field that takes one.
-        name: In words: ``time``.
-        code: Of the problem of a text that is none.
-        example: How one is written: ``8 s``.
+        type: Type of a field for it.
+        name: Its name in words: ``time``.
+        code: Code of the problem for an invalid text.
+        example: Example of a quantity: ``8 s``.
         si: Unit of a bare number.
-        units: Unit → how many of the SI unit it is, as a fraction, which keeps 700 ms at 0.7 s
-            exactly.
-        others: Other spelling of a unit → the unit.
+        units: Unit → its value in the SI unit, as a fraction, which keeps 700 ms at exactly 0.7 s.
+        others: Alternative spelling of a unit → the unit.
     """
 
     type: FieldType
@@ -36,26 +35,26 @@ class Dimension:
 
     @property
     def a(self) -> str:
-        """One such quantity in words: ``a time``, ``an angle``."""
+        """Quantity with its article: ``a time``, ``an angle``."""
         return f"an {self.name}" if self.name[0] in "aeiou" else f"a {self.name}"
 
     @property
     def wanted(self) -> str:
-        """What a place for one expects, in words: ``a time such as '8 s'``."""
+        """Expected value in words: ``a time such as '8 s'``."""
         return f"{self.a} such as '{self.example}'"
 
     @property
     def listed(self) -> str:
-        """The units in words: ``ms, s, min or h``."""
+        """List of the units: ``ms, s, min or h``."""
         return join_words([*self.units], "or")
 
     def si_value(self, amount: float, unit: str) -> float:
-        """Return an amount of a unit in SI."""
+        """Return an amount of a unit in SI units."""
         times, over = self.units[unit]
         return amount * times / over
 
     def meant(self, word: str) -> str | None:
-        """Return the unit that a word for one means; None when it means none of these."""
+        """Return the unit for a word; None if the word means no unit."""
         for spelling in (word, word.lower()):
             if spelling in self.units:
                 return spelling
@@ -107,18 +106,18 @@ ANGLE = Dimension(
 )  # fmt: skip
 
 DIMENSIONS = {one.type: one for one in (TIME, LENGTH, ANGLE)}
-"""Type of a quantity → what it measures."""
+"""Type of a quantity → its dimension."""
 
 UNITS = tuple(unit for one in DIMENSIONS.values() for unit in one.units)
-"""Every unit that there is."""
+"""All units."""
 
 
 def dimension_of(unit: str) -> Dimension | None:
-    """Return what a unit measures, None for a word that is no unit."""
+    """Return the dimension of a unit, None for a word that is not a unit."""
     return next((one for one in DIMENSIONS.values() if unit in one.units), None)
 
 
 def dimension_meant(word: str) -> Dimension | None:
-    """Return what a unit or another word for one measures, None for any other word."""
+    """Return the dimension of a unit or an alternative spelling, None for any other word."""
     found = (one for one in DIMENSIONS.values() if one.meant(word) is not None)
     return dimension_of(word) or next(found, None)

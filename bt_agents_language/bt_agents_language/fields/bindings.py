@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bindings to ROS actions, services and topics, of skills and of leaves that name one directly."""
+"""Bindings of skills and some leaves to ROS actions, services and topics."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
 
 SENT = {BindingKind.ACTION: "goal", BindingKind.SERVICE: "request", BindingKind.TOPIC: "message"}
-"""Key of what is sent, and the section of the type that it fills."""
+"""Key of the sent values, and the section of the type that they fill."""
 
 RECEIVED = {BindingKind.ACTION: "result", BindingKind.SERVICE: "response"}
-"""Section of the type that comes back; a topic has none."""
+"""Section of the type that is received; a topic has none."""
 
 FEEDBACK = "feedback"
-"""Section of an action's type that comes while it goes on, and the word for it in paths."""
+"""Section of an action's type that arrives during the action, and its word in paths."""
 
 _FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*(#[A-Za-z_]\w*)?")
 
@@ -70,7 +70,7 @@ HEARTBEAT = KeyTable(
 
 
 def timeout_keys(kind: BindingKind) -> tuple[str, ...]:
-    """Return the keys of ``timeouts``; a service answers at once, so it accepts nothing."""
+    """Return the keys of ``timeouts``; a service has no key for acceptance."""
     return tuple(one for one in TIMEOUTS.values if one != "accept" or kind is BindingKind.ACTION)
 
 
@@ -87,12 +87,12 @@ ERROR_CODE = KeyTable(
 
 
 class Outputs:
-    """Where the outputs of an interface come from: output name → field path.
+    """Sources of an interface's outputs: output name → field path.
 
     Attributes:
-        result: Those that come at the end.
-        feedback: Those that come while an action goes on.
-        result_fields: Fields of what comes back.
+        result: Outputs that arrive at the end.
+        feedback: Outputs that arrive during an action.
+        result_fields: Fields of the received message.
     """
 
     def __init__(
@@ -106,9 +106,9 @@ class Outputs:
         self._feedback_fields = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
 
     def read(self, reading: TypedReader, name: str, node: Node, what: str) -> None:
-        """Store where an output comes from, unless it is wrong, which is then reported.
+        """Store the source of an output, or report that it is wrong.
 
-        What is written is a path such as ``answer``, ``result.answer`` or ``feedback.progress``.
+        A source is a path such as ``answer``, ``result.answer`` or ``feedback.progress``.
         """
         fields, message, found = self.result_fields, "result", self.result
         if self._is_action and isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}."):
@@ -135,7 +135,7 @@ def _interface(kind: BindingKind) -> KeyTable:
     )
     if kind not in RECEIVED:
         return table
-    # What comes back can only be read where something does.
+    # Received values exist only if the interface sends something back.
     return table.extended(
         FieldDecl(
             "succeed_when",
@@ -165,7 +165,7 @@ INTERFACES: Mapping[BindingKind, KeyTable] = {kind: _interface(kind) for kind in
 
 
 def binding_keys(kind: BindingKind, name_key: str) -> tuple[str, ...]:
-    """Return the keys of a binding of which the ROS name stands behind another key."""
+    """Return the keys of a binding whose ROS name is the value of another key."""
     return tuple(name_key if key == "name" else key for key in INTERFACES[kind].values)
 
 
@@ -179,10 +179,10 @@ def read_binding(
     outputs: Outputs,
     name_key: str = "name",
 ) -> Binding | None:
-    """Return a binding; None when it is wrong, which is then reported.
+    """Return a binding, or report that it is wrong and return None.
 
-    ``names`` are for the values that are sent, besides ``run.*``, and ``result_names`` for
-    ``succeed_when``, besides ``result.*``; without ``interfaces`` types are not checked.
+    ``names`` are for the sent values, in addition to ``run.*``, and ``result_names`` for
+    ``succeed_when``, in addition to ``result.*``; without ``interfaces`` types are not checked.
     """
     name = fields.read(name_key, partial(read_ros_name, reading))
     type_name = fields.read("type", lambda node, _: read_ros_type(reading, node, kind, interfaces))
@@ -220,7 +220,7 @@ def read_binding(
 def read_output(
     reading: TypedReader, node: Node, what: str, fields: MessageFields, message: str = "result"
 ) -> str | None:
-    """Return the path of a field of what comes back, the word for the message left out."""
+    """Return the path of a field in the received message, without the word for the message."""
     text = reading.text(node, what)
     if text is None:
         return None
@@ -256,7 +256,7 @@ def _check_sent(
     type_name: str,
     interfaces: Interfaces,
 ) -> None:
-    """Report fields that the type does not have, and plain values that its fields cannot take."""
+    """Report fields that the type lacks, and plain values that do not fit its fields."""
     open_nodes: list[tuple[Node, tuple[str, ...], MapValue]] = [(node, (), sent)]
     while open_nodes:
         current, around, values = open_nodes.pop()
@@ -286,7 +286,7 @@ def _check_sent(
 
 
 def _timeouts(reading: TypedReader, fields: MappingReader, kind: BindingKind) -> Timeouts:
-    """Return how long the server may take; what is not written or wrong is as usual."""
+    """Return the timeouts of the server; missing or wrong ones have their defaults."""
     usual = Timeouts()
     node = fields.get("timeouts")
     table = TIMEOUTS.only(timeout_keys(kind))
@@ -302,7 +302,7 @@ def _timeouts(reading: TypedReader, fields: MappingReader, kind: BindingKind) ->
 def _heartbeat(
     reading: TypedReader, fields: MappingReader, interfaces: Interfaces | None
 ) -> HeartbeatSpec | None:
-    """Return by what the server's death is noticed; None for nothing, or what is wrong."""
+    """Return the heartbeat of the server; None if missing or wrong."""
     node = fields.get("heartbeat")
     if node is None:
         return None
@@ -324,7 +324,7 @@ def _heartbeat(
 def _error_code(
     reading: TypedReader, fields: MappingReader, result_fields: MessageFields
 ) -> ErrorCodeSpec | None:
-    """Return where a result says that it failed; None for nowhere, or what is wrong."""
+    """Return the error code of a result; None if missing or wrong."""
     node = fields.get("error_code")
     written = reading.keys(node, ERROR_CODE) if node is not None else None
     if written is None:
@@ -344,7 +344,7 @@ def _error_code(
 
 
 def _limit(reading: TypedReader, fields: MappingReader, key: str) -> float | None:
-    """Return a time that is more than none [s]."""
+    """Return a time greater than zero [s]."""
     seconds = fields.duration(key)
     if seconds == 0:
         reading.error(

@@ -24,10 +24,10 @@ _INPUT = KeyTable(
     fields=(_TYPE, FieldDecl("default", ANY, "Taken when it is not given."), _DESCRIPTION)
 )
 INPUT = Either((_TYPE.value, _INPUT))
-"""An input of a skill or subtree: its type alone, or more."""
+"""Input of a skill or subtree: its type alone, or a mapping."""
 
 OUTPUT = Either((_TYPE.value, KeyTable(fields=(replace(_TYPE, required=False), _DESCRIPTION))))
-"""An output of a subtree."""
+"""Output of a subtree."""
 
 
 _OTHER_WORDS = {
@@ -42,7 +42,7 @@ _OTHER_WORDS = {
 def read_inputs(
     reading: TypedReader, node: Node, what: str, kind: str = "input"
 ) -> tuple[FieldSpec, ...]:
-    """Return declared inputs, or outputs; one that is wrong is reported, and kept if possible."""
+    """Return declared inputs or outputs; report wrong ones, but keep them if possible."""
     inputs = (
         _read_input(reading, entry, kind)
         for entry in reading.entries(node, f"the {kind}s of {what}", "names and types")
@@ -87,7 +87,7 @@ def read_type(reading: TypedReader, node: Node) -> FieldType | None:
 
 
 def read_new_name(reading: TypedReader, key: Scalar, what: str) -> str | None:
-    """Return a name that a file introduces; reserved words are refused."""
+    """Return a name that a file introduces; refuse reserved words."""
     name = reading.name(key, f"the name of {what}")
     if name is not None and name in RESERVED:
         reading.error(
@@ -101,7 +101,7 @@ def read_new_name(reading: TypedReader, key: Scalar, what: str) -> str | None:
 
 
 def read_constant(reading: TypedReader, node: Node, field_type: FieldType, what: str) -> Plain:
-    """Return a value without names; None when it is wrong, which is then reported."""
+    """Return a value without names, or report that it is wrong and return None."""
     if isinstance(node, Scalar) and "${" in node.text:
         reading.error(
             "bad-reference",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of ROS names, types and fields that readers ask of a machine's interfaces."""
+"""Checks of ROS names, types and fields against the interfaces of a machine."""
 
 from __future__ import annotations
 
@@ -25,35 +25,35 @@ _SHORT_TYPE = re.compile(
 
 
 class Interfaces(Protocol):
-    """Knows the ROS types of a machine."""
+    """Source of the ROS types of a machine."""
 
     def has_package(self, package: str) -> bool:
         """Return whether a ROS package is installed."""
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
-        """Return why a type cannot be used for an interface of this kind; None when it can."""
+        """Return why a type does not fit this kind of interface; None if it fits."""
 
     def field_problem(
         self, kind: BindingKind, type_name: str, section: str, path: str
     ) -> str | None:
-        """Return why a type has no such field; None when it has.
+        """Return why a type has no such field; None if it has.
 
         A section is ``goal``, ``result``, ``feedback``, ``request``, ``response`` or ``message``;
         a path joins field names by dots, and a number in it picks an item of a list.
         """
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
-        """Return the type of a field's value; ANY for lists, messages and what is not there."""
+        """Return the type of a field's value; ANY for lists, messages and missing fields."""
 
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return why nested values do not fit the fields of a section; None when they do."""
+        """Return why nested values do not fit the fields of a section; None if they fit."""
 
 
 @dataclass(frozen=True)
 class OfInstalledPackages:
-    """The types of the packages that are there; those of absent packages are not checked."""
+    """Types of the installed packages; types of other packages are not checked."""
 
     _interfaces: Interfaces
 
@@ -86,7 +86,7 @@ class OfInstalledPackages:
 
 
 class Nesting(Enum):
-    """What a field holds that is no single value; the value says it to people."""
+    """Kind of a field that does not hold a single value; the value is its text for people."""
 
     LIST = "a list"
     MESSAGE = "a message"
@@ -94,14 +94,14 @@ class Nesting(Enum):
 
 @dataclass(frozen=True)
 class MessageFields:
-    """The fields of a message that a condition or an output may name.
+    """Fields of a message that a condition or an output may name.
 
     Attributes:
-        interfaces: Knows the types; None, or a type that is not known, takes every path.
+        interfaces: Source of the types; without it, or for an unknown type, every path is valid.
         kind: Action, service or topic.
-        type_name: Full name of the type; empty while it is not known.
+        type_name: Full name of the type; empty if unknown.
         section: ``result``, ``response`` or ``message``.
-        inside: Path of the part whose fields are named; empty for the whole.
+        inside: Path of the part whose fields are named; empty for the whole message.
     """
 
     interfaces: Interfaces | None
@@ -111,23 +111,23 @@ class MessageFields:
     inside: str = ""
 
     def problem(self, path: str) -> str | None:
-        """Return why there is no field of this path; None when there is."""
+        """Return why a path leads to no field; None if it leads to one."""
         known = self._known()
         if known is None:
             return None
         return known.field_problem(self.kind, self.type_name, self.section, self._whole(path))
 
     def type_of(self, path: str) -> FieldType:
-        """Return the type of a field as far as it is known."""
+        """Return the type of a field, if known."""
         known = self._known()
-        # What stands in a JSON text has no type.
+        # Fields in a JSON text have no type.
         if known is None or "#" in path:
             return FieldType.ANY
         return known.field_type(self.kind, self.type_name, self.section, self._whole(path))
 
     def nested(self, path: str) -> Nesting | None:
-        """Return what a field is that holds no single value; None for all others."""
-        # No field is called so: whatever is known of the type, it is refused.
+        """Return the kind of a field without a single value; None for all others."""
+        # No field has such a name: it is refused, even for an unknown type.
         if self.type_of(path) is not FieldType.ANY or self.problem(f"{path}.-") is None:
             return None
         return Nesting.MESSAGE if self.problem(f"{path}.0") else Nesting.LIST
@@ -142,16 +142,16 @@ class MessageFields:
 
 
 def package_of(type_name: str) -> str:
-    """Return the package of a ROS type, empty when it is not written package/kind/Name."""
+    """Return the package of a ROS type, empty if it does not have the form package/kind/Name."""
     return type_name.partition("/")[0] if _ROS_TYPE.fullmatch(type_name) else ""
 
 
 def read_ros_name(
     reading: TypedReader, node: Node, what: str, *, brackets: bool = False
 ) -> str | None:
-    """Return the name of a topic, service or action, checked by the rules of ROS.
+    """Return the name of a topic, service or action, checked against the rules of ROS.
 
-    With ``brackets``, a word of it may be a name in angle brackets: ``persons/<person>/age``.
+    With ``brackets``, its words may be names in angle brackets: ``persons/<person>/age``.
     """
     text = reading.text(node, what)
     if text is None:

@@ -19,7 +19,7 @@ from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
 Part = str | Reference | Computed | Variants
-"""A piece of a text: plain text, a name, an expression, or one of several texts."""
+"""Part of a text: plain text, a name, an expression, or one of several texts."""
 
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
 _WHERE_TEXTS_STAND = re.compile(rf"(?:({NAME})\s*)?(?:==|!=|\[|,)\s*$")
@@ -29,16 +29,16 @@ _DOTTED = re.compile(NAME)
 _INSERTED = re.compile(rf"\$\{{\s*({re.escape(TEXT_PREFIX)}\w+)\s*\}}")
 
 ONE_NAME = re.compile(rf"\$\{{\s*({NAME})\s*\}}")
-"""A text that is a name and nothing else."""
+"""Text that is only a name."""
 
 
 def read_parts(
     reading: TypedReader, node: Scalar, names: NameScope, *, variants: bool = False
 ) -> tuple[Part, ...] | None:
-    """Return the parts of a text; None when a ``${…}`` in it is wrong, which is then reported.
+    """Return the parts of a text, or report a wrong ``${…}`` in it and return None.
 
-    ``$${`` stands for the plain text ``${``. Only where ``variants`` are possible it may insert
-    one of several texts.
+    ``$${`` means the plain text ``${``. A text may insert one of several texts only if
+    ``variants`` are possible.
     """
     if "${" not in node.text:
         return (node.text,)
@@ -105,7 +105,7 @@ def _read_one(
 def _read_text(
     reading: TypedReader, node: Scalar, name: str, offset: int, names: NameScope, variants: bool
 ) -> tuple[Part, ...] | None:
-    """Return the parts of the text of a name; what is wrong in it is reported where it stands."""
+    """Return the parts of a named text; report errors at their place in that text."""
     try:
         written = names.text(name)
     except NoText as problem:
@@ -146,17 +146,17 @@ def text_of(parts: tuple[Part, ...]) -> Literal | Reference | Text:
 
 @lru_cache(maxsize=1024)
 def _reference(name: str, field_type: FieldType) -> Reference:
-    """Return a name; files name the same ones again and again."""
+    """Return a name from a cache, because files repeat the same names."""
     return Reference(name=name, type=field_type)
 
 
 def read_expression(
     reading: TypedReader, node: Scalar, text: str, offset: int, what: str, names: NameScope
 ) -> Expression | None:
-    """Return the expression that stands from ``offset`` on in a scalar's text.
+    """Return the expression from ``offset`` on in a scalar's text.
 
     Returns:
-        None when it is no expression or a name is not known, which is then reported.
+        The expression; None, after a report, if it is invalid or a name is unknown.
     """
     try:
         expression = names.parse(text)
@@ -191,7 +191,7 @@ def _check_names(
     mentions: Iterable[Mention],
     names: NameScope,
 ) -> bool:
-    """Return whether all names of an expression are known; report those that are not."""
+    """Return whether all names of an expression are known; report unknown ones."""
     sound = True
     for mention in mentions:
         before = text[: mention.column - 1]

@@ -14,7 +14,7 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar
 def read_values(
     reading: TypedReader, node: Node, what: str, space: SceneSpace
 ) -> dict[str, float]:
-    """Return values of some scene parameters; what is wrong is reported and left out."""
+    """Return values of some scene parameters; report and omit wrong ones."""
     found: dict[str, float] = {}
     for entry in reading.entries(node, what, f"values of {', '.join(space.names)}"):
         parameter = read_parameter(reading, entry.key, space)
@@ -31,7 +31,7 @@ def read_values(
 
 
 def _is_label(reading: TypedReader, node: Node, parameter: SceneParameter) -> bool:
-    """Report a word for a value that stands where the value itself is expected."""
+    """Report a label in place of the value itself."""
     word = node.text if isinstance(node, Scalar) else ""
     value = next((one for one, label in parameter.labels.items() if label == word), None)
     if value is None:
@@ -42,7 +42,7 @@ def _is_label(reading: TypedReader, node: Node, parameter: SceneParameter) -> bo
 
 
 def read_vector(reading: TypedReader, node: Node, what: str, space: SceneSpace) -> Vector | None:
-    """Return the values of all scene parameters; None when one is wrong or missing."""
+    """Return the values of all scene parameters; None if one is wrong or missing."""
     before = len(reading.problems)
     values = read_values(reading, node, what, space)
     if len(reading.problems) > before:
@@ -57,7 +57,7 @@ def read_vector(reading: TypedReader, node: Node, what: str, space: SceneSpace) 
 
 
 def read_parameter(reading: TypedReader, node: Node, space: SceneSpace) -> SceneParameter | None:
-    """Return the scene parameter that is named; None when there is none, which is reported."""
+    """Return the named scene parameter, or report that there is none and return None."""
     name = reading.text(node, "a scene parameter")
     if name is None:
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scopes of names: those that a place in a file may use, their types, and which were used."""
+"""Scopes of names: the names that a place in a file may use, their types, and their use."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RESERVED = (
     "scene", "live", "mood", "profile", "clock", "cancel", "msg", "result",
     "true", "false", "null", *OPERATOR_WORDS, *FUNCTIONS,
 )  # fmt: skip
-"""Words that no tunable, input or output may be called."""
+"""Words that are not allowed as names of tunables, inputs and outputs."""
 
 _WORD = re.compile(NAME)
 
@@ -42,19 +42,19 @@ KINDS = {
     FieldType.BOOLEAN: ValueKind.BOOLEAN,
     **dict.fromkeys(DIMENSIONS, ValueKind.NUMBER),
 }
-"""Type of a name → kind of its value; not of those of any type."""
+"""Type of a name → kind of its value; names of any type have no entry."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Assigned:
-    """A name that nodes give a value while a tree runs.
+    """Name to which nodes assign a value while a tree runs.
 
     Attributes:
-        type: Type of the value where all nodes agree on one.
-        node: Key of the first node that gives it one.
-        line: Where that node stands.
-        declared: Whether it is an output of this subtree, whose type every value has to have.
-        choices: The texts that it can be; empty for any.
+        type: Type of the value, if all nodes agree.
+        node: Key of the first node that assigns it.
+        line: Line of that node.
+        declared: Whether it is an output of this subtree, whose type every value must have.
+        choices: Its possible texts; empty for any.
     """
 
     type: FieldType
@@ -65,7 +65,7 @@ class Assigned:
 
 
 class _NoTextInside:
-    """The texts that a text may name: none, so that no text can contain itself."""
+    """Texts that a text may name: none, so that no text can contain itself."""
 
     def languages(self) -> list[str]:
         return []
@@ -81,22 +81,21 @@ class _NoTextInside:
 
 
 class NameScope:
-    """Names with their types; remembers which were asked for, and which have a value by now.
+    """Names with their types; it records which names were used, and which may have a value.
 
     Args:
         types: Type of each name that always has a value, or never gets one.
-        written: Names that nodes give a value.
+        written: Names to which nodes assign values.
         messages: Name of a message (``msg``, ``result``) → its fields.
-        hidden: Names that exist elsewhere in the file → how to get at them from here.
-        lenient: True lets unknown names pass, since a declaration that could not be read may
-            hold them.
-        ranges: What the values of names in ``types`` lie in, where that is declared.
-        labels: Words for the values of scene parameters, by the names of these.
+        hidden: Names that exist elsewhere in the file → how to access them from here.
+        lenient: True accepts unknown names, because an unreadable declaration may hold them.
+        ranges: Declared ranges of names in ``types``.
+        labels: Words for the values of scene parameters, by their names.
         texts: Finds the texts of names that start with ``t.``.
 
     Attributes:
-        used: Names that were asked for.
-        given: Names out of ``written`` that some node before this place may have given a value.
+        used: Names that were used.
+        given: Names in ``written`` to which an earlier node may have assigned a value.
     """
 
     def __init__(
@@ -122,19 +121,19 @@ class NameScope:
         self._texts = texts
 
     def and_message(self, name: str, fields: MessageFields) -> NameScope:
-        """Return these names and the fields of a message; both remember together."""
+        """Return these names and the fields of a message; both share their records."""
         names = copy(self)
         names._messages = {**self._messages, name: fields}
         return names
 
     def and_names(self, types: Mapping[str, FieldType]) -> NameScope:
-        """Return these names and more that always have a value; both remember together."""
+        """Return these names and more that always have a value; both share their records."""
         names = copy(self)
         names._types = {**self._types, **types}
         return names
 
     def without_texts(self) -> NameScope:
-        """Return these names without texts, as a text may name them; both remember together."""
+        """Return these names without texts, for use in a text; both share their records."""
         names = copy(self)
         names._texts = _NoTextInside()
         return names
@@ -143,14 +142,14 @@ class NameScope:
         """Return the text of a name that starts with ``t.``.
 
         Raises:
-            NoText: There is none.
+            NoText: There is no such text.
         """
         if self._texts is None:
             raise NoText(f"there is no text '{name[:80]}': this file is in no trees folder")
         return self._texts.find(name.removeprefix(TEXT_PREFIX))
 
     def _plain_text(self, name: str) -> str:
-        """Return the text of a name in an expression, where it is one text without names."""
+        """Return the text of a name in an expression, if it is one text without names."""
         scalars = self.text(name).scalars
         if len(scalars) > 1:
             raise NoText(f"'{name}' is one of several texts, an expression needs a certain one")
@@ -166,16 +165,16 @@ class NameScope:
         self.given.update(names)
 
     def give_all(self) -> None:
-        """Note that every name may have a value, as after the whole tree."""
+        """Note that every name may have a value, as at the end of the tree."""
         self.given.update(self._written)
 
     def declared_type(self, name: str) -> FieldType:
-        """Return the type that is declared for what nodes write to a name; ANY for none."""
+        """Return the declared type for values that nodes assign to a name; ANY for none."""
         written = self._written.get(name)
         return written.type if written is not None and written.declared else FieldType.ANY
 
     def type_of(self, name: str) -> FieldType | None:
-        """Return the type of a name and remember it as used; None when there is no such name."""
+        """Return the type of a name and record its use; None if there is no such name."""
         self.used.add(name)
         return self._type_of(name)
 
@@ -193,12 +192,12 @@ class NameScope:
         return FieldType.ANY if self._lenient and "." not in name else None
 
     def parse(self, text: str) -> Expression:
-        """Return the expression that a text says, its names of the types that they have here.
+        """Return the expression in a text, with the types that its names have here.
 
         Raises:
-            ExpressionError: As of :func:`parse_expression`; an unknown name is no error.
+            ExpressionError: As in :func:`parse_expression`; an unknown name is no error.
         """
-        # Words that are no names, such as those in quotes, do no harm here.
+        # Words that are not names, such as those in quotes, do no harm here.
         words = _WORD.findall(text)
         types = tuple([self._type_of(word) for word in words])
         ranges = tuple([self._ranges.get(word) for word in words])
@@ -208,33 +207,33 @@ class NameScope:
         texts: dict[str, str] = {}
         for word in words:
             if word.startswith(TEXT_PREFIX):
-                # One that there is not is a problem of the name.
+                # A missing text is reported as a problem of the name.
                 with suppress(NoText):
                     texts[word] = self._plain_text(word)
         return _parsed(text, types, ranges, labels, tuple(texts.items()), choices)
 
     def range_of(self, name: str) -> Range | None:
-        """Return what the value of a name lies in; None where nothing declares that."""
+        """Return the range of a name's value; None if not declared."""
         return self._ranges.get(name)
 
     def domain_of(self, name: str) -> str:
-        """Return in words what the value of a name can be; empty where nothing declares that."""
+        """Return the possible values of a name in words; empty if not declared."""
         if (known := self._ranges.get(name)) is not None:
             return f"{known.low:g} to {known.high:g}"
         written = self._written.get(name)
         return join_quoted(written.choices) if written is not None else ""
 
     def members(self, group: str) -> list[str]:
-        """Return the names that begin with a group such as ``person.``, without it."""
+        """Return the names in a group such as ``person.``, without the prefix."""
         return [one.removeprefix(group) for one in self._types if one.startswith(group)]
 
     def problem(
         self, name: str, *, maybe_text: bool = False, beside: str = "", may_miss: bool = False
     ) -> tuple[str, str, str] | None:
-        """Return code, message and hint when a name cannot be used.
+        """Return code, message and hint if a name cannot be used.
 
-        It is perhaps meant as a text that is compared with the name ``beside``. One that may miss
-        can be used before anything has given it a value.
+        The name may be meant as a text to compare with the name ``beside``. A name that may be
+        missing can be used before it has a value.
         """
         if name in self._types and not self._messages:
             self.used.add(name)
@@ -305,7 +304,7 @@ def _parsed(
     texts: tuple[tuple[str, str], ...],
     choices: tuple[tuple[str, ...], ...],
 ) -> Expression:
-    """Return an expression; files say the same ones again and again."""
+    """Return an expression from a cache, because files repeat the same ones."""
     words = _WORD.findall(text)
     known = dict(zip(words, types, strict=True))
     words_for = dict(zip(words, labels, strict=True))
@@ -343,7 +342,7 @@ def clock_names() -> dict[str, FieldType]:
 
 
 def run_names() -> dict[str, FieldType]:
-    """Return the names that tell a ROS interface who uses it: agent, host, person, urgency."""
+    """Return the names about the user of a ROS interface: agent, host, person, urgency."""
     return {
         "run.agent": FieldType.TEXT,
         "run.host": FieldType.TEXT,
@@ -353,7 +352,7 @@ def run_names() -> dict[str, FieldType]:
 
 
 def place_names() -> dict[str, FieldType]:
-    """Return the names of the place that an input of a skill names."""
+    """Return the names for the place that an input of a skill names."""
     return {
         "place.frame": FieldType.TEXT,
         "place.x": FieldType.LENGTH,
@@ -365,23 +364,23 @@ def place_names() -> dict[str, FieldType]:
 
 
 def cancel_names() -> dict[str, FieldType]:
-    """Return the names that tell in ``on_cancel`` who stopped the run, and why."""
+    """Return the names in ``on_cancel`` for who stopped the run, and why."""
     return {"cancel.by": FieldType.TEXT, "cancel.reason": FieldType.TEXT}
 
 
 def person_names(space: SceneSpace) -> dict[str, FieldType]:
-    """Return the names of what is known of a person who is known by name."""
+    """Return the names of facts about a person who is known by name."""
     remembered = {f"person.{key}": kind for key, kind in space.remembers.items()}
     return {"person.name": FieldType.TEXT, "person.visits": FieldType.INTEGER, **remembered}
 
 
 def mood_names(space: SceneSpace) -> dict[str, FieldType]:
-    """Return ``mood.change`` where a system knows a mood."""
+    """Return ``mood.change`` if the system has a mood."""
     return {} if space.mood is None else {"mood.change": FieldType.NUMBER}
 
 
 def scene_labels(space: SceneSpace) -> dict[str, Labels]:
-    """Return the words for scene values, by every name that these have."""
+    """Return the words for scene values by every name of these."""
     return {
         f"{group}.{one.name}": tuple(one.labels.items())
         for group in ("scene", "live", "profile")
@@ -390,7 +389,7 @@ def scene_labels(space: SceneSpace) -> dict[str, Labels]:
 
 
 def scene_ranges(space: SceneSpace) -> dict[str, Range]:
-    """Return what scene values, and changes of the mood, lie in, by every name that they have."""
+    """Return the ranges of scene values and mood changes by every name of these."""
     ranges = {
         f"{group}.{one.name}": Range(one.minimum, one.maximum)
         for group in ("scene", "live", "profile")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Texts of a language: ``${t.hello}`` stands for the text ``hello`` of ``texts/de.yaml``."""
+"""Texts of a language: ``${t.hello}`` means the text ``hello`` of ``texts/de.yaml``."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Scalar
 
 TEXT_PREFIX = "t."
-"""How the name of a text begins."""
+"""Prefix of the name of a text."""
 
 
 class NoText(BtAgentsError):
-    """There is no text of a name, with the problem where it is named, and its code."""
+    """Missing text of a name, with the problem at the place of the name, and its code."""
 
     def __init__(self, message: str, hint: str = "", code: str = "unknown-name") -> None:
         super().__init__(message)
@@ -26,17 +26,17 @@ class NoText(BtAgentsError):
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenText:
-    """A text as it stands in its file; several are variants."""
+    """Text as written in its file; several texts are variants."""
 
     source: Source
     scalars: tuple[Scalar, ...]
 
 
 class Texts(Protocol):
-    """Finds texts by their names, in one language."""
+    """Finder of texts by name, in one language."""
 
     def languages(self) -> list[str]:
-        """Return the languages of which there are texts."""
+        """Return the languages with texts."""
 
     def speaking(self, language: str) -> Texts:
         """Return the texts of another language."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values with ``${…}`` in them, and conditions, checked against the names in scope."""
+"""Values with ``${…}`` and conditions, checked against the names in scope."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _FITTING = {
     FieldType.BOOLEAN: (FieldType.BOOLEAN,),
     **{quantity: (*_NUMBERS, quantity) for quantity in DIMENSIONS},
 }
-"""Type of a place → types of names that may stand there; texts and any take every name."""
+"""Type of a place → allowed types of names there; texts and any accept every name."""
 
 ONE_OF = "one_of"
-"""Key in the place of a skill's main text, with several of which it takes one."""
+"""Key in place of a skill's main text, for several texts of which the skill takes one."""
 
 EXPECTED = {
     FieldType.TEXT: "a text",
@@ -44,11 +44,11 @@ EXPECTED = {
     FieldType.ANY: "a value",
     **{quantity: dimension.wanted for quantity, dimension in DIMENSIONS.items()},
 }
-"""Type of a place → what has to stand there."""
+"""Type of a place → the expected value in words."""
 
 
 def may_be(given: FieldType, wanted: FieldType) -> bool:
-    """Return whether a value of one type, as it is, may be one of another, as far as is known."""
+    """Return whether a value of one type may, as far as known, also be one of another type."""
     known = FieldType.ANY not in (given, wanted)
     return not known or given is wanted or given in _FITTING.get(wanted, ())
 
@@ -63,9 +63,9 @@ def read_value(
     *,
     variants: bool = False,
 ) -> Value | None:
-    """Return a value that fits a type; None when it does not, which is then reported.
+    """Return a value that fits a type, or report that it does not and return None.
 
-    Where ``variants`` are possible a text may insert one of several.
+    If ``variants`` are possible, a text may insert one of several texts.
     """
     several = isinstance(node, Mapping) and [one.key.text for one in node.entries] == [ONE_OF]
     if several and field_type in (FieldType.TEXT, FieldType.ANY):
@@ -94,7 +94,7 @@ def read_value(
         return None
     if "${" not in node.text:
         if field_type is FieldType.TEXT:
-            # An empty text can be meant, but then it is in quotes.
+            # An empty text can be intended, but then it is in quotes.
             text = reading.text(node, what, empty=not node.plain)
             return None if text is None else Literal(value=text)
         return _literal(reading, node, field_type, what, minimum)
@@ -122,7 +122,7 @@ def read_value(
 def read_variants(
     reading: TypedReader, node: Node, names: NameScope, what: str
 ) -> Variants | None:
-    """Return several texts; None when one is wrong, which is then reported."""
+    """Return several texts, or report a wrong one and return None."""
     if not isinstance(node, Sequence):
         reading.wrong_type(node, what, "a list of texts", Shape.LIST)
         return None
@@ -215,7 +215,7 @@ def _read_any_scalar(
 
 
 def read_map(reading: TypedReader, node: Node, names: NameScope, what: str) -> MapValue:
-    """Return a mapping of values of any type; what is wrong in it is reported and left out."""
+    """Return a mapping of values of any type; report and omit wrong ones."""
     values = {
         entry.key.text: _read_any(reading, entry.value, names, f"'{entry.key.text}'")
         for entry in reading.entries(node, what, "fields and values")
@@ -226,7 +226,7 @@ def read_map(reading: TypedReader, node: Node, names: NameScope, what: str) -> M
 def read_condition(
     reading: TypedReader, node: Node, names: NameScope, what: str
 ) -> Expression | None:
-    """Return a condition; None when it is none, which is then reported."""
+    """Return a condition, or report that it is invalid and return None."""
     if not isinstance(node, Scalar) or node.empty:
         reading.wrong_type(node, what, "a condition such as scene.age >= 4")
         return None
@@ -250,7 +250,7 @@ def _comparison_hint(expression: Expression) -> str:
 
 
 def is_plain(value: Value) -> bool:
-    """Return whether a value has no name in it."""
+    """Return whether a value contains no names."""
     match value:
         case ListValue():
             return all(is_plain(item) for item in value.items)

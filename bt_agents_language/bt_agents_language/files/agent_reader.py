@@ -188,7 +188,7 @@ def _clean_up_s(reading: TypedReader, fields: MappingReader) -> float:
 
 
 def _tunables(reading: TypedReader, fields: MappingReader) -> dict[str, Tunable | None]:
-    """Return the tunables by name; of one that is wrong only the name is known."""
+    """Return the tunables by name; for a wrong one, only the name is known."""
     tunables: dict[str, Tunable | None] = {}
     for entry in fields.entries("tunables"):
         name = read_new_name(reading, entry.key, "a tunable")
@@ -228,7 +228,7 @@ def _trees(
 
 
 def _unoffered(*trees: NodeSpec | None) -> tuple[str, ...]:
-    """Return the skills of trees that no robot offers, each with the reason."""
+    """Return the skills in trees that no robot offers, each with the reason."""
     found: dict[str, str] = {}
     for tree in filter(None, trees):
         for spec in iter_nodes(tree):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of experiments: scenes that are put on the market, and the feedback that follows."""
+"""Reader of experiments: scenes for the market, and the feedback that follows."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def _errors(
 
 
 def _opinion(reading: TypedReader, node: Node, space: SceneSpace) -> Vector | None:
-    """Return a feedback vector; a parameter that is left out is NaN, which means no opinion."""
+    """Return a feedback vector; a missing parameter is NaN, which means no opinion."""
     before = len(reading.problems)
     values = read_values(reading, node, "feedback", space)
     if not values and len(reading.problems) == before:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of files, each with the field table that it is read by."""
+"""Kinds of files, each with the field table for reading it."""
 
 from __future__ import annotations
 

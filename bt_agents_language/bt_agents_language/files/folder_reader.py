@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of trees folders: the scene, the skills and all agents; a broken agent stops no other."""
+"""Reader of trees folders: scene, skills and all agents; a broken agent does not affect others."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from bt_agents_language.yaml.source import Source, read_source
 
 SUFFIXES = (".yaml", ".yml")
 TEST_SUFFIXES = (".test.yaml", ".test.yml")
-"""Ends of the names of files that test agents; they lie beside them."""
+"""Suffixes of test files, which are next to their agents."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BrokenFile:
-    """A file that could not be read, and all that is wrong with it."""
+    """File that could not be read, with all of its problems."""
 
     file: Path
     error: ReadError
@@ -39,19 +39,19 @@ class BrokenFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Trees:
-    """A trees folder.
+    """Trees folder.
 
     Attributes:
-        symbols: What its agents may speak of.
-        agents: The agents that could be read, by name.
-        broken: The files of agents and libraries that could not.
-        plugin_problems: Why some nodes of installed packages cannot be used, in words.
-        problems: What is wrong with the folder as a whole, in words.
+        symbols: Symbols that its agents may use.
+        agents: The readable agents, by name.
+        broken: The unreadable files of agents and libraries.
+        plugin_problems: Why some nodes of installed packages are unusable, in words.
+        problems: Problems of the folder as a whole, in words.
         robot: Robots whose bindings of skills are preferred; see :func:`read_skills`.
-        tags: Only agents with one of these are wanted; empty for all.
+        tags: Only agents with one of these tags are wanted; empty for all.
         files: The agent files, as they were read.
-        holders: Name of an agent → the file that it belongs to, which may be broken since.
-        texts: What the scene and all files say that agents share; None for unreadable.
+        holders: Name of an agent → its file, which may be broken since.
+        texts: Contents of the scene and of all files that agents share; None for unreadable ones.
         language: Language of the agents' texts; empty for none.
         inserted: Names of the texts that agents and libraries insert.
     """
@@ -73,14 +73,14 @@ class Trees:
 
     @property
     def report(self) -> str:
-        """Everything that is wrong in the broken files, as text; each problem once."""
+        """All problems of the broken files as text, without duplicates."""
         return joined(one.error for one in self.broken).report
 
     def tagged(self, tags: str) -> Trees:
-        """Return the folder with those agents only that have one of some tags ``a, b``, if any.
+        """Return the folder with only those agents that have one of the tags ``a, b``, if any.
 
         Raises:
-            BtAgentsError: No agent has a tag of this name.
+            BtAgentsError: No agent has such a tag.
         """
         wanted = tuple(tag.strip() for tag in tags.split(",") if tag.strip())
         known = sorted({tag for agent in self.agents for tag in agent.tags})
@@ -94,7 +94,7 @@ class Trees:
 
 
 def binding_problems(skills: Mapping[str, SkillSpec], robot: str) -> Iterator[str]:
-    """Yield in words which robots are preferred in vain; see :func:`read_skills`."""
+    """Yield messages about robots that are preferred without effect; see :func:`read_skills`."""
     every = sorted({name for skill in skills.values() for name in skill.robots})
     wanted = [name for one in robot.split(",") if (name := one.strip())]
     for name in wanted:
@@ -124,7 +124,7 @@ def read_trees(
 
     Raises:
         ReadError: ``scene.yaml`` or a skills file is broken, so that no agent can be read.
-        BtAgentsError: There are no texts in the language that is asked for.
+        BtAgentsError: There are no texts in the requested language.
     """
     shared = [
         folder / "scene.yaml",
@@ -132,7 +132,7 @@ def read_trees(
         *yaml_files(folder / "libraries"),
         *yaml_files(folder / FOLDER),
     ]
-    # Before they are read: what changes meanwhile differs from these texts at the next look.
+    # Take these texts before reading: a later change then differs from them at the next check.
     texts = {path: text_of(path) for path in shared}
     scene = read_scene(folder / "scene.yaml", interfaces)
     texts_of_language = FolderTexts(folder, language or scene.language)
@@ -165,7 +165,7 @@ def read_trees(
 
 
 def read_symbols(folder: Path) -> SymbolTable:
-    """Return what agents of a folder may speak of, without ROS types; as :func:`read_trees`."""
+    """Return the symbols for agents of a folder, without ROS types, like :func:`read_trees`."""
     scene = read_scene(folder / "scene.yaml")
     return _libraries(folder, scene, None, "", FolderTexts(folder, scene.language)).symbols
 
@@ -184,7 +184,7 @@ def _libraries(
 
 
 def yaml_files(folder: Path, *, tests: bool = False) -> list[Path]:
-    """Return the YAML files of a folder by name, without hidden ones; with tests if asked for."""
+    """Return the YAML files of a folder by name, without hidden ones; with tests on request."""
     if not folder.is_dir():
         return []
     return sorted(
@@ -196,12 +196,12 @@ def yaml_files(folder: Path, *, tests: bool = False) -> list[Path]:
 
 
 def is_wanted(agent: AgentSpec, tags: tuple[str, ...]) -> bool:
-    """Return True when an agent has one of some tags, or when none are named."""
+    """Return whether an agent has one of some tags, or no tags are named."""
     return not tags or not {*tags}.isdisjoint(agent.tags)
 
 
 def text_of(path: Path) -> str | None:
-    """Return what a file says; None when it cannot be opened."""
+    """Return the text of a file; None if it cannot be opened."""
     try:
         return read_source(path).text
     except ReadError:
@@ -211,10 +211,10 @@ def text_of(path: Path) -> str | None:
 def named(
     files: list[AgentFile], before: Mapping[str, Path]
 ) -> tuple[tuple[AgentSpec, ...], list[AgentFile], dict[str, Path]]:
-    """Give each name to one file; who had it keeps it, also while its file is broken.
+    """Assign each name to one file; the previous holder keeps it, even while it is broken.
 
     Returns:
-        The agents by name; the files, where those that came too late are broken; the new holders.
+        The agents by name; the files, where later ones with a taken name are broken; the holders.
     """
     unreadable = {one.file for one in files if one.agent is None}
     holders = {name: file for name, file in before.items() if file in unreadable}
@@ -244,7 +244,7 @@ def named(
 def broken_files(
     files: list[AgentFile], folder: Path, libraries: FolderLibraries
 ) -> tuple[BrokenFile, ...]:
-    """Return the files of agents that are broken, and all libraries that are."""
+    """Return the broken files of agents, and all broken libraries."""
     for path in libraries.paths():
         with suppress(ImportProblem):
             libraries.load(path)
@@ -260,7 +260,7 @@ def broken_files(
 
 
 def plugin_problems(libraries: FolderLibraries) -> tuple[str, ...]:
-    """Return why nodes of packages are left out, those named like a skill of a library too."""
+    """Return why nodes of packages are left out, also those named like a skill of a library."""
     skills = dict(libraries.symbols.skills)
     for name in libraries.paths():
         with suppress(ImportProblem):

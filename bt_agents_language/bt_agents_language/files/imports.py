@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Imports of a file: skills and subtrees of libraries of the same trees folder."""
+"""Imports of a file: skills and subtrees from libraries of the same trees folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
 
 SUFFIXES = (".yaml", ".yml")
-"""How the name of a file of a trees folder ends."""
+"""Suffixes of files in a trees folder."""
 
 IMPORTS = FieldDecl(
     "imports", Items(TEXT), "Libraries, by their paths from the trees folder: libraries/x.yaml"
@@ -28,7 +28,7 @@ def read_imports(
 ) -> tuple[SymbolTable, Mapping[str, SubtreeSpec]]:
     """Return the symbols with imported skills, and the imported subtrees by name.
 
-    What cannot be imported is reported where its path stands.
+    Failed imports are reported at their paths.
     """
     skills: dict[str, SkillSpec] = dict(symbols.skills)
     subtrees: dict[str, SubtreeSpec] = {}
@@ -77,7 +77,7 @@ def _load(
 
 
 def _meant(path: str, symbols: SymbolTable) -> str:
-    """Return the path of the library that is named most like a path; empty without one."""
+    """Return the path of the library with the most similar name; empty without one."""
     known = symbols.libraries.paths() if symbols.libraries is not None else []
     stems = {_stem(one): one for one in known}
     stem = nearest(_stem(path), stems)

@@ -27,10 +27,10 @@ DEFAULT_LEARNING_RATE = 0.2
 """The paper's Experiment 3."""
 
 LAYERS = (PERSON, PLACE)
-"""What an agent can learn apart."""
+"""Layers that an agent can learn separately."""
 
 MAX_WINDOW = 100
-"""Most feedbacks of which the median is taken."""
+"""Maximum number of feedbacks for the median."""
 
 MAX_ANNEAL = 100
 
@@ -113,13 +113,13 @@ LEARNING_FIELDS = (
         "How much parameters count for it where distances are weighted; 1 is usual.",
     ),
 )
-"""The keys of an agent that say how it learns."""
+"""Keys of an agent for its learning."""
 
 
 def read_learning(
     reading: TypedReader, agent: MappingReader, space: SceneSpace
 ) -> tuple[float, LearningRule]:
-    """Return the learning rate of an agent and its rule; problems are reported."""
+    """Return the learning rate of an agent and its rule; report problems."""
     node = agent.get("learning")
     short = agent.number("learning_rate")
     usual = DEFAULT_LEARNING_RATE if short is None else short

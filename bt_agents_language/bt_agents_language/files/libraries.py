@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loader of the libraries of a trees folder: each is read once, and import cycles are refused."""
+"""Loader of libraries of a trees folder: reads each once, and refuses import cycles."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ LIBRARY = FileKind(
     fields=(*SKILLS.fields[:2], IMPORTS, *SKILLS.fields[2:], SUBTREES),
 )
 MAX_CHAIN = 16
-"""Libraries that import each other one after the other."""
+"""Maximum length of a chain of imports."""
 
 _OTHERS = ("agents/", "scripts/")
-"""Folders whose files are read as something else, so that reading them here blames them."""
+"""Folders whose files are of other kinds, so that reading them here reports a problem."""
 
 
 class FolderLibraries:
-    """The libraries of one trees folder.
+    """Libraries of one trees folder.
 
     Args:
-        folder: The trees folder; nothing outside of it is read.
+        folder: The trees folder; nothing outside it is read.
 
     Attributes:
-        symbols: What the files of the folder may speak of, with these libraries.
-        broken: The libraries that could not be read, by path.
-        imports: Path of a library → what it imports itself, with the texts that it inserts.
+        symbols: Symbols for the files of the folder, including these libraries.
+        broken: The unreadable libraries, by path.
+        imports: Path of a library → its own imports, including inserted texts.
         texts: The texts of the folder.
     """
 
@@ -64,7 +64,7 @@ class FolderLibraries:
         if language not in self._of_languages:
             texts = self.texts.speaking(language)
             other = FolderLibraries(self._folder, self.symbols, self._robot, texts)
-            # What a library imports is the same in every language, but for the texts.
+            # The imports of a library are the same in every language, except for texts.
             other.imports, other._of_languages = self.imports, self._of_languages
             self._of_languages[language] = other
         return self._of_languages[language]
@@ -117,7 +117,7 @@ class FolderLibraries:
         )
 
     def behind(self, paths: Iterable[str]) -> frozenset[str]:
-        """Return libraries with all that they import, one after the other."""
+        """Return libraries with all their direct and indirect imports."""
         found: set[str] = set()
         waiting = list(paths)
         while waiting:
@@ -153,7 +153,7 @@ class FolderLibraries:
     def with_subtree(self, name: str) -> list[str]:
         found = []
         for path in self.paths():
-            # What is being read now may be imported by the others, which would look like a circle.
+            # The others may import the file being read now, which would look like a cycle.
             if not self._chain:
                 with suppress(ImportProblem):
                     self.load(path)

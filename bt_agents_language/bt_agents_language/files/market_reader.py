@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of ``market.yaml``: the rules by which the strategy ``rules`` chooses."""
+"""Reader of ``market.yaml``: the rules of the strategy ``rules``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
 MARKET_FILE = "market.yaml"
-"""Its name in a trees folder, which need not have one."""
+"""Name of the market file, which is optional in a trees folder."""
 
 _RULE = KeyTable(
     what="a rule",
@@ -58,12 +58,12 @@ MARKET = FileKind(
 
 @dataclass(frozen=True, kw_only=True)
 class MarketRule:
-    """Who wins when a condition holds: the first of the agents that bids.
+    """Rule of the market: if its condition holds, the first of its agents that bids wins.
 
     Attributes:
         position: Place of the condition.
         positions: Places of the agents.
-        warnings: What is legal in it, but rarely meant.
+        warnings: Warnings about legal but rarely intended content.
     """
 
     condition: Expression
@@ -74,7 +74,7 @@ class MarketRule:
 
 
 def market_of(folder: Path, space: SceneSpace) -> tuple[MarketRule, ...]:
-    """Return the rules of a folder's market file, none without any; as :func:`read_market`."""
+    """Return the rules of a folder's market file, if any, like :func:`read_market`."""
     file = folder / MARKET_FILE
     return read_market(file, space) if file.exists() else ()
 
@@ -92,7 +92,7 @@ def read_market(file: Path | Source, space: SceneSpace) -> tuple[MarketRule, ...
 
 
 def unknown_agents(rules: Iterable[MarketRule], known: Collection[str]) -> Iterator[Diagnostic]:
-    """Yield a warning for each agent of a rule that is not among the known ones."""
+    """Yield a warning for each unknown agent in a rule."""
     for rule in rules:
         for agent, position in zip(rule.agents, rule.positions, strict=True):
             if agent not in known:

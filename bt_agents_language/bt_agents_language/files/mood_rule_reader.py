@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mood rules of an agent, read from the entries of ``feedback:`` or restored from its card."""
+"""Mood rules of an agent, read from ``feedback:`` or restored from its card."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ _UNNOTICED = 1e-6
 def read_mood_rules(
     reading: TypedReader, agent: MappingReader, space: SceneSpace
 ) -> tuple[MoodRule, ...]:
-    """Return the mood rules of an agent file; problems are reported."""
+    """Return the mood rules of an agent file; report problems."""
     rules = (_rule(reading, node, space) for node in agent.items("feedback"))
     return tuple(rule for rule in rules if rule is not None)
 
@@ -139,7 +139,7 @@ def _condition(
 
 
 def _fires_at_once(when: Expression, space: SceneSpace) -> bool:
-    """Return whether a change of the mood that nobody would notice can make a condition true."""
+    """Return whether an unnoticeable change of the mood can make a condition true."""
     if _CHANGE not in when.names:
         return False
     hardly = {_CHANGE: Range(-_UNNOTICED, _UNNOTICED)}
@@ -151,7 +151,7 @@ def _fires_at_once(when: Expression, space: SceneSpace) -> bool:
 
 
 def _names(space: SceneSpace) -> NameScope:
-    # What changes during a run comes first where a name is proposed.
+    # For suggestions of names, values that change during a run come first.
     types = {**scene_names(space, ("live", "scene")), **mood_names(space)}
     return NameScope(types, ranges=scene_ranges(space), labels=scene_labels(space))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of ``persons`` of ``scene.yaml``: tracked persons, known ones, and the addressee."""
+"""Reader of ``persons`` in ``scene.yaml``: tracked persons, known ones, and the addressee."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ PERSONS = KeyTable(
 def read_persons(
     reading: TypedReader, node: Node | None, interfaces: Interfaces | None
 ) -> tuple[PersonsSpec | None, SourceReader]:
-    """Return what ``persons`` says, and a reader of sources that may be about one person."""
+    """Return the content of ``persons``, and a reader of sources that may be about one person."""
     plain = SourceReader(reading, interfaces)
     fields = reading.keys(node, PERSONS) if node is not None else None
     if fields is None:
@@ -185,7 +185,7 @@ def _check_ids(
     path: str,
     of_message: str = _NAME_THE_ID,
 ) -> None:
-    """Report ids that are neither texts nor whole numbers, as far as their type is known."""
+    """Report ids that are known to be neither texts nor integers."""
     nested = message.nested(path)
     found = _NO_IDS.get(message.type_of(path), "") if nested is None else nested.value
     if not found:
@@ -250,7 +250,7 @@ def _addressee(reading: TypedReader, node: Node | None, sources: SourceReader) -
 
 
 def _better_by(reading: TypedReader, fields: MappingReader, rule: str | None) -> float | None:
-    """Return how much better somebody else must be; of distances it may be written as a length."""
+    """Return by how much another person must be better; a distance may be written as a length."""
     node = fields.get("better_by")
     if node is None:
         return None

@@ -49,7 +49,7 @@ from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry
 
 MAX_PLACE = 64
-"""Characters of the name of a place."""
+"""Longest name of a place in characters."""
 
 _PARAMETER = KeyTable(
     fields=(
@@ -154,7 +154,7 @@ _TAKEN = {
 
 
 def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> SceneSpec:
-    """Return what a scene file says, or raise a ``ReadError`` with all problems."""
+    """Return the content of a scene file, or raise a ``ReadError`` with all problems."""
     with TypedReader.of(file) as reading:
         fields = reading.file(SCENE)
         entries = fields.entries("parameters")
@@ -204,7 +204,7 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
 
 
 def _check_whose(reading: TypedReader, fields: MappingReader, spec: SceneSpec) -> None:
-    """Warn of values that belong to persons where no source ever sees one."""
+    """Warn about values that belong to persons if no source ever detects a person."""
     if not spec.personal or spec.every_source or spec.persons is not None:
         return
     for entry in fields.entries("parameters"):
@@ -220,7 +220,7 @@ def _check_whose(reading: TypedReader, fields: MappingReader, spec: SceneSpec) -
 
 
 def _check_types(reading: TypedReader, spec: SceneSpec) -> None:
-    """Report topics that are named with more than one type: a process can hear only one."""
+    """Report topics with more than one type: a process can subscribe to only one."""
     tracked = (spec.persons.tracked,) if spec.persons is not None else ()
     named = sorted(
         (*spec.every_source, *tracked), key=lambda one: (one.position.line, one.position.column)
@@ -324,7 +324,7 @@ def _place(
 def _parameter(
     reading: TypedReader, entry: MappingEntry, missing: dict[str, MissingRule], personal: set[str]
 ) -> SceneParameter | None:
-    """Return a parameter; note what stands for it where nobody measures it, and whose it is."""
+    """Return a parameter; note its rule for missing values, and whose it is."""
     name = reading.name(entry.key, "the name of a scene parameter")
     if name in _TAKEN:
         reading.error(

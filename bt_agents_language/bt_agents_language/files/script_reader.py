@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of scripts: visits one after the other, for the demo and for experiments."""
+"""Reader of scripts: sequences of visits, for the demo and for experiments."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
 LONGEST_NAME = 100
-"""Characters of the name of a person."""
+"""Longest name of a person in characters."""
 
 _PERSON = FieldDecl("person", BOOLEAN, "Whether a person is there.")
 _CHANGE = KeyTable(

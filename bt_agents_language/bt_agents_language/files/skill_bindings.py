@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Candidates for the binding of a skill, one of each robot."""
+"""Candidates for the binding of a skill, one per robot."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
 _NAME_PLACE = "say which input names the place: 'place: destination' beside the interface"
 
 NOTHING = "nothing"
-"""In the place of a field: the robot has no value for this output, which stays without one."""
+"""Word in place of a field: the robot has no value for this output."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BindingCandidate:
-    """What a robot has for a skill; without a binding the problem, in words."""
+    """Offer of a robot for a skill; without a binding, the problem in words."""
 
     robot: str
     binding: Binding | None
@@ -42,11 +42,11 @@ def read_candidate(
     inline: bool = False,
     lenient: bool = False,
 ) -> BindingCandidate | None:
-    """Return the offer of one robot; None when it is wrong, which is then reported.
+    """Return the offer of one robot, or report that it is wrong and return None.
 
-    ``inline`` says that it stands in the declaration of the skill, whose outputs then say in
-    ``from`` where they come from; ``lenient`` that the inputs could not be read, so that any name
-    may be one.
+    ``inline`` means that it is in the declaration of the skill, whose outputs then name their
+    sources with ``from``; ``lenient`` means that the inputs were unreadable, so that any name may
+    be an input.
     """
     kinds = [kind for kind in BindingKind if fields.get(kind.value) is not None]
     if len(kinds) != 1:
@@ -89,7 +89,7 @@ def read_candidate(
 
 
 def _place(reading: TypedReader, fields: MappingReader, skill: SkillSpec, *, lenient: bool) -> str:
-    """Return the input that names a place; empty where none does, or where it is wrong."""
+    """Return the input that names a place; empty if missing or wrong."""
     name = fields.text("place")
     if not name or name in skill.input_names or lenient:
         return name

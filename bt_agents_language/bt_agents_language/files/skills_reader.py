@@ -36,7 +36,7 @@ from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, fou
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Scalar
 
 _TURN = 2.0 * math.pi
-"""Largest heading of a place; a number without a unit that is larger is meant in degrees [rad]."""
+"""Largest heading of a place; a larger number without a unit probably means degrees [rad]."""
 
 _OUTPUT = KeyTable(
     fields=(
@@ -114,11 +114,11 @@ SKILLS = KeyTable(
 def read_skills(
     files: Iterable[Path | Source], interfaces: Interfaces | None = None, robot: str = ""
 ) -> Mapping[str, SkillSpec]:
-    """Return the skills of all files by name, each bound to the robot that counts.
+    """Return the skills of all files by name, each bound to the robot that takes precedence.
 
-    That is the first of the robots in ``robot``, between which commas stand, or else the first in
-    the order of the files; always of those whose ROS types are installed, without ``interfaces``
-    all. A file may bind the skills of another one.
+    That is the first robot in the comma-separated list ``robot``, or else the first in the order
+    of the files. Only robots with installed ROS types count; without ``interfaces``, all do. A
+    file may bind skills of another file.
 
     Raises:
         ReadError: There is a problem; it lists those of all files.
@@ -145,7 +145,7 @@ def read_skills(
 
 
 class SkillsReader:
-    """Collects declarations and bindings of skills over several files."""
+    """Collector of declarations and bindings of skills from several files."""
 
     def __init__(self, interfaces: Interfaces | None, robot: str = "") -> None:
         self._interfaces = interfaces
@@ -155,7 +155,7 @@ class SkillsReader:
         self._places: dict[str, Place] = {}
 
     def declare(self, reading: TypedReader, fields: MappingReader) -> None:
-        """Read what stands under ``skills`` and ``places``."""
+        """Read the sections ``skills`` and ``places``."""
         robot = _robot(reading, fields)
         if all(fields.get(key) is None for key in ("skills", "bindings", "places")):
             reading.error(
@@ -174,7 +174,7 @@ class SkillsReader:
                 self._declared[name], self._offers[name] = skill, offers
 
     def bind(self, reading: TypedReader, fields: MappingReader) -> None:
-        """Read what stands under ``bindings``, for skills that are declared in any file."""
+        """Read the section ``bindings``, for skills that are declared in any file."""
         robot = _robot(reading, fields)
         for entry in fields.entries("bindings"):
             name = entry.key.text
@@ -196,7 +196,7 @@ class SkillsReader:
                 self._offers[name].append(offer)
 
     def skills(self) -> dict[str, SkillSpec]:
-        """Return the declared skills by name, each with the binding that counts."""
+        """Return the declared skills by name, each with the binding that takes precedence."""
         return {name: self._bound(skill) for name, skill in self._declared.items()}
 
     def _bound(self, skill: SkillSpec) -> SkillSpec:
@@ -211,7 +211,7 @@ class SkillsReader:
         return replace(skill, unoffered=why or "no robot is bound to it")
 
     def _rank(self, offer: BindingCandidate) -> int:
-        """Return the place of a robot among those that are preferred; others come last."""
+        """Return the rank of a robot among the preferred ones; others come last."""
         known = offer.robot in self._preferred
         return self._preferred.index(offer.robot) if known else len(self._preferred)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of sources of ``scene.yaml``: topic, field, map or table, and certainty of readings."""
+"""Reader of sources in ``scene.yaml``: topic, field, map or table, and certainty of readings."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 
 TRACKED = "tracked"
-"""The word for the list of tracked persons behind ``from``."""
+"""Value of ``from`` for the list of tracked persons."""
 
 TOPIC = KeyTable(
     fields=(
@@ -76,7 +76,7 @@ TOPIC = KeyTable(
         ),
     )
 )
-"""The keys of every source, which make one whose reading is a text."""
+"""Keys of every source, which are enough for a source of texts."""
 
 SOURCE = KeyTable(
     fields=(
@@ -129,7 +129,7 @@ SOURCE = KeyTable(
         )
     ),
 )
-"""The keys of a source whose reading is a value."""
+"""Keys of a source of values."""
 
 MAP_KEYS = ("map", "table", "smoothing")
 VALUE_KEYS = (*MAP_KEYS, "confidence", "std")
@@ -144,15 +144,15 @@ _NUMBERS = (None, ValueKind.BOOLEAN, ValueKind.NUMBER)
 
 @dataclass(frozen=True, kw_only=True)
 class SourceContext:
-    """What a source is for, and so how it may be written.
+    """Purpose of a source, which determines its allowed form.
 
     Attributes:
-        name: The parameter, or what else it is about.
+        name: Name of the parameter, or of the other purpose.
         what: The source in words, for messages.
-        keys: Keys beside those of the topic.
+        keys: Keys in addition to those of the topic.
         parameter: The scene parameter that it feeds; None for any value.
-        may_be_per_person: Whether its topic may name a person, or ``from`` the list of them.
-        must_be_per_person: Whether it has to.
+        may_be_per_person: Whether its topic may name a person, or ``from`` their list.
+        must_be_per_person: Whether it must do so.
     """
 
     name: str
@@ -165,11 +165,11 @@ class SourceContext:
 
 
 class SourceReader:
-    """Reads the sources of one file.
+    """Reader of the sources in one file.
 
     Args:
-        tracked: Who is tracked; None where persons are not distinguished.
-        placeholders: What may stand in angle brackets in a topic.
+        tracked: Source of tracked persons; None if persons are not distinguished.
+        placeholders: Allowed names in angle brackets in a topic.
     """
 
     def __init__(
@@ -185,9 +185,9 @@ class SourceReader:
         self._placeholders = placeholders
 
     def read_all(self, node: Node, where: Node, wanted: SourceContext) -> list[SourceSpec]:
-        """Return one source or a list of them; what is wrong is reported and left out.
+        """Return one source or a list of them; report and omit wrong ones.
 
-        Reports about all of them point at ``where``.
+        Reports about the whole list point at ``where``.
         """
         if not isinstance(node, Sequence):
             source = self.read(node, where, wanted)
@@ -198,7 +198,7 @@ class SourceReader:
         return [source for source in found if source is not None]
 
     def read(self, node: Node, where: Node, wanted: SourceContext) -> SourceSpec | None:
-        """Return a source; None when it is wrong, which is then reported."""
+        """Return a source, or report that it is wrong and return None."""
         if isinstance(node, Mapping) and any(e.key.text == "from" for e in node.entries):
             return self._of_tracked(node, where, wanted)
         table = SOURCE.only((*TOPIC.values, *wanted.keys))
@@ -284,12 +284,12 @@ class SourceReader:
     # Topics
 
     def topic_fields(self, node: Node, what: str, table: KeyTable) -> MappingReader | None:
-        """Return the keys of a topic, and others of a table; None for anything but a mapping."""
+        """Return the keys of a topic and further keys of a table; None if it is not a mapping."""
         required = (*TOPIC.required, *(() if is_latched(node) else ("stale_after",)))
         return self._reading.keys(node, table, what, required=required)
 
     def topic(self, fields: MappingReader, wanted: SourceContext) -> str | None:
-        """Return the name of a topic, what stands in angle brackets in it checked."""
+        """Return the name of a topic, with checked names in angle brackets."""
         node = fields.get("topic")
         if node is None:
             return None
@@ -322,7 +322,7 @@ class SourceReader:
         return False
 
     def type_name(self, fields: MappingReader) -> str | None:
-        """Return the checked ROS type behind ``type``."""
+        """Return the checked ROS type in ``type``."""
         node = fields.get("type")
         if node is None:
             return None
@@ -335,7 +335,7 @@ class SourceReader:
         )
 
     def stale_after(self, fields: MappingReader) -> float | None:
-        """Return how long a reading counts [s], infinite where nothing is written; None if bad."""
+        """Return how long a reading counts [s], infinite if not given; None if wrong."""
         if "stale_after" not in fields.nodes:
             return math.inf if is_latched(fields.mapping) else None
         seconds = fields.duration("stale_after")
@@ -404,7 +404,7 @@ class SourceReader:
     def _is_single(
         self, node: Node, what: str, expression: Expression, message: MessageFields
     ) -> bool:
-        """Return whether a plain field holds one value, as far as its type is known."""
+        """Return whether a plain field holds a single value, as far as its type is known."""
         path = path_of(expression)
         nested = message.nested(path) if path is not None else None
         if nested is not None:
@@ -416,7 +416,7 @@ class SourceReader:
         return nested is None
 
     def _expression(self, node: Node, what: str, message: MessageFields) -> Expression | None:
-        """Return an expression over the fields of a message; the path of a field is one, too."""
+        """Return an expression over the fields of a message; a field path is one, too."""
         text = self._reading.text(node, what)
         if text is None:
             return None
@@ -475,7 +475,7 @@ class SourceReader:
 
 
 def is_latched(node: Node) -> bool:
-    """Return whether a mapping says that its topic is latched; a wrong word there may mean it."""
+    """Return whether a mapping declares its topic as latched; a wrong word may mean so."""
     if not isinstance(node, Mapping):
         return False
     written = [entry.value for entry in node.entries if entry.key.text == "latched"]
@@ -489,7 +489,7 @@ def _no_name(name: str) -> float:
 def _points(
     reading: TypedReader, fields: MappingReader, parameter: SceneParameter | None
 ) -> tuple[tuple[float, float], ...]:
-    """Return the linear map behind ``map`` as (reading, value) pairs, readings rising."""
+    """Return the linear map in ``map`` as (reading, value) pairs, with rising readings."""
     node = fields.get("map")
     if node is None:
         return ()
@@ -525,7 +525,7 @@ def _table(
     parameter: SceneParameter | None,
     kind: ValueKind | None,
 ) -> tuple[tuple[str, float], ...]:
-    """Return the words behind ``table``, as readings of a kind are, and their values."""
+    """Return the words in ``table``, in the form of readings of a kind, with their values."""
     node = fields.get("table")
     if node is None:
         return ()
@@ -548,7 +548,7 @@ def _table(
 
 
 def _word(reading: TypedReader, node: Scalar, kind: ValueKind | None) -> str | None:
-    """Return a word of a table as readings of a kind are looked up in it; None for a wrong one."""
+    """Return a word of a table in the form of readings of a kind; None if it is wrong."""
     if kind is ValueKind.BOOLEAN:
         truth = reading.boolean(node, "a reading in 'table'")
         return None if truth is None else str(truth).lower()

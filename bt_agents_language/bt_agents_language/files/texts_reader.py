@@ -63,7 +63,7 @@ _LANGUAGE = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 @dataclass(frozen=True, kw_only=True)
 class TextFile:
-    """The texts of one language by name, and where each of the names stands."""
+    """Texts of one language by name, with the place of each name."""
 
     texts: Mapping[str, WrittenText]
     keys: Mapping[str, Scalar]
@@ -103,12 +103,12 @@ def _scalars(reading: TypedReader, entry: MappingEntry) -> tuple[Scalar, ...]:
 
 
 class FolderTexts:
-    """The texts of one language of a trees folder.
+    """Texts of one language in a trees folder.
 
     Attributes:
         language: The language, empty for none.
-        broken: The errors of its file; None for none.
-        found: Names that were found, in whatever language.
+        broken: Errors of its file; None for none.
+        found: Names that were found in any language.
     """
 
     def __init__(self, folder: Path, language: str) -> None:
@@ -133,12 +133,12 @@ class FolderTexts:
 
     @property
     def spoken(self) -> tuple[FolderTexts, ...]:
-        """These, and those of all languages that were asked for besides."""
+        """These texts, and those of all other requested languages."""
         return tuple(self._of_languages.values())
 
     @property
     def path(self) -> Path:
-        """The file of the language."""
+        """File of the language."""
         return self._folder / FOLDER / f"{self.language}{SUFFIX}"
 
     def languages(self) -> list[str]:
@@ -163,7 +163,7 @@ class FolderTexts:
         return f"{FOLDER}/{self.language}{SUFFIX}"
 
     def _no_file(self) -> NoText:
-        """Return why none of the texts can be found, which is told once a file."""
+        """Return why no text can be found, which is reported once per file."""
         return NoText(*self._why_no_file(), code=NO_TEXTS)
 
     def _why_no_file(self) -> tuple[str, str]:
@@ -191,9 +191,9 @@ class FolderTexts:
 def uneven_texts(
     files: Mapping[Path, TextFile], used: Collection[str] | None
 ) -> Iterator[Diagnostic]:
-    """Yield a warning for each text that a language lacks, and for each that nothing inserts.
+    """Yield a warning for each text that a language lacks, and for each unused text.
 
-    ``used`` are the texts that are inserted somewhere, None where that is not known.
+    ``used`` are the texts that are inserted somewhere, None if unknown.
     """
     every = {name: path for path, one in reversed([*files.items()]) for name in one.texts}
     for path, one in files.items():
@@ -229,7 +229,7 @@ def _text_warning(
 
 
 class AskedTexts:
-    """The texts of a folder, noting whether one file asks for any of them."""
+    """Texts of a folder; records whether one file uses any of them."""
 
     def __init__(self, texts: FolderTexts) -> None:
         self.asked = False
@@ -244,11 +244,11 @@ class AskedTexts:
         return self._texts.languages()
 
     def speaking(self, language: str) -> AskedTexts:
-        """Return these, from now on of another language."""
+        """Return these texts, switched to another language."""
         self._texts = self._texts.speaking(language)
         return self
 
     @property
     def path(self) -> str:
-        """The file of the language, from the trees folder on."""
+        """File of the language, relative to the trees folder."""
         return f"{FOLDER}/{self._texts.path.name}"

@@ -37,11 +37,11 @@ _DIGITS = 6
 
 
 def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunable | None:
-    """Return a tunable; None when it is wrong, which is then reported.
+    """Return a tunable, or report that it is wrong and return None.
 
-    The default says the type: ``2`` is an integer, ``2.0`` a number, ``8 s`` a duration, ``1.5 m``
-    a length, ``90 deg`` an angle, ``true`` a boolean, anything else a text. An integer with a
-    fractional range is a number.
+    The default determines the type: ``2`` is an integer, ``2.0`` a number, ``8 s`` a duration,
+    ``1.5 m`` a length, ``90 deg`` an angle, ``true`` a boolean, anything else a text. An integer
+    with a fractional range is a number.
     """
     what = f"tunable '{name}'"
     if isinstance(entry.value, Scalar) and not entry.value.empty:
@@ -99,7 +99,7 @@ def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
     types = [quantities.quantity_type(one, strict=False) for one in (text, *texts)]
     meant = [one for one in types if one is not None]
     if meant[:1] == [FieldType.LENGTH] and {*meant[1:]} == {FieldType.DURATION}:
-        # Metres beside limits in seconds are minutes, misspelt.
+        # Metres together with limits in seconds are misspelled minutes.
         return FieldType.DURATION
     if meant:
         return meant[0]
@@ -178,7 +178,7 @@ def _range(
     what: str,
     field_type: FieldType,
 ) -> tuple[float | None, float | None, float] | None:
-    """Return minimum, maximum and step, 0 for none; None when they are wrong, and reported."""
+    """Return minimum, maximum and step, 0 for none; report wrong ones and return None."""
     before = len(reading.problems)
     needed = [key for key in ("min", "max") if fields.get(key) is None]
     limits = {
@@ -191,7 +191,7 @@ def _range(
             reading.in_range(
                 fields.nodes[key], f"'{key}' of {what}", value, -MAX_VALUE, MAX_VALUE, field_type
             )
-    # A quantity alone can do without a range; half a range helps nobody, though.
+    # Only a quantity can do without a range; but half a range is useless.
     if needed and (field_type not in _QUANTITIES or len(needed) == 1):
         reading.error(
             "missing-key",
