@@ -16,9 +16,9 @@ class FeedbackErrors:
     """Errors in prepared feedback: which of it is wrong, and its wrong value.
 
     Attributes:
-        every: Each so-manyth feedback is wrong; 0 when chance decides.
+        every: Every n-th feedback is wrong; 0 if chance decides.
         share: Probability that a feedback is wrong, 0..1; 0 when ``every`` decides.
-        value: The wrong vector; None draws each value evenly from the range of its parameter.
+        value: The wrong vector; None draws each value uniformly from the range of its parameter.
     """
 
     space: SceneSpace
@@ -28,9 +28,9 @@ class FeedbackErrors:
     value: Vector | None = None
 
     def instead(self, index: int) -> Vector | None:
-        """Return the wrong vector for the feedback of an index, from 0; None when it is right.
+        """Return the wrong vector for the feedback with an index, from 0; None if it is right.
 
-        It depends on seed and index alone, so a restart changes nothing.
+        It depends only on seed and index, so a restart changes nothing.
         """
         if self.every and (index + 1) % self.every:
             return None
@@ -47,11 +47,11 @@ class PreparedFeedback:
     """Feedback that a simulated person gives after each run.
 
     Attributes:
-        each: Agent → the vector it is given after every one of its runs.
-        sequences: Agent → vectors used up in order by its own runs; it is given no others.
-        sequence: Vectors used up in order, whichever other agent ran.
+        each: Agent → its feedback after every run.
+        sequences: Agent → vectors that its own runs use up in order; it gets no others.
+        sequence: Vectors used up in order by all other agents together.
         repeat: True starts each sequence again after its end.
-        errors: Which of all the feedback is wrong; None for none.
+        errors: Errors in the feedback; None for none.
     """
 
     each: Mapping[str, Vector] = field(default_factory=dict)
@@ -81,13 +81,13 @@ class ExperimentSpec:
         return tuple(draw.choice(self.scenes) for _ in range(self.rounds))
 
     def shortened(self, rounds: int) -> ExperimentSpec:
-        """Return the same experiment with another number of rounds; the first ones are equal."""
+        """Return the experiment with another number of rounds; the first ones are equal."""
         return replace(self, rounds=rounds)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackRecord:
-    """One round as it was observed: who won, and its profile before and after the feedback."""
+    """Observed round: the winner, and its profile before and after the feedback."""
 
     round: int
     scene: Vector
@@ -134,7 +134,7 @@ def deviation(
 def difference(one: Sequence[FeedbackRecord], other: Sequence[FeedbackRecord]) -> float:
     """Return the largest difference between two recordings of the same experiment.
 
-    It is infinite when they differ in more than the values of profiles.
+    It is infinite if they differ in more than the values of profiles.
     """
     if [(r.scene, r.winner) for r in one] != [(r.scene, r.winner) for r in other]:
         return math.inf

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mood rule: which condition, held how long during a run, becomes feedback by itself."""
+"""Mood rules: conditions that give feedback when they hold long enough during a run."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from bt_agents_language.expression.expressions import Expression
 
 
 class MoodAction(IntEnum):
-    """What a mood rule does besides giving feedback; the numbers are those of ``MoodRule.msg``."""
+    """Further effect of a mood rule; the numbers match ``MoodRule.msg``."""
 
     NONE = 0
     CANCEL = 1
 
     @property
     def ends_run(self) -> bool:
-        """True when no rule can fire after it in the same run."""
+        """True if no rule can fire after it in the same run."""
         return self is MoodAction.CANCEL
 
 
 ACTIONS: Mapping[str, tuple[MoodAction, str]] = {
     "cancel": (MoodAction.CANCEL, "stop the run and let the market ask again")
 }
-"""Word that ``then:`` takes → the action and what it does."""
+"""Value of ``then:`` → the action and its description."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MoodRule:
-    """Feedback that a condition on the mood gives by itself while the agent runs.
+    """Rule that gives feedback when a condition on the mood holds while the agent runs.
 
     Attributes:
         when: Condition over ``mood.change``, ``scene.*`` and ``live.*``.
         hold_s: How long it must hold without a break [s].
         give: ``POSITIVE`` moves the profile towards the scene, ``NEGATIVE`` away from it.
-        baseline_s: ``mood.change`` is against the mean mood of so long at the start [s]; 0 for
+        baseline_s: Initial time whose mean mood is the reference of ``mood.change`` [s]; 0 for
             the mood of the scene as awarded.
         release: Condition after which a rule that has fired is ready again; None for none.
-        cooldown_s: A rule that has fired is ready again after so long at the earliest [s].
-        confidence: Moods with less confidence are not known, 0..1.
+        cooldown_s: Shortest time after which a rule that has fired is ready again [s].
+        confidence: Moods with less confidence count as unknown, 0..1.
     """
 
     when: Expression
@@ -55,5 +55,5 @@ class MoodRule:
 
     @property
     def repeats(self) -> bool:
-        """True when it can fire more than once a run."""
+        """True if it can fire more than once per run."""
         return self.release is not None or self.cooldown_s > 0.0

@@ -14,19 +14,19 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expressions import Expression
 
 MESSAGE = "msg"
-"""What an expression of a source calls the message, or the item of a person in it."""
+"""Name of the message, or of a person's item in it, in expressions of a source."""
 
 PERSON = "person"
-"""What the source of the presence of a person is called, and who a topic is about."""
+"""Name of the source for the presence of a person, and placeholder in topics."""
 
 LOST_AFTER_S = 1.0
-"""Who has not been in the list for so long is gone, where nothing else is written [s]."""
+"""Default time after which a person missing in the list is gone [s]."""
 
 HOLD_S = 1.0
-"""For so long must another be better, where nothing else is written [s]."""
+"""Default time for which another person must be better [s]."""
 
 LARGEST_STD = 1e100
-"""A larger standard deviation of a reading is none."""
+"""Largest standard deviation of a reading; larger ones count as missing."""
 
 _LARGEST_WORD = 1e18
 _PLACEHOLDER = re.compile(r"<([a-z][a-z0-9_]*)>")
@@ -35,12 +35,12 @@ _TOPIC_WORD = re.compile(r"[A-Za-z0-9_]{1,100}")
 
 
 class MissingRule(Enum):
-    """What a scene holds for a parameter that no source measures; the value is the word in a file.
+    """Rule for a parameter that no source measures; the value is the word in files.
 
     Attributes:
-        LEAVE_OUT: Nothing; the parameter does not count.
-        ESTIMATE: What is known from before of this person, else of this place, else nothing.
-        DEFAULT: The same, and the declared default where nothing is known.
+        LEAVE_OUT: No value; the parameter does not count.
+        ESTIMATE: Earlier value of this person, else of this place, else no value.
+        DEFAULT: The same, but with the declared default if nothing is known.
     """
 
     LEAVE_OUT = "leave_out"
@@ -49,7 +49,7 @@ class MissingRule(Enum):
 
 
 class AddresseeRule(Enum):
-    """Whom of several persons a scene is about; the value is the word in a file."""
+    """Rule for the person that a scene is about; the value is the word in files."""
 
     ENGAGED = "engaged"
     NEAREST = "nearest"
@@ -57,9 +57,9 @@ class AddresseeRule(Enum):
 
 
 def word_of(number: float) -> str | None:
-    """Return a number as it stands in a table: ``1`` for 1 and 1.0; None for what stands in none.
+    """Return a number as written in a table: ``1`` for 1 and 1.0; None if no table can hold it.
 
-    Those from 10¹⁸ on do not: floats do not tell all of them apart.
+    Tables cannot hold numbers from 10¹⁸ on, because floats do not distinguish all of them.
     """
     if not -_LARGEST_WORD < number < _LARGEST_WORD:
         return None
@@ -67,32 +67,32 @@ def word_of(number: float) -> str | None:
 
 
 def path_of(expression: Expression) -> str | None:
-    """Return the path of a field of the message that an expression is; None when it is more."""
+    """Return the message field path that an expression consists of; None if it is more."""
     path = expression.text.removeprefix(f"{MESSAGE}.")
     return path if expression.names == {f"{MESSAGE}.{path}"} else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class SourceSpec:
-    """Where readings come from: of a scene parameter, or of something about persons and places.
+    """Source of readings for a scene parameter, or for data about persons and places.
 
     Attributes:
-        parameter: Name of the scene parameter; else ``person`` for the presence of somebody,
+        parameter: Name of the scene parameter; else ``person`` for the presence of a person,
             ``place``, ``known``, ``addressee`` or the name of a part of a person.
         topic: ROS name, relative unless it starts with a slash; ``<person>`` and names of parts in
-            such brackets stand for ids.
+            angle brackets are placeholders for ids.
         type: ROS type, for example ``std_msgs/msg/Float64``.
         field: The reading, over ``msg.*``.
         points: Linear map from reading to parameter as (reading, value) pairs, readings rising;
             empty takes the reading as it is.
         table: Words and their values, instead of ``points``; empty for none.
         stale_after_s: A reading older than this is missing; infinite for none [s].
-        latched: True when the last message is kept for those who come later.
-        confidence: From 0, not measured, to 1; true is 1 and false 0; None where none is stated.
-        std: Standard deviation, in the unit of the reading, with a table in that of the parameter;
-            None where none is stated.
+        latched: True if the last message is kept for late subscribers.
+        confidence: From 0, not measured, to 1; true is 1 and false 0; None if not stated.
+        std: Standard deviation in the unit of the reading, or with a table, of the parameter; None
+            if not stated.
         smoothing_s: Time constant of exponential smoothing; 0 for none [s].
-        of_item: True when a message is the list of tracked persons and ``msg`` one of its items.
+        of_item: True if a message is the list of tracked persons and ``msg`` one of its items.
     """
 
     parameter: str
@@ -116,18 +116,18 @@ class SourceSpec:
 
     @property
     def per_person(self) -> bool:
-        """Whether its readings are each about one person."""
+        """Whether each of its readings is about one person."""
         return self.of_item or bool(self.placeholders)
 
     @cached_property
     def path(self) -> str | None:
-        """The path of the field that is the reading; None where the reading is computed."""
+        """Path of the field with the reading; None if the reading is computed."""
         return path_of(self.field)
 
     def topic_of(self, ids: Mapping[str, str]) -> str | None:
         """Return the topic with ids in place of the names in brackets, ``person`` and parts.
 
-        It is None when an id is not known or cannot stand in the name of a topic.
+        It is None if an id is unknown or invalid in the name of a topic.
         """
         found = [ids.get(name, "") for name in self.placeholders]
         if not all(map(_TOPIC_WORD.fullmatch, found)):
@@ -138,13 +138,13 @@ class SourceSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedSpec:
-    """Where it is said who is tracked; as :class:`SourceSpec`.
+    """Source of the list of tracked persons, like :class:`SourceSpec`.
 
     Attributes:
         field: Path of the list in the message.
-        id: Path of a person's id in an item of the list; empty when the items are the ids.
-        stale_after_s: Nobody is tracked after so much silence; infinite for no limit [s].
-        lost_after_s: Who has not been in the list for so long is gone [s].
+        id: Path of a person's id in an item of the list; empty if the items are the ids.
+        stale_after_s: Silence after which nobody is tracked; infinite for no limit [s].
+        lost_after_s: Time after which a person missing in the list is gone [s].
     """
 
     topic: str
@@ -159,14 +159,14 @@ class TrackedSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class AddresseeSpec:
-    """Whom of several persons a scene is about.
+    """Choice of the person that a scene is about.
 
     Attributes:
         rule: The most engaged, the nearest, or the one who came first.
-        source: How engaged a person is, more is better, or how far away, less is better; None for
-            who came first.
-        better_by: So much better than the addressee must another be, in the unit of the source.
-        hold_s: For so long must the other be better [s].
+        source: Engagement of a person, where more is better, or distance, where less is better;
+            None for the one who came first.
+        better_by: By how much another must be better than the addressee, in the source's unit.
+        hold_s: Time for which the other must be better [s].
     """
 
     rule: AddresseeRule
@@ -177,13 +177,13 @@ class AddresseeSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class PersonsSpec:
-    """Who is tracked, who of them is known by name, and whom a scene is about.
+    """Tracked persons, those known by name, and the person that a scene is about.
 
     Attributes:
         parts: Parts of a person with ids and topics of their own, such as the face: sources of
             the id of each.
-        known: Says of a person by 0.5 or more that the id is a name, not a tracker's number; None
-            when ids are never names.
+        known: Source that states with 0.5 or more that a person's id is a name instead of a
+            tracker's number; None if ids are never names.
     """
 
     tracked: TrackedSpec
@@ -193,7 +193,7 @@ class PersonsSpec:
 
     @cached_property
     def sources(self) -> tuple[SourceSpec, ...]:
-        """The sources of what is not a scene parameter."""
+        """Sources for data other than scene parameters."""
         others = (self.known, self.addressee.source)
         return (*self.parts, *(source for source in others if source is not None))
 
@@ -203,16 +203,15 @@ class SceneSpec:
     """``scene.yaml``: the parameters of every scene and the sources that feed them.
 
     Attributes:
-        sources: Those of parameters; several of one parameter are fused.
-        person: Says whether somebody is there; None where ``persons`` says so, or nothing does.
-        persons: Who is there; None where persons are not distinguished.
-        place: Where the robot is, or the source that says so.
-        missing: What a scene holds for parameters that nobody measures; what is not named is left
-            out.
-        language: Language of the agents' texts where nothing else says one; may be empty.
+        sources: Sources of parameters; several sources of one parameter are fused.
+        person: Source for the presence of a person; None if ``persons`` covers it, or nothing.
+        persons: Tracked persons; None if persons are not distinguished.
+        place: Place of the robot, or its source.
+        missing: Rules for parameters that are not measured; others are left out.
+        language: Default language of the agents' texts; may be empty.
         personal: Parameters whose given and told values belong to the person, not the interaction.
         shares_persons: Whether layers of persons may leave the robot, and come from others.
-        warnings: What its reader found legal, but rarely meant.
+        warnings: Warnings of its reader about legal but rarely intended content.
     """
 
     space: SceneSpace
@@ -228,16 +227,16 @@ class SceneSpec:
 
     @cached_property
     def every_source(self) -> tuple[SourceSpec, ...]:
-        """All sources, also of what is not a scene parameter."""
+        """All sources, also for data other than scene parameters."""
         single = (self.person, self.place if isinstance(self.place, SourceSpec) else None)
         persons = self.persons.sources if self.persons is not None else ()
         return (*self.sources, *(one for one in single if one is not None), *persons)
 
     @property
     def names_persons(self) -> bool:
-        """True where sources say who is known by name."""
+        """True if sources identify persons by name."""
         return self.persons is not None and self.persons.known is not None
 
     def missing_rule(self, parameter: str) -> MissingRule:
-        """Return what a scene holds for a parameter that nobody measures."""
+        """Return the rule for a parameter that is not measured."""
         return self.missing.get(parameter, MissingRule.LEAVE_OUT)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Specifications: frozen data of checked files, from which the engine and the nodes are built."""
+"""Specifications: frozen data of checked files, for building the engine and the nodes."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.mood_rule import MoodRule
 
 NOTHING: Mapping[str, Any] = {}
-"""What all nodes share that have no fields or outputs; one of its own for each takes space."""
+"""Mapping shared by all nodes without fields or outputs, to save space."""
 
 
 CLEAN_UP_S = 3.0
-"""Time that ``on_cancel`` of an agent has unless it says so itself [s]."""
+"""Default time for ``on_cancel`` of an agent [s]."""
 
 SHORTEST_CLEAN_UP_S, MOST_CLEAN_UP_S = 0.5, 10.0
-"""Least and most time that ``on_cancel`` of an agent may have [s]."""
+"""Shortest and longest time for ``on_cancel`` of an agent [s]."""
 
 
 def _nothing() -> Mapping[str, Any]:
@@ -49,7 +49,7 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Computed:
-    """``${age + 1}``: the value of an expression, at the moment it is needed."""
+    """``${age + 1}``: the value of an expression when it is needed."""
 
     expression: Expression
 
@@ -63,7 +63,7 @@ class Text:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Variants:
-    """Several texts of which a skill takes another one each time."""
+    """Several texts; a skill takes another one each time."""
 
     texts: tuple[Literal | Reference | Text, ...]
 
@@ -97,19 +97,19 @@ class FieldSpec:
 
     @cached_property
     def default_value(self) -> Literal:
-        """What a node has that does not write it."""
+        """Value in a node that does not write the field."""
         return Literal(value=self.default)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Timeouts:
-    """How long a server may take, on a clock that never stands still.
+    """Timeouts of a server, on a clock that never stops.
 
     Attributes:
-        server_s: To be found, or to come back after it has left the graph [s].
-        accept_s: To answer whether it takes a goal [s].
-        result_s: From the acceptance of a goal to its result, or from a request to its answer
-            [s]; None sets no limit to a goal and :data:`REPLY_LIMIT_S` to a request.
+        server_s: Time to be found, or to return after leaving the graph [s].
+        accept_s: Time to accept or reject a goal [s].
+        result_s: Time from the acceptance of a goal to its result, or from a request to its
+            answer [s]; None sets no limit for a goal and :data:`REPLY_LIMIT_S` for a request.
     """
 
     server_s: float = 3.0
@@ -118,12 +118,12 @@ class Timeouts:
 
 
 REPLY_LIMIT_S = 10.0
-"""How long a service may take to answer where nothing else is written [s]."""
+"""Default time for a service to answer [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeartbeatSpec:
-    """What a server publishes while it is alive; when silent for ``within_s`` it is dead [s]."""
+    """Heartbeat of a server; if silent for ``within_s`` [s], the server counts as dead."""
 
     topic: str
     type: str
@@ -132,12 +132,12 @@ class HeartbeatSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorCodeSpec:
-    """Where a result says that the robot has failed, whatever ROS says of the goal.
+    """Error code in a result, which reports a failure whatever ROS reports for the goal.
 
     Attributes:
         field: Path of the code in the result or response.
         success: The codes that mean success.
-        message: Path of the reason in words; empty where there is none.
+        message: Path of the reason in words; empty if there is none.
     """
 
     field: str
@@ -150,7 +150,7 @@ class Place:
     """A named place, as a pose on the floor.
 
     Attributes:
-        frame: Name of the frame that the pose is in.
+        frame: Name of the frame of the pose.
         x: Position along the first axis of the frame [m].
         y: Position along the second axis [m].
         heading: Direction of the robot there, counterclockwise from the first axis [rad].
@@ -163,7 +163,7 @@ class Place:
 
     @cached_property
     def values(self) -> Mapping[str, Plain]:
-        """What a binding may name of it: the fields, and the heading as a quaternion."""
+        """Values for bindings: the fields, and the heading as a quaternion."""
         return {
             "frame": self.frame,
             "x": self.x,
@@ -176,18 +176,18 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class Binding:
-    """How a skill reaches the robot.
+    """Connection of a skill to the robot.
 
     Attributes:
         name: ROS name, relative unless it starts with a slash.
         type: ROS type, for example ``bt_agents_interfaces/action/Say``.
         fields: Goal, request or message; its references name inputs of the skill.
         outputs: Output name → field of the result or response, for example ``answer``.
-        feedback: Output name → field of the feedback, which gives it while the action goes on.
-        succeed_when: Condition over ``result.*``; None succeeds whenever ROS says so.
-        heartbeat: By which its death is noticed; None notices it by the graph and the timeouts.
-        error_code: Where the result says that it failed; None for nowhere.
-        place: Input that names a place, of which ``place.*`` tells; empty for none.
+        feedback: Output name → field of the feedback, which updates it during the action.
+        succeed_when: Condition over ``result.*``; None succeeds whenever ROS reports success.
+        heartbeat: Heartbeat that reveals its death; None relies on the graph and the timeouts.
+        error_code: Error code in the result; None for none.
+        place: Input that names a place for ``place.*``; empty for none.
         places: The places by name.
     """
 
@@ -207,15 +207,15 @@ class Binding:
 
 @dataclass(frozen=True, kw_only=True)
 class SkillSpec:
-    """A word of the authors' symbols and what it does on this robot.
+    """Skill: a word for authors, and its effect on this robot.
 
     Attributes:
         name: The node key.
-        main: Input that a scalar stands for; None when there is none.
+        main: Input that a scalar sets; None if there is none.
         outputs: Names that later nodes may use.
-        binding: None while no robot is bound to it whose ROS types are installed.
-        unoffered: Why there is no binding, in words; empty when there is one.
-        robots: Robot that has a binding → why it cannot be used, in words; empty where it can.
+        binding: Its binding; None if no robot with installed ROS types has one.
+        unoffered: Why there is no binding, in words; empty if there is one.
+        robots: Robot with a binding → why that is unusable, in words; empty if usable.
     """
 
     name: str
@@ -235,29 +235,29 @@ class SkillSpec:
 
     @cached_property
     def required(self) -> tuple[str, ...]:
-        """The names of the inputs that must be written."""
+        """Names of the required inputs."""
         return tuple(one.name for one in self.inputs if one.required)
 
     @cached_property
     def main_is_text(self) -> bool:
-        """True when its main input is a text."""
+        """True if its main input is a text."""
         return any(one.name == self.main and one.type is FieldType.TEXT for one in self.inputs)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NodeSpec:
-    """One node of a tree; a decorator is a node around the one it decorates.
+    """Node of a tree; a decorator is a node around the node that it decorates.
 
     Attributes:
         path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
         kind: Node key or decorator: ``sequence``, ``timeout``, ``say``.
         fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
-        children: In order; of a decorator the decorated node first.
+        children: Children in order; for a decorator, the decorated node comes first.
         skill: Set when ``kind`` is a skill.
-        outputs: Name that is written → where its value comes from: a field path of the result or
-            message, or a name inside of a subtree.
-        feedback: Name that is written while the node runs → field path of its action's feedback.
-        plugin: Class of a node that a plug-in brings.
+        outputs: Assigned name → source of its value: a field path of the result or message, or a
+            name inside a subtree.
+        feedback: Name assigned while the node runs → field path of its action's feedback.
+        plugin: Class of a node from a plug-in.
     """
 
     path: str
@@ -273,7 +273,7 @@ class NodeSpec:
 
     @property
     def variants(self) -> tuple[Variants, ...]:
-        """The texts of which it takes another one each time, where it has any."""
+        """Its variants, if any, of which it takes another one each time."""
         found: list[Variants] = []
         for value in self.fields.values():
             parts = value.parts if isinstance(value, Text) else (value,)
@@ -281,8 +281,8 @@ class NodeSpec:
         return tuple(found)
 
     def moved(self, path: str, children: tuple[NodeSpec, ...]) -> NodeSpec:
-        """Return the same node at another path, with other children."""
-        # Not by ``replace``, which takes three times as long: each use of a subtree is moved.
+        """Return the node at another path, with other children."""
+        # ``replace`` would take three times as long, and each use of a subtree is moved.
         return NodeSpec(
             path=path,
             position=self.position,
@@ -306,7 +306,7 @@ _Node = TypeVar("_Node", bound=_Parent)
 
 
 def iter_nodes(root: _Node) -> Iterator[_Node]:
-    """Give a node and all nodes below it, parents before children."""
+    """Yield a node and all nodes below it, parents before children."""
     waiting = [root]
     while waiting:
         node = waiting.pop()
@@ -317,14 +317,13 @@ def iter_nodes(root: _Node) -> Iterator[_Node]:
 
 @dataclass(frozen=True, kw_only=True)
 class SubtreeSpec:
-    """A subtree that nodes may call.
+    """Subtree that nodes can call.
 
     Attributes:
-        inputs: Typed inputs, given behind ``with``.
+        inputs: Typed inputs, set with ``with``.
         outputs: Names that the caller may use afterwards.
-        body: Its tree with the subtrees that it calls itself in place; None while those of its
-            own file are being read.
-        complete: False when its declaration has errors, so that nothing can be said about calls.
+        body: Its tree with its own subtrees expanded; None while those of its file are being read.
+        complete: False if its declaration has errors, so that calls cannot be checked.
     """
 
     name: str
@@ -338,7 +337,7 @@ class SubtreeSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class UnusedInput:
-    """An input of a subtree that nothing in its tree uses."""
+    """Input of a subtree that its tree does not use."""
 
     name: str
     subtree: str
@@ -347,12 +346,12 @@ class UnusedInput:
 
 @dataclass(frozen=True, kw_only=True)
 class Tunable:
-    """A value of a tree that may change while it runs; durations in seconds.
+    """Value of a tree that may change while it runs; durations are in seconds.
 
     Attributes:
         minimum: Smallest value of a number, integer or duration; None for texts and booleans.
         maximum: Largest value.
-        step: Distance of the allowed values from ``minimum`` on; 0 allows all.
+        step: Distance between allowed values, from ``minimum`` on; 0 allows all.
     """
 
     name: str
@@ -371,15 +370,15 @@ class AgentSpec:
 
     Attributes:
         learning: How feedback moves the profile, with the learning rate as the usual step.
-        weights: Parameter → how much it counts for this agent where distances are weighted;
-            without an entry as much as the scene file says.
-        clean_up_s: Time that ``on_cancel`` has [s].
+        weights: Parameter → its weight for this agent in weighted distances; without an entry,
+            the weight in the scene file.
+        clean_up_s: Time for ``on_cancel`` [s].
         names_cancellation: Whether ``on_cancel`` names who stopped the run, or why.
-        unoffered: The skills that it uses and no robot offers here, each with the reason; with
-            one of them it does not bid.
+        unoffered: Used skills that no robot offers here, each with the reason; with any, the agent
+            does not bid.
         unused_inputs: Inputs of its own subtrees.
         warnings: What its reader found legal, but rarely meant.
-        language: What it speaks whatever others do; empty for the language of the robot.
+        language: Its own language; empty for the language of the robot.
     """
 
     name: str
@@ -420,16 +419,16 @@ class SceneChange:
 
 @dataclass(frozen=True, kw_only=True)
 class Visit:
-    """One scripted scene, with what the person does in it.
+    """Scripted scene, with the actions of the person.
 
     Attributes:
         person: False for a thing that only looks like an interaction.
-        values: Scene parameters that are measured; the others are missing.
+        values: Measured scene parameters; the others are missing.
         changes: In order of time.
         answers: Word in a question → answer; the first that fits counts.
         buttons: Topic of a button → words that the robot says or shows before it is pressed.
-        urgent: True may stop a running tree at once, where new scenes preempt.
-        name: Who it is; empty for somebody who is not known by name.
+        urgent: True may stop a running tree at once if new scenes preempt.
+        name: Name of the person; empty if unknown.
     """
 
     label: str

@@ -17,11 +17,11 @@ from bt_agents_language.nodes.subtree import OUTPUTS, WITH
 from bt_agents_language.nodes.weight import WEIGHT_KEY
 
 _BUILD_ON_IT = ("catalogue", "plugin_discovery", "symbols")
-"""Files of this folder that need the catalogue themselves."""
+"""Files of this folder that need the catalogue."""
 
 
 def find_node_types(*roles: Role) -> Mapping[str, NodeType]:
-    """Return the types with these roles by key, in their order, from all files of this folder."""
+    """Return the types with these roles by key, in order, from all files of this folder."""
     found: dict[str, NodeType] = {}
     for module in iter_modules(nodes.__path__):
         if module.name not in _BUILD_ON_IT:
@@ -40,7 +40,7 @@ DECORATORS = find_node_types(Role.DECORATOR)
 """Decorators by key, in the order in which they wrap a node: the first one is the outermost."""
 
 BRANCHES = find_node_types(Role.BRANCH)
-"""What wraps the children of some composites, by the kind of its nodes."""
+"""Wrappers of the children of some composites, by the kind of their nodes."""
 
 NAME = SiblingKey(
     field=NodeField(
@@ -59,13 +59,13 @@ tree:
 )
 
 SIBLINGS: Mapping[str, SiblingKey] = {one.key: one for one in (NAME, WITH, OUTPUTS, WEIGHT_KEY)}
-"""Other keys beside a node."""
+"""Other keys next to a node."""
 
 SIBLING_KEYS = (*DECORATORS, *SIBLINGS)
-"""Every key that can stand beside a node."""
+"""All keys that are allowed next to a node."""
 
 WORDS = frozenset((*NODE_TYPES, *SIBLING_KEYS, "children"))
-"""The words of the language, which no skill and no plug-in can be called."""
+"""Words of the language, which are not allowed as names of skills and plug-ins."""
 
 
 def type_of(spec: NodeSpec) -> NodeType:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outcomes of nodes, as far as their fields alone tell, and nodes that can never run."""
+"""Outcomes of nodes, as far as their fields determine them, and nodes that never run."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from bt_agents_language.model.specs import Literal, NodeSpec, Value
 
 
 class Outcome(Enum):
-    """One way in which a node can go."""
+    """Possible outcome of a node."""
 
     SUCCESS = "succeeds"
     FAILURE = "fails"
     ENDLESS = "never ends"
 
-    # That of Enum is computed anew each time, and these are members of many sets.
+    # Enum computes its hash anew each time, and these are members of many sets.
     __hash__ = object.__hash__
 
 
@@ -33,7 +33,7 @@ EITHER = SUCCESS | FAILURE
 
 
 class Unreached(NamedTuple):
-    """A node, or what wraps it, that never runs."""
+    """Node, or wrapper of one, that never runs."""
 
     node: NodeSpec
     reason: str
@@ -46,13 +46,13 @@ def as_its_child(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 
 def always_success(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
-    """Return success for a leaf that fails only when a name in its fields has no value."""
+    """Return success, for a leaf that fails only if a name in its fields has no value."""
     plain = all(isinstance(value, Literal) for value in spec.fields.values())
     return SUCCESS if plain else EITHER
 
 
 def in_sequence(children: Sequence[Outcomes], continues_on: Outcome) -> Outcomes:
-    """Return the outcomes of children of which the next starts after one outcome of the last."""
+    """Return the outcomes of children where each starts after one outcome of the previous."""
     ends: Outcomes = frozenset()
     for child in children:
         ends |= child
@@ -72,7 +72,7 @@ def counted_as(inner: Outcomes, outcome: Outcome) -> Outcomes:
 
 
 def limited(inner: Outcomes) -> Outcomes:
-    """Return the outcomes of a node that is stopped at some time, and has failed then."""
+    """Return the outcomes of a node that fails if it is stopped after some time."""
     return (inner - ENDLESS) | FAILURE
 
 
@@ -87,7 +87,7 @@ def skippable(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 
 def constant(condition: Value | Expression | None) -> bool | None:
-    """Return the result of a condition without names; None when only a run shows it."""
+    """Return the result of a condition without names; None if known only at run time."""
     if not isinstance(condition, Expression) or condition.mentions:
         return None
     try:
@@ -99,10 +99,9 @@ def constant(condition: Value | Expression | None) -> bool | None:
 def behind(
     composite: NodeSpec, continues_on: Outcome, outcomes: Mapping[int, Outcomes]
 ) -> Iterator[Unreached]:
-    """Give the first child that comes behind one after which no other ever starts.
+    """Yield the first child after a child that no other ever follows.
 
-    The next child starts after one outcome of the last; outcomes are found by the identity of
-    their node.
+    Each child starts after one outcome of the previous; outcomes are looked up by node identity.
     """
     for before, after in pairwise(composite.children):
         ends = outcomes[id(before)]
@@ -119,7 +118,7 @@ def behind(
 
 
 def never_true(spec: NodeSpec, outcomes: Mapping[int, Outcomes]) -> Iterator[Unreached]:
-    """Give a decorator whose ``condition`` is constant and false."""
+    """Yield a decorator whose ``condition`` is constant and false."""
     if constant(spec.fields.get("condition")) is False:
         yield Unreached(
             spec,

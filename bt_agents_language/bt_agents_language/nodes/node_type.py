@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node types: the record of everything that the language knows of one kind of node."""
+"""Node types: records of everything that the language knows about a kind of node."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ FOREVER = "forever"
 """Word for an attempt or repetition without end."""
 
 LABEL_LENGTH = 24
-"""Characters of a value in the label of a node."""
+"""Maximum number of characters of a value in a node label."""
 
 LAST = 1000
-"""Order of a node type that says nothing else."""
+"""Default order of a node type."""
 
 FieldValues = dict[str, Value | Expression]
 """The fields of a checked node by name."""
 
 
 class Content(Enum):
-    """What may stand in a field of a node."""
+    """Allowed content of a field of a node."""
 
     VALUE = "a value, which may hold ${…}"
     CONDITION = "a condition over names"
@@ -52,7 +52,7 @@ class Content(Enum):
 
 
 class Role(Enum):
-    """The part that nodes of a type have in a tree."""
+    """Role of nodes of a type in a tree."""
 
     COMPOSITE = "has a list of children"
     LEAF = "does something itself"
@@ -61,7 +61,7 @@ class Role(Enum):
 
 
 class Children(Enum):
-    """How many children are written behind a node key."""
+    """Number of children that a node key takes."""
 
     NONE = "none"
     LIST = "list"
@@ -69,14 +69,14 @@ class Children(Enum):
 
 
 class Waits(Enum):
-    """What a leaf that does nothing else waits for."""
+    """Thing that a purely waiting leaf waits for."""
 
     TIME = "a time"
     EVENT = "an event, which may never come"
 
 
 class Mark(Enum):
-    """What a node has been seen to do in a rehearsal."""
+    """Observed behaviour of a node in a rehearsal."""
 
     TICKED = "ticked"
     SUCCEEDED = "succeeded"
@@ -90,12 +90,12 @@ class NodeField:
     """One field of a node type.
 
     Attributes:
-        default: Taken when it is not written; None leaves the field out.
-        words: The possible texts of a constant; of a value, texts that are possible besides; of
-            timeouts, their keys.
+        default: Value if it is not written; None leaves the field out.
+        words: Possible texts of a constant; for a value, additional possible texts; for timeouts,
+            their keys.
         minimum: Smallest possible number.
         message: Name under which a condition sees a message, for example ``msg``.
-        drawn: What a picture says of any value but the default; empty shows the value.
+        drawn: Text in pictures for any value but the default; empty shows the value.
     """
 
     name: str
@@ -146,12 +146,12 @@ PAUSE = NodeField(
 
 @dataclass(frozen=True, kw_only=True)
 class SiblingKey:
-    """A key beside a node that is neither a node key nor a decorator.
+    """Key next to a node that is neither a node key nor a decorator.
 
     Attributes:
-        field: The key, what may stand behind it, and one sentence.
-        where: The nodes beside which it may stand, in words.
-        hint: What to do where it stands beside another node; ``{node}`` is that node's key.
+        field: The key, its allowed values, and one sentence.
+        where: The nodes that may have it, in words.
+        hint: How to fix it next to another node; ``{node}`` is that node's key.
     """
 
     field: NodeField
@@ -167,7 +167,7 @@ class SiblingKey:
 
 @dataclass(frozen=True, kw_only=True)
 class MessageSource:
-    """The ROS message from which the ``outputs`` of a leaf take their values.
+    """ROS message that provides the ``outputs`` of a leaf.
 
     Attributes:
         section: Section of the interface type: ``result``.
@@ -181,12 +181,12 @@ class MessageSource:
 
 @dataclass(frozen=True, kw_only=True)
 class Resources:
-    """What the node of an agent uses outside of its tree.
+    """Resources outside the tree that a node of an agent uses.
 
     Attributes:
         binding: The ROS interface of a skill or leaf.
         topic: Name and ROS type of a topic that it receives.
-        latched: Whether it wants the last message of that topic from before.
+        latched: Whether it wants the last earlier message of that topic.
         feedback: Whether it gives feedback.
     """
 
@@ -203,7 +203,7 @@ def bound(spec: NodeSpec) -> Resources:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class RawNode:
-    """One node as written, its values not read yet.
+    """Node as written, before its values are read.
 
     Attributes:
         type: None for a skill.
@@ -211,7 +211,7 @@ class RawNode:
         name: Name for people; empty when none is written.
         siblings: The entries of sibling keys such as ``with``.
         options: Fields of a composite.
-        nodes: Nodes behind decorators and in fields of a composite, by key.
+        nodes: Nodes in decorators and in fields of a composite, by key.
     """
 
     key: Scalar
@@ -227,13 +227,13 @@ class RawNode:
 
     @property
     def key_meant(self) -> str:
-        """Key of the node type or skill; of a misspelt key the one that is meant."""
+        """Key of the node type or skill; for a misspelled key, the intended one."""
         if self.type is not None:
             return self.type.key
         return self.skill.name if self.skill is not None else self.key.text
 
     def walk(self) -> Iterator[RawNode]:
-        """Return this node and all below it, handlers included."""
+        """Return this node and all nodes below it, including handlers."""
         waiting = [self]
         while waiting:
             raw = waiting.pop()
@@ -245,11 +245,11 @@ class RawNode:
 
 
 Wrap = Callable[[RawNode, NodeSpec | None, str], NodeSpec | None]
-"""Returns the node to put in place of a child: the child as written and as read, and its path."""
+"""Function that returns the replacement of a child, given it as written and read, and its path."""
 
 
 class NodeReader(Protocol):
-    """What a node type with a reader of its own builds on; ``names`` are those in sight."""
+    """Interface for node types with their own readers; ``names`` are the names in scope."""
 
     @property
     def reading(self) -> TypedReader:
@@ -260,14 +260,14 @@ class NodeReader(Protocol):
         """The installed ROS types; None leaves types unchecked."""
 
     def written_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
-        """Return the written fields of a leaf by name; None when there are none to be read."""
+        """Return the written fields of a leaf by name; None if they are unreadable."""
 
     def values(
         self, node_type: NodeType, nodes: Mapping[str, Node], names: NameScope, what: str = ""
     ) -> FieldValues:
         """Return the values of the written fields of a type, with defaults for the others.
 
-        Messages about the main field name the node by ``what``.
+        Messages about the main field call the node ``what``.
         """
 
     def leaf(
@@ -278,69 +278,69 @@ class NodeReader(Protocol):
         nodes: Mapping[str, Node] | None = None,
         label: Node | None = None,
     ) -> NodeSpec | None:
-        """Return a leaf as its fields describe it.
+        """Return a leaf according to its fields.
 
-        Its written fields are read unless they are given as ``nodes``; the value in its label is
+        It reads the written fields unless they are given as ``nodes``; the value in the label is
         that of the main field unless it is given.
         """
 
     def composite(
         self, raw: RawNode, path: str, names: NameScope, wrap: Wrap | None = None
     ) -> NodeSpec:
-        """Return a composite with its children, or with what wraps each of them."""
+        """Return a composite with its children, or with their wrappers."""
 
     def subtree(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        """Return a call of a subtree, whose body is not in place yet."""
+        """Return a call of a subtree, before its expansion."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NodeType:
-    """One type of node, or one decorator.
+    """Type of a node or decorator.
 
     Attributes:
-        order: Position in the documentation; of a decorator, also that in which it wraps a node:
-            the lowest is the outermost.
-        main: Field that a scalar stands for; None when there is none.
-        fields: In the order of the documentation; a decorator without any is written ``true``.
-        children: How many children are written behind the key.
-        open: True takes names of the author's choice as fields.
-        assigns: True gives those names values, which later nodes can use.
-        declared: Of an open one, the names that ``scene.yaml`` declares, with their types.
-        handler: Of a decorator, whether a node is written behind it.
+        order: Position in the documentation; for decorators also the order of wrapping: the
+            lowest is the outermost.
+        main: Field that a scalar sets; None if there is none.
+        fields: Fields in the order of the documentation; a decorator without any is ``true``.
+        children: Number of children that the key takes.
+        open: True accepts names of the author's choice as fields.
+        assigns: True assigns values to those names, which later nodes can use.
+        declared: For an open type, the names that ``scene.yaml`` declares, with their types.
+        handler: For a decorator, whether its value is a node.
         example: Part of an agent file; empty makes one from the fields.
-        plugin: Class of a node that a plug-in brings; None for nodes of the language itself.
-        gives: Keys of the blackboard from which a node of a plug-in gives names values.
-        siblings: The sibling keys that may stand beside it.
-        child_siblings: The sibling keys that may stand beside its children.
-        child_keys: What must stand beside each of its children, each key with a hint for where it
-            is missing; a decorator among them is a part of the composite.
-        contrary: Decorator that must not stand beside the same node.
+        plugin: Class of a node from a plug-in; None for nodes of the language itself.
+        gives: Blackboard keys from which a plug-in's node assigns values to names.
+        siblings: Sibling keys that it may have.
+        child_siblings: Sibling keys that its children may have.
+        child_keys: Keys that each of its children must have, with hints for missing ones; a
+            decorator among them is a part of the composite.
+        contrary: Decorator that the same node must not have.
         interface: Kind of the ROS interface that it names itself.
-        message: Where its ``outputs`` take their values from.
-        derived: Fields that come from where it stands, and are not written.
-        read: Reader of its nodes; None reads them as their fields say.
-        complete: Checks and completes the fields of a decorator: what is written behind it, its
-            fields as written, and as read.
+        message: Source of its ``outputs``.
+        derived: Fields that follow from its place, and are not written.
+        read: Reader of its nodes; None reads them according to their fields.
+        complete: Checks and completes the fields of a decorator: its value as written, and its
+            fields as written and as read.
         outcomes: How a node can end: the node, and the outcomes of its children.
-        unreached: Gives nodes that never run: the node, and the outcomes of all nodes by identity.
-        continues_on: Outcome of a child after which a composite goes on to its next child.
+        unreached: Yields nodes that never run: the node, and all nodes' outcomes by identity.
+        continues_on: Outcome of a child after which a composite continues with the next child.
         concurrent: Whether its children run at the same time.
         exclusive: Whether only one of its children runs.
-        alternatives: The nodes of which one success is enough.
+        alternatives: Nodes of which one success is enough.
         stops_children: Whether a node may stop a running child.
         skips: Whether the decorator may skip its node.
-        unaffected: Whether a decorator makes no difference to a node that is skipped.
-        limits: Whether the decorator may stop its node, which has failed then.
-        rounds: Field that says how often the decorator runs its node.
+        unaffected: Whether a decorator makes no difference to a skipped node.
+        limits: Whether the decorator may stop its node, which then fails.
+        rounds: Field with the number of times that the decorator runs its node.
         single_round: Whether the decorator keeps a loop from running its node again.
         waits: What a leaf waits for; None for a leaf that does something.
-        takes_time: Whether a leaf runs for longer than a tick, as far as its binding does not say.
-        idle: Whether nothing but an event or a time changes a running leaf.
+        takes_time: Whether a leaf runs for longer than a tick, unless its binding decides that.
+        idle: Whether only an event or a time changes a running leaf.
         read_only: Whether the leaf has no effect on anything.
         gives_up: Whether a rehearsal shows its failures.
-        decides: Whether its failure says that a branch is not taken.
-        to_cover: What tests should have seen it do, each with the text where they have not.
-        resources: What a node uses outside of its tree.
+        decides: Whether its failure means that a branch is not taken.
+        to_cover: Behaviour that tests should cover, each with the text for a gap.
+        resources: Resources that a node uses outside its tree.
         drawn_key: Word for a node in a picture.
     """
 
@@ -393,7 +393,7 @@ class NodeType:
 
     @cached_property
     def writes(self) -> bool:
-        """Whether a node of this type may give names values."""
+        """Whether a node of this type may assign values to names."""
         written = self.assigns or self.message is not None or "outputs" in self.siblings
         return written or bool(self.gives)
 
@@ -408,7 +408,7 @@ def wrapped(
     *,
     suffix: str = "",
 ) -> NodeSpec | None:
-    """Return a node of a kind around another one; None when there is no other.
+    """Return a node of a kind around another one; None if there is no other.
 
     Its path is that of both with a suffix, which is its kind unless another is given.
     """
@@ -425,7 +425,7 @@ def wrapped(
 
 
 def short(node: Node | None) -> str:
-    """Return what is written somewhere as part of a label."""
+    """Return a written value as part of a label."""
     if not isinstance(node, Scalar):
         return "" if node is None else "…"
     return ellipsize(" ".join(node.text.split()), LABEL_LENGTH)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of plug-ins: what all of them have in common, whatever they are called."""
+"""Common properties of all nodes of plug-ins."""
 
 from __future__ import annotations
 

@@ -24,17 +24,17 @@ _CONTENTS = (Content.VALUE, Content.CONSTANT)
 
 
 class PluginProblem(BtAgentsError):
-    """A package brings a node that cannot be one."""
+    """Invalid node of a package."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plugins:
-    """What the installed packages bring.
+    """Nodes of the installed packages.
 
     Attributes:
         kinds: Node types by key.
         origins: Key → words for the node and where it comes from.
-        problems: Why the others cannot be nodes.
+        problems: Why the others are not valid nodes.
     """
 
     kinds: Mapping[str, NodeType]
@@ -42,10 +42,10 @@ class Plugins:
     problems: tuple[str, ...]
 
     def without(self, skills: Mapping[str, SkillSpec]) -> Plugins:
-        """Return the same without those named like a skill, which are problems: the skill stays.
+        """Return the plug-ins without nodes named like a skill, which become problems.
 
-        Skills are what authors see and can rename; a package that somebody has installed must not
-        change what their trees do.
+        Authors see skills and can rename them; an installed package must not change the behaviour
+        of their trees.
         """
         clashes = tuple(
             f"{self.origins[key]} has the name of the skill '{key}' "
@@ -67,13 +67,13 @@ def installed_plugins() -> Plugins:
 
 
 def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
-    """Return the node types of entry points; one that is wrong stops no other.
+    """Return the node types of entry points; a wrong one does not affect others.
 
     A node is a ``py_trees.behaviour.Behaviour`` with a class attribute ``fields``, a tuple of
-    :class:`NodeField`, and if a scalar may stand for one of them, ``main`` with its name. Each
-    run makes one object, ``cls(name=…, **values)``. ``reads`` says which keys of the blackboard
-    have the value of a field, which is no argument then, and ``writes`` which keys give a name
-    its value: a :class:`NodeField` for each. The first paragraph of the docstring describes the
+    :class:`NodeField`, and if a scalar may set one of them, ``main`` with its name. Each run makes
+    one object, ``cls(name=…, **values)``. ``reads`` maps blackboard keys to the fields whose
+    values they hold, which are then not arguments, and ``writes`` maps the keys that give names
+    their values to a :class:`NodeField` each. The first paragraph of the docstring describes the
     node.
     """
     kinds: dict[str, NodeType] = {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``remember``: keeps values of a person who is known by name, between visits."""
+"""``remember``: keeps values about a person who is known by name, between visits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BINDING = Binding(
     type="bt_agents_interfaces/srv/Remember",
     fields=MapValue(items={}),
 )
-"""The service of the scene layer that remembers values of persons."""
+"""Service of the scene layer that remembers values about persons."""
 
 _GROUP = "person."
 _MEASURED = ("name", "visits")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``set``: gives names values that later nodes can use, and puts told values into the scene."""
+"""``set``: assigns values to names for later nodes, and puts told values into the scene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry
 
 SCENE = "scene."
-"""What a name that is a value of the scene begins with."""
+"""Prefix of names for values of the scene."""
 
 BINDING = Binding(
     kind=BindingKind.SERVICE,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Skills: what all of them have in common, whatever they are called."""
+"""Common properties of all skills."""
 
 from __future__ import annotations
 
@@ -13,5 +13,5 @@ SKILL = NodeType(key="skill", siblings=(OUTPUTS.key,), idle=True)
 
 
 def takes_variants(skill: SkillSpec) -> bool:
-    """Return whether several texts may stand in the place of its main input."""
+    """Return whether its main input may have several texts."""
     return skill.main_is_text and ONE_OF not in skill.input_names

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``subtree``: runs a tree that stands under ``subtrees``."""
+"""``subtree``: runs a tree from the section ``subtrees``."""
 
 from __future__ import annotations
 

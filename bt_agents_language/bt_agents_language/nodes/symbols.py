@@ -20,7 +20,7 @@ from bt_agents_language.nodes.node_type import NodeType
 
 @dataclass(frozen=True, kw_only=True)
 class Library:
-    """What a library file, as messages name it, offers to those that import it."""
+    """Content of a library file, as messages name it, for importing files."""
 
     file: str
     skills: Mapping[str, SkillSpec] = field(default_factory=dict)
@@ -30,7 +30,7 @@ class Library:
 
 
 class ImportProblem(BtAgentsError):
-    """A library that cannot be imported, with the problem at the place of the import."""
+    """Failed import of a library, with the problem at its place."""
 
     def __init__(self, code: str, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -40,13 +40,13 @@ class ImportProblem(BtAgentsError):
 
 
 class Libraries(Protocol):
-    """Finds libraries by the paths that files import."""
+    """Finder of libraries by the paths that files import."""
 
     def load(self, path: str) -> Library:
         """Return the library of a path from the trees folder.
 
         Raises:
-            ImportProblem: It cannot be imported.
+            ImportProblem: The library cannot be imported.
         """
 
     def speaking(self, language: str) -> Libraries:
@@ -56,19 +56,19 @@ class Libraries(Protocol):
         """Return the paths of all libraries that could be imported."""
 
     def with_subtree(self, name: str) -> list[str]:
-        """Return the paths of the libraries that have a subtree of a name, as far as is known."""
+        """Return the paths of the libraries that are known to have a subtree with a name."""
 
 
 @dataclass(frozen=True)
 class SymbolTable:
-    """The words that files with trees are checked against.
+    """Words for checking files with trees.
 
     Attributes:
         interfaces: The installed ROS types; None leaves types and fields unchecked.
-        plugins: Node types that plug-ins bring, by key.
-        libraries: Finds what ``imports`` names; None where there is no trees folder.
-        texts: Finds the texts of ``${t.…}``; None where there is no trees folder.
-        incomplete: True when an import has failed, whose words are not known therefore.
+        plugins: Node types of plug-ins, by key.
+        libraries: Finder of ``imports``; None without a trees folder.
+        texts: Finder of the texts of ``${t.…}``; None without a trees folder.
+        incomplete: True if an import has failed, so that its words are unknown.
     """
 
     space: SceneSpace
@@ -81,7 +81,7 @@ class SymbolTable:
 
     @cached_property
     def node_types(self) -> Mapping[str, NodeType]:
-        """Every node type by key, those of plug-ins included."""
+        """All node types by key, including those of plug-ins."""
         return {**NODE_TYPES, **self.plugins}
 
     def speaking(self, language: str) -> SymbolTable:
@@ -93,6 +93,6 @@ class SymbolTable:
         )
 
     def with_skills(self, skills: Mapping[str, SkillSpec]) -> SymbolTable:
-        """Return the same with more skills; nodes of plug-ins with such a name give way."""
+        """Return the table with more skills, which replace plug-in nodes of the same names."""
         plugins = {key: kind for key, kind in self.plugins.items() if key not in skills}
         return replace(self, skills={**self.skills, **skills}, plugins=plugins)

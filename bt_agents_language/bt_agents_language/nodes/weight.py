@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``weight``: wraps each child of a ``random``, beside which its key stands."""
+"""``weight``: wraps each child of a ``random``, next to which its key is written."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``when``: skips its node unless a condition is true as it would start."""
+"""``when``: skips its node unless a condition is true at its start."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``while``: stops its node once a condition is not true any more."""
+"""``while``: stops its node once a condition is no longer true."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from bt_agents_core.diagnostic import Severity
 
 
 class ExampleKind(Enum):
-    """What the examples of a code are; the value says it to people."""
+    """Kind of a code's examples; the value is its text for people."""
 
     AGENT = "part of an agent file"
     SKILLS = "a skills file"
@@ -28,7 +28,7 @@ class ExampleKind(Enum):
 
     @property
     def language(self) -> str:
-        """What the examples are written in, as Markdown and highlighters name it."""
+        """Language of the examples, as Markdown and highlighters name it."""
         return {ExampleKind.XML: "xml", ExampleKind.PACKAGE: "toml"}.get(self, "yaml")
 
 
@@ -37,11 +37,11 @@ class Code:
     """One code.
 
     Attributes:
-        wrong: The smallest file with this problem as its first; empty where nobody knows one.
-            What cannot be seen, or is too long, is a mark: ``⟨tab⟩``, ``⟨U+202E⟩`` for a
-            character, ``⟨byte FC⟩``, and ``⟨[] × 1,000⟩`` for so many times the same.
-        kind: What the examples are. Of an agent or test file they show only what matters; of a
-            folder each file comes below a line ``# path``.
+        wrong: The smallest file with this problem as its first; empty if none is known. Marks
+            replace invisible or long parts: ``⟨tab⟩``, ``⟨U+202E⟩`` for a character, ``⟨byte
+            FC⟩``, and ``⟨[] × 1,000⟩`` for repetitions.
+        kind: Kind of the examples. Agent and test files show only the relevant parts; in a folder,
+            each file comes below a line ``# path``.
         severity: A file with a warning can be used, one with an error cannot.
     """
 
@@ -55,9 +55,9 @@ class Code:
 
 @cache
 def code_groups() -> Mapping[str, tuple[Code, ...]]:
-    """Return the codes by the heading that they stand under.
+    """Return the codes by heading.
 
-    The table is read at the first call, as only explanations need it.
+    The table is read at the first call, because only explanations need it.
     """
     table = files("bt_agents_language").joinpath("reference/codes.yaml")
     groups = yaml.load(table.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages about kinds of files and their keys, made from the field tables that files are read by."""
+"""Pages about kinds of files and their keys, made from the field tables of the readers."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from bt_agents_language.yaml.typed_reader import FORMAT
 
 @dataclass(frozen=True, kw_only=True)
 class FilePage:
-    """Everything about a kind of file, or about one key of a file.
+    """Page about a kind of file, or about one key of a file.
 
     Attributes:
         key: The word for the kind of file, or the key.
         where: What has the key; of a kind of file the word ``file``. The same key of several
             mappings has one page, with the first of them.
-        expected: What may stand behind the key; empty for a kind of file.
-        fields: The keys of the file, or of the mappings behind the key.
+        expected: Allowed values of the key; empty for a kind of file.
+        fields: Keys of the file, or of the mappings in the key.
     """
 
     key: str
@@ -49,7 +49,7 @@ class FilePage:
 
 
 def file_pages(word: str, kinds: Mapping[str, FileKind] = FILE_KINDS) -> list[FilePage]:
-    """Return the page of a kind of file, if it is one, and those of the keys of this name."""
+    """Return the page of a kind of file, if it is one, and those of keys with this name."""
     keys = [page for page in _key_pages(kinds) if page.key == word]
     kind = kinds.get(word)
     if kind is None:
@@ -125,7 +125,7 @@ def _entry(declared: FieldDecl) -> FieldEntry:
 
 
 def _expected(value: Value) -> str:
-    """Return what may stand there, for people: ``number, 0 to 1`` or ``list, each: name``."""
+    """Return the allowed values for people: ``number, 0 to 1`` or ``list, each: name``."""
     match value:
         case Single(form=Form.NUMBER | Form.INTEGER, minimum=low, maximum=high):
             limits = [f"{limit:g}" for limit in (low, high) if limit is not None]

@@ -25,7 +25,7 @@ from bt_agents_language.nodes.symbols import SymbolTable
 
 
 class Group(Enum):
-    """The kinds of words, in the order of the documentation; nodes have those of their role."""
+    """Kinds of words, in the order of the documentation; nodes have the kind of their role."""
 
     COMPOSITE = "composite"
     LEAF = "leaf"
@@ -38,12 +38,12 @@ class Group(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class FieldEntry:
-    """One field of a word.
+    """Field of a word.
 
     Attributes:
-        expected: What may be written there, in words: ``time`` or ``whole number ≥ 1``.
-        default: What counts when it is left out, as it would be written; empty for nothing.
-        main: Whether a scalar behind the word stands for it.
+        expected: Allowed values in words: ``time`` or ``whole number ≥ 1``.
+        default: Value if left out, as it would be written; empty for none.
+        main: Whether a scalar after the word sets it.
     """
 
     name: str
@@ -57,12 +57,12 @@ class FieldEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class NodePage:
-    """Everything about one word.
+    """Page about one word.
 
     Attributes:
         forms: The ways of writing it, shortest first: ``wait: <time>``.
-        outputs: Names that later nodes may use; of skills and subtrees only.
-        note: Where it may stand, or in which order it takes effect; may be empty.
+        outputs: Names that later nodes may use; only for skills and subtrees.
+        note: Where it is allowed, or in which order it takes effect; may be empty.
         example: Part of an agent file, YAML.
     """
 
@@ -86,7 +86,7 @@ TYPE_WORDS: Mapping[FieldType, str] = {
     FieldType.ANGLE: "angle",
     FieldType.ANY: "anything",
 }
-"""What a type is called where authors read it."""
+"""Names of types for authors."""
 
 _CONTENT_WORDS = {
     Content.CONDITION: "condition",
@@ -102,10 +102,10 @@ _CONTENT_WORDS = {
 
 
 def node_page(key: str, symbols: SymbolTable) -> NodePage | None:
-    """Return what there is to say about a node, skill, decorator or other key beside a node.
+    """Return the page of a node, skill, decorator or other key next to a node.
 
     Returns:
-        None when there is no such word.
+        The page; None if there is no such word.
     """
     node_type = symbols.node_types.get(key)
     if node_type is not None:
@@ -136,7 +136,7 @@ def node_pages(symbols: SymbolTable) -> tuple[NodePage, ...]:
 
 
 def subtree_page(library: str, subtree: SubtreeSpec) -> NodePage:
-    """Return what there is to say about a subtree of a library, a path in the trees folder."""
+    """Return the page of a subtree in a library, which is a path in the trees folder."""
     fields = tuple(_entry(declared_field(one)) for one in subtree.inputs)
     outputs = tuple(_entry(declared_field(one)) for one in subtree.outputs)
     given = [field for field in fields if field.required] or fields[:1]
@@ -158,7 +158,7 @@ def subtree_page(library: str, subtree: SubtreeSpec) -> NodePage:
 
 
 def _expected(field: NodeField) -> str:
-    """Return what may be written in a field: ``whole number ≥ 1 or forever``."""
+    """Return the allowed values of a field: ``whole number ≥ 1 or forever``."""
     if field.content is Content.COUNT:
         return "all, one, whole number ≥ 1 or list of names"
     if field.content in _CONTENT_WORDS:
@@ -215,7 +215,7 @@ def _forms_of_type(node_type: NodeType, fields: tuple[FieldEntry, ...]) -> tuple
 
 
 def _nesting(decorator: str) -> str:
-    """Return between which others a decorator acts."""
+    """Return in words the decorators outside and inside a decorator."""
     keys = list(DECORATORS)
     at = keys.index(decorator)
     places = [("inside of", keys[:at]), ("around", keys[at + 1 :])]
@@ -254,7 +254,7 @@ def _entry(field: NodeField, main: str | None = None) -> FieldEntry:
 
 
 def _forms(key: str, fields: tuple[FieldEntry, ...]) -> tuple[str, ...]:
-    """Return the scalar form where one field is enough, and the form with all fields."""
+    """Return the scalar form if one field is enough, and the form with all fields."""
     forms = []
     needed = [field.name for field in fields if field.required]
     main = next((field for field in fields if field.main), None)

@@ -30,7 +30,7 @@ _GROUPS = {
     ),
     Group.SIBLING: ("Other keys beside a node", ""),
 }
-"""Heading of each group of words, and what stands below it."""
+"""Heading and introduction of each group of words."""
 
 
 def reference_page(symbols: SymbolTable) -> str:
@@ -65,7 +65,7 @@ def codes_page() -> str:
 
 
 def _page(name: str, parts: Iterable[str]) -> str:
-    """Return a page below its head, which stands in a file of its own."""
+    """Return a page below its head, which is in a separate file."""
     head = files("bt_agents_language").joinpath(f"reference/{name}_head.md")
     every = [head.read_text(encoding="utf-8"), *parts]
     return "\n\n".join(part.rstrip() for part in every if part) + "\n"

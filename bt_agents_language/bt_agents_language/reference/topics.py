@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of the reference that are no keys: units, expressions and names, from their tables."""
+"""Topics of the reference other than keys: units, expressions and names, from their tables."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Rows = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceTopic:
-    """What there is to say about a part of the language that is no key of a file.
+    """Page about a part of the language that is not a key of a file.
 
     Attributes:
-        tables: Heading → what may be written, and what it means.
+        tables: Heading → allowed forms and their meanings.
         example: Part of an agent file, YAML.
     """
 
@@ -50,11 +50,11 @@ MEANINGS: Mapping[int, str] = {
     7: "the minus sign of a number",
     8: "what stands behind it, where the value before it is missing",
 }
-"""Strength of operators → what they say."""
+"""Strength of operators → their meaning."""
 
 
 def topic(key: str, space: SceneSpace) -> ReferenceTopic | None:
-    """Return what there is to say about a topic, one of ``TOPICS``; None for any other word."""
+    """Return the page of a topic, one of ``TOPICS``; None for any other word."""
     return TOPICS[key](space) if key in TOPICS else None
 
 
@@ -168,4 +168,4 @@ TOPICS: Mapping[str, Callable[[SceneSpace], ReferenceTopic]] = {
     "expressions": _expressions,
     "names": _names,
 }
-"""Topic → what makes its page."""
+"""Topic → function that makes its page."""

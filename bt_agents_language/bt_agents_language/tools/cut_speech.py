@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speech that is cut off: what takes longer, as rehearsals estimate it, than it may take."""
+"""Detection of speech that a time limit cuts off, by the estimates of rehearsals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from bt_agents_language.nodes.timeout import TIMEOUT
 
 
 def cut_speech(agent: AgentSpec) -> Iterator[Diagnostic]:
-    """Yield a warning for each time limit within which what is said cannot be finished."""
+    """Yield a warning for each time limit that is too short for its speech."""
     defaults = {tunable.name: tunable.default for tunable in agent.tunables}
     for root in filter(None, (agent.tree, agent.on_cancel)):
         took: dict[int, float] = {}
@@ -63,7 +63,7 @@ def _cut(
 
 
 def _usual_s(spec: NodeSpec, children: Sequence[float], defaults: Mapping[str, Plain]) -> float:
-    """Return how long a node takes when all goes well and all is done, other skills at once."""
+    """Return the duration of a node if all of it succeeds, and other skills take no time."""
     node_type = type_of(spec)
     if _is_spoken(spec):
         inputs = {name: _plain(value, defaults) for name, value in spec.fields.items()}
@@ -90,9 +90,9 @@ def _seconds(value: Plain, otherwise: float = 0.0) -> float:
 
 
 def _plain(value: Value | Expression | str | None, defaults: Mapping[str, Plain]) -> Plain:
-    """Return a value as far as it is known before a run, tunables at their defaults.
+    """Return a value as far as known before a run, with tunables at their defaults.
 
-    Of variants the longest counts.
+    The longest variant counts.
     """
     match value:
         case str():

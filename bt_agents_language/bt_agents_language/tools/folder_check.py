@@ -34,12 +34,12 @@ from bt_agents_language.yaml.source import Source, read_source
 
 @dataclass(frozen=True, kw_only=True)
 class Checked:
-    """What a check has found.
+    """Result of a check.
 
     Attributes:
         problems: Errors and warnings, file by file in the order of reading.
-        agents: Those without errors.
-        files: How many files were checked.
+        agents: Agents without errors.
+        files: Number of checked files.
         unchecked: Files that could not be checked, because the scene or the skills are broken.
     """
 
@@ -58,14 +58,14 @@ def check_folder(
         folder: Holds ``scene.yaml``, ``market.yaml``, ``skills``, ``libraries``, ``agents``,
             ``scripts``, ``texts`` and, in ``scenes``, scene files of other robots.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
-        only: Files or folders in it to which the answer is to be limited; the scene and the
-            skills, which everything needs, are reported when they are broken.
+        only: Files or folders to which the result is limited; broken scenes and skills are always
+            reported, because everything needs them.
     """
     return _FolderCheck(folder, interfaces, only).run()
 
 
 class _FolderCheck:
-    """One check of one folder."""
+    """Check of one folder."""
 
     def __init__(
         self, folder: Path, interfaces: Interfaces | None, only: Collection[Path] | None
@@ -73,7 +73,7 @@ class _FolderCheck:
         self._folder = folder
         self._interfaces = interfaces
         self._only = None if only is None else [_real(path) for path in only]
-        # In the order of reading; the same problem may be found on several ways.
+        # In the order of reading; the same problem may be found in several ways.
         self._found: dict[Diagnostic, None] = {}
 
     def run(self) -> Checked:
@@ -143,7 +143,7 @@ class _FolderCheck:
                 self._add(error.diagnostics)
 
     def _dependent_problems(self, trees: Trees, paths: list[Path]) -> list[AgentSpec]:
-        """Add the problems of what needs the scene and the skills; return the good agents."""
+        """Add the problems of files that need the scene and the skills; return the good agents."""
         if self._is_wanted(self._folder / "scene.yaml"):
             self._add(trees.scene.warnings)
         agents = [agent for agent in trees.agents if self._is_wanted(Path(agent.file))]
@@ -178,7 +178,7 @@ class _FolderCheck:
         return agents
 
     def _add_texts(self, trees: Trees) -> None:
-        """Add what is wrong with the texts of any language, those included that are not in use."""
+        """Add problems of the texts of all languages, including unused ones."""
         read = {trees.language: trees}
         for language in FolderTexts(self._folder, "").languages():
             if language not in read:
@@ -186,7 +186,7 @@ class _FolderCheck:
         files: dict[Path, TextFile] = {}
         for other in read.values():
             for broken in other.broken:
-                # What stands in an agent's own file is said once, in the language of the folder.
+                # Problems in an agent's own file are reported once, in the language of the folder.
                 inserted = [
                     one
                     for one in broken.error.diagnostics
@@ -212,14 +212,14 @@ class _FolderCheck:
 
     def _add_library(self, symbols: SymbolTable, path: Path) -> None:
         if symbols.libraries is not None:
-            # A library that cannot be read is among the broken files.
+            # An unreadable library is among the broken files.
             with suppress(ImportProblem):
                 library = symbols.libraries.load(f"{path.parent.name}/{path.name}")
                 self._add([*unused_inputs(library.unused_inputs), *library.warnings])
 
 
 def _real(path: Path) -> Path:
-    """Return where a path leads; a link that leads back to itself is its own place."""
+    """Return the target of a path; a link that leads back to itself is its own target."""
     try:
         return path.resolve()
     except RuntimeError:
@@ -237,7 +237,7 @@ def _bad_plugin(folder: Path, words: str) -> Diagnostic:
 
 
 def _by_file(problems: Collection[Diagnostic]) -> list[Diagnostic]:
-    """Return problems file by file, those of a file in its order."""
+    """Return problems file by file, in the order of each file."""
     files = dict.fromkeys(problem.position.file for problem in problems)
     order = {file: number for number, file in enumerate(files)}
 
@@ -249,7 +249,7 @@ def _by_file(problems: Collection[Diagnostic]) -> list[Diagnostic]:
 
 
 def _with_excerpts(problems: Collection[Diagnostic]) -> Iterator[Diagnostic]:
-    """Yield problems with the lines they are about, also those found in checked trees."""
+    """Yield problems with their lines, also those found in checked trees."""
     files = {problem.position.file for problem in problems if not problem.excerpt}
     sources = {file: _source(file) for file in files}
     for problem in problems:

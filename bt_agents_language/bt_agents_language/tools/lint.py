@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linter of checked agents and their files: what is legal, but rarely meant by its author."""
+"""Linter of checked agents and their files, for legal but rarely intended content."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 _PERSON = "person."
 
 _PATIENCE = 20
-"""Oftener than that nobody wants to hear the same."""
+"""Number of repetitions beyond which the same speech is suspicious."""
 
 _UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
 
-# A comment starts with a word; a number behind it, as in "gate #4", is part of what is said.
+# A comment starts with a word; a number, as in "gate #4", is part of the speech.
 _NUMBER = re.compile(r"[ \t]+#\d\w*")
 _SIGN = re.compile(r"[ \t]#\d")
 _COMMA = re.compile(r"\[[^\]]*,\s+[^\W\d_A-Z]")
@@ -47,7 +47,7 @@ _Tree = Sequence[NodeSpec]
 def lint(agent: AgentSpec, *, names_persons: bool = True) -> tuple[Diagnostic, ...]:
     """Return the warnings about an agent, in the order of its file.
 
-    ``names_persons`` says whether anybody is ever known by name.
+    ``names_persons`` states whether anybody is ever known by name.
     """
     found: dict[tuple[Position, str], Diagnostic] = {}
     roots = (root for root in (agent.tree, agent.on_cancel) if root is not None)
@@ -55,7 +55,7 @@ def lint(agent: AgentSpec, *, names_persons: bool = True) -> tuple[Diagnostic, .
     for tree in trees:
         for rule in _RULES:
             for one in rule(tree):
-                # A subtree that is used twice is written once.
+                # A subtree that is used several times is written once.
                 found.setdefault((one.position, one.code), one)
     nodes = list(chain(*trees))
     named = (
@@ -72,7 +72,7 @@ def lint(agent: AgentSpec, *, names_persons: bool = True) -> tuple[Diagnostic, .
 
 
 def cut_texts(source: Source) -> Found:
-    """Yield a warning for each text that was probably meant to go on behind a '#' or a comma."""
+    """Yield a warning for each text that was probably meant to continue after a '#' or a comma."""
     suspicious = _SIGN.search(source.text) or _COMMA.search(source.text)
     root = read_yaml(source, Diagnostics(source)) if suspicious else None
     for node in _below(root) if root is not None else ():
@@ -94,7 +94,7 @@ def cut_texts(source: Source) -> Found:
 
 
 def _cut_at_commas(source: Source, texts: SequenceNode) -> Found:
-    """Yield a warning for each sentence in ``[ ]`` of which a comma has made two texts."""
+    """Yield a warning for each sentence in ``[ ]`` that a comma has split into two texts."""
     if source.text[texts.span[0]] != "[":
         return
     for before, text in pairwise(texts.items):
@@ -125,7 +125,7 @@ def _below(root: Node) -> Iterator[Node]:
 
 
 def outcomes(spec: NodeSpec) -> Outcomes:
-    """Return every way in which a node can go; a way too many where only a run shows it."""
+    """Return all possible outcomes of a node; perhaps too many if known only at run time."""
     return _every_outcome(list(iter_nodes(spec)))[id(spec)]
 
 
@@ -151,7 +151,7 @@ def _endless_speech(tree: _Tree) -> Found:
         if node_type.single_round:
             loop = None
         elif node_type.limits:
-            # Inside of a loop it ends one round only.
+            # Inside a loop it ends only one round.
             guarded = guarded or loop is None
         elif _rounds(spec) > _PATIENCE and not guarded:
             loop = loop if loop is not None and _rounds(loop) > _rounds(spec) else spec
@@ -178,7 +178,7 @@ def _endless_speech(tree: _Tree) -> Found:
 
 
 def _rounds(spec: NodeSpec) -> float:
-    """Return how often a loop does its node at most; 1 when nothing is known."""
+    """Return the maximum number of rounds of a loop; 1 if unknown."""
     count = spec.fields.get(type_of(spec).rounds)
     number = count.value if isinstance(count, Literal) else 1
     if number == FOREVER:
@@ -208,7 +208,7 @@ def _never_reached(tree: _Tree) -> Found:
     ways = _every_outcome(tree)
     for spec in tree:
         for node, reason, hint in type_of(spec).unreached(spec, ways):
-            # A branch has no key of its own.
+            # A branch has no key.
             key = node.children[0] if type_of(node).role is Role.BRANCH else node
             yield _at(key, "never-reached", f"this is never done: {reason}", hint)
 
@@ -258,7 +258,7 @@ def _not_offered(tree: _Tree) -> Found:
 
 
 def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
-    """Find ``$place`` and ``{place}`` in texts, where ``${place}`` is meant."""
+    """Find ``$place`` and ``{place}`` in texts in which ``${place}`` is meant."""
     candidates = [
         (node, match)
         for node in nodes
@@ -285,7 +285,7 @@ def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
 
 
 def unused_inputs(inputs: Iterable[UnusedInput]) -> Found:
-    """Return the warnings about inputs of subtrees, of an agent or of a library."""
+    """Return the warnings about unused inputs of subtrees, in an agent or a library."""
     for one in inputs:
         yield _warning(
             "unused-input",
@@ -301,7 +301,7 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
     for node in nodes:
         if not unread:
             return
-        # The trees of a library see its own names only.
+        # The trees of a library see only its own names.
         if node.position.file == agent.file:
             unread.difference_update(names_read(node))
     for tunable in agent.tunables:
@@ -316,7 +316,7 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
 
 
 def _nobody_known(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
-    """Yield one warning where an agent is about persons who are known by name."""
+    """Yield one warning if an agent refers to persons who are known by name."""
     required = agent.requires.names if agent.requires is not None else ()
     start = Position(file=agent.file, line=1, column=1)
     uses = [(start, name) for name in sorted(required) if name.startswith(_PERSON)]

@@ -27,7 +27,7 @@ from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
 
 _Written = tuple[str, Scalar, FieldType, Node | None]
-"""A name, where it stands, the type of what it gets, and that itself where it is written out."""
+"""Name, its place, the type of its value, and the value if it is literal."""
 
 _ONE_EXPRESSION = re.compile(r"\$\{([^{}$]*)\}")
 
@@ -35,7 +35,7 @@ _TRUTHS = ("true", "false")
 
 
 class _Kind(NamedTuple):
-    """Kind of what a name gets from a node, and whether that is ``written_out`` there."""
+    """Kind of the value that a node assigns, and whether it is ``written_out`` there."""
 
     kind: ValueKind
     node: str
@@ -44,7 +44,7 @@ class _Kind(NamedTuple):
 
 
 class AssignedNames:
-    """Knows what each node of a file writes; types of fields need ``interfaces``."""
+    """Names that each node of a file assigns; types of fields need ``interfaces``."""
 
     def __init__(
         self,
@@ -64,10 +64,10 @@ class AssignedNames:
         types: Mapping[str, FieldType],
         declared: Mapping[str, FieldType] = NOTHING,
     ) -> dict[str, Assigned]:
-        """Return every name that some node of the trees gives a value.
+        """Return all names to which nodes of the trees assign values.
 
-        What is reserved or ``taken`` (name → by what) is reported, and what does not fit its
-        ``declared`` type or what else the same name gets; ``types`` are those of names that have
+        It reports reserved and ``taken`` names (name → by what), and values that do not fit the
+        ``declared`` type or other values of the same name; ``types`` are those of names that have
         a value from the start.
         """
         self._types = {**types, **declared}
@@ -89,7 +89,7 @@ class AssignedNames:
                 line = place.position.line
                 first = assigned.get(name)
                 if name in declared:
-                    # What is written out is read as a value of that type.
+                    # A literal value is read as a value of that type.
                     if value is None:
                         self._refuse_misfit(name, place, node, field_type, declared[name])
                     field_type = declared[name]
@@ -146,11 +146,11 @@ class AssignedNames:
         )
 
     def below(self, raw: RawNode) -> set[str]:
-        """Return the names that a node and all below it write."""
+        """Return the names that a node and all nodes below it assign."""
         return {name for node in filter(may_write, raw.walk()) for name in self.by(node)}
 
     def by(self, raw: RawNode) -> set[str]:
-        """Return the names that a node writes itself."""
+        """Return the names that a node itself assigns."""
         return {name for name, *_ in self._written_by(raw)}
 
     def _written_by(self, node: RawNode) -> Iterator[_Written]:
@@ -169,7 +169,7 @@ class AssignedNames:
         elif node.type.assigns:
             for item in entries_of(node.value):
                 if "." in item.key.text:
-                    continue  # a value of the scene, which is no name of the tree
+                    continue  # a value of the scene, which is not a name of the tree
                 yield item.key.text, item.key, self._type_of(item.value), item.value
         elif node.type.message is not None and isinstance(node.value, MappingNode):
             yield from self._message_outputs(node.type.message, node.value)
@@ -215,14 +215,14 @@ class AssignedNames:
 
 
 def may_write(node: RawNode) -> bool:
-    """Return whether a node may give names values: most give none."""
+    """Return whether a node may assign values to names; most do not."""
     if node.skill is not None:
         return bool(node.skill.outputs) or "outputs" in node.siblings
     return node.type is not None and node.type.writes
 
 
 def _choices(node: RawNode) -> tuple[str, ...]:
-    """Return the ``choices`` that a skill is given as plain texts; empty for any others."""
+    """Return the ``choices`` of a skill if they are plain texts; empty otherwise."""
     value = node.value.get("choices") if isinstance(node.value, MappingNode) else None
     items = value.items if node.skill is not None and isinstance(value, Sequence) else ()
     texts = [item.text for item in items if isinstance(item, Scalar) and "${" not in item.text]
@@ -230,7 +230,7 @@ def _choices(node: RawNode) -> tuple[str, ...]:
 
 
 def _kind_of_expression(node: Node | None) -> ValueKind | None:
-    """Return the kind of a value that is one ``${…}``; None where only a run shows it."""
+    """Return the kind of a value that is one ``${…}``; None if known only at run time."""
     match = _ONE_EXPRESSION.fullmatch(node.text) if isinstance(node, Scalar) else None
     if match is None:
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calls of skills and subtrees: their inputs and outputs checked against the declaration."""
+"""Calls of skills and subtrees: checks of inputs and outputs against the declaration."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
 
 
 class CallReader:
-    """Reads skill nodes and subtree nodes of one file.
+    """Reader of skill nodes and subtree nodes in one file.
 
     Attributes:
         calls: Place of each ``subtree`` node → name of the subtree.
@@ -44,7 +44,7 @@ class CallReader:
         self._subtrees = subtrees
 
     def skill(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        """Return the node of a skill; None when nothing can be made of it."""
+        """Return the node of a skill; None if it is unusable."""
         skill = raw.skill
         assert skill is not None
         nodes = self._skill_fields(raw.value, skill)
@@ -79,10 +79,10 @@ class CallReader:
     def _skill_outputs(
         self, raw: RawNode, skill: SkillSpec
     ) -> tuple[Mapping[str, str], Mapping[str, str]]:
-        """Return what names get of the result, and what of the feedback."""
+        """Return the names assigned from the result, and those from the feedback."""
         if not skill.outputs and "outputs" not in raw.siblings:
             return NOTHING, NOTHING
-        # Without a binding, what a rehearsal answers has the outputs by their own names.
+        # Without a binding, the answers of a rehearsal have the outputs by their own names.
         unbound = {output.name: output.name for output in skill.outputs}
         paths = skill.binding.outputs if skill.binding is not None else unbound
         feedback = skill.binding.feedback if skill.binding is not None else NOTHING
@@ -93,7 +93,7 @@ class CallReader:
         )
 
     def subtree(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        """Return the node of a subtree, its body not in place yet."""
+        """Return the node of a subtree, before its expansion."""
         name_node = raw.value
         if isinstance(name_node, MappingNode):
             fields = self._reading.fields(
@@ -125,7 +125,7 @@ class CallReader:
         )
 
     def _missing(self, called: str) -> str:
-        """Return how to get at a subtree that the file does not have."""
+        """Return how to get a subtree that the file does not have."""
         libraries = self._symbols.libraries
         having = libraries.with_subtree(called) if libraries is not None else []
         if having:
@@ -226,7 +226,7 @@ class CallReader:
         return fields.nodes if fields is not None else {}
 
     def _outputs(self, raw: RawNode, declared: tuple[FieldSpec, ...], what: str) -> dict[str, str]:
-        """Return name that is written → output whose value it gets."""
+        """Return the output for each assigned name."""
         entry = raw.siblings.get("outputs")
         known = [one.name for one in declared]
         if entry is None:
@@ -249,7 +249,7 @@ def _skill_label(skill: SkillSpec, nodes: Mapping[str, Node], fields: FieldValue
     main = skill.main or ""
     shortened = short(nodes.get(main))
     match fields.get(main):
-        # Of a text by its name, as of ${t.bye}, people see the words.
+        # For a named text, such as ${t.bye}, people see its words.
         case Literal(value=str() as words) if "${" in shortened:
             shortened = ellipsize(" ".join(words.split()), LABEL_LENGTH)
     if shortened and skill.main_is_text:

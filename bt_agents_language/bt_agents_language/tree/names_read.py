@@ -20,9 +20,9 @@ from bt_agents_language.nodes.catalogue import type_of
 
 
 def names_read(spec: NodeSpec) -> Iterator[str]:
-    """Yield the names in the values and conditions of a node, as often as they stand there."""
+    """Yield the names in the values and conditions of a node, as often as they occur."""
     values: list[Value | Expression] = [*spec.fields.values()]
-    # The interface of a ROS leaf stands in the tree; that of a skill names the skill's inputs.
+    # The interface of a ROS leaf is in the tree; that of a skill names the skill's inputs.
     binding = spec.skill.binding if spec.skill is not None else None
     if binding is not None and type_of(spec).interface is not None:
         values.append(binding.fields)
@@ -37,7 +37,7 @@ def names_read(spec: NodeSpec) -> Iterator[str]:
 
 
 def parts_of(values: Iterable[Value | Expression]) -> Iterator[Value | Expression | str]:
-    """Yield values and all that is in them; a plain piece of a text as it is."""
+    """Yield values and all of their parts; plain parts of texts unchanged."""
     waiting: list[Value | Expression | str] = [*values]
     while waiting:
         value = waiting.pop()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fields of a node, read as its node type says."""
+"""Fields of a node, read according to its node type."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 
 class FieldReader:
-    """Reads fields of nodes and decorators."""
+    """Reader of fields of nodes and decorators."""
 
     def __init__(self, reading: TypedReader, symbols: SymbolTable) -> None:
         self._reading = reading
@@ -37,9 +37,9 @@ class FieldReader:
         main: str | None = None,
         what: str = "",
     ) -> FieldValues:
-        """Return the values of fields by name; one that is not written has its default.
+        """Return the values of fields by name; missing ones have their defaults.
 
-        Messages call the field ``main`` ``what``, all others by their names.
+        Messages call the field ``main`` ``what``, and all others by their names.
         """
         values: FieldValues = {}
         for field in fields:
@@ -62,7 +62,7 @@ class FieldReader:
         what: str,
         siblings: Mapping[str, Node],
     ) -> Value | Expression | None:
-        """Return what is written in one field; None when it is wrong, which is then reported."""
+        """Return the value of one field, or report that it is wrong and return None."""
         reading = self._reading
         match field.content:
             case Content.VALUE:
@@ -81,11 +81,11 @@ class FieldReader:
                 return self._scene_values(node, names, what)
             case Content.CONSTANT:
                 return self._constant(field, node, what)
-        # What is left are nodes, outputs and counts, which their own readers take.
+        # The rest are nodes, outputs and counts, which have their own readers.
         return None
 
     def outputs(self, node: Node | None, siblings: Mapping[str, Node]) -> dict[str, str]:
-        """Return which names get which fields of a message."""
+        """Return the fields of a message that are assigned to names."""
         if node is None:
             return {}
         message = self._message(siblings)
@@ -130,9 +130,9 @@ class FieldReader:
 def written_fields(
     reading: TypedReader, node: Node, what: str, fields: tuple[NodeField, ...], main: str | None
 ) -> Mapping[str, Node] | None:
-    """Return what is written for the fields of a node or decorator, a scalar as its main one.
+    """Return the written fields of a node or decorator; a scalar is its main field.
 
-    It is None when nothing can be read, which is then reported.
+    If they are unreadable, report that and return None.
     """
     if main is not None and isinstance(node, Scalar) and not node.empty:
         return {main: node}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Raw nodes of a tree: which key is the node, and what stands beside it."""
+"""Raw nodes of a tree: the key of each node, and the keys next to it."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ _OTHER_LANGUAGES = {
     "goto": "there are no jumps: use 'choose', or call a subtree by its name",
     "inverter": "write 'invert: true' beside the node",
 }
-"""Words of other languages → how the same is said here."""
+"""Words of other languages → the equivalent here."""
 
 
 class RawNodeReader:
-    """Reads the structure of the trees of one file into raw nodes."""
+    """Reader of the structure of one file's trees into raw nodes."""
 
     def __init__(
         self, reading: TypedReader, symbols: SymbolTable, subtrees: Collection[str] = ()
@@ -58,7 +58,7 @@ class RawNodeReader:
         self._incomplete = symbols.incomplete
 
     def read(self, node: Node, where: str, parent: NodeType | None = None) -> RawNode | None:
-        """Return the structure of a node; None when it is none, which is then reported."""
+        """Return the structure of a node, or report that it is not one and return None."""
         if not isinstance(node, MappingNode) or not node.entries:
             self._not_a_node(node, where)
             return None
@@ -281,7 +281,7 @@ class RawNodeReader:
         self._reading.error("not-a-node", node, message, hint)
 
     def _meant_pair(self, text: str) -> str:
-        """Return a hint for a node key and its value that are not written as such."""
+        """Return a hint for a node key and value that are not written in this form."""
         match = re.match(r"\s*([^\W\d]\w*)\s*([:\uff1a]?)(.*)", text, re.DOTALL)
         if match is None or match[1] not in self._words:
             return ""
@@ -295,7 +295,7 @@ class RawNodeReader:
     def _no_node(
         self, node: MappingNode, unknown: list[MappingEntry], where: str, parent: NodeType | None
     ) -> RawNode | None:
-        """Report that there is no node; return the one that was meant, so that it is read on."""
+        """Report that there is no node; return the intended one, so that reading continues."""
         if not unknown:
             first = node.entries[0]
             inside = isinstance(first.value, MappingNode)
@@ -333,7 +333,7 @@ class RawNodeReader:
         return self._raw_node(unknown[0], meant, known, parent)
 
     def _meant(self, entry: MappingEntry) -> str:
-        """Return a hint for a key that is no node but means something."""
+        """Return a hint for a key that is not a node but has a known meaning."""
         text = entry.key.text
         word, colon, rest = text.partition(":")
         if colon and word in self._words:

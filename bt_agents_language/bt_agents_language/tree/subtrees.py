@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Expansion of subtrees in place of their calls; refuses recursion and sheer size."""
+"""Expansion of subtrees in place of their calls; refuses recursion and excessive size."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.typed_reader import TypedReader
 
 MAX_NODES = 10_000
-"""Nodes of all trees of an agent, decorators counted, subtrees counted wherever they are used."""
+"""Most nodes of all trees of an agent, including decorators and every use of a subtree."""
 
 MAX_DEPTH = 64
-"""Nesting of nodes, decorators and subtrees counted."""
+"""Maximum nesting of nodes, including decorators and subtrees."""
 
 
 class Expansion:
-    """Puts subtrees in place.
+    """Expander of subtrees.
 
     Args:
-        bodies: The tree of each subtree that can be called, imported ones with their own
-            subtrees in place already; its paths start with the subtree's name.
+        bodies: The tree of each callable subtree, where imported ones are already expanded; its
+            paths start with the subtree's name.
         calls: Place of each ``subtree`` node → name of the subtree.
     """
 
@@ -37,7 +37,7 @@ class Expansion:
     def refuse_recursion(self) -> bool:
         """Report every subtree that contains itself; return whether there is one.
 
-        Subtrees are finished, and measured, after all that they call: no chain is too long for it.
+        Subtrees are finished and measured after all that they call, in chains of any length.
         """
         called = {name: self._called(body) for name, body in self._bodies.items()}
         found = False
@@ -45,7 +45,7 @@ class Expansion:
         for start in self._bodies:
             if start in finished:
                 continue
-            # The subtrees that lead to the current one, each with the calls still to be followed.
+            # The subtrees that lead to the current one, each with the calls still to follow.
             chain = {start: iter(called[start].items())}
             while chain:
                 current, calls = next(reversed(chain.items()))
@@ -71,9 +71,9 @@ class Expansion:
     def expand(
         self, root: NodeSpec | None, budget: int = MAX_NODES
     ) -> tuple[NodeSpec | None, int]:
-        """Return a tree with its subtrees in place, and its number of nodes.
+        """Return a tree with expanded subtrees, and its number of nodes.
 
-        It is None for no tree, and for one that is too large or too deep, which is then reported.
+        The tree is None for no tree, and after a report for one that is too large or too deep.
         """
         if root is None:
             return None, 0
@@ -103,7 +103,7 @@ class Expansion:
         return found
 
     def _size(self, spec: NodeSpec) -> tuple[int, int]:
-        """Return how many nodes and levels a tree has with its subtrees in place."""
+        """Return the numbers of nodes and levels of a tree with expanded subtrees."""
         if self._is_call(spec):
             size, depth = self._sizes.get(self._calls[spec.position], (0, 0))
             return 1 + size, 1 + depth
@@ -127,5 +127,5 @@ class Expansion:
         return spec.moved(path, tuple(children))
 
     def _is_call(self, spec: NodeSpec) -> bool:
-        """Return whether a node calls a subtree that is not in its place yet."""
+        """Return whether a node calls a subtree that is not yet expanded."""
         return not spec.children and spec.position in self._calls

@@ -15,7 +15,7 @@ _NOWHERE = Position(file="", line=1, column=1)
 
 @dataclass(frozen=True, kw_only=True)
 class TreeFingerprint:
-    """What each node is and does, and where: its path, and how many children it has."""
+    """Fingerprint of a tree: content, path and number of children of each node."""
 
     nodes: tuple[bytes, ...]
     places: tuple[tuple[str, int], ...]
@@ -31,7 +31,7 @@ def tree_fingerprint(tree: NodeSpec | None) -> TreeFingerprint:
 
 
 def difference(before: TreeFingerprint, after: TreeFingerprint) -> str:
-    """Return in words how a tree has changed; empty when it does the same as before."""
+    """Return in words how a tree has changed; empty if it behaves as before."""
     if before == after:
         return ""
     old, new = Counter(before.nodes), Counter(after.nodes)

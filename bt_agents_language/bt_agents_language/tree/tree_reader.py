@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Raw nodes turned into checked ones: values read, decorators wrapped around, paths given."""
+"""Conversion of raw nodes to checked ones, with values, decorators and paths."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _NOT_IN_PATH = re.compile(r"[^\w-]+")
 
 
 class TreeReader:
-    """Reads the trees of one file; a :class:`NodeReader` to the types of their nodes.
+    """Reader of the trees in one file; a :class:`NodeReader` for their node types.
 
     Attributes:
         calls: Place of each ``subtree`` node read so far → name of the subtree.
-        assigned: What each node writes.
+        assigned: Names that each node assigns.
     """
 
     def __init__(
@@ -51,9 +51,9 @@ class TreeReader:
     def read(
         self, raw: RawNode, path: str, names: NameScope, *, parent: NodeType | None = None
     ) -> NodeSpec | None:
-        """Return a node with everything below it; None when it is wrong, which is then reported.
+        """Return a node with everything below it, or report that it is wrong and return None.
 
-        What it writes is given to ``names``; ``parent`` is the composite that it is a child of.
+        ``names`` records the names that it assigns; ``parent`` is the composite around it.
         """
         if not raw.decorators:
             spec = self._node(raw, path, names)
@@ -67,7 +67,7 @@ class TreeReader:
             if one.key in raw.decorators and one.key not in part_of_parent
         ]
         if any(one.rounds for one in around):
-            # A later round can use what an earlier one has written.
+            # A later round can use names that an earlier one has assigned.
             names.give(self.assigned.below(raw))
         wrapping = [
             None if one.handler else self._decorator_fields(one, raw, names, parent)
@@ -87,7 +87,7 @@ class TreeReader:
     def _decorator_fields(
         self, decorator: NodeType, raw: RawNode, names: NameScope, parent: NodeType | None
     ) -> FieldValues | None:
-        """Return the fields of a decorator; None when it is switched off."""
+        """Return the fields of a decorator; None if it is switched off."""
         node = raw.decorators[decorator.key].value
         what = f"'{decorator.key}'"
         fields: FieldValues = {}
@@ -134,7 +134,7 @@ class TreeReader:
         return self.leaf(raw, path, names)
 
     def subtree(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        """Return a call of a subtree, whose body is not in place yet."""
+        """Return a call of a subtree, before its expansion."""
         return self._calls.subtree(raw, path, names)
 
     def composite(
@@ -176,7 +176,7 @@ class TreeReader:
         )
 
     def written_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
-        """Return the written fields of a leaf by name; None when there are none to be read."""
+        """Return the written fields of a leaf by name; None if they are unreadable."""
         assert raw.type is not None
         what = f"'{raw.type.key}'"
         return written_fields(self.reading, raw.value, what, raw.type.fields, raw.type.main)
@@ -195,7 +195,7 @@ class TreeReader:
         nodes: Mapping[str, Node] | None = None,
         label: Node | None = None,
     ) -> NodeSpec | None:
-        """Return a leaf as its fields describe it."""
+        """Return a leaf according to its fields."""
         node_type = raw.type
         assert node_type is not None
         if nodes is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of the trees and subtrees of an agent or library; subtrees are put in place."""
+"""Reader of the trees and subtrees of an agent or library; it expands subtrees."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SUBTREE = KeyTable(
         FieldDecl("tree", NODE, "What it does.", required=True),
     )
 )
-# The name of a subtree may be written as those of nodes, which the reader judges.
+# The name of a subtree may look like that of a node; the reader checks it.
 SUBTREES = FieldDecl(
     "subtrees",
     Entries(_SUBTREE, "names and subtrees", keys=Key.ANY),
@@ -49,11 +49,11 @@ SUBTREES = FieldDecl(
 
 
 class TreesReader:
-    """Reads all trees of one file.
+    """Reader of all trees in one file.
 
     Args:
-        tunables: Type of each tunable; None when their declaration could not be read.
-        ranges: What the values of tunables lie in.
+        tunables: Type of each tunable; None if their declaration is unreadable.
+        ranges: Ranges of the tunables.
 
     Attributes:
         unused_inputs: Inputs of the file's subtrees, as far as these have been read.
@@ -98,7 +98,7 @@ class TreesReader:
     def trees(
         self, tree: Node | None, on_cancel: Node | None
     ) -> tuple[NodeSpec | None, NodeSpec | None]:
-        """Return an agent's trees with their subtrees in place; None for one that is wrong."""
+        """Return an agent's trees with expanded subtrees; None for a wrong one."""
         first, last = self._raw(tree, "the tree"), self._raw(on_cancel, "'on_cancel'")
         taken = dict.fromkeys(self._tunables, "a tunable")
         bodies = self._raw_bodies()
@@ -138,7 +138,7 @@ class TreesReader:
         return expanded, expansion.expand(last_spec, MAX_NODES - size)[0]
 
     def library(self) -> dict[str, SubtreeSpec]:
-        """Return the file's own subtrees with those that they call in place."""
+        """Return the file's own subtrees in expanded form."""
         expansion = self._expansion(self._raw_bodies())
         if expansion is None:
             return {}
@@ -267,7 +267,7 @@ class TreesReader:
         }
 
     def _expansion(self, bodies: Mapping[str, RawNode | None]) -> Expansion | None:
-        """Read the bodies; return what puts them in place, None when one contains itself."""
+        """Read the bodies; return their expander, or None if one contains itself."""
         read = {name: self._body(name, raw) for name, raw in bodies.items()}
         self._bodies = {name: body for name, body in read.items() if body is not None}
         imported = {n: one.body for n, one in self._imported.items() if one.body is not None}

@@ -14,7 +14,7 @@ from bt_agents_core.scene import SceneParameter
 
 
 class Form(Enum):
-    """Forms of a value that is no list and no mapping of keys; the word stands in pages."""
+    """Forms of a value other than lists and mappings of keys; pages show the word."""
 
     ANY = "any value"
     AMOUNT = "number, time, length or angle"
@@ -35,11 +35,11 @@ class Form(Enum):
 
 @dataclass(frozen=True)
 class Single:
-    """One value of a form.
+    """Single value of a form.
 
     Attributes:
-        placeholders: Whether ``<person>`` may stand in a ROS name.
-        scene_names: Whether a condition sees the scene, the live scene and the mood, which its
+        placeholders: Whether a ROS name may contain ``<person>``.
+        scene_names: Whether a condition may use the scene, the live scene and the mood, which its
             description then lists.
     """
 
@@ -66,7 +66,7 @@ class Items:
         filled: Whether one item at least must be there.
         empty: Message about a list without items where that is an error; else empty.
         add: Hint beside that message.
-        unique: Whether no item may stand there twice.
+        unique: Whether items must differ.
     """
 
     item: Value
@@ -82,7 +82,7 @@ class Several:
     """One value, or a list of such values.
 
     Attributes:
-        other: What may stand there instead.
+        other: Alternative value.
     """
 
     one: Value
@@ -125,10 +125,10 @@ class SceneValues:
     """Values of scene parameters by name.
 
     Attributes:
-        every: Whether each parameter must be there.
-        of_profiles: Whether they may only be of parameters that profiles have.
+        every: Whether all parameters are required.
+        of_profiles: Whether only parameters that profiles have are allowed.
         filled: Whether one at least must be there.
-        person: Whether ``person`` may stand beside them, with this description.
+        person: Description of the additional key ``person``, if that is allowed.
         limits: Smallest and largest value for a parameter; None for its own range.
     """
 
@@ -142,35 +142,35 @@ class SceneValues:
 
 @dataclass(frozen=True)
 class SceneNameList:
-    """A list of names of scene parameters that profiles have, or a word that stands for all."""
+    """List of names of scene parameters that profiles have, or a word for all of them."""
 
     every: str
 
 
 @dataclass(frozen=True)
 class Either:
-    """A value of one of several types."""
+    """Value of one of several types."""
 
     options: tuple[Value, ...]
 
 
 @dataclass(frozen=True)
 class Shared:
-    """A mapping whose keys stand in the file's table of shared ones."""
+    """Mapping whose keys are in the file's table of shared ones."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class FieldDecl:
-    """One key of a mapping.
+    """Key of a mapping.
 
     Attributes:
-        name: The word in a file.
-        value: What may stand behind it.
+        name: The word in files.
+        value: Its allowed values.
         description: One sentence for authors.
         required: Whether it must be written.
-        default: Taken when it is not written, where pages and editors show it.
+        default: Value if it is not written, for pages and editors.
     """
 
     name: str
@@ -183,13 +183,13 @@ class FieldDecl:
 
 @dataclass(frozen=True)
 class Needs:
-    """Which keys must be there together, beyond those that are always required.
+    """Keys that are required together, in addition to those that are always required.
 
     Attributes:
-        keys: These, all of them.
-        hint: Says so in an editor.
-        options: Of these, one at least.
-        exclusive: Whether no more than one of the options may hold.
+        keys: Keys that are all required.
+        hint: Text about it for editors.
+        options: Keys of which at least one is required.
+        exclusive: Whether at most one of the options is allowed.
     """
 
     keys: tuple[str, ...] = ()
@@ -200,18 +200,18 @@ class Needs:
 
 
 def one_of(keys: Collection[str], hint: str, *, exclusive: bool = False) -> Needs:
-    """Return that one of some keys must be there."""
+    """Return the requirement of one of some keys."""
     return Needs(options=tuple(Needs((key,), hint=hint) for key in keys), exclusive=exclusive)
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeyTable:
-    """The keys that a mapping may have.
+    """Allowed keys of a mapping.
 
     Attributes:
-        what: The mapping, for messages: ``a rule``; empty where they name it each time.
+        what: The mapping, for messages: ``a rule``; empty if callers name it.
         fields: In the order of messages, pages and schemas.
-        needs: What must be there besides the required keys.
+        needs: Requirements in addition to the required keys.
         filled: Whether one key at least must be there.
         scene: Whether the names of scene parameters are keys, too, before the others.
     """
@@ -224,12 +224,12 @@ class KeyTable:
 
     @cached_property
     def values(self) -> Mapping[str, Value]:
-        """What may stand behind each key."""
+        """Allowed values of each key."""
         return {one.name: one.value for one in self.fields}
 
     @cached_property
     def required(self) -> tuple[str, ...]:
-        """The keys that must be there."""
+        """Required keys."""
         return tuple(one.name for one in self.fields if one.required)
 
     def only(self, keys: Collection[str]) -> Self:
@@ -237,14 +237,14 @@ class KeyTable:
         return replace(self, fields=tuple(one for one in self.fields if one.name in keys))
 
     def extended(self, *fields: FieldDecl, what: str = "") -> Self:
-        """Return the table with further fields; one of a known name takes the place of that."""
+        """Return the table with further fields, which replace fields with the same names."""
         every = {one.name: one for one in (*self.fields, *fields)}
         return replace(self, what=what or self.what, fields=tuple(every.values()))
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileKind(KeyTable):
-    """One kind of file.
+    """Kind of file.
 
     Attributes:
         name: The word for it: ``market``.
@@ -263,7 +263,7 @@ Value: TypeAlias = (
     Single | WordChoice | Items | Several | Entries | SceneValues | SceneNameList | Either | Shared
     | KeyTable
 )  # fmt: skip
-"""What may stand behind a key."""
+"""Allowed values of a key."""
 
 ANY = Single(Form.ANY)
 AMOUNT = Single(Form.AMOUNT)
@@ -283,10 +283,10 @@ SHARE = Single(Form.NUMBER, 0, 1)
 
 
 def integer(minimum: int | None = None, maximum: int | None = None) -> Single:
-    """Return a whole number in a range."""
+    """Return the declaration of an integer in a range."""
     return Single(Form.INTEGER, minimum, maximum)
 
 
 def number(minimum: float | None = None, maximum: float | None = None) -> Single:
-    """Return a number in a range."""
+    """Return the declaration of a number in a range."""
     return Single(Form.NUMBER, minimum, maximum)

@@ -14,13 +14,13 @@ BAD_CHARACTER = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufdd0-\ufdef\ufeff\ufffe\uffff"
     "\u2028\u2029\u202a-\u202e\u2066-\u2069\U000e0000-\U000e007f]"
 )
-"""Invisible characters that no file may hold."""
+"""Invisible characters that files must not contain."""
 
 UNDECIDED = (
     "two versions of the file were merged, and this place is not decided yet",
     "keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
 )
-"""Message and hint about two versions of a file that git has put one after the other."""
+"""Message and hint about two versions of a file in a git merge conflict."""
 
 _PAGE = ("a web page", "save the file itself, not the page that shows it")
 _SIGNS = {
@@ -33,11 +33,11 @@ _SIGNS = {
     "<html": _PAGE,
     "<?xml": ("XML", "write YAML: lines with 'key: value'"),
 }
-"""Start of a file → what it is, and what to do."""
+"""Start of a file → its format, and what to do."""
 
 
 def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
-    """Return whether a text can be YAML at all; report what speaks against it when not."""
+    """Return whether a text can be YAML at all; if not, report why."""
     bad = BAD_CHARACTER.search(source.text)
     foreign = _foreign_format(source.text)
     conflict = _merge_conflict(source.text)
@@ -69,7 +69,7 @@ def _foreign_format(text: str) -> tuple[str, str] | None:
 
 
 def _merge_conflict(text: str) -> int | None:
-    """Return where two versions of a file begin that git has put one after the other."""
+    """Return the start of a git merge conflict with two versions of the file."""
     lines = f"\n{text}"
     start = lines.find("\n<<<<<<< ")
     middle = lines.find("\n=======", start) if start >= 0 else -1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Core schema of YAML 1.2: the value of a plain scalar, and how a text is quoted."""
+"""Core schema of YAML 1.2: values of plain scalars, and quoting of texts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OTHER_BASE = re.compile(r"0o[0-7]{1,20}|0x[0-9a-fA-F]{1,15}")
 
 
 def boolean(text: str) -> bool | None:
-    """Return what a word for true or false means, None for any other."""
+    """Return the boolean for a word, None for any other word."""
     return _BOOLEANS.get(text)
 
 
@@ -32,7 +32,7 @@ def plain_value(scalar: Scalar) -> Plain:
     ``1.5 m`` a length and ``90 deg`` an angle, all in SI.
 
     Raises:
-        QuantityError: It is written as a number or quantity, but not finite or too large.
+        QuantityError: It has the form of a number or quantity, but is not finite or too large.
     """
     text = scalar.text
     if not scalar.plain:
@@ -52,7 +52,7 @@ def plain_value(scalar: Scalar) -> Plain:
 
 
 def scalar_type(node: Node) -> FieldType:
-    """Return the type of a value that is written where any type may stand."""
+    """Return the type of a value at a place for any type."""
     if not isinstance(node, Scalar):
         return FieldType.ANY
     if "${" in node.text:
@@ -88,7 +88,7 @@ def quoted(text: str) -> str:
 
 
 def value_type(scalar: Scalar) -> type:
-    """Return the type of a value where any type may stand; an error's for an impossible number."""
+    """Return the type of a value at a place for any type; for an invalid number, an error's."""
     try:
         return type(plain_value(scalar))
     except quantities.QuantityError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Source text of one file, opened safely, with the position of every character; its edits."""
+"""Source text of a file, opened safely, with the position of every character; and its edits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_language.diagnostics.collection import Diagnostics
 
 MAX_BYTES = 1024 * 1024
-"""A larger file is no script that a person wrote."""
+"""Maximum size of a file; a larger one is not a script that a person wrote."""
 
 _LINE = re.compile(r"[^\r\n]*")
 _LINE_BREAK = re.compile(r"\r\n|\n|\r")
@@ -35,7 +35,7 @@ class Source:
         return [0, *[match.end() for match in _LINE_BREAK.finditer(self.text)]]
 
     def position(self, index: int) -> Position:
-        """Return where the character at ``index`` stands; an index too large is the end."""
+        """Return the position of the character at ``index``; a too large index means the end."""
         starts = self._starts
         if not 0 <= index <= len(self.text):
             index = min(max(index, 0), len(self.text))
@@ -43,7 +43,7 @@ class Source:
         return Position(self.file, line, index - starts[line - 1] + 1)
 
     def line(self, number: int) -> str:
-        """Return a line, counted from 1, without its end; empty beyond the last."""
+        """Return a line, counted from 1, without its line end; empty beyond the last line."""
         if not 1 <= number <= len(self._starts):
             return ""
         start = self._starts[number - 1]
@@ -53,7 +53,7 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Edit:
-    """A text that is to stand from one index of another text to before a second one."""
+    """Edit: a text that replaces a range of another text, without its end index."""
 
     start: int
     stop: int
@@ -61,7 +61,7 @@ class Edit:
 
 
 class PatchedSource(Source):
-    """A text with one edit made; places are still those of the file as it is."""
+    """Text with one edit applied; positions are still those of the unchanged file."""
 
     def __init__(self, source: Source, edit: Edit) -> None:
         before, after = source.text[: edit.start], source.text[edit.stop :]
@@ -82,10 +82,10 @@ class PatchedSource(Source):
 
 
 def without_section(source: Source, index: int) -> PatchedSource | None:
-    """Return a text without the key of the file, and all below it, that a character belongs to.
+    """Return a text without the top-level key, and all below it, to which a character belongs.
 
     Returns:
-        None when nothing would be left.
+        The text; None if nothing would be left.
     """
     starts = [match.start() for match in _TOP_LEVEL.finditer(source.text)]
     start = max((one for one in starts if one <= index), default=0)
@@ -98,7 +98,7 @@ def read_source(path: Path) -> Source:
     """Return the text of a regular file in UTF-8.
 
     Raises:
-        ReadError: There is no such file, it is no regular file, too large, or not UTF-8.
+        ReadError: The file is missing, not a regular file, too large, or not UTF-8.
     """
     file = str(path)
     data = _read_bytes(path)
@@ -113,7 +113,7 @@ def read_source(path: Path) -> Source:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        # It counts in its own bytes, which start behind a byte order mark.
+        # It counts in its own bytes, which start after a byte order mark.
         before = error.object[: error.start].decode("utf-8", "replace")
         problems = Diagnostics(Source(file, before))
         problems.add(
@@ -129,7 +129,7 @@ def read_source(path: Path) -> Source:
 def _read_bytes(path: Path) -> bytes:
     file = str(path)
     try:
-        # Looked at before it is opened: opening a device or a pipe could already do something.
+        # Check before opening: opening a device or a pipe could already have an effect.
         _check_regular(file, os.stat(path).st_mode)
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(descriptor, "rb") as opened:
@@ -167,10 +167,10 @@ def _refusal(file: str, code: str, message: str, hint: str) -> Exception:
 
 
 def aligned(text: str, written: str) -> list[int]:
-    """Return the place of every character of a text, and of its end, in what the file has.
+    """Return the place of every character of a value, and of its end, in the text of the file.
 
-    Folding, indentation and escapes make the two differ; every visible character is there in the
-    same order, though, so looking for one after the other finds them.
+    Folding, indentation and escapes make the two differ, but every visible character occurs in the
+    same order, so searching for one after another finds them.
     """
     whole = written.find(text)
     if whole >= 0:
@@ -197,5 +197,5 @@ def line_at(source: Source, start: int) -> str:
 
 
 def indentation(line: str) -> int:
-    """Return how many characters stand before the first that can be seen."""
+    """Return the number of characters before the first visible one."""
     return len(line) - len(line.lstrip())

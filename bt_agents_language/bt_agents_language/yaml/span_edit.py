@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Edit of one value by its source span, so that a tuned value is a diff of one line."""
+"""Edit of one value by its source span, so that tuning a value changes only its line."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence,
 
 
 def replace_value(source: Source, node: Scalar, new_text: str) -> str:
-    """Return the text of a file with one value of it changed; every other character stays.
+    """Return the text of a file with one changed value; every other character stays.
 
-    Where a text stood the new one stays a text, in quotes if it would mean something else
-    without; where a number, time, truth value or nothing stood, it means what it would mean to an
-    author.
+    In place of a text, the new value stays a text, in quotes if needed; in place of a number,
+    time, boolean or nothing, it means what it would mean to an author.
 
     Raises:
-        ValueError: ``node`` is no value of this file, or no file can hold ``new_text``.
+        ValueError: ``node`` is not a value of this file, or no file can hold ``new_text``.
     """
     before = _read(source)
     if before is None or not any(part == node for part in _parts(before)):
@@ -39,7 +38,7 @@ def replace_value(source: Source, node: Scalar, new_text: str) -> str:
 
 
 def _writings(node: Scalar, written: str, new_text: str) -> list[str]:
-    """Return how a new value may be written, the way that is most like the old one first."""
+    """Return the possible notations of a new value, the one most similar to the old one first."""
     in_quotes = quoted(new_text)
     if written.startswith("'") and new_text.isprintable():
         in_quotes = "'" + new_text.replace("'", "''") + "'"

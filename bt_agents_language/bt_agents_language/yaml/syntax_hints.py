@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Syntax hints: lines meant as 'key: value' or '-' items, brackets and quotation marks."""
+"""Syntax hints for lines meant as 'key: value' or '-' items, brackets and quotation marks."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _DELIMITERS = " \t\r\n,;:{}[]"
 
 @dataclass(frozen=True, kw_only=True)
 class SyntaxHint:
-    """A syntax error and how to fix it.
+    """Syntax error and how to fix it.
 
     Attributes:
-        fix: The edit that fixes it, where there is no doubt; reading then goes on.
+        fix: The edit that fixes it, if unambiguous; reading then continues.
         is_item: Whether the line may be meant as a '-' item.
     """
 
@@ -44,7 +44,7 @@ class SyntaxHint:
 
 
 def line_hint(line: str, start: int) -> SyntaxHint | None:
-    """Return a hint for a line that starts at an index of the text; None when it looks sound."""
+    """Return a hint for the line that starts at an index of the text; None if it looks correct."""
     dash = _DASH.match(line)
     if dash is not None:
         return _dash(dash, start)
@@ -53,7 +53,7 @@ def line_hint(line: str, start: int) -> SyntaxHint | None:
 
 
 def key_hint(line: str, start: int) -> SyntaxHint | None:
-    """Return a hint for what keeps a line from being ``key: value``; as :func:`line_hint`."""
+    """Return a hint for why a line is not ``key: value``, like :func:`line_hint`."""
     for pattern, explain in _NO_KEY:
         match = pattern.match(line)
         if match is not None:
@@ -146,7 +146,7 @@ def _without_colon(match: re.Match[str], start: int) -> SyntaxHint:
 
 
 def in_brackets(source: Source, index: int, begun: int) -> SyntaxHint:
-    """Return what is wrong between an open bracket and where the parser stopped."""
+    """Return the error between an open bracket and the place where the parser stopped."""
     text = source.text
     found = text[index : index + 1]
     if found == "{" and text[max(0, index - 2) : index].endswith("$"):
@@ -215,7 +215,7 @@ def _word_before(text: str, index: int) -> str:
 
 
 def _is_key(text: str, at: int, word: str) -> bool:
-    """Return whether a word with a colon behind it looks like the next key, not like a text."""
+    """Return whether a word with a colon looks like the next key, not like a text."""
     before = text[:at].rstrip()
     return "\n" in text[len(before) : at] and word.strip("'\"").isidentifier()
 
@@ -225,13 +225,13 @@ def _inserted(text: str, begun: int, at: int, closing: str) -> Edit | None:
 
 
 def _no_deeper(source: Source, index: int, begun: int) -> bool:
-    """Return whether a place stands no deeper than the line in which something began."""
+    """Return whether a place is indented no deeper than the line in which something began."""
     line = line_at(source, line_start(source, begun))
     return source.position(index).column <= indentation(line) + 1
 
 
 def behind_value(source: Source, index: int) -> SyntaxHint:
-    """Return what is wrong where something stands behind the end of a value."""
+    """Return the error for text after the end of a value."""
     found = source.text[index : index + 1]
     if found in _CLOSING.values():
         return SyntaxHint(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Typed values read from located nodes; one of another type becomes a diagnostic."""
+"""Typed values read from located nodes; a value of another type becomes a diagnostic."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ from bt_agents_language.yaml.yaml_reader import (
 )
 
 FORMAT = 1
-"""The version of the language that this package reads."""
+"""Version of the language that this package reads."""
 
 MAX_NAME = 64
-"""Characters of an agent's, skill's or tunable's name."""
+"""Longest name of an agent, skill or tunable in characters."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
@@ -71,7 +71,7 @@ NumberT = TypeVar("NumberT", int, float)
 
 
 class Shape(Enum):
-    """Shapes of YAML that a place may ask for."""
+    """Shapes of YAML that a place may expect."""
 
     TEXT = "text"
     LIST = "list"
@@ -80,12 +80,12 @@ class Shape(Enum):
 
 
 class TypedReader:
-    """One file while it is read: its source, its document and the problems found so far."""
+    """File during reading: its source, its document and the problems found so far."""
 
     def __init__(self, source: Source) -> None:
         self.problems = Diagnostics(source)
         self.source, self.root = read_document(source, self.problems)
-        # These leave open what a value is.
+        # These leave the kind of a value open.
         spoiling = ("tag", "bad-character")
         self._spoilt = {d.position for d in self.problems.sorted() if d.code in spoiling}
         self._aligned_span = (-1, -1)
@@ -93,7 +93,7 @@ class TypedReader:
         self._inserted: tuple[str, ...] = ()
 
     def beside(self, source: Source, inserted: str) -> TypedReader:
-        """Return the reader of values of another file, whose problems are among those of this.
+        """Return a reader for values of another file, which shares the problems of this one.
 
         Args:
             source: The other file.
@@ -109,10 +109,10 @@ class TypedReader:
     @classmethod
     @contextmanager
     def of(cls, file: Path | Source) -> Iterator[TypedReader]:
-        """Open a file, and read it within the block.
+        """Open a file and read it within the block.
 
         Raises:
-            ReadError: It cannot be opened or is no text, or as :meth:`guarded`.
+            ReadError: It cannot be opened or is not a text, or as in :meth:`guarded`.
         """
         reading = cls(file if isinstance(file, Source) else read_source(file))
         with reading.guarded():
@@ -120,10 +120,10 @@ class TypedReader:
 
     @contextmanager
     def guarded(self) -> Iterator[None]:
-        """Make a fault of the code that reads the file a problem of this file alone.
+        """Turn an exception of the reading code into a problem of this file alone.
 
         Raises:
-            ReadError: There is such a fault.
+            ReadError: There is such an exception.
         """
         try:
             yield
@@ -143,7 +143,7 @@ class TypedReader:
         if isinstance(where, Position):
             self.problems.add(code, where, message, hint, inserted=self._inserted)
         elif where.position not in self._spoilt:
-            # What a spoilt value would be without that, nobody knows.
+            # The value without the error is unknown.
             end = self.source.position(where.span[1])
             self.problems.add(code, where.position, message, hint, end, inserted=self._inserted)
 
@@ -176,10 +176,10 @@ class TypedReader:
         return scalar.span[0] + self._aligned[min(max(offset, 0), len(self._aligned) - 1)]
 
     def file(self, kind: KeyTable) -> MappingReader:
-        """Return the keys of the whole file as its table says, ``format`` checked.
+        """Return the keys of the whole file according to its table; check ``format``.
 
         Raises:
-            ReadError: The file is no mapping, so that nothing can be read from it.
+            ReadError: The file is not a mapping, so it is unreadable.
         """
         if self.root is None:
             raise self.problems.error()
@@ -213,10 +213,9 @@ class TypedReader:
         required: Collection[str] | None = None,
         more: Collection[str] = (),
     ) -> MappingReader | None:
-        """Return the keys of a mapping as its table says, and perhaps more; as :meth:`fields`.
+        """Return the keys of a mapping according to its table, like :meth:`fields`.
 
-        What the mapping is called and which keys it needs stand in the table unless they are
-        given.
+        The name of the mapping and its required keys come from the table unless they are given.
         """
         needed = table.required if required is None else required
         known = (*table.values, *more) if more else table.values
@@ -235,7 +234,7 @@ class TypedReader:
     ) -> MappingReader | None:
         """Return the keys of a mapping; unknown and missing ones become problems.
 
-        What is ``beside`` belongs beside what has the mapping, not into it.
+        Keys in ``beside`` belong next to the key with the mapping, not into it.
         """
         if not isinstance(node, Mapping):
             expected = f"a mapping with the keys {join_quoted(required or known)}"
@@ -265,7 +264,7 @@ class TypedReader:
             return None
         for entry in unknown:
             word = entry.key.text
-            # A key that is there but misspelt is not missing, and is read as the one meant.
+            # A misspelled key is not missing, and is read as the intended one.
             meant = nearest(word, [key for key in known if key not in nodes])
             above = _left_empty(node, entry, nodes)
             cut = _cut_by_comma(node, entry)
@@ -294,7 +293,7 @@ class TypedReader:
         return MappingReader(self, node, nodes, keys)
 
     def wrong_type(self, node: Node, what: str, expected: str, shape: Shape = Shape.OTHER) -> None:
-        """Report that something else than expected stands here; its shape decides on the hint."""
+        """Report an unexpected value; its shape determines the hint."""
         if isinstance(node, Scalar) and node.empty:
             self.error(
                 "missing-value", node, f"{what}: nothing is written here, expected {expected}"
@@ -310,7 +309,7 @@ class TypedReader:
         self.error("wrong-type", node, f"{what}: expected {expected}, found {found(node)}", hint)
 
     def text(self, node: Node, what: str, *, empty: bool = False) -> str | None:
-        """Return a text; a number or ``true`` is taken as it is written."""
+        """Return a text; a number or ``true`` is taken as written."""
         if not isinstance(node, Scalar):
             self.wrong_type(node, what, "a text", Shape.TEXT)
             return None
@@ -404,7 +403,7 @@ class TypedReader:
         maximum: float | None,
         field_type: FieldType = FieldType.NUMBER,
     ) -> bool:
-        """Return whether a number of a type is in a range; report it when not."""
+        """Return whether a number of a type is in a range; report it if not."""
         if (minimum is None or value >= minimum) and (maximum is None or value <= maximum):
             return True
         low, high = (
@@ -450,14 +449,14 @@ class TypedReader:
         return None
 
     def items(self, node: Node, what: str) -> tuple[Node, ...]:
-        """Return the items of a list, none when it is no list."""
+        """Return the items of a list; none if it is not a list."""
         if isinstance(node, Sequence):
             return node.items
         self.wrong_type(node, what, "a list", Shape.LIST)
         return ()
 
     def entries(self, node: Node, what: str, of: str) -> tuple[MappingEntry, ...]:
-        """Return the entries of a mapping of something, none when it is no mapping."""
+        """Return the entries of a mapping; none if it is not a mapping."""
         if isinstance(node, Mapping):
             return node.entries
         self.wrong_type(node, what, f"a mapping of {of}", Shape.MAPPING)
@@ -466,12 +465,12 @@ class TypedReader:
 
 @dataclass(eq=False)
 class MappingReader:
-    """The keys of one mapping, each readable as the type that is expected of it.
+    """Keys of one mapping, each readable as its expected type.
 
     Attributes:
-        nodes: Value of each key that is known.
-        keys: Every key as it stands in the file.
-        table: What its keys may hold; None where the caller says so each time.
+        nodes: Value of each known key.
+        keys: Every key as written in the file.
+        table: Allowed values of its keys; None if callers state them each time.
     """
 
     _reading: TypedReader
@@ -481,7 +480,7 @@ class MappingReader:
     table: KeyTable | None = None
 
     def get(self, key: str) -> Node | None:
-        """Return what stands behind a key."""
+        """Return the value of a key."""
         return self.nodes.get(key)
 
     def check_range(
@@ -491,7 +490,7 @@ class MappingReader:
         maximum: float | None,
         field_type: FieldType = FieldType.NUMBER,
     ) -> bool:
-        """Return whether 'min' is below 'max', as far as both are known; note it when not."""
+        """Return whether 'min' is below 'max', if both are known; note it if not."""
         if minimum is None or maximum is None or minimum < maximum:
             return True
         low, high = _shown(minimum, field_type), _shown(maximum, field_type)
@@ -504,7 +503,7 @@ class MappingReader:
         return False
 
     def text(self, key: str, default: str = "") -> str:
-        """Return a text, ``default`` when it is not there or wrong."""
+        """Return a text; ``default`` if it is missing or wrong."""
         return self.read(key, self._reading.text) or default
 
     def name(self, key: str) -> str | None:
@@ -514,14 +513,14 @@ class MappingReader:
     def integer(
         self, key: str, minimum: float | None = None, maximum: float | None = None
     ) -> int | None:
-        """Return a whole number; a limit that is not given is that of the table."""
+        """Return an integer; limits that are not given come from the table."""
         low, high = self._limits(key, minimum, maximum)
         return self.read(key, lambda n, w: self._reading.integer(n, w, low, high))
 
     def number(
         self, key: str, minimum: float | None = None, maximum: float | None = None
     ) -> float | None:
-        """Return a number; a limit that is not given is that of the table."""
+        """Return a number; limits that are not given come from the table."""
         low, high = self._limits(key, minimum, maximum)
         return self.read(key, lambda n, w: self._reading.number(n, w, low, high))
 
@@ -540,9 +539,9 @@ class MappingReader:
         return self.read(key, lambda n, w: self._reading.choice(n, w, words))
 
     def items(self, key: str) -> tuple[Node, ...]:
-        """Return the items of a list, none when it is not there.
+        """Return the items of a list; none if it is missing.
 
-        An empty list is reported where the table refuses one.
+        An empty list is reported if the table refuses it.
         """
         items = self.read(key, self._reading.items) or ()
         declared = self._declared(key)
@@ -553,10 +552,10 @@ class MappingReader:
         return items
 
     def entries(self, key: str, of: str = "") -> tuple[MappingEntry, ...]:
-        """Return the entries of a mapping of something, none when it is not there.
+        """Return the entries of a mapping; none if it is missing.
 
-        A mapping without any is reported where the table refuses one. What the entries are called
-        stands in the table, too, unless it is given.
+        An empty mapping is reported if the table refuses it. The name of the entries also comes
+        from the table unless it is given.
         """
         declared = self._declared(key)
         if not of and isinstance(declared, Entries):
@@ -571,7 +570,7 @@ class MappingReader:
     def limits_for(
         self, key: str, parameter: SceneParameter
     ) -> tuple[float, float] | tuple[None, None]:
-        """Return the smallest and largest number that a key may have for a scene parameter."""
+        """Return the smallest and largest allowed number of a key for a scene parameter."""
         declared = self._declared(key)
         if not isinstance(declared, SceneValues):
             return None, None
@@ -594,13 +593,13 @@ class MappingReader:
         )
 
     def read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
-        """Return what a function reads from a value and its name for messages."""
+        """Return the result of a function for a value and its name in messages."""
         node = self.nodes.get(key)
         return None if node is None else read(node, f"'{key}'")
 
 
 def _shown(value: float, field_type: FieldType) -> str:
-    # With more digits than rounding it for people would keep.
+    # Use more digits than rounding for people would keep.
     return quantities.format_quantity(value, field_type, digits=6)
 
 
@@ -610,7 +609,7 @@ def adding(keys: Iterable[str]) -> str:
 
 
 def found(node: Node) -> str:
-    """Return what a node is, in words for a message."""
+    """Return the kind of a node in words for a message."""
     match node:
         case Sequence():
             return "a list"
@@ -621,7 +620,7 @@ def found(node: Node) -> str:
 
 
 def _other_file(root: Node, known: Collection[str]) -> tuple[MappingEntry, str, str] | None:
-    """Return the key that shows that a file is of another kind, that kind, and a hint; or None."""
+    """Return the key that reveals another kind of file, that kind, and a hint; or None."""
     if not isinstance(root, Mapping) or any(e.key.text in known for e in root.entries):
         return None
     for entry in root.entries:
@@ -631,7 +630,7 @@ def _other_file(root: Node, known: Collection[str]) -> tuple[MappingEntry, str, 
 
 
 def _name_meant(text: str) -> str:
-    """Return a text as an identifier would be written: ``SetLight`` → ``set_light``."""
+    """Return a text in the form of an identifier: ``SetLight`` → ``set_light``."""
     plain = unicodedata.normalize("NFKD", _HUMP.sub("_", text.strip()))
     plain = "".join(c for c in plain if not unicodedata.combining(c))
     return re.sub(r"[^a-z0-9]+", "_", plain.lower()).strip("_")
@@ -659,7 +658,7 @@ def _cut_by_comma(node: Mapping, entry: MappingEntry) -> str | None:
 
 
 def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> str | None:
-    """Return the known key right above an entry when nothing is written behind it."""
+    """Return the known key directly above an entry if it has no value."""
     place = node.entries.index(entry)
     above = node.entries[place - 1] if place else None
     if above is None or above.key.text not in known or not _without_value(above):
@@ -668,7 +667,7 @@ def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> s
 
 
 def _place_of(traceback: TracebackType | None) -> Position | None:
-    """Return the place in the file that the innermost function with one was about."""
+    """Return the place in the file at which the innermost function with a place was working."""
     for frame, _ in reversed(list(walk_tb(traceback))):
         for value in frame.f_locals.values():
             if isinstance(value, Scalar | Sequence | Mapping):

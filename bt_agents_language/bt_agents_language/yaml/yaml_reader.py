@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML reader: located nodes, without what authors do not need, such as anchors and tags."""
+"""YAML reader: located nodes, without features such as anchors and tags."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from bt_agents_language.yaml.syntax_hints import SyntaxHint
 from bt_agents_language.yaml.yaml_syntax import report_syntax
 
 MAX_DEPTH = 64
-"""Nesting of lists and mappings."""
+"""Maximum nesting of lists and mappings."""
 
 MAX_NODES = 50_000
-"""Scalars, lists and mappings of one file."""
+"""Maximum number of scalars, lists and mappings in one file."""
 
 MAX_TEXT = 20_000
-"""Characters of one scalar."""
+"""Longest scalar in characters."""
 
 MAX_READ_AGAIN = 50_000
-"""Characters that are read again after syntax errors; of a large file only the first count."""
+"""Characters to read again after syntax errors; in a large file only the first ones count."""
 
 MAX_SYNTAX_ERRORS = 20
-"""After so many syntax errors reading ends: the file is something else than YAML."""
+"""Number of syntax errors after which reading ends, because the file is not YAML."""
 
 _STRANGE_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
 _LOST_SPACE = re.compile("-(?=[^\\W\\d_])|[\u2010-\u2015\u2212] ?")
@@ -53,7 +53,7 @@ _LETTERS = frozenset(string.ascii_letters)
 
 
 class _Located:
-    """Something that stands in a file; its place is worked out only when somebody asks for it."""
+    """Part of a file; its place is computed only on demand."""
 
     __slots__ = ()
     source: Source
@@ -62,7 +62,7 @@ class _Located:
 
     @property
     def position(self) -> Position:
-        """Its first character, of a quoted text the quotation mark."""
+        """Position of its first character; for a quoted text, of the quotation mark."""
         return self.source.position(self.start)
 
     @property
@@ -75,10 +75,10 @@ class _Located:
 # takes three times as long.
 @dataclass(slots=True)
 class Scalar(_Located):
-    """A text, number or word as written.
+    """Text, number or word as written.
 
     Attributes:
-        text: Its content, quotes and line folding resolved.
+        text: Its content, with resolved quotes and line folding.
         style: Empty for a plain scalar, else ``'``, ``"``, ``|`` or ``>``.
     """
 
@@ -90,18 +90,18 @@ class Scalar(_Located):
 
     @property
     def plain(self) -> bool:
-        """True when it stands without quotes."""
+        """True if it has no quotes."""
         return not self.style
 
     @property
     def empty(self) -> bool:
-        """True when nothing is written, or the word that means nothing."""
+        """True if it is empty, or a word for null."""
         return self.text in _NOTHING and not self.style
 
 
 @dataclass(slots=True)
 class Sequence(_Located):
-    """A list; as :class:`Scalar`."""
+    """List; see :class:`Scalar`."""
 
     source: Source = field(compare=False)
     start: int
@@ -111,7 +111,7 @@ class Sequence(_Located):
 
 @dataclass(slots=True)
 class MappingEntry:
-    """One key of a mapping and what stands behind it."""
+    """Key of a mapping, with its value."""
 
     key: Scalar
     value: Node
@@ -119,7 +119,7 @@ class MappingEntry:
 
 @dataclass(slots=True)
 class Mapping(_Located):
-    """A mapping; its keys are different from each other. As :class:`Scalar`."""
+    """Mapping with distinct keys; see :class:`Scalar`."""
 
     source: Source = field(compare=False)
     start: int
@@ -127,7 +127,7 @@ class Mapping(_Located):
     entries: tuple[MappingEntry, ...]
 
     def get(self, key: str) -> Node | None:
-        """Return what stands behind a key, None when it is not there."""
+        """Return the value of a key; None if it is missing."""
         return next((entry.value for entry in self.entries if entry.key.text == key), None)
 
 
@@ -135,21 +135,20 @@ Node = Scalar | Sequence | Mapping
 
 
 def entries_of(node: Node | None) -> tuple[MappingEntry, ...]:
-    """Return the entries of a mapping, none of anything else."""
+    """Return the entries of a mapping; none for anything else."""
     return node.entries if isinstance(node, Mapping) else ()
 
 
 def key_or_node(node: Node, name: str) -> Node:
-    """Return a key of a mapping as it stands in the file; the whole node when it is missing."""
+    """Return a key of a mapping as written in the file; the whole node if it is missing."""
     return next((entry.key for entry in entries_of(node) if entry.key.text == name), node)
 
 
 def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
-    """Return the one document of a file; every problem of its form goes to ``problems``.
+    """Return the only document of a file; problems of its form go to ``problems``.
 
     Returns:
-        The document without what was refused in it; None when nothing can be made of it, or it
-        has a syntax error.
+        The document without refused parts; None if it is unusable or has a syntax error.
     """
     if not looks_like_yaml(source, problems):
         return None
@@ -157,14 +156,14 @@ def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
 
 
 def read_document(source: Source, problems: Diagnostics) -> tuple[Source, Node | None]:
-    """Return the one document of a file as far as it can be read; every problem is reported.
+    """Return the only document of a file as far as it is readable; report every problem.
 
-    Where only one fix of a syntax error is possible, reading goes on as if it was made; where
-    not, the other keys of the file are still searched for syntax errors.
+    If a syntax error has only one possible fix, reading continues as if it was applied; otherwise
+    the other keys of the file are still searched for syntax errors.
 
     Returns:
-        The text that the document's spans are about, and the document without what was refused
-        in it; None when nothing can be made of it.
+        The text to which the document's spans refer, and the document without refused parts; None
+        if it is unusable.
     """
     if not looks_like_yaml(source, problems):
         return source, None
@@ -230,7 +229,7 @@ def _start_of_excess_depth(text: str, error: yaml.MarkedYAMLError) -> yaml.Event
 
 
 def _events(text: str) -> Iterable[yaml.Event]:
-    # The C parser is iterative, so that depth is checked here before anything recursive is built.
+    # The C parser is iterative, so depth is checked here before anything recursive is built.
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     next_event: Callable[[], yaml.Event | None] = loader(text).get_event
     return iter(next_event, None)
@@ -238,19 +237,19 @@ def _events(text: str) -> Iterable[yaml.Event]:
 
 @dataclass(slots=True)
 class _Open:
-    """A list or mapping whose end has not come yet."""
+    """List or mapping whose end has not been read yet."""
 
     start: int
     is_list: bool
     items: list[Node] = field(default_factory=list)
     entries: dict[str, MappingEntry] = field(default_factory=dict)
     key: Scalar | None = None
-    # A key that was refused still has a value, which must not be taken for the next key.
+    # A refused key still has a value, which must not be taken for the next key.
     value_is_next: bool = False
 
 
 class _Builder:
-    """Builds nodes from events without recursion."""
+    """Builder of nodes from events, without recursion."""
 
     def __init__(self, source: Source, problems: Diagnostics) -> None:
         self.root: Node | None = None
@@ -261,7 +260,7 @@ class _Builder:
 
     def take(self, events: Iterable[Any]) -> None:
         """Build from all events of the parser, or until the file turns out to be hopeless."""
-        # One loop without calls for what is usual: it sees every word of the file.
+        # One loop without calls for the usual cases, because it handles every word of the file.
         source = self._source
         waiting: list[_Open | None] = []
         parent: _Open | None = None
@@ -331,7 +330,7 @@ class _Builder:
         )
 
     def _other(self, event: yaml.Event) -> None:
-        """Refuse an alias and a second document; all other events say nothing."""
+        """Refuse an alias and a second document; other events have no meaning."""
         match event:
             case yaml.AliasEvent():
                 self._give_up(
@@ -360,7 +359,7 @@ class _Builder:
         )
 
     def _key(self, entries: dict[str, MappingEntry], node: Node) -> Scalar | None:
-        """Return a key, or None when it is refused and its value is to be left out."""
+        """Return a key, or None if it is refused and its value must be left out."""
         if not isinstance(node, Scalar):
             template = self._source.text.startswith("{{", node.span[0] - 1)
             self._refuse(
@@ -371,7 +370,7 @@ class _Builder:
                 if template
                 else "quote a text that starts with '{', '[' or '?'",
             )
-            # Without this key, all else that could be said of its mapping is guesswork.
+            # Without this key, any further report about its mapping is guesswork.
             self.hopeless = True
             return None
         text = node.text

@@ -28,13 +28,13 @@ _WRONG_QUOTES = re.compile("(?<=[:,\\-\\[{(] )[\u201c\u201d\u201e\u2018\u2019\u0
 _CONFLICT = ("<<<<<<<", "=======", ">>>>>>>")
 
 Explain = Callable[[Source, int, int], SyntaxHint]
-"""Source, index where the parser stopped, index where the thing began that it was reading."""
+"""Function of the source, the index where the parser stopped, and where that part began."""
 
 
 def report_syntax(
     source: Source, problems: Diagnostics, error: yaml.MarkedYAMLError
 ) -> SyntaxHint:
-    """Add what a parser error means, and return it."""
+    """Add and return the meaning of a parser error."""
     found = _hint_for(source, error)
     end = source.position(found.index + found.width)
     problems.add(found.code, source.position(found.index), found.message, found.hint, end)
@@ -99,7 +99,7 @@ def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
 
 
 def _quoted_value(source: Source, start: int, line: str) -> Edit | None:
-    """Return the edit that quotes everything behind the first colon of a line."""
+    """Return the edit that quotes everything after the first colon of a line."""
     match = re.match(r"\s*(?:- +)*[\w-]+: +(?=[^\s'\"{\[|>&*!#])", line)
     text = line[match.end() :].rstrip() if match is not None else ""
     mark = next((one for one in ('"', "'") if one not in text and "\\" not in text), "")
@@ -253,7 +253,7 @@ _EXPLANATIONS: dict[str, Explain] = {
         "a line cannot start with '%'", "remove the line, or quote the text", where_begun=True
     ),
 }
-"""Pattern of the parser's message → what it means."""
+"""Pattern of the parser's message → its meaning."""
 
 
 def _sure(

@@ -15,7 +15,7 @@ _CHARACTER_S = 0.06
 """Time for a character of a text at normal speed, about 170 words a minute [s]."""
 
 _THINKING_S = 2.0
-"""Time in which a person answers once the question is asked [s]."""
+"""Time that a person needs to answer after the question [s]."""
 
 _ACTION_S = 1.0
 """Time of any other action [s]."""
@@ -34,10 +34,10 @@ _VALUES: Mapping[FieldType, Plain] = {
 def duration_s(node: NodeSpec, inputs: Mapping[str, Plain], *, fails: bool) -> float:
     """Return the duration of a use of a skill [s].
 
-    Services and messages take no time. An action takes its input ``duration`` when that is more
-    than nothing; one with a text as main input takes as long as the text, at the speed of its
-    input ``rate``, and the time to think when it gives an answer back. When it fails although it
-    would wait for an answer, it takes as long as it would wait.
+    Services and messages take no time. An action takes its input ``duration`` if that is positive;
+    an action with a text as main input takes as long as the text, at the speed of its input
+    ``rate``, plus the time to think if it returns an answer. If it fails although it would wait
+    for an answer, it takes its whole waiting time.
     """
     skill = node.skill
     if skill is None:
@@ -60,7 +60,7 @@ def duration_s(node: NodeSpec, inputs: Mapping[str, Plain], *, fails: bool) -> f
 def outputs(node: NodeSpec, inputs: Mapping[str, Plain]) -> dict[str, Plain]:
     """Return the outputs of a use of a skill: the first of its choices, else a value by type.
 
-    Outputs that come as feedback have no default.
+    Outputs from feedback have no default.
     """
     if node.skill is None:
         return {}
@@ -72,7 +72,7 @@ def outputs(node: NodeSpec, inputs: Mapping[str, Plain]) -> dict[str, Plain]:
 
 
 def returned(node: NodeSpec) -> tuple[FieldSpec, ...]:
-    """Return the outputs of a skill that come with its result."""
+    """Return the outputs of a skill that are in its result."""
     if node.skill is None:
         return ()
     binding = node.skill.binding

@@ -24,13 +24,13 @@ def is_path(text: str) -> bool:
 def matches(pattern: str, path: str) -> bool:
     """Return whether a path fits a pattern.
 
-    ``*`` stands for anything inside one part of the path, ``**`` for any number of parts.
+    ``*`` matches anything inside one part of the path, ``**`` any number of parts.
     """
     return _compiled(pattern).fullmatch(path) is not None
 
 
 def path_hint(text: str, known: Sequence[str]) -> str:
-    """Return a hint for a path that is not known: a child of its longest part that is."""
+    """Return a hint for an unknown path: a child of its longest known part."""
     parts = text.split("/")
     for depth in range(len(parts) - 1, 0, -1):
         start = "/".join(parts[:depth])
@@ -54,7 +54,7 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 
 def branches_of(node: NodeSpec) -> tuple[str, ...]:
-    """Return the paths of the children of a ``random`` in their order, none of other nodes."""
+    """Return the paths of the children of a ``random`` in order; none for other nodes."""
     if node.kind != RANDOM.key:
         return ()
     return tuple(child.path.removesuffix(f"@{WEIGHT.key}") for child in node.children)

@@ -26,11 +26,11 @@ from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
 
 AT_ONCE = {"succeed": "true", "fail": "false"}
-"""Word for what ends at once → condition of the check that takes its place."""
+"""Word for an immediate end → condition of the check that replaces it."""
 
 
 class ReplacementReader:
-    """Reads what stands in for nodes of one agent."""
+    """Reader of replacements for nodes of one agent."""
 
     def __init__(
         self,
@@ -55,9 +55,9 @@ class ReplacementReader:
         self._texts = symbols.texts
 
     def read(self, node: Node, pattern: str) -> NodeSpec | None:
-        """Return what stands in for the nodes that a pattern fits; None when it is wrong.
+        """Return the replacement for nodes that match a pattern; None if it is wrong.
 
-        It may name tunables, the scene, and what it writes itself.
+        It may name tunables, the scene, and names that it assigns itself.
         """
         if not isinstance(node, Mapping):
             return self._at_once(node)

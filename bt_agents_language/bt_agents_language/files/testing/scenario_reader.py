@@ -175,16 +175,16 @@ SCENARIO = KeyTable(
         FieldDecl("during", Items(_HAPPENING), "What happens during the run."),
     ),
 )
-"""The keys that say what a rehearsal starts from."""
+"""Keys for the start of a rehearsal."""
 
 
 class ScenarioReader:
-    """Reads scenarios for one agent, in the language that its texts are read in.
+    """Reader of scenarios for one agent, in the language of its texts.
 
     Attributes:
         agent: The agent.
         skills: The skills that the agent's trees use, by name.
-        known_skills: These, and the others that there are.
+        known_skills: These and all other skills.
     """
 
     def __init__(self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable) -> None:
@@ -208,7 +208,7 @@ class ScenarioReader:
         )
 
     def read(self, fields: MappingReader) -> Scenario:
-        """Return the scenario that the keys of a case say."""
+        """Return the scenario in the keys of a case."""
         scene = fields.get("scene")
         values: dict[str, float] = {}
         person, known = self._person(fields.get("person"))
@@ -262,7 +262,7 @@ class ScenarioReader:
         return tuple(picks)
 
     def _person(self, node: Node | None) -> tuple[bool | None, RehearsedPerson | None]:
-        """Return whether somebody is there, as far as it is written, and who."""
+        """Return whether a person is present, if written, and who."""
         if node is None:
             return None, None
         if not isinstance(node, MappingNode):
@@ -278,11 +278,11 @@ class ScenarioReader:
         )
 
     def told(self, node: Node, what: str) -> dict[str, float]:
-        """Return values of scene parameters; what is wrong is reported and left out."""
+        """Return values of scene parameters; report and omit wrong ones."""
         return read_values(self._reading, node, what, self._space)
 
     def facts(self, entries: Iterable[MappingEntry]) -> dict[str, Fact]:
-        """Return what is remembered of a person; what is wrong is reported and left out."""
+        """Return the remembered facts about a person; report and omit wrong ones."""
         remembers: dict[str, Fact] = {}
         for entry in entries:
             key = entry.key.text
@@ -313,7 +313,7 @@ class ScenarioReader:
         )
 
     def path(self, node: Node, what: str, *, skills: bool = False) -> str | None:
-        """Return a path or pattern that fits a node, with ``skills`` one of a skill; else None."""
+        """Return a path or pattern that matches a node, or with ``skills`` a skill; else None."""
         text = self._reading.text(node, what)
         if text is None:
             return None
@@ -332,14 +332,14 @@ class ScenarioReader:
     def refuse_name(
         self, node: Node, problem: str, name: str, known: Iterable[str], hint: str = ""
     ) -> None:
-        """Report a name that is not known; the hint is for one that is like none of the known."""
+        """Report an unknown name; the hint is for a name that is similar to none."""
         message = f"{problem} {quote(name)}"
         self._reading.error("unknown-name", node, message, did_you_mean(name, known) or hint)
 
     def plain(self, node: Node, field_type: FieldType, what: str) -> Plain:
-        """Return a value without names; None when it is wrong, which is then reported.
+        """Return a value without names, or report that it is wrong and return None.
 
-        It may insert texts of the language, as far as these have no names in them either.
+        It may insert texts of the language if these contain no names either.
         """
         if isinstance(node, Scalar) and not self._inserts_plain(node, what):
             return None
@@ -357,7 +357,7 @@ class ScenarioReader:
         return None
 
     def _inserts_plain(self, node: Scalar, what: str) -> bool:
-        """Return whether the texts that a value inserts, as far as there are any, are plain."""
+        """Return whether the texts that a value inserts, if any, are plain."""
         for name in inserted_texts(node.text):
             try:
                 scalars = self._texts.text(name).scalars
@@ -552,7 +552,7 @@ class ScenarioReader:
 
     def _values(self, fields: MappingReader, names: Iterable[str]) -> dict[str, float]:
         entries = tuple(
-            # A misspelt name is reported already; it is read as the one that is meant.
+            # A misspelled name is already reported; it is read as the intended one.
             MappingEntry(key=replace(fields.keys[name], text=name), value=fields.nodes[name])
             for name in names
             if name in fields.nodes
@@ -581,7 +581,7 @@ class ScenarioReader:
         return topic, message
 
     def _refuse_misfit(self, node: Node, topic: str, message: Mapping[str, Plain]) -> None:
-        """Report a message that a type with which the agent waits on a topic cannot hold."""
+        """Report a message that does not fit the type with which the agent waits on a topic."""
         known = self._interfaces
         if known is None:
             return
@@ -604,7 +604,7 @@ class ScenarioReader:
 
 @dataclass(frozen=True, kw_only=True)
 class _Outputs:
-    """What a skill gives back; ``main`` is the first that comes with the result, if any does."""
+    """Outputs of a skill; ``main`` is the first output in the result, if any."""
 
     types: Mapping[str, FieldType]
     main: tuple[str, FieldType] | None

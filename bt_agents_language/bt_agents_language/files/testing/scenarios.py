@@ -16,14 +16,14 @@ from bt_agents_core.stop_cause import Cancellation
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 REPLACED = "replaced"
-"""First part of the paths of a node that takes the place of others."""
+"""First part of the paths of a replacement node."""
 
 SPOKEN = ("say", "ask")
-"""Skills whose main input ``says`` speaks of."""
+"""Skills whose main inputs ``says`` checks."""
 
 
 class GoalEnd(Enum):
-    """How a skill ends in a rehearsal; the value is the word in a file."""
+    """End of a skill in a rehearsal; the value is the word in files."""
 
     SUCCEEDS = "succeeds"
     FAILS = "fails"
@@ -34,11 +34,11 @@ class GoalEnd(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptedAnswer:
-    """How the world answers one use of a skill.
+    """Answer of the world to one use of a skill.
 
     Attributes:
-        outputs: Values of outputs by name; the others get a likely value.
-        after_s: How long it takes [s]; None for as long as it usually does.
+        outputs: Values of outputs by name; others get a likely value.
+        after_s: Its duration [s]; None for the usual one.
     """
 
     outputs: Mapping[str, Plain] = field(default_factory=dict)
@@ -49,7 +49,7 @@ class ScriptedAnswer:
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerRule:
-    """The answers to a skill or to the nodes of a pattern, in turn, the last for ever."""
+    """Answers to a skill or to the nodes of a pattern, used in turn; the last one repeats."""
 
     key: str
     answers: tuple[ScriptedAnswer, ...]
@@ -57,7 +57,7 @@ class AnswerRule:
 
 @dataclass(frozen=True, kw_only=True)
 class VariantRule:
-    """Which of their variants the nodes of a pattern take, from 0, in turn, the last for ever."""
+    """Variants of the nodes of a pattern, from 0, used in turn; the last one repeats."""
 
     pattern: str
     numbers: tuple[int, ...]
@@ -65,7 +65,7 @@ class VariantRule:
 
 @dataclass(frozen=True, kw_only=True)
 class Replacement:
-    """Another node, with paths below ``REPLACED``, in place of those that a pattern fits."""
+    """Replacement node, with paths below ``REPLACED``, for nodes that match a pattern."""
 
     pattern: str
     node: NodeSpec
@@ -73,15 +73,15 @@ class Replacement:
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptedEvent:
-    """Something that happens to the agent while it runs.
+    """Event during the run of the agent.
 
     Attributes:
         after_s: Time since the start of the run, or of the first start of the node ``at`` [s].
         at: Path of a node; empty counts from the start of the run.
-        person: Whether the person is there from now on; None for unchanged.
+        person: Whether the person is present from now on; None for unchanged.
         silent: Whether the scene layer is silent from now on; None for unchanged.
-        topic: Where a message arrives; empty for none.
-        cancel: Who cancels the run and why; None when nobody does.
+        topic: Topic on which a message arrives; empty for none.
+        cancel: Who cancels the run and why; None for no cancellation.
     """
 
     after_s: float
@@ -97,11 +97,11 @@ class ScriptedEvent:
 
 @dataclass(frozen=True, kw_only=True)
 class RehearsedPerson:
-    """Somebody who is known by name.
+    """Person who is known by name.
 
     Attributes:
-        visits: How often they have been here, this visit included.
-        remembers: What is remembered of them.
+        visits: Number of visits, including this one.
+        remembers: Remembered facts about the person.
     """
 
     name: str
@@ -111,18 +111,18 @@ class RehearsedPerson:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One interaction to rehearse.
+    """Interaction to rehearse.
 
     Attributes:
-        scene: Values of scene parameters as awarded; the others are not known.
-        known: Who the person is; None for somebody who is not known by name.
+        scene: Values of scene parameters as awarded; the others are unknown.
+        known: The person; None if not known by name.
         clock: Local time at the start.
         tunables: Values that differ from the defaults.
-        answers: Those of paths count before those of skills, else the first that fits.
-        picks: Paths of children of ``random`` nodes, each node takes its own in turn.
-        variants: The first that fits a node counts; the others take any of theirs.
-        replace: The first that fits a node counts.
-        during: What happens, in any order.
+        answers: Answers; those for paths precede those for skills, then the first match counts.
+        picks: Paths of children of ``random`` nodes; each node takes its own in turn.
+        variants: Variant rules; the first match counts, and other nodes take any variant.
+        replace: Replacements; the first match counts.
+        during: Events, in any order.
     """
 
     scene: Mapping[str, float] = field(default_factory=dict)
@@ -140,7 +140,7 @@ class Scenario:
 
 @dataclass(frozen=True, kw_only=True)
 class SkillUse:
-    """A skill, its main input, and the inputs that are looked at; none means any will do."""
+    """Skill, its main input, and the checked inputs; none accepts any."""
 
     skill: str
     inputs: Mapping[str, Plain] = field(default_factory=dict)
@@ -149,7 +149,7 @@ class SkillUse:
 
 @dataclass(frozen=True, kw_only=True)
 class Says:
-    """The texts of ``say`` and ``ask`` in order; ``exact`` means these and no others."""
+    """Texts of ``say`` and ``ask`` in order; ``exact`` means these and no others."""
 
     texts: tuple[str, ...]
     exact: bool
@@ -158,7 +158,7 @@ class Says:
 
 @dataclass(frozen=True, kw_only=True)
 class Does:
-    """The skills that are used, in order; ``exact`` means these and no others."""
+    """Used skills in order; ``exact`` means these and no others."""
 
     uses: tuple[SkillUse, ...]
     exact: bool
@@ -167,7 +167,7 @@ class Does:
 
 @dataclass(frozen=True, kw_only=True)
 class DoesNot:
-    """Skills that are not used at all, or not with these inputs."""
+    """Skills that must not be used at all, or not with these inputs."""
 
     uses: tuple[SkillUse, ...]
     position: Position
@@ -175,7 +175,7 @@ class DoesNot:
 
 @dataclass(frozen=True, kw_only=True)
 class Visits:
-    """Whether a node that a pattern fits is ticked at all."""
+    """Whether a node that matches a pattern is ticked at all."""
 
     pattern: str
     wanted: bool
@@ -184,7 +184,7 @@ class Visits:
 
 @dataclass(frozen=True, kw_only=True)
 class Ends:
-    """How the run ends: ``succeeded``, ``failed`` or ``cancelled``."""
+    """End of the run: ``succeeded``, ``failed`` or ``cancelled``."""
 
     outcome: str
     position: Position
@@ -192,7 +192,7 @@ class Ends:
 
 @dataclass(frozen=True, kw_only=True)
 class Because:
-    """Words of the reason why it ended."""
+    """Words in the reason of the end."""
 
     words: str
     position: Position
@@ -200,7 +200,7 @@ class Because:
 
 @dataclass(frozen=True, kw_only=True)
 class Within:
-    """The longest time that the run may take [s]."""
+    """Longest allowed duration of the run [s]."""
 
     seconds: float
     position: Position
@@ -208,7 +208,7 @@ class Within:
 
 @dataclass(frozen=True, kw_only=True)
 class Teaches:
-    """The feedback that is given, in order."""
+    """Feedback that is given, in order."""
 
     kinds: tuple[FeedbackKind, ...]
     position: Position
@@ -216,7 +216,7 @@ class Teaches:
 
 @dataclass(frozen=True, kw_only=True)
 class Tells:
-    """Values that the tree puts into the scene, the last of each; none for nothing at all."""
+    """Values that the tree puts into the scene, the last of each; empty for none at all."""
 
     values: Mapping[str, float]
     position: Position
@@ -224,7 +224,7 @@ class Tells:
 
 @dataclass(frozen=True, kw_only=True)
 class Remembers:
-    """What the tree remembers of the person, the last of each; none for nothing at all."""
+    """Facts that the tree remembers about the person, the last of each; empty for none at all."""
 
     values: Mapping[str, Fact]
     position: Position
@@ -232,7 +232,7 @@ class Remembers:
 
 @dataclass(frozen=True, kw_only=True)
 class CancelledBy:
-    """The mood rule, or the reason in the test, that cancels the run."""
+    """Mood rule, or reason in the test, that cancels the run."""
 
     cause: str
     position: Position
@@ -264,7 +264,7 @@ Expectation = (
 
 @dataclass(frozen=True, kw_only=True)
 class AgentTestCase:
-    """One case of a test file; its agent is as in the language of the case."""
+    """Case of a test file; its agent has the language of the case."""
 
     name: str
     agent: AgentSpec

@@ -67,7 +67,7 @@ _USE = Either((TEXT, Entries(ANY, keys=Key.ANY, single=True)))
 
 
 def _contained(one: Value) -> KeyTable:
-    """Return the keys of a mapping with some of what must come, in order."""
+    """Return the keys of a mapping with some of the expected items, in order."""
     contains = FieldDecl(
         "contains", Several(one), "These, in order; others may come between.", required=True
     )
@@ -164,7 +164,7 @@ def read_test(file: Path | Source, agents: Iterable[AgentSpec], symbols: SymbolT
 
 
 def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTable) -> Scenario:
-    """Return the scenario of a text, a case without name and expect; as :func:`read_test`."""
+    """Return the scenario in a text, a case without name and expect, like :func:`read_test`."""
     reading = TypedReader(Source(file, text))
     fields = reading.file(SCENARIO)
     scenario = ScenarioReader(reading, agent, symbols).read(fields)
@@ -195,7 +195,7 @@ def _agent(
 
 
 def _broken(folder: Path, text: str) -> Path | None:
-    """Return the file of an agent that is there but could not be read."""
+    """Return the file of an existing but unreadable agent."""
     if not _FILE.fullmatch(text):
         return None
     names = (name for name in (text, f"{text}.yaml", f"{text}.yml") if "." in name)
@@ -231,7 +231,7 @@ def _case(
 
 
 class _Languages:
-    """The agent of a test in each language that the file or a case names."""
+    """Agent of a test in each language that the file or a case names."""
 
     def __init__(
         self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable, file: MappingReader
@@ -244,7 +244,7 @@ class _Languages:
         self._usual = self.scenarios(file)
 
     def scenarios(self, fields: MappingReader) -> ScenarioReader:
-        """Return the reader of a case, in its language; what is wrong about that is reported."""
+        """Return the reader of a case, in its language; report problems of the language."""
         node, language = fields.get("language"), fields.name("language")
         if node is None or not language:
             return self._usual
@@ -360,7 +360,7 @@ class _Expectations:
                     yield CancelledBy(cause=cause, position=position)
 
     def _listed(self, node: Node, what: str) -> tuple[tuple[Node, ...], bool]:
-        """Return the items of a list and whether they are meant to be all."""
+        """Return the items of a list, and whether it must be complete."""
         if isinstance(node, MappingNode) and node.get("contains") is not None:
             fields = self._reading.keys(node, _contained(ANY), what)
             inner = fields.get("contains") if fields is not None else None
@@ -386,7 +386,7 @@ class _Expectations:
         )
 
     def _uses(self, items: Iterable[Node], *, any_skill: bool = False) -> tuple[SkillUse, ...]:
-        """Return uses of skills; of those that the agent's tree does not have if ``any_skill``."""
+        """Return uses of skills, with ``any_skill`` also of skills outside the agent's trees."""
         uses = (self._use(item, any_skill) for item in items)
         return tuple(use for use in uses if use is not None)
 
@@ -441,7 +441,7 @@ class _Expectations:
         return skill
 
     def _cause(self, node: Node) -> str | None:
-        """Return what cancels the run, the condition of a mood rule or a reason."""
+        """Return the cause that cancels the run: the condition of a mood rule, or a reason."""
         text = self._reading.text(node, "'cancelled_by'")
         if text is None:
             return None

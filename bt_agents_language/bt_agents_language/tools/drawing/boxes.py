@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Boxes of a drawing: what it shows of each node of a tree."""
+"""Boxes of a drawing: its view of each node of a tree."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bt_agents_language.tools.drawing.value_format import LONGEST_TEXT, format_v
 
 
 class BoxKind(Enum):
-    """Kind of box: these look different in a drawing."""
+    """Kind of box; kinds look different in a drawing."""
 
     COMPOSITE = "composite"
     DECORATOR = "decorator"
@@ -29,12 +29,12 @@ class BoxKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Box:
-    """Box: one node of a drawing.
+    """Box for one node in a drawing.
 
     Attributes:
-        name: The author's name for it; empty when it has none.
-        details: Its values and conditions, one each, with the commas between them.
-        role: What it is to its parent: ``on failure``; empty for an ordinary child.
+        name: The author's name for it; empty if it has none.
+        details: Its values and conditions, one each, including commas between them.
+        role: Its role for its parent: ``on failure``; empty for an ordinary child.
     """
 
     kind: BoxKind
@@ -47,7 +47,7 @@ class Box:
 
 
 def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> Box:
-    """Return what a drawing shows of a node and of all below it, long texts cut off."""
+    """Return the box of a node and of all nodes below it, with shortened texts."""
     return Box(
         kind=_kind(spec),
         word=type_of(spec).drawn_key(spec),
@@ -92,13 +92,13 @@ def _details(spec: NodeSpec, longest_text: int) -> tuple[str, ...]:
 
 
 def _called(spec: NodeSpec) -> str:
-    """Return the name of the subtree that a node does."""
+    """Return the name of the subtree that a node runs."""
     below = spec.children[0].path.removeprefix(f"{spec.path}/") if spec.children else ""
     return below.partition("/")[0].partition("@")[0]
 
 
 def _interface(spec: NodeSpec, longest_text: int) -> list[str]:
-    """Return the ROS interface that a node names itself, and what it sends."""
+    """Return the ROS interface that a node names itself, and the values that it sends."""
     if spec.skill is None or spec.skill.binding is None or type_of(spec) is SKILL:
         return []
     binding = spec.skill.binding
@@ -130,7 +130,7 @@ def _values(spec: NodeSpec, longest_text: int) -> list[str]:
 
 
 def _chosen(spec: NodeSpec, value: Value | Expression, field: NodeField | None) -> str:
-    """Return the names of the children that a field chooses; empty when it chooses none."""
+    """Return the names of the children that a field selects; empty if it selects none."""
     chosen = value.value if isinstance(value, Literal) else None
     if field is None or field.content is not Content.COUNT or not isinstance(chosen, tuple):
         return ""

@@ -32,7 +32,7 @@ _UNSAFE = re.compile(r"[^\w\s.,!?+*/()=…→−–-]")
 
 
 def mermaid(agent: AgentSpec) -> str:
-    """Return the agent's trees as one flowchart, ended by a line feed."""
+    """Return the agent's trees as one flowchart that ends with a line feed."""
     lines = ["---", f"title: {json.dumps(agent.title, ensure_ascii=False)}", "---", "flowchart TD"]
     boxes: list[Box] = []
     for title, spec in (("tree", agent.tree), ("on_cancel", agent.on_cancel)):
@@ -48,7 +48,7 @@ def mermaid(agent: AgentSpec) -> str:
 
 
 def _tree(box: Box, number: int) -> list[str]:
-    """Return the lines of a box and all below it, which are numbered in the order of a walk."""
+    """Return the lines of a box and all below it, numbered in depth-first order."""
     details = _detail_lines(box)
     texts = [box.word, *details] if len(details) > 1 else [" ".join((box.word, *details))]
     label = "<br/>".join(map(_escaped, filter(None, (box.name, *texts))))
@@ -63,7 +63,7 @@ def _tree(box: Box, number: int) -> list[str]:
 
 
 def _detail_lines(box: Box) -> list[str]:
-    """Return the details of a node: all in one line, or one each."""
+    """Return the details of a node, all in one line or one per line."""
     whole = " ".join(box.details)
     if columns(whole) <= _LONGEST_LINE:
         return [whole] if whole else []
@@ -71,5 +71,5 @@ def _detail_lines(box: Box) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Return a text with everything that Mermaid or a browser could misread as its number."""
+    """Return a text with character codes for all that Mermaid or a browser could misread."""
     return _UNSAFE.sub(lambda match: f"#{ord(match[0])};", text)

@@ -25,7 +25,7 @@ _NARROWEST = 24
 
 
 def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
-    """Return the agent's head and trees as text, ended by a line feed, in so many columns.
+    """Return the agent's head and trees as text with a maximum width and a final line feed.
 
     Example:
         ::
@@ -53,7 +53,7 @@ def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
 
 
 def _head_lines(agent: AgentSpec, space: SceneSpace, width: int) -> list[str]:
-    """Return what an agent is, the words lined up, in lines of so many columns."""
+    """Return the description of an agent in aligned lines of a maximum width."""
     entries: dict[str, Sequence[str]] = {
         "profile": [format_profile(agent.profile, space)],
         "requires": [agent.requires.text] if agent.requires is not None else [],
@@ -92,10 +92,10 @@ def _lines(box: Box, file: str, digits: int, width: int, before: str, below: str
 
 
 def packed(pieces: Iterable[str], width: int) -> list[str]:
-    """Return lines of so many columns that hold the pieces one after the other.
+    """Return lines of a maximum width that hold the pieces one after another.
 
-    Each stays in one line if it fits; a longer one is broken between its words, of which only a
-    single one may be wider than a line.
+    Each piece stays in one line if it fits; a longer one is broken between words. Only a single
+    word may be wider than a line.
     """
     lines: list[str] = []
     for piece in pieces:

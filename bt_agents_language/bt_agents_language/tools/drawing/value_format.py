@@ -23,7 +23,7 @@ from bt_agents_language.model.specs import (
 )
 
 LONGEST_TEXT = 60
-"""Characters of a text or expression; the rest is left out."""
+"""Maximum number of characters of a text or expression; the rest is left out."""
 
 
 def format_value(
@@ -31,7 +31,7 @@ def format_value(
     field_type: FieldType = FieldType.ANY,
     longest_text: int = LONGEST_TEXT,
 ) -> str:
-    """Return a value as an author would write it, texts of more characters shortened."""
+    """Return a value as an author would write it, with longer texts shortened."""
 
     def inner(one: Value) -> str:
         return format_value(one, longest_text=longest_text)

@@ -22,7 +22,7 @@ _WITH_TREES = (AGENT, LIBRARY)
 
 
 def folder_symbols(folder: Path, plugins: Mapping[str, NodeType] | None = None) -> SymbolTable:
-    """Return all words that some file of a trees folder may use, those of libraries included.
+    """Return all words that files of a trees folder may use, including those of libraries.
 
     Nodes of plug-ins are those of the installed packages unless others are given.
 
@@ -37,13 +37,13 @@ def folder_symbols(folder: Path, plugins: Mapping[str, NodeType] | None = None) 
         try:
             symbols = symbols.with_skills(libraries.load(path).skills)
         except ImportProblem:
-            # A library with errors offers nothing; checking it is somebody else's part.
+            # A library with errors offers nothing; other tools check it.
             continue
     return symbols
 
 
 def schema_file(kind: str) -> str:
-    """Return the name of the file that the schema of a kind of file stands in."""
+    """Return the name of the schema file for a kind of file."""
     return f"{kind}.schema.json"
 
 
@@ -54,5 +54,5 @@ def schema_of(kind: FileKind, symbols: SymbolTable) -> Schema:
 
 
 def schema_text(kind: FileKind, symbols: SymbolTable) -> str:
-    """Return what stands in the file of a schema."""
+    """Return the text of a schema file."""
     return json.dumps(schema_of(kind, symbols), indent=2, ensure_ascii=False) + "\n"

@@ -51,7 +51,7 @@ _SINGLE: Mapping[Form, Schema] = {
 def file_schema(
     kind: FileKind, space: SceneSpace, definitions: Mapping[str, Schema] | None = None
 ) -> Schema:
-    """Return the schema of a kind of file, where names of scene parameters are keys.
+    """Return the schema of a kind of file, with names of scene parameters as keys.
 
     Its definitions are the shared tables of the file and any others that it refers to.
     """
@@ -75,12 +75,12 @@ def file_schema(
 
 
 def table_schema(table: KeyTable) -> Schema:
-    """Return the schema of a mapping that is the same whatever the scene parameters are."""
+    """Return the schema of a mapping that does not depend on the scene parameters."""
     return SchemaGenerator(SceneSpace(parameters=(), mood=None)).table(table)
 
 
 class SchemaGenerator:
-    """Makes schemas of values from their declarations."""
+    """Generator of schemas of values from their declarations."""
 
     def __init__(self, space: SceneSpace) -> None:
         self._space = space
@@ -109,11 +109,11 @@ class SchemaGenerator:
 
     def _condition_names(self) -> list[str]:
         known = [*scene_names(self._space), *mood_names(self._space)]
-        # Those of parameters first, as they are what a condition is mostly about.
+        # Names of parameters come first, because conditions mostly use them.
         return sorted(known, key=lambda name: name.rpartition(".")[2] not in self._space.names)
 
     def value(self, declared: Value) -> Schema:
-        """Return the schema of what may stand behind a key."""
+        """Return the schema of the values of a key."""
         match declared:
             case Single():
                 return self._single(declared)

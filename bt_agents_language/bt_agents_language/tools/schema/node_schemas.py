@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON Schema of a node: every node type, skill and decorator that may stand there."""
+"""JSON Schema of a node with all node types, skills and decorators."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _CONTENT: Mapping[Content, Schema] = {
 def node_definitions(symbols: SymbolTable) -> Mapping[str, Schema]:
     """Return the definitions that a schema with trees needs.
 
-    A node is one mapping with every key that may stand in it, not one alternative for each kind:
-    so an editor offers all keys at once, and a mistake in one field is reported there, not as a
-    node that fits no alternative.
+    A node is one mapping with all of its possible keys, not one alternative per kind: so editors
+    offer all keys at once, and report a mistake in a field there, not as a node that fits no
+    alternative.
     """
     nodes = {
         **{key: _type(one, symbols.space) for key, one in symbols.node_types.items()},
@@ -83,7 +83,7 @@ def node_definitions(symbols: SymbolTable) -> Mapping[str, Schema]:
 
 
 def _having(sibling: str, symbols: SymbolTable) -> list[str]:
-    """Return the keys beside which a sibling key may stand."""
+    """Return the keys that allow a sibling key."""
     types = [one.key for one in symbols.node_types.values() if sibling in one.siblings]
     return [*types, *(symbols.skills if sibling in SKILL.siblings else ())]
 
@@ -100,8 +100,8 @@ def _one_of(keys: list[str], message: str) -> Schema:
 def _documented(page: NodePage, schema: Schema) -> Schema:
     """Return the schema of a key with its page for hovering.
 
-    The schema stands under ``allOf``: an editor that completes the key would else write down
-    every field of it. The type beside it says what the editor begins: a list, a mapping or text.
+    The schema is in ``allOf``: otherwise an editor that completes the key would insert all of its
+    fields. The type next to it tells the editor what to begin: a list, a mapping or a text.
     """
     documented: Schema = {
         "title": page.key,
@@ -128,7 +128,7 @@ def _markdown(page: NodePage) -> str:
 
 
 def _snippet(names: list[str]) -> Schema:
-    """Return a snippet that writes down fields."""
+    """Return a snippet that inserts fields."""
     body = {name: f"${at}" for at, name in enumerate(names, start=1)}
     return {"label": ", ".join(names), "body": body}
 
@@ -141,7 +141,7 @@ def _type(node_type: NodeType, space: SceneSpace) -> Schema:
     scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.profiles.names}
     properties = {}
     for field in node_type.fields:
-        # Only the goals, requests and messages of ROS have fields that no table knows.
+        # Only goals, requests and messages of ROS have fields outside the tables.
         of_scene = field.content is Content.MAP and node_type.interface is None
         schema = mapping(scene, []) if of_scene else _content(field)
         properties[field.name] = described(schema, field.description)
@@ -210,8 +210,8 @@ def _leaf(
 ) -> Schema:
     """Return the schema of fields in a mapping, or of the main one as a scalar.
 
-    Both stand in one schema where that is possible, which gives one clear message a mistake.
-    ``empty`` allows to write nothing where no field is needed.
+    If possible, one schema covers both, which gives one clear message per mistake. ``empty``
+    allows an empty value if no field is required.
     """
     types: list[object] = ["object", *(["null"] if empty and not required else [])]
     fields: Schema = {**mapping(properties, required), "type": types if types[1:] else "object"}

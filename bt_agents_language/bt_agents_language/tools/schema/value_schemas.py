@@ -14,7 +14,7 @@ Schema: TypeAlias = dict[str, object]
 """A JSON Schema, draft 7, with the annotations that yaml-language-server and VS Code know."""
 
 NODE: Schema = {"$ref": "#/definitions/node"}
-"""A node, wherever one stands."""
+"""Node, at any place."""
 
 _NUMBER = r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?"
 _INTEGER = r"[-+]?[0-9]+"
@@ -26,7 +26,7 @@ _ROS_NAME = r"^[A-Za-z~/_][A-Za-z0-9_/~]*$"
 _ROS_NAME_WITH_PLACEHOLDERS = r"^[A-Za-z~/_<][A-Za-z0-9_/~<>]*$"
 
 TEXT: Schema = {"type": _SCALAR}
-"""A text; a number or ``true`` is taken as it is written."""
+"""Text; a number or ``true`` is taken as written."""
 
 CONDITION: Schema = {"type": ["string", "boolean"]}
 
@@ -41,7 +41,7 @@ NAME: Schema = {
     "pattern": _NAME,
     "patternErrorMessage": "a name has small letters a-z, digits and '_', a letter first",
 }
-"""A name that a file introduces."""
+"""Name that a file introduces."""
 
 ROS_TYPE: Schema = {
     "type": "string",
@@ -51,12 +51,12 @@ ROS_TYPE: Schema = {
 
 
 def described(schema: Schema, text: str) -> Schema:
-    """Return a schema with what an editor shows about it."""
+    """Return a schema with its description for editors."""
     return {"description": text, **schema} if text else schema
 
 
 def names(values: Schema, pattern: str = _NAME) -> Schema:
-    """Return the schema of a mapping from names, new ones of the author, to values."""
+    """Return the schema of a mapping from names of the author's choice to values."""
     return {
         "type": "object",
         "propertyNames": {"pattern": pattern},
@@ -75,19 +75,19 @@ def mapping(properties: Mapping[str, Schema], required: list[str]) -> Schema:
 
 
 def number(minimum: float | None = None, maximum: float | None = None) -> Schema:
-    """Return the schema of a number in a range, without any name in it."""
+    """Return the schema of a number in a range, without names."""
     schema = _quantity(f"^\\s*{_NUMBER}\\s*$", "a number")
     return schema | _limits(minimum, maximum)
 
 
 def integer(minimum: float | None = None, maximum: float | None = None) -> Schema:
-    """Return the schema of a whole number, without any name in it."""
+    """Return the schema of an integer, without names."""
     schema = _quantity(f"^\\s*{_INTEGER}\\s*$", "a whole number")
     return schema | {"type": ["string", "integer"]} | _limits(minimum, maximum)
 
 
 def quantity(field_type: FieldType) -> Schema:
-    """Return the schema of a time or length that is not negative, without any name in it."""
+    """Return the schema of a non-negative time or length, without names."""
     return _with_unit(field_type) | _limits(0, None)
 
 
@@ -105,7 +105,7 @@ def ros_name(*, placeholders: bool = False) -> Schema:
 def value(
     field_type: FieldType, minimum: float | None = None, words: tuple[str, ...] = ()
 ) -> Schema:
-    """Return the schema of a value in which ``${…}`` may stand, or one of some words."""
+    """Return the schema of a value that may contain ``${…}``, or of one of some words."""
     match field_type:
         case FieldType.ANY:
             return {"type": [*_SCALAR, "array", "object"]}

@@ -20,10 +20,10 @@ def pattern_names() -> tuple[str, ...]:
 
 
 def pattern_file(name: str) -> Path:
-    """Return the agent file of a pattern; its test lies beside it.
+    """Return the agent file of a pattern; its test is next to it.
 
     Raises:
-        BtAgentsError: There is none of this name.
+        BtAgentsError: There is no such pattern.
     """
     known = pattern_names()
     if name not in known:
@@ -33,7 +33,7 @@ def pattern_file(name: str) -> Path:
 
 
 def tests_beside(agent: Path) -> Path:
-    """Return the path of the tests that lie beside an agent file."""
+    """Return the path of the tests next to an agent file."""
     return agent.with_name(f"{agent.stem}{_TEST}")
 
 

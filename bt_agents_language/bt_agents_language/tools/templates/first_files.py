@@ -14,7 +14,7 @@ from bt_agents_language.model.specs import SkillSpec
 
 
 class _Template(Template):
-    """Text with names such as ``@{name}``, as ``$`` and braces have a meaning in trees."""
+    """Text with names such as ``@{name}``, because ``$`` and braces have a meaning in trees."""
 
     delimiter = "@"
 
@@ -28,10 +28,10 @@ def _filled(template: str, **names: str) -> str:
 def new_agent(
     name: str, folder: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillSpec]
 ) -> str:
-    """Return the text of an agent file, whose profile fits the parameters of the scene.
+    """Return the text of an agent file whose profile fits the parameters of the scene.
 
-    It says something when there is a usable skill ``say``, else it only writes a log; the folder
-    and the file are named as the author would.
+    The agent speaks if there is a usable skill ``say``, otherwise it only logs; the folder and the
+    file have the names that the author would use.
     """
     return _filled(
         "agent",
@@ -49,7 +49,7 @@ def new_agent(
 def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillSpec]) -> str:
     """Return the text of a test for the agent that :func:`new_agent` makes."""
     parameter = scene.space.parameters[0]
-    # The default is high enough, unless it is the smallest value.
+    # The default is large enough, unless it is the smallest value.
     high = {} if _middle(parameter) == parameter.default else {parameter.name: parameter.maximum}
     high_scene = _scene(scene.space, high)
     mood = _mood(scene.space)
@@ -59,7 +59,7 @@ def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillS
             "test_stopped", scene=high_scene, mood=mood.name, worst=_number(mood.minimum)
         )
     remarks = _remarks(scene.space, skills)
-    # Where there is no voice, a test has no line about all that is said.
+    # Without a voice, a test has no line about speech.
     says = "      says: [Hello., {}, Good-bye.]\n" if remarks["say"] == "say" else ""
     return _filled(
         "test",
@@ -80,7 +80,7 @@ def new_library(name: str, skills: Mapping[str, SkillSpec]) -> str:
 
 
 def new_first_test(name: str, file: str, scene: Mapping[str, float], ends: str) -> str:
-    """Return the text of a first test for an agent that is there, and ends so in a scene."""
+    """Return the text of a first test for an existing agent, with its ending in a scene."""
     return _filled("first_test", name=name, file=file, scene=_flow(scene), ends=ends)
 
 
@@ -113,7 +113,7 @@ def new_sweep(name: str, file: str) -> str:
 
 
 def _remarks(space: SceneSpace, skills: Mapping[str, SkillSpec]) -> dict[str, str]:
-    """Return what an agent and its test say, and about which parameter."""
+    """Return the remarks of an agent and its test, and the parameter that they are about."""
     parameter = space.parameters[0]
     middle = _number(_middle(parameter))
     return {
@@ -126,7 +126,7 @@ def _remarks(space: SceneSpace, skills: Mapping[str, SkillSpec]) -> dict[str, st
 
 
 def _say(skills: Mapping[str, SkillSpec]) -> str:
-    """Return the node that takes a text: the skill ``say`` if it is usual, else ``log``."""
+    """Return the node for a text: the skill ``say`` if it has the usual form, else ``log``."""
     skill = skills.get("say")
     if skill is None:
         return "log"
@@ -136,7 +136,7 @@ def _say(skills: Mapping[str, SkillSpec]) -> str:
 
 
 def _scene(space: SceneSpace, values: Mapping[str, float]) -> str:
-    """Return a scene of defaults, apart from some values."""
+    """Return a scene of defaults with some other values."""
     return _flow({one.name: values.get(one.name, one.default) for one in space.parameters})
 
 
@@ -178,7 +178,7 @@ def _mood(space: SceneSpace) -> SceneParameter | None:
 
 
 def _middle(parameter: SceneParameter) -> float:
-    """Return a value that a scene can be below of: the default, if it is not the smallest."""
+    """Return a value that a scene can be below: the default, unless it is the smallest."""
     if parameter.default > parameter.minimum:
         return parameter.default
     return (parameter.minimum + parameter.maximum) / 2
