@@ -143,7 +143,7 @@ def _nonblocking(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _persistent(tree: TreeImport, element: Element) -> YamlNode:
-    """Return children that are done behind the one at which an entry says that it is."""
+    """Return a sequence that resumes after the child whose number an entry holds."""
     entry = pointed_at(element.get("current_child_idx"))
     if entry is None:
         return unknown_parent(tree, element)

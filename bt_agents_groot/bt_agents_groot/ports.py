@@ -78,7 +78,7 @@ def as_port(node: Node, field_type: FieldType) -> str:
 
 
 def variants_port(node: Node) -> str:
-    """Return the text of a port for several texts, of which a skill takes one."""
+    """Return the text of a port for several texts; a skill takes one of them."""
     return _as_json({ONE_OF: plain_data(node)})
 
 

@@ -34,7 +34,7 @@ _FITTING = {
 """Type of a place → allowed types of names there; texts and any accept every name."""
 
 ONE_OF = "one_of"
-"""Key in place of a skill's main text, for several texts of which the skill takes one."""
+"""Key in place of a skill's main text, for several texts; the skill takes one."""
 
 EXPECTED = {
     FieldType.TEXT: "a text",

@@ -65,7 +65,7 @@ class Items:
     Attributes:
         filled: Whether one item at least must be there.
         empty: Message about a list without items where that is an error; else empty.
-        add: Hint beside that message.
+        add: Hint with that message.
         unique: Whether items must differ.
     """
 
@@ -106,7 +106,7 @@ class Entries:
         of: The entries, for messages: ``names and tunables``.
         filled: Whether one entry at least must be there.
         empty: Message about a mapping without entries where that is an error; else empty.
-        add: Hint beside that message.
+        add: Hint with that message.
         single: Whether there is exactly one entry.
     """
 
