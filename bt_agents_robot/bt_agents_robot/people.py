@@ -71,6 +71,11 @@ def readings(
     return found
 
 
+def _nearest_row(source: SourceSpec, value: float) -> tuple[str, float]:
+    """Return the word of a table whose value is the nearest, with that value."""
+    return min(source.table, key=lambda row: abs(row[1] - value))
+
+
 def sample_reading(spec: SceneSpec, source: SourceSpec) -> float | str:
     """Return a possible reading of a source."""
     if spec.persons is not None and source in spec.persons.parts:
@@ -85,7 +90,7 @@ def part_id(part: SourceSpec) -> str:
 
 def _reading(source: SourceSpec, value: float) -> float | str:
     if source.table:
-        return min(source.table, key=lambda row: abs(row[1] - value))[0]
+        return _nearest_row(source, value)[0]
     return inverted(source.points, value)
 
 
@@ -113,7 +118,7 @@ def is_measured(
             continue
         value = values[source.parameter]
         if source.table:
-            value = min((row[1] for row in source.table), key=lambda one: abs(one - value))
+            value = _nearest_row(source, value)[1]
         one = spec.space.parameter(source.parameter)
         off = abs(measured.get(source.parameter, math.inf) - value)
         if off > _NEAR * (one.maximum - one.minimum):

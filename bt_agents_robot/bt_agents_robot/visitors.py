@@ -293,8 +293,13 @@ class VisitorsNode(BaseNode):
         values = self._readings()
         if self._tracker is not None:
             self._tracker.publish_person(self._id if self._person else "", values)
-        for sensor in (*self._sensors, *(self._personal if self._person else ())):
+        for sensor in self._sensors_in_use:
             sensor.publish(values)
+
+    @property
+    def _sensors_in_use(self) -> list[_Sensor]:
+        """Those of everybody, and those of the visitor while it is a person."""
+        return self._sensors + (self._personal if self._person else [])
 
     def _readings(self) -> dict[SourceSpec, float | str]:
         return readings(self._spec, self._values, self._person, self._name)
@@ -353,8 +358,7 @@ class VisitorsNode(BaseNode):
         """Request the scene once every used sensor has a subscriber and was measured."""
         if self._sensing_pending:
             values = self._readings()
-            sensors = (*self._sensors, *(self._personal if self._person else ()))
-            used = [one.publisher for one in sensors if one.has_reading(values)]
+            used = [one.publisher for one in self._sensors_in_use if one.has_reading(values)]
             used += [self._tracker.publisher] if self._tracker is not None else []
             in_use = (self._trigger, *used)
             silent = [one.topic_name for one in in_use if one.get_subscription_count() == 0]
