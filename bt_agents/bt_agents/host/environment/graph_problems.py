@@ -65,6 +65,13 @@ class GraphProblems:
         return message
 
 
+def other_types(expected: str, shown: Collection[str]) -> str:
+    """Return the types on the graph and the expected one; empty if that is among them, or none."""
+    if not shown or expected in shown:
+        return ""
+    return f"{join_first(sorted(shown))}, expected {expected}"
+
+
 def topic_problem(topic: str, expected: str, published: Collection[str], *, kept: bool) -> str:
     """Return why a leaf receives nothing new on a topic; empty for no known reason.
 
@@ -74,8 +81,8 @@ def topic_problem(topic: str, expected: str, published: Collection[str], *, kept
         published: Types of its publishers on the graph.
         kept: Whether an earlier message counts.
     """
-    if published and expected not in published:
-        return f"{topic} is published as {join_first(sorted(published))}, expected {expected}"
+    if other := other_types(expected, published):
+        return f"{topic} is published as {other}"
     if kept and not published:
         return f"the last message of {topic} counts, though nothing publishes it any more"
     return ""

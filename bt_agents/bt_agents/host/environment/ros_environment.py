@@ -25,7 +25,7 @@ from bt_agents.host.environment.goal import (
     RosRequest,
     Servers,
 )
-from bt_agents.host.environment.graph_problems import GraphProblems, topic_problem
+from bt_agents.host.environment.graph_problems import GraphProblems, other_types, topic_problem
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.plugin_node import PluginGoal, RosPluginNode
 from bt_agents.host.environment.silent_servers import SilentServers
@@ -36,7 +36,6 @@ from bt_agents_core.local_time import LocalTime, local_time
 from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import SceneSpace
-from bt_agents_core.text import join_first
 from bt_agents_interfaces.msg import RunKey as RunKeyMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import Binding, NodeSpec
@@ -345,26 +344,26 @@ class RosEnvironment:
 
     def look_again(self) -> None:
         """Look at the graph again, for problems and for publishers of topics."""
-        for latched in self._latched.values():
-            latched.look()
-        for topic, type_name in self._watched:
-            self._look_at_topic(topic, type_name)
+        published = {key: latched.look() for key, latched in self._latched.items()}
+        for key in self._watched:
+            self._look_at_topic(*key, published.get(key))
         for action in self.graph_problems.watched:
             self._look(action)
 
-    def _look_at_topic(self, topic: str, type_name: str) -> None:
+    def _look_at_topic(
+        self, topic: str, type_name: str, published: frozenset[str] | None = None
+    ) -> None:
         latched = self._latched.get((topic, type_name))
         kept = latched is not None and latched.keeps_message
-        published = types_on_graph(self._node, BindingKind.TOPIC, topic)
+        if published is None:
+            published = types_on_graph(self._node, BindingKind.TOPIC, topic)
         problem = topic_problem(topic, type_name, published, kept=kept)
         self.graph_problems.report(topic, problem)
 
     def _other_type(self, goal: SkillGoal) -> str:
         """Return in words that the graph shows another type for a goal's server; else empty."""
-        shown = types_on_graph(self._node, goal.kind, goal.name)
-        if not shown or goal.type in shown:
-            return ""
-        return f"the graph shows {goal.name} as {join_first(sorted(shown))}, expected {goal.type}"
+        other = other_types(goal.type, types_on_graph(self._node, goal.kind, goal.name))
+        return f"the graph shows {goal.name} as {other}" if other else ""
 
     def _look(self, action: str) -> Servers:
         """Return the servers of an action; several servers are a problem."""

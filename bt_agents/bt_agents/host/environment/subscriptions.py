@@ -102,13 +102,17 @@ class LatchedTopic:
         if self._second is not None:
             self._node.destroy_subscription(self._second)
 
-    def look(self) -> None:
-        """Check on the graph whether a publisher needs the second subscription."""
-        name = self._subscription.topic_name
+    def look(self) -> frozenset[str]:
+        """Check on the graph whether a publisher needs the second subscription.
+
+        Returns:
+            Types of the publishers, ``package/msg/Name``.
+        """
+        endpoints = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
         needed = any(
             one.qos_profile.durability is not DurabilityPolicy.TRANSIENT_LOCAL
             or one.qos_profile.reliability is not ReliabilityPolicy.RELIABLE
-            for one in self._node.get_publishers_info_by_topic(name)
+            for one in endpoints
         )
         if needed and self._second is None:
             self._second = self._node.create_subscription(
@@ -117,6 +121,7 @@ class LatchedTopic:
         elif not needed and self._second is not None:
             self._node.destroy_subscription(self._second)
             self._second = None
+        return frozenset(one.topic_type for one in endpoints)
 
     def _receive(self, message: Any, info: Mapping[str, Any]) -> None:
         sent_ns = int(info["source_timestamp"])
