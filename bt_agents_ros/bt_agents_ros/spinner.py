@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from bt_agents_core.errors import NodeMustEnd
-from bt_agents_core.liveness import LONGEST_PAUSE_S
+from bt_agents_core.liveness import LONGEST_PAUSE_S, StallDetector
 from bt_agents_ros.local_bus import LocalBus
 from bt_agents_ros.node_main import READY, RESTARTED, SUPERVISED
 from bt_agents_ros.parameters import report_unknown
@@ -165,15 +165,13 @@ def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
         try:
             with interrupt.waking(spinner.executor.wake):
                 restarted = RESTARTED in os.environ
-                looked_at = time.monotonic()
+                pauses = StallDetector(time.monotonic(), limit_s=LONGEST_PAUSE_S)
                 while not interrupt and rclpy.ok():
                     spinner.spin_once(_CHECK_S)
-                    pause_s = time.monotonic() - looked_at
-                    looked_at += pause_s
-                    if restarted and pause_s > LONGEST_PAUSE_S:
+                    if restarted and pauses.hold_off_s(time.monotonic()):
                         raise NodeMustEnd(
-                            f"this process was paused for {pause_s:.0f} s, and others may have "
-                            "dropped it, so it starts again"
+                            f"this process was paused for {pauses.last_stall_s:.0f} s, and others "
+                            "may have dropped it, so it starts again"
                         )
         except NodeMustEnd as reason:
             print(f"error: {reason}", file=sys.stderr)
