@@ -88,8 +88,10 @@ class Diagnostics:
             position = position._replace(line=0, column=0)
         key = (position, diagnostic.code, diagnostic.message)
         if key in found:
-            found[key] = _joined(found[key], diagnostic)
-        if key in found or len(found) >= MAX_COLLECTED:
+            if diagnostic.inserted:
+                found[key] = _joined(found[key], diagnostic)
+            return
+        if len(found) >= MAX_COLLECTED:
             return
         found[key] = replace(diagnostic, excerpt=self._line(diagnostic.position.line))
         if len(self) >= MAX_COLLECTED:
