@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from bt_agents_language.nodes.catalogue import DECORATORS
+from bt_agents_language.nodes.selector import SELECTOR
+from bt_agents_language.nodes.sequence import SEQUENCE
 from bt_agents_language.yaml.scalars import quoted
 
 
@@ -109,7 +111,7 @@ def can_be_skipped(node: YamlNode) -> bool:
     """Return whether a decorator can skip a node, or each child of a sequence or selector."""
     if any(key in node.decorators for key in _SKIPPING):
         return True
-    composite = node.key in ("sequence", "selector") and bool(node.children)
+    composite = node.key in (SEQUENCE.key, SELECTOR.key) and bool(node.children)
     return composite and all(map(can_be_skipped, node.children))
 
 
