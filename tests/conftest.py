@@ -10,14 +10,16 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from bt_agents_tools.launcher.domain_lock import reserve_domain
+from bt_agents_tools.launcher.domain_lock import reserve_domain, runtime_folder
 from bt_agents_tools.launcher.supervisor import set_discovery
 from skipped_tests import judge
 
 # The same examples in each run, and no deadline: whether a law holds is no matter of the machine.
 settings.load_profile("ci")
 
-# Child processes inherit the domain.
+# Child processes inherit the domain, and the folder of its lock: with a state folder of their own
+# they would find another one, and take a domain that a test has reserved.
+os.environ["XDG_RUNTIME_DIR"] = str(runtime_folder())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
 set_discovery(os.environ)

@@ -85,7 +85,7 @@ def announce(page: Page, label: str, **values: float) -> None:
         slider = page.locator(f"#world-{name}")
         slider.fill(str(value))
         page.locator(".control", has=slider).get_by_role("checkbox").check()
-    page.get_by_label("Label").fill(label)
+    page.get_by_label("Label", exact=True).fill(label)
     page.get_by_role("button", name="Announce the scene").click()
 
 

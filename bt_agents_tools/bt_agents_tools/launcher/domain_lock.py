@@ -36,8 +36,9 @@ LOGINS = Path("/run/user")
 
 _LONGEST_NAME = 300
 _TURN_POLL_S = 0.2
-_FIRST_PORT, _PORTS_OF_A_DOMAIN = 7410, 250
-"""Port of the first participant of domain 0, and the number of ports per domain, as in RTPS."""
+_FIRST_PORT, _PORTS_OF_A_DOMAIN, _PORTS_OF_A_PARTICIPANT = 7410, 250, 2
+_MOST_PARTICIPANTS = 120
+"""Port of the first participant of domain 0, and the numbers of ports and participants in RTPS."""
 
 
 def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
@@ -197,13 +198,19 @@ def _is_private(folder: Path) -> bool:
 
 
 def _is_used(domain: int) -> bool:
-    """Return whether a domain has a first participant, of any user."""
+    """Return whether a domain has a participant, of any user."""
+    first = _FIRST_PORT + _PORTS_OF_A_DOMAIN * domain
+    last = first + _PORTS_OF_A_PARTICIPANT * _MOST_PARTICIPANTS
+    return not all(map(_is_free, range(first, last, _PORTS_OF_A_PARTICIPANT)))
+
+
+def _is_free(port: int) -> bool:
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
         try:
-            probe.bind(("127.0.0.1", _FIRST_PORT + _PORTS_OF_A_DOMAIN * domain))
+            probe.bind(("127.0.0.1", port))
         except OSError:
-            return True
-    return False
+            return False
+    return True
 
 
 def _take_lock(lock: int) -> bool:

@@ -9,7 +9,7 @@ import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.commands.tune import user
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
+from bt_agents_tools.cli.connection import BUSY_LIMIT_S, accepted, connect
 
 _notes = click.option("--notes", default="", help="More words about it.")
 _author = click.option("--author", default=user, show_default="you", help="Who asks.")
@@ -50,7 +50,7 @@ def mark(label: str, notes: str, author: str) -> None:
 
 def _ask(action: str, **fields: Any) -> None:
     with connect() as observer:
-        answer = observer.ask("journal/record", find_s=FIND_LIMIT_S, action=action, **fields)
+        answer = observer.ask("journal/record", find_s=BUSY_LIMIT_S, action=action, **fields)
         if answer is None:
             raise BtAgentsError(
                 "no journal runs, so nothing can be recorded; 'bt-agents up --journal' starts the "
