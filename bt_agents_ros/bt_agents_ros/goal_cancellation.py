@@ -139,40 +139,29 @@ class GoalCanceller:
         """
         tracked = [(goal, CancelledGoal(several)) for goal in goals]
         room = MOST_CANCELLED - sum(len(one.goals) for one in self._open)
-        servers: dict[str, _Server | None] = {}
+        servers: dict[str, _Server] = {}
         for goal, track in tracked[: max(0, room)]:
             if goal.action not in servers:
                 servers[goal.action] = self._connect(goal.action)
-            server = servers[goal.action]
-            if server is not None:
-                server.goals.append((goal, track))
+            servers[goal.action].goals.append((goal, track))
         self._open.append(
             _Cancellation(
                 goals=tracked,
-                servers=[server for server in servers.values() if server is not None],
+                servers=list(servers.values()),
                 due=time.monotonic() + within_s,
                 on_end=on_end,
             )
         )
         self._timer.reset()
 
-    def _connect(self, action: str) -> _Server | None:
-        """Return a connection to a server; None if the name is unusable."""
-        client = None
-        try:
-            client = self._node.create_client(
-                CancelGoal, f"{action}/_action/cancel_goal", qos_profile=qos.SERVICE
-            )
-            server = _Server(client=client, states=None)
-            server.states = self._node.create_subscription(
-                GoalStatusArray, f"{action}/_action/status", partial(_on_states, server), qos.FACT
-            )
-        except Exception as error:
-            # The name comes from outside; rclpy's errors for bad names have no common base class.
-            if client is not None:
-                self._node.destroy_client(client)
-            self._node.get_logger().warning(f"goals of {action} cannot be cancelled: {error}")
-            return None
+    def _connect(self, action: str) -> _Server:
+        client = self._node.create_client(
+            CancelGoal, f"{action}/_action/cancel_goal", qos_profile=qos.SERVICE
+        )
+        server = _Server(client=client, states=None)
+        server.states = self._node.create_subscription(
+            GoalStatusArray, f"{action}/_action/status", partial(_on_states, server), qos.FACT
+        )
         return server
 
     def _poll(self) -> None:

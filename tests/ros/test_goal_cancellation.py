@@ -118,15 +118,6 @@ def test_goals_of_a_server_that_is_not_there_are_not_confirmed(ros: Any, client:
     assert client.cancel(goal, within_s=SHORT_S) == (goal,)
 
 
-def test_a_name_that_ros_refuses_is_not_confirmed_and_the_others_are(
-    ros: Any, client: Client
-) -> None:
-    ScriptedServer(ros, script=Script(finish_s=None))
-    goal = client.send()
-    bad = OpenGoal(path="tree", action="/a__b", goal_id=b"7" * 16)
-    assert client.cancel(goal, bad, within_s=5.0) == (bad,)
-
-
 def test_nothing_of_a_cancellation_is_left_on_the_node(ros: Any, client: Client) -> None:
     ScriptedServer(ros, script=Script(finish_s=None))
     goal = client.send()
