@@ -234,14 +234,12 @@ def _one_process(effort: Effort) -> Iterator[Row]:
             ("idle", computed, "% of a core", _IDLE_LIMIT),
             ("memory", memory, "MiB", _MEMORY_LIMIT_MIB),
         ):
-            yield Row(
+            yield Row.within(
+                limit,
                 case=f"{what}, {AGENTS} agents, one process",
                 side="bt-agents",
                 values=values,
-                floor="the limit",
-                floor_values=[limit] * len(values),
                 unit=unit,
-                goal=1.0,
             )
 
 

@@ -12,6 +12,9 @@ from random import Random
 HOT = "hot"
 """Back to back."""
 
+ROUND_LIMIT_S = 0.12
+"""A round with 1,000 agents takes no longer [s]."""
+
 COLD = "cold"
 """One at a time, with a pause before each."""
 
@@ -70,6 +73,31 @@ class Row:
     at_least: bool = False
     pace: str = ""
     note: str = ""
+
+    @classmethod
+    def within(
+        cls,
+        limit: float,
+        *,
+        case: str,
+        side: str,
+        values: Sequence[float],
+        floor: str = "the limit",
+        unit: str = "s",
+        goal: float = 1.0,
+        pace: str = "",
+    ) -> Row:
+        """Return the comparison of figures with a limit, in their unit."""
+        return cls(
+            case=case,
+            side=side,
+            values=values,
+            floor=floor,
+            floor_values=[limit] * len(values),
+            unit=unit,
+            goal=goal,
+            pace=pace,
+        )
 
     def __post_init__(self) -> None:
         """Refuse a row that cannot be compared.

@@ -16,15 +16,12 @@ from marketplace_node.round.ranking import decide
 from marketplace_node.round.round_model import RoundModel
 from marketplace_node.strategies import STRATEGIES, round_rng
 from marketplace_node.strategies.arrays import Floats, Integers
-from measuring import Effort, Row, in_turn, timed
+from measuring import ROUND_LIMIT_S, Effort, Row, in_turn, timed
 
 HIGHEST = 10.0
 PARAMETERS = 3
 SORTED = ((10, 3), (100, 8), (1_000, 16), (10_000, 64))
 CLOSED = (3, 1_000)
-LIMIT_S = 0.12
-"""A round with 1,000 agents takes no longer [s]."""
-
 NUMBERS_A_TURN = 600_000
 """About so many numbers are compared in each measurement."""
 
@@ -161,13 +158,8 @@ def _decision(agents: int, effort: Effort) -> Row:
 
     number = max(1, _number(agents * PARAMETERS * 100, effort))
     found = in_turn({OURS: timed(round_of, number)}, effort)[OURS]
-    return Row(
-        case=f"bids to decision, {agents:,} agents",
-        side=OURS,
-        values=found,
-        floor="the limit",
-        floor_values=[LIMIT_S] * len(found),
-        goal=1.0,
+    return Row.within(
+        ROUND_LIMIT_S, case=f"bids to decision, {agents:,} agents", side=OURS, values=found
     )
 
 

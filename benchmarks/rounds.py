@@ -25,7 +25,7 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import Analyze, CollectFeedback, PreviewAuction, RegisterHost
 from bt_agents_ros.messages import seconds
 from bt_agents_tools.launcher import components
-from measuring import COLD, HOT, PAUSE_S, Effort, Row, Way, in_turn
+from measuring import COLD, HOT, PAUSE_S, ROUND_LIMIT_S, Effort, Row, Way, in_turn
 from processes import Graph, graphs, write_trees
 
 TREE = "{check: scene.age >= 1}"
@@ -48,8 +48,6 @@ HOPS = (
     "five hops (request, scene, call, bids, goal) and a start beside four; bare nodes that do the "
     "same have the same five"
 )
-LIMIT_S = 0.12
-"""A round with 1,000 agents takes no longer [s]."""
 
 Once = Callable[[], float]
 """Does something once; returns how long it took [s]."""
@@ -313,13 +311,11 @@ def many_agents(effort: Effort) -> Iterator[Row]:
         one.until_ready()
         for pace in NUMBER:
             found = in_turn({"": _paced(one.bidding, one.graph, pace, effort)}, effort)[""]
-            yield Row(
+            yield Row.within(
+                ROUND_LIMIT_S,
                 case=f"call → outcome, {agents:,} agents in a host",
                 side="bt-agents",
                 values=found,
-                floor="the limit",
-                floor_values=[LIMIT_S] * len(found),
-                goal=1.0,
                 pace=pace,
             )
 
@@ -373,12 +369,12 @@ def dead_agent(effort: Effort) -> Iterator[Row]:
 
         found = in_turn({"worst": worst}, effort)["worst"]
         assert min(lengths) >= DEADLINE_S, min(lengths)
-        yield Row(
+        yield Row.within(
+            DEADLINE_S,
             case=f"deadline with 1 silent agent of {agents + 1:,}",
             side="worst of 8",
             values=found,
             floor="bid_deadline",
-            floor_values=[DEADLINE_S] * len(found),
             goal=1.004,
         )
 

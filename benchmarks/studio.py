@@ -229,18 +229,6 @@ def measure(effort: Effort) -> Iterator[Row]:
     yield from _clients(effort, window_s, repetitions)
 
 
-def _limit(case: str, side: str, values: Sequence[float], limit: float, unit: str = "s") -> Row:
-    return Row(
-        case=case,
-        side=side,
-        values=values,
-        floor="the limit",
-        floor_values=[limit] * len(values),
-        unit=unit,
-        goal=1.0,
-    )
-
-
 def _first_page() -> Row:
     """Return what a browser without a cache loads before the first page is drawn."""
     folder = Path(bt_agents_studio.__file__).parent / "page"
@@ -248,7 +236,13 @@ def _first_page() -> Row:
     names = ["index.html", *re.findall(r'(?:src|href)="/([^"]+)"', index)]
     files = [folder / name for name in names if (folder / name).is_file()]
     size = sum(len(gzip.compress(file.read_bytes(), _LEVEL)) for file in files) / 1e3
-    return _limit("first page", f"gzip, {len(files)} files", [size], FIRST_PAGE_KB, "kB")
+    return Row.within(
+        FIRST_PAGE_KB,
+        case="first page",
+        side=f"gzip, {len(files)} files",
+        values=[size],
+        unit="kB",
+    )
 
 
 def _address(graph: Graph, server: Running) -> str:
@@ -302,9 +296,13 @@ def _page_rows(
     ours = found["studio"]
     note = f"{CHANGES} nodes change in each tick; the studio sends at most 30 messages a second"
     yield both("status → painted, median", "s", median, note)
-    yield _limit(case, "status → painted, median", [median(one) for one in ours], PAINTED_S)
+    yield Row.within(
+        PAINTED_S, case=case, side="status → painted, median", values=[median(one) for one in ours]
+    )
     yield both("status → painted, p99", "s", slowest)
-    yield _limit(case, "status → painted, p99", [slowest(one) for one in ours], SLOWEST_S)
+    yield Row.within(
+        SLOWEST_S, case=case, side="status → painted, p99", values=[slowest(one) for one in ours]
+    )
     yield Row(
         case=case,
         side="first view, cold",
@@ -312,7 +310,7 @@ def _page_rows(
         floor="bare page",
         floor_values=first["bare"],
     )
-    yield _limit(case, "first view, cold", first["studio"], FIRST_VIEW_S)
+    yield Row.within(FIRST_VIEW_S, case=case, side="first view, cold", values=first["studio"])
     yield Row(
         case=case,
         side="frames while moved",
@@ -324,7 +322,13 @@ def _page_rows(
         at_least=True,
     )
     yield both("memory of the page", "MB", lambda one: one.page_mb)
-    yield _limit(case, "memory of the page", [one.page_mb for one in ours], PAGE_MB, "MB")
+    yield Row.within(
+        PAGE_MB,
+        case=case,
+        side="memory of the page",
+        values=[one.page_mb for one in ours],
+        unit="MB",
+    )
     yield both("objects of its scripts", "MB", lambda one: one.heap_mb)
     yield both("elements", "", lambda one: one.elements)
     yield both("drawing processes", "% of a core", lambda one: 100 * one.drawing)
@@ -380,7 +384,7 @@ def _clients(effort: Effort, window_s: float, repetitions: int) -> Iterator[Row]
         floor_values=without_s,
         goal=TICK,
     )
-    yield _limit(case, "serving process", cpu, STUDIO_CPU, "% of a core")
+    yield Row.within(STUDIO_CPU, case=case, side="serving process", values=cpu, unit="% of a core")
     yield Row(case=case, side="memory of the serving process", values=resident_mb, unit="MB")
 
 
