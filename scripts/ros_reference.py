@@ -51,7 +51,8 @@ use, are named by the files of a trees folder, and so are not here."""
 
 _ROLES = """\
 `watch`, `operate` and `author` are the roles of the command line. Each may do what the roles
-before it may: [who may do what](security.md). Some nodes subscribe only while they need a topic."""
+before it may: [who may do what](security.md). Some nodes subscribe only while they
+need a topic."""
 
 _PARAMETERS = """\
 As the nodes describe them; `ros2 param describe /marketplace bid_deadline` says the same. How to
