@@ -183,10 +183,8 @@ SERVICES = (
     _service(f"{HOST}/control", "ControlRun", HOST, "operate studio"),
     _service(f"{HOST}/get_parameters", _READ, HOST, "studio watch"),
     _service(f"{HOST}/reload", "ReloadAgents", HOST, "author"),
-    _service(f"{HOST}/roll_back", "RollBack", HOST, "author"),
     _service(f"{HOST}/set_profile", "SetProfile", HOST, "feedback"),
     _service(f"{HOST}/tune", "Tune", HOST, "author studio"),
-    _service(f"{HOST}/versions", "ListVersions", HOST, "watch"),
 )
 """All services of the system except those that every ROS node has."""
 

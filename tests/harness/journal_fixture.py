@@ -119,7 +119,7 @@ class Town:
         self._runs: list[str] = []
         self._revisions = dict.fromkeys(self.profiles, 0)
         self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
-        versions = AgentVersions(self._trees, 0.0)
+        versions = AgentVersions(self._trees)
         found = source_bundle(versions, lambda _package: True)
         self.publish(
             "/agents/files",

@@ -216,7 +216,7 @@ class _Host:
         self.instance = f"i{system.next_number()}"
         trees = read_trees(folder)
         self.watch = FolderWatch(trees)
-        self.versions = AgentVersions(trees, system.now)
+        self.versions = AgentVersions(trees)
         self.registry = AgentRegistry(trees.scene.space, trees.agents)
         for member in self.registry.members.values():
             member.tunables |= system.tunings.get(member.spec.name, {})
@@ -324,7 +324,7 @@ class _Host:
             steady=self.system.clock,
             seed=self.system.random.randrange(2**53),
             sink=lambda tick, line: self._lines.append((tick, line)),
-            version=self.versions.histories[goal.agent].current.number,
+            version=self.versions.states[goal.agent].current.number,
         )
         self._tick(self.goal)
 
@@ -392,26 +392,9 @@ class _Host:
         if trees is None or not self.alive:
             return
         effects = [
-            self.versions.settle(name, self.running, self.system.now)
-            for name in self.versions.update(trees)
+            self.versions.settle(name, self.running) for name in self.versions.update(trees)
         ]
         self._apply([effect for effect in effects if effect is not None])
-
-    def roll_back(self, name: str) -> None:
-        try:
-            version = self.versions.find(name, 0)
-            texts = {
-                one.file.text for one in self.versions.history(name).versions if one.file.text
-            }
-            written = self.watch.write(
-                self.versions.history(name).last_read.file, version.file, texts
-            )
-            effect = self.versions.roll_back(
-                name, version, written.file, self.running, self.system.now
-            )
-        except Refused:
-            return
-        self._apply([effect])
 
     def tune(self, name: str, **values: Any) -> None:
         member = self.registry.members.get(name)
@@ -863,7 +846,6 @@ class OperatedSystem:
             self._tune: 3,
             self._preset: 1,
             self._edit: 6,
-            self._roll_back: 2,
             self._restart: 2,
         }
         action = self.random.choices(list(actions), list(actions.values()))[0]
@@ -1069,10 +1051,6 @@ class OperatedSystem:
                 self._write_market(host.folder)
         self.done[f"edit {what}"] += 1
         host.reload()
-
-    def _roll_back(self) -> None:
-        host = self.random.choice(list(self.hosts.values()))
-        host.roll_back(self.random.choice(self._names(host.folder)))
 
     def _restart(self) -> None:
         random, kill = self.random, self.random.random() < 0.5

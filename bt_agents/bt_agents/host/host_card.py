@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.reload.source_bundle import SourceBundle, source_bundle
-from bt_agents.host.reload.version_history import FileProblem
+from bt_agents.host.reload.version_state import FileProblem
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_core.feedback import WEIGHTS, LearningRule
 from bt_agents_core.scene import SceneSpace
@@ -82,7 +82,7 @@ class HostCardPublisher:
         members = self._registry.members.values()
         problems = self._versions.folder_problems()
         for member in members:
-            problems += self._versions.histories[member.spec.name].problems
+            problems += self._versions.states[member.spec.name].problems
             if member.refusal:
                 problems.append(FileProblem(agent=member.spec.name, message=member.refusal))
         problems += [
@@ -139,7 +139,7 @@ class HostCardPublisher:
 
     def _agent_card(self, member: HostedAgent) -> AgentCard:
         spec = member.spec
-        history = self._versions.histories[spec.name]
+        state = self._versions.states[spec.name]
         return AgentCard(
             name=spec.name,
             title=spec.title,
@@ -151,11 +151,12 @@ class HostCardPublisher:
             learning_rate=member.learning_rate,
             learning=learning_to_msg(spec.learning, self._registry.space.profiles),
             rules=[rule_to_msg(rule) for rule in spec.rules],
-            version=history.current.number,
-            waiting=history.waiting is not None,
-            degraded=bool(history.problems),
-            problems=_problems_to_msg(history.problems),
-            removal_reason=history.removal_reason,
+            version=state.current.number,
+            change=state.current.change,
+            waiting=state.waiting is not None,
+            degraded=bool(state.problems),
+            problems=_problems_to_msg(state.problems),
+            removal_reason=state.removal_reason,
         )
 
 

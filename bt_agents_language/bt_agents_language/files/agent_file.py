@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agent file as read: its text, the agent or its errors, and its libraries."""
+"""Agent file as read: its text, the agent or its errors, and the libraries it depends on."""
 
 from __future__ import annotations
 
@@ -19,14 +19,13 @@ from bt_agents_language.yaml.source import read_source
 
 @dataclass(frozen=True, kw_only=True)
 class AgentFile:
-    """Agent file as it was read.
+    """One agent file as it was read.
 
     Attributes:
-        text: Its text; None if it could not be opened.
-        agent: The agent; None if there are errors.
-        error: The errors; None if there are none.
-        imports: Paths of the libraries and texts that it directly or indirectly imports.
-        cause: Why it was read, in words.
+        text: Its text; None when it could not be opened.
+        agent: The agent; None when there are errors.
+        error: The errors; None when there are none.
+        imports: Paths of the libraries and texts that were read for it, one through the other.
     """
 
     file: Path
@@ -34,16 +33,15 @@ class AgentFile:
     agent: AgentSpec | None
     error: ReadError | None
     imports: frozenset[str]
-    cause: str
 
     @cached_property
     def prints(self) -> tuple[TreeFingerprint, TreeFingerprint]:
-        """Fingerprints of the tree and its clean-up, for detecting changes."""
+        """Fingerprints of the tree and of its clean-up, by which changes are found."""
         assert self.agent is not None
         return tree_fingerprint(self.agent.tree), tree_fingerprint(self.agent.on_cancel)
 
 
-def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> AgentFile:
+def read_agent_file(path: Path, libraries: FolderLibraries) -> AgentFile:
     """Return an agent file, good or broken."""
     text = agent = error = None
     asked, texts = _Asked(libraries), AskedTexts(libraries.texts)
@@ -59,12 +57,11 @@ def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> Ag
         agent=agent,
         error=error,
         imports=libraries.behind([*asked.paths_loaded, *([texts.path] if texts.asked else [])]),
-        cause=cause,
     )
 
 
 class _Asked:
-    """Libraries of a folder; records which of them one file uses."""
+    """The libraries of a folder, noting which of them one file asks for."""
 
     def __init__(self, libraries: FolderLibraries) -> None:
         self.paths_loaded: set[str] = set()

@@ -72,15 +72,6 @@ def test_a_broken_library_leaves_the_one_in_force(watched: Watched) -> None:
     assert "Good day" in check(watched)["apart/anna/libraries/manners.yaml"]
 
 
-def test_a_version_that_was_rolled_back_to_has_the_library_of_its_time(watched: Watched) -> None:
-    library(watched, MANNERS.replace("Good day", "Hello"))
-    watched.poll()
-    watched.roll_back("anna")
-    files = check(watched)
-    assert "Good day" in files["apart/anna/libraries/manners.yaml"]
-    assert watched.versions.histories["anna"].current.number == 3
-
-
 def test_broken_skills_leave_those_in_force(watched: Watched) -> None:
     (watched.folder / "skills" / "robot.yaml").write_text("format: [")
     watched.poll()

@@ -57,7 +57,7 @@ def test_whatever_an_operator_does_replays_equal(system: OperatedSystem) -> None
 def test_the_operator_leaves_nothing_out(system: OperatedSystem) -> None:
     parts = ("host", "market", "feedback", "scene layer", "journal")
     learning = ("UNDO", "RESET", "IMPORT", "FORGET", "mood rule stops")
-    files = ("roll_back", "edit skills", "edit broken", "edit library", "edit profile")
+    files = ("edit skills", "edit broken", "edit library", "edit profile")
     market = ("PIN", "VETO", "AWARD", "configure", "tune", "preset", "cancel")
     expected = {*(f"restart of {part}" for part in parts), *learning, *files, *market}
     assert expected - set(system.done) == set()

@@ -20,7 +20,7 @@ def test_the_files_of_a_host_have_its_texts_and_are_read_in_its_language(tmp_pat
         file = folder / "texts" / f"{language}.yaml"
         file.write_text(f"format: 1\ntexts: {{hello: {text}}}\n")
     write(folder, "ann", agent("ann", '{say: "${t.hello}"}'))
-    versions = AgentVersions(read_trees(folder, language="en"), 0.0)
+    versions = AgentVersions(read_trees(folder, language="en"))
     bundle = source_bundle(versions, lambda _package: True)
     assert {"texts/de.yaml", "texts/en.yaml"} <= bundle.files.keys()
     parsed = TextFiles(files=bundle.files).parsed

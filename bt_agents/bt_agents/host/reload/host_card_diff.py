@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Diff of a host's cards: changes since the previous card, as text for people."""
+"""Diff of a host's cards: what has changed since the card before, as text for people."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ class AgentOnCard(Protocol):
 
     name: str
     version: int
+    change: str
     waiting: bool
     degraded: bool
     problems: Sequence[ProblemOnCard]
@@ -46,23 +47,21 @@ class CardDifference:
 
     Attributes:
         text: Description for people.
-        agent: Agent with a new version whose changes its host knows; else empty.
-        is_error: True if it needs a fix by a person.
+        is_error: True when somebody has to fix something.
     """
 
     text: str
-    agent: str = ""
     is_error: bool = False
 
 
 class CardDiff:
-    """Compares each card with the previous one of the same start of the same host."""
+    """Comparison of each card with the one before, of the same start of the same host."""
 
     def __init__(self) -> None:
         self._last: dict[str, CardContent] = {}
 
     def update(self, card: CardContent) -> list[CardDifference]:
-        """Return what has changed on a card; nothing for the first card of a start."""
+        """Return what has changed on a card; nothing for the first one of a host's start."""
         before = self._last.get(card.host)
         self._last[card.host] = card
         if before is None or before.host_instance != card.host_instance:
@@ -73,7 +72,7 @@ class CardDiff:
             CardDifference(text=f"{name} does not bid any more") for name in had if name not in has
         ]
         if had:
-            # A host that has just registered adds all of its agents.
+            # A host that the market has just taken brings all of them.
             changed += [CardDifference(text=f"{name} bids now") for name in has if name not in had]
         for name in has:
             if name in had:
@@ -82,7 +81,7 @@ class CardDiff:
 
 
 def degraded_reason(agent: AgentOnCard) -> str:
-    """Return briefly why an agent is not as its files say; empty if it is."""
+    """Return shortly why an agent is not as its files say; empty when it is."""
     if not agent.degraded:
         return ""
     first, *more = agent.problems
@@ -93,7 +92,7 @@ def degraded_reason(agent: AgentOnCard) -> str:
 
 
 def problem_text(problem: ProblemOnCard) -> str:
-    """Return a problem as text, with the agent unless the place of the error says more."""
+    """Return a problem as text, with the agent unless the place of an error says more."""
     if problem.agent and not problem.file:
         return f"{problem.agent}: {problem.message}"
     return problem.message
@@ -103,7 +102,8 @@ def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
     name = now.name
     changed = []
     if now.version != before.version:
-        changed.append(CardDifference(text=f"{name}: version {now.version} in force", agent=name))
+        change = f" ({visible(now.change)})" if now.change else ""
+        changed.append(CardDifference(text=f"{name}: version {now.version} in force{change}"))
     if now.waiting and not before.waiting:
         changed.append(
             CardDifference(text=f"{name}: a newer version waits for the end of its run")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Incremental reading of a trees folder: unchanged files and agents stay the same objects."""
+"""Incremental re-read of a trees folder: unchanged files and agents stay the same objects."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from bt_agents_language.files.folder_reader import (
 )
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.files.texts_reader import FOLDER, FolderTexts
+from bt_agents_language.files.texts_reader import FolderTexts
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import SymbolTable
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFiles:
-    """Result of the last reading of a trees folder, with its libraries.
+    """Trees folder as it was read last, with its libraries.
 
     While the skills are broken, the last good ones stay in ``trees``.
     """
@@ -44,20 +44,13 @@ def known_files(trees: Trees) -> KnownFiles:
     return KnownFiles(trees=trees, libraries=_libraries(trees, trees.symbols))
 
 
-def adopted(before: KnownFiles, file: AgentFile) -> KnownFiles:
-    """Return a folder in which one agent file is replaced, without reading it."""
-    trees = before.trees
-    files = [file if one.file == file.file else one for one in trees.files]
-    return replace(before, trees=_with_files(before, files, trees.symbols))
-
-
 class Rereading:
-    """One reading of a folder; files and agents with equal content stay the same objects.
+    """One reading of a folder; files and agents that say the same stay the same objects.
 
     Args:
         before: State of the last reading.
-        listed: All YAML files of the folder.
-        changed: Files that may differ from the last reading, and files that are gone.
+        listed: Every YAML file of the folder.
+        changed: Those that may differ from what was read, and those that are gone.
         pause: Called before each file is read; may raise to give up.
     """
 
@@ -77,7 +70,7 @@ class Rereading:
         self._skills_changed = False
 
     def result(self) -> KnownFiles:
-        """Return the new state; the same object if nothing differs."""
+        """Return the state after it; the same object when nothing differs."""
         before, trees = self._before, self._before.trees
         texts = self._texts()
         self._differing = frozenset(
@@ -86,7 +79,7 @@ class Rereading:
         scene = self._folder / "scene.yaml"
         problems = trees.problems
         if scene in self._changed:
-            # The scene read at the start stays in force, and so does its text.
+            # The scene of the start counts; its text stays what it was then.
             unchanged = text_of(scene) == trees.texts.get(scene)
             problems = () if unchanged else (f"{scene} has changed; restart everything to use it",)
         if any(path.parent == self._folder / "skills" for path in self._differing):
@@ -127,7 +120,7 @@ class Rereading:
         return replace(before, trees=replace(trees, symbols=symbols), broken_skills=())
 
     def _own_files(self, name: str) -> list[Path]:
-        """Return the files of a folder except tests."""
+        """Return the files of a folder that are no tests."""
         folder = self._folder / name
         return sorted(
             path
@@ -153,18 +146,13 @@ class Rereading:
             if not depends and (path not in self._changed or text_of(path) == before.text):
                 return before
         self._pause()
-        cause = "skills changed" if self._skills_changed else "library changed"
-        if before is not None and {*map(_folder, before.imports & shared)} == {FOLDER}:
-            cause = "texts changed"
-        after = read_agent_file(path, libraries, cause=cause)
+        after = read_agent_file(path, libraries)
         if before is None:
-            return replace(after, cause="new file")
+            return after
         if _is_same(before, after):
             return before
-        if before.text != after.text:
-            after = replace(after, cause="file changed")
         if before.agent is not None and after.agent is not None:
-            # Computed here, in the reading thread, where no callback waits for it.
+            # Computed here, where nobody waits for it.
             assert before.prints
             assert after.prints
         return after
@@ -191,10 +179,6 @@ def _with_files(before: KnownFiles, files: list[AgentFile], symbols: SymbolTable
 
 def _is_same(before: AgentFile, after: AgentFile) -> bool:
     return (before.text, before.agent, _lines(before)) == (after.text, after.agent, _lines(after))
-
-
-def _folder(path: str) -> str:
-    return path.partition("/")[0]
 
 
 def _lines(file: AgentFile) -> tuple[str, ...]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reload service of a host: a thread reads changed files; effects run between callbacks."""
+"""Reload service of a host: a thread reads changed files, their effects run between callbacks."""
 
 from __future__ import annotations
 
@@ -14,41 +14,39 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.host.reload.folder_watch import FileWrite, FolderWatch, WatchStopped
-from bt_agents.host.reload.version_history import Version
+from bt_agents.host.reload.folder_watch import FolderWatch, WatchStopped
 from bt_agents.host.reload.versions import AgentVersions, ReloadEffect
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import PERIOD_S
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_ros.messages import seconds
 from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
 
 _BUSY_PERIOD_S = 0.05
-"""Period of the timer while work is pending [s]."""
+"""Period of the timer while something is under way [s]."""
 
 _SLICE_S = 0.02
-"""Time for changes of agents before other callbacks run [s]."""
+"""Time for changing agents before other callbacks run [s]."""
 
 _YIELD_S = 0.0005
-"""Sleep of the reading thread before each file, which gives ticks time to run [s]."""
+"""Sleep of the reading thread before each file, in which the tree is ticked [s]."""
 
 ANSWER_LIMIT_S = 20.0
-"""Longest wait of a request until files are read and their agents changed [s]."""
+"""Longest time that a request waits until files are read and their agents changed [s]."""
 
 
 @dataclass(eq=False, kw_only=True)
 class Request:
-    """Request to read files, answered after all effects have been executed.
+    """Request to read files, answered when all their effects have been executed.
 
     Attributes:
-        done: Future whose result is this request.
-        deadline: Latest steady time of the answer [s].
-        changes: Descriptions of the changes.
+        done: Has this request as its result at the end.
+        deadline: Steady time at which it is answered at the latest [s].
+        changes: Descriptions of what has changed.
         agents: Names of the agents that have changed.
-        error: Reason for a failure; empty for none.
+        error: Reason of a failure; empty for none.
     """
 
     done: Future
@@ -66,12 +64,12 @@ class _Reading:
 
 
 class ReloadService:
-    """Watches the trees folder of a host and executes the effects of changed files.
+    """Watch of the trees folder of a host, which executes what changes of files lead to.
 
-    One thread polls and reads the files, however long that takes. The executor's thread handles
-    the results in order of the requests, in slices that block no other callback: it applies each
-    effect, and calls ``applied`` after one or more effects and when the folder as a whole has
-    changed.
+    One thread polls and reads the files, however long that takes. Its results are handled on the
+    executor's thread in the order of the requests, in slices that block no other callback: each
+    effect is applied; after one or more, and when the folder as a whole has changed, ``applied``
+    is called.
     """
 
     def __init__(
@@ -110,7 +108,7 @@ class ReloadService:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def run_ended(self, agent: str) -> None:
-        """Execute the effect that waited for the end of an agent's run."""
+        """Execute what has waited for the end of an agent's run."""
         effect = self.versions.run_ended(agent)
         if effect is not None:
             self._execute(effect)
@@ -122,25 +120,8 @@ class ReloadService:
         self._read(lambda: self._watch.poll(settle=False), self.update, request)
         return request.done
 
-    def roll_back(self, name: str, version: Version) -> Future:
-        """Write an earlier version into its file and put it into force; see :meth:`poll_now`."""
-        request = self._request()
-        history = self.versions.history(name)
-        texts = {one.file.text for one in history.versions if one.file.text}
-
-        def handle(written: FileWrite) -> None:
-            running, now = self._runs.running, self._now()
-            self._execute(self.versions.roll_back(name, version, written.file, running, now))
-            if written.text:
-                request.changes.append(written.text)
-            self.update(written.trees)
-
-        file = history.last_read.file
-        self._read(lambda: self._watch.write(file, version.file, texts), handle, request)
-        return request.done
-
     def update(self, trees: Trees | None) -> None:
-        """Handle a reading, None for no change; work beyond the time slice follows later."""
+        """Handle a folder that was read, None for no change; what fits no slice follows later."""
         if trees is None:
             return
         before = self.versions.trees
@@ -163,7 +144,7 @@ class ReloadService:
         end = time.monotonic() + _SLICE_S
         while self._unsettled:
             name = self._unsettled.popleft()
-            effect = self.versions.settle(name, self._runs.running, self._now())
+            effect = self.versions.settle(name, self._runs.running)
             if effect is not None:
                 self._execute(effect)
             if time.monotonic() >= end:
@@ -189,7 +170,7 @@ class ReloadService:
             request.agents.add(effect.name)
 
     def _report_effects(self) -> None:
-        """Report the executed effects once no agent is left to settle."""
+        """Report the executed effects, once no agent is left to settle."""
         if self._unsettled:
             return
         effects, self._effects = self._effects, []
@@ -198,7 +179,7 @@ class ReloadService:
             self._applied(effects)
 
     def _set_timer(self) -> None:
-        """Wake up soon while work is pending, else for the next poll."""
+        """Wake soon while something is under way, else for the next poll."""
         now = time.monotonic()
         busy = self._readings or self._unsettled or self._requests
         wait_s = _BUSY_PERIOD_S if busy else max(_BUSY_PERIOD_S, self._next_poll - now)
@@ -234,7 +215,7 @@ class ReloadService:
             message = str(error) if isinstance(error, BtAgentsError) else reason
             if reading.request is not None:
                 reading.request.error = message
-            # Logged once: the next poll meets the same error half a second later.
+            # The next poll meets the same error half a second later.
             if message != self._last_error:
                 self._last_error = message
                 log = self._node.get_logger()
@@ -257,9 +238,6 @@ class ReloadService:
     def _end(self, request: Request) -> None:
         self._requests.remove(request)
         request.done.set_result(request)
-
-    def _now(self) -> float:
-        return seconds(self._node.get_clock().now().to_msg())
 
     def _set_enabled(self, enabled: bool) -> None:
         self._enabled = enabled

@@ -48,8 +48,8 @@ def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -
     market = text_of(trees.folder / MARKET)
     if market is not None:
         files[MARKET] = market
-    for name in sorted(versions.histories, key=lambda one: not versions.is_as_read(one)):
-        file = versions.histories[name].current.file
+    for name in sorted(versions.states, key=lambda one: not versions.is_as_read(one)):
+        file = versions.states[name].current.file
         if file.text is None:
             continue
         path, own = file.file.relative_to(trees.folder).as_posix(), versions.texts_apart(name)
@@ -66,5 +66,5 @@ def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -
     packages = [package for package in named if has_package(package)]
     machine = {"robot": trees.robot, "language": trees.language, "packages": packages}
     files[HOST] = json.dumps(machine)
-    in_force = {name: one.current.number for name, one in versions.histories.items()}
+    in_force = {name: one.current.number for name, one in versions.states.items()}
     return SourceBundle(files=files, versions=in_force)

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""State of one agent: the version in force, one that waits, and what is wrong with its file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bt_agents_core.diagnostic import Diagnostic
+from bt_agents_language.diagnostics.renderers import MAX_SHOWN, as_hinted_line, visible
+from bt_agents_language.files.agent_file import AgentFile
+from bt_agents_language.model.specs import AgentSpec
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Version:
+    """Good version of an agent.
+
+    Attributes:
+        number: Counts up from 1.
+        change: What differs from the version before, in words; empty for the first one.
+        texts: Texts of the skills and libraries that it was read with, among others.
+    """
+
+    number: int
+    file: AgentFile
+    change: str
+    texts: Mapping[Path, str | None]
+
+    @property
+    def agent(self) -> AgentSpec:
+        """Agent of the file, which is a good one."""
+        assert self.file.agent is not None
+        return self.file.agent
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileProblem:
+    """Reason why a file is not in force, or an agent does not take part.
+
+    Attributes:
+        message: Description for people, of an error with its place.
+        agent: Agent that it concerns; empty when it concerns no single one.
+        file: File with the error; empty when no line of a file is wrong.
+        line: Line of the error, from 1; 0 without a file.
+    """
+
+    message: str
+    agent: str = ""
+    file: str = ""
+    line: int = 0
+
+
+def file_problems(diagnostics: Sequence[Diagnostic], agent: str = "") -> tuple[FileProblem, ...]:
+    """Return the errors of a file, no more than help.
+
+    Args:
+        diagnostics: The errors.
+        agent: Agent that the file holds; empty for none.
+    """
+    problems = [
+        FileProblem(
+            message=as_hinted_line(one),
+            agent=agent,
+            file=one.position.file,
+            line=one.position.line,
+        )
+        for one in diagnostics[:MAX_SHOWN]
+    ]
+    if len(diagnostics) > MAX_SHOWN:
+        more = f"… and {len(diagnostics) - MAX_SHOWN} or more other problems"
+        problems.append(replace(problems[0], message=f"{visible(problems[0].file)}: {more}"))
+    return tuple(problems)
+
+
+@dataclass(kw_only=True, slots=True)
+class VersionState:
+    """Versions of one agent: the one in force, and a newer one that waits.
+
+    Attributes:
+        current: Version in force.
+        last_read: Its file as it was read last, good or broken.
+        before: Version that was in force before; None for the first one.
+        waiting: Version that comes into force at the end of its run; None for none.
+        removal_reason: Why it is removed at the end of its run; empty when it stays.
+        problems: Why its file is not in force; empty when it is.
+    """
+
+    current: Version
+    last_read: AgentFile
+    before: Version | None = None
+    waiting: Version | None = None
+    removal_reason: str = ""
+    problems: tuple[FileProblem, ...] = ()
+
+    @property
+    def newest(self) -> Version:
+        """Version that waits, else the one in force."""
+        return self.waiting or self.current
+
+    def bring_into_force(self, version: Version) -> None:
+        """Put a version in the place of the one in force; none waits any more."""
+        self.before, self.current, self.waiting = self.current, version, None
+
+    def take_back(self) -> None:
+        """Put the version that was in force before in the place of the one in force."""
+        assert self.before is not None
+        self.current, self.before = self.before, None
+
+
+def first_state(file: AgentFile, texts: Mapping[Path, str | None]) -> VersionState:
+    """Return the state of an agent that is new here, with one version from its good file."""
+    return VersionState(
+        current=Version(number=1, file=file, change="", texts=texts), last_read=file
+    )
