@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agent file as read: its text, the agent or its errors, and the libraries it depends on."""
+"""Agent file as read: its text, the agent or its errors, and its libraries."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from bt_agents_language.yaml.source import read_source
 
 @dataclass(frozen=True, kw_only=True)
 class AgentFile:
-    """One agent file as it was read.
+    """Agent file as it was read.
 
     Attributes:
-        text: Its text; None when it could not be opened.
-        agent: The agent; None when there are errors.
-        error: The errors; None when there are none.
-        imports: Paths of the libraries and texts that were read for it, one through the other.
+        text: Its text; None if it could not be opened.
+        agent: The agent; None if there are errors.
+        error: The errors; None if there are none.
+        imports: Paths of the libraries and texts that it directly or indirectly imports.
+        cause: Why it was read, in words.
     """
 
     file: Path
@@ -36,7 +37,7 @@ class AgentFile:
 
     @cached_property
     def prints(self) -> tuple[TreeFingerprint, TreeFingerprint]:
-        """Fingerprints of the tree and of its clean-up, by which changes are found."""
+        """Fingerprints of the tree and its clean-up, for detecting changes."""
         assert self.agent is not None
         return tree_fingerprint(self.agent.tree), tree_fingerprint(self.agent.on_cancel)
 
@@ -61,7 +62,7 @@ def read_agent_file(path: Path, libraries: FolderLibraries) -> AgentFile:
 
 
 class _Asked:
-    """The libraries of a folder, noting which of them one file asks for."""
+    """Libraries of a folder; records which of them one file uses."""
 
     def __init__(self, libraries: FolderLibraries) -> None:
         self.paths_loaded: set[str] = set()

@@ -76,7 +76,7 @@ class Listener(Protocol):
         """Handle the label of a new visitor; empty when the visitor leaves."""
 
     def scene(self, message: Any) -> None:
-        """Handle a ``Scene.msg`` that was analysed."""
+        """Handle the ``Scene.msg`` of an analysed scene."""
 
     def market(self, message: Any) -> None:
         """Handle a ``MarketStatus.msg``."""
@@ -85,7 +85,7 @@ class Listener(Protocol):
         """Handle a ``Scene.msg`` of the live scene."""
 
     def auction(self, message: Any) -> None:
-        """Handle the ``Auction.msg`` of a round that was decided."""
+        """Handle the ``Auction.msg`` of a decided round."""
 
     def run(self, message: Any) -> None:
         """Handle a ``Run.msg``: start, cancelling or end of a run."""
@@ -100,10 +100,10 @@ class Listener(Protocol):
         """Handle a line of the robot's transcript."""
 
     def feedback(self, message: Any) -> None:
-        """Handle the ``Feedback.msg`` of a profile that has changed."""
+        """Handle the ``Feedback.msg`` of a changed profile."""
 
     def tunings(self, message: Any) -> None:
-        """Handle a ``Tunings.msg`` with the last changes of a host."""
+        """Handle a ``Tunings.msg`` with the latest changes of a host."""
 
     def agents_changed(self, text: str, is_error: bool) -> None:
         """Handle a change of a host's agents, or a problem of their files, as text for people."""
@@ -133,19 +133,19 @@ _LEAVING = (
 )
 
 _NAMESPACE_UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_"
-"""What ROS calls the namespace of a process whose nodes it has not discovered yet."""
+"""Name that ROS uses for the namespace of a process whose nodes it has not discovered yet."""
 
 _LIMIT_S = 5.0
 _LAST_POLL_S = 0.5
 _LIMITS_S = {
     "manage": 30.0,  # erasing a person rewrites the whole ledger
-    "preview": 70.0,  # more than the longest deadline of a round, with a program outside
+    "preview": 70.0,  # more than the longest deadline of a round with an external program
 }
-"""Longest times for an answer, where it is not :data:`_LIMIT_S` [s]."""
+"""Longest times for an answer, if not :data:`_LIMIT_S` [s]."""
 
 
 class _EventBuffer:
-    """Subscriptions' callbacks whose messages are delivered in their causal order."""
+    """Buffer that delivers messages of several subscriptions in causal order."""
 
     def __init__(self, node: Any) -> None:
         self._order = CausalOrder()
@@ -154,7 +154,7 @@ class _EventBuffer:
     def callback_for(
         self, deliver: Callable[[Any], None], links: Callable[[Any], Links]
     ) -> Callable[[Any, Any], None]:
-        """Return the callback of a subscription, whose messages have these links."""
+        """Return the callback of a subscription whose messages have these links."""
 
         def callback(message: Any, info: Any) -> None:
             make_printable(message)
@@ -175,16 +175,16 @@ class _EventBuffer:
 
 
 class Observer:
-    """Node that subscribes to a running system; it handles messages while it is spun.
+    """Node that subscribes to a running system; it handles messages while it spins.
 
-    What it hands out of messages and answers is printable: others may have sent them.
+    It makes texts in messages and answers printable, because any process may have sent them.
 
     Attributes:
         namespace: Namespace of the system, from the environment's ``ROS_NAMESPACE``.
         market: Latest status of the marketplace; None before the first.
         cards: Latest card of each host.
         profiles: Latest profiles; None before the first.
-        visits_done: True when the visitors report the end of their script.
+        visits_done: True once the visitors report the end of their script.
     """
 
     def __init__(self, listener: Listener | None = None) -> None:
@@ -223,7 +223,7 @@ class Observer:
             (Scene, "bt_agents/scene", listener.scene, scene_links, qos.EVENTS),
             (MarketStatus, "bt_agents/market", listener.market, no_links, qos.FACT),
             (Scene, "bt_agents/scene/live", listener.live, no_links, qos.SENSOR),
-            # A restarted market may publish these before it is discovered.
+            # A restarted market may publish these before its discovery.
             (Auction, "bt_agents/auctions", listener.auction, auction_links, qos.FACTS),
             (Run, "bt_agents/runs", listener.run, run_links, qos.FACTS),
             (SceneEnd, "bt_agents/scene_ends", listener.end, scene_end_links, qos.FACTS),
@@ -250,14 +250,14 @@ class Observer:
 
         Args:
             on_heartbeat: Takes the name.
-            names: Those to listen to; others may run elsewhere. A name of no other node is that
-                of a host.
+            names: Nodes to listen to; others may run elsewhere. Any name that belongs to no other
+                node is that of a host.
         """
         group = PolledGroup()
         kinds = {"marketplace": MarketHeartbeat, "robot": Empty}
         for name in names:
             kind = kinds.get(name, Heartbeat)
-            # The content does not matter here, so it is not decoded.
+            # The content does not matter, so it is not decoded.
             self.node.create_subscription(
                 kind,
                 f"{name}/heartbeat",
@@ -268,11 +268,11 @@ class Observer:
             )
 
     def watch_states(self, on_state: Callable[[str, str], None], names: Collection[str]) -> None:
-        """Call back when a managed node has become active, or was told to leave.
+        """Call back when a managed node becomes active or is told to leave.
 
         Args:
-            on_state: Takes its name, and the label of its state.
-            names: Of the nodes.
+            on_state: Takes the node's name and the label of its state.
+            names: Names of the nodes.
         """
         for name in names:
 
@@ -301,7 +301,7 @@ class Observer:
         self.visits_done = bool(message.data)
 
     def ready(self, agents: int) -> bool:
-        """Return True when so many agents are registered and bid with their learned profiles."""
+        """Return True when enough agents are registered and bid with their learned profiles."""
         if self.market is None or self.profiles is None or self.market.agents < agents:
             return False
         bidding = {a.name: a.revision for card in self.cards.values() for a in card.agents}
@@ -313,7 +313,7 @@ class Observer:
         return len(known) >= agents
 
     def namespaces_of_markets(self) -> list[str]:
-        """Return the namespaces of the marketplaces that are discovered on this domain so far."""
+        """Return the namespaces of the marketplaces discovered on this domain so far."""
         kind = "bt_agents_interfaces/msg/MarketStatus"
         topics = [name for name, kinds in self.node.get_topic_names_and_types() if kind in kinds]
         ends = (end for topic in topics for end in self.node.get_publishers_info_by_topic(topic))
@@ -321,14 +321,14 @@ class Observer:
         return sorted(found - {_NAMESPACE_UNKNOWN})
 
     def nodes_there(self) -> set[str]:
-        """Return the names of the nodes in this namespace that are discovered so far."""
+        """Return the names of the nodes discovered in this namespace so far."""
         found = self.node.get_node_names_and_namespaces()
         return {printable(name) for name, namespace in found if namespace == self.namespace}
 
     def services_ready(self) -> bool:
         """Return True when the services of scene layer and feedback node are discovered.
 
-        Whoever may only watch has no right to either, so their clients are made here.
+        A user with the right to watch only may use neither, so their clients are made here.
         """
         if not self._services:
             self._services = [
@@ -340,7 +340,7 @@ class Observer:
     def hears(self, topic: str) -> bool:
         """Return True when a publisher of a topic of the listener is discovered.
 
-        What one publishes before is lost, where it is no latched fact.
+        Earlier messages of a publisher are lost, unless the topic is latched.
         """
         name = self.node.resolve_topic_name(topic)
         return any(one.topic_name == name and one.get_publisher_count() for one in self._notified)
@@ -350,22 +350,22 @@ class Observer:
         return bool(self.node.count_subscribers("agents/records"))
 
     def is_visited(self) -> bool:
-        """Return True when visitors of a script are there already."""
+        """Return True when visitors of a script are already there."""
         return bool(self.node.count_publishers("visitors/done"))
 
     def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
-        """Spin until ``done()`` is true or the time is up; return ``done()``."""
+        """Spin until ``done()`` or for a limited time; return ``done()``."""
         return self._spinner.spin_until(done, limit_s)
 
     def ask(
         self, service: str, *, find_s: float = 10.0, limit_s: float = 0.0, **fields: Any
     ) -> Any:
-        """Call a service; return its response, or None when it is not there or does not answer.
+        """Call a service; return its response, or None if it is missing or does not answer.
 
         Args:
             service: Its name, which ends with a key of ``_SERVICES``.
             find_s: Longest time for discovery of the service [s].
-            limit_s: Longest time for the answer [s]; 0 takes that of the service.
+            limit_s: Longest time for the answer [s]; 0 for the default of the service.
             fields: Fields of the request; ``action`` and ``person`` by the names of constants.
         """
         name = service.rpartition("/")[2]
@@ -401,7 +401,7 @@ class Observer:
 
 
 def profiles_by_agent(message: Any) -> dict[str, Sequence[float]]:
-    """Return the vectors of a ``Profiles`` message by agent, without those of layers."""
+    """Return the vectors of a ``Profiles`` message by agent, without layers."""
     width = len(message.parameters)
     return {
         agent: list(message.vectors[index * width : (index + 1) * width])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watch of a trees folder: polls it, and reads what has changed once it stands still."""
+"""Watches a trees folder: polls it, and reads changed files once they are stable."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from bt_agents_core.file_watch import Stamp, differing, poll
 from bt_agents_language.files.folder_reader import SUFFIXES, Trees
 
 MAX_UNSETTLED_POLLS = 6
-"""Polls after which files are read although some file of the folder changes all the time."""
+"""Polls after which files are read even if some file in the folder keeps changing."""
 
 
 class WatchStopped(BtAgentsError):
-    """Raised out of a reading by :meth:`FolderWatch.stop`."""
+    """Ends a reading after :meth:`FolderWatch.stop`."""
 
 
 class FolderWatch:
-    """Watch of one trees folder, as it was read at the start; used by one thread only.
+    """Watch of one trees folder, starting from its first reading; used by one thread only.
 
-    Before each file is read, ``pause`` yields to other threads.
+    ``pause`` yields to other threads before each file is read.
     """
 
     def __init__(self, trees: Trees, pause: Callable[[], None] = lambda: None) -> None:
@@ -38,15 +38,15 @@ class FolderWatch:
         self._missing_text = ""
 
     def stop(self) -> None:
-        """Have a reading that is under way raise :class:`WatchStopped`; from any thread."""
+        """Make a reading in progress raise :class:`WatchStopped`; callable from any thread."""
         self._stopped = True
 
     def poll(self, *, settle: bool = True) -> Trees | None:
-        """Return the folder when it differs from the last time; None while nothing has changed.
+        """Return the folder if it has changed since the last call, else None.
 
         Args:
-            settle: Files that differ between two polls are still being written and wait for the
-                next one; False reads them as they are.
+            settle: True defers files that differ between two polls to the next one, because they
+                are still being written; False reads them as they are.
 
         Raises:
             WatchStopped: See :meth:`stop`.

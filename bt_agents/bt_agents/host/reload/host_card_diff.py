@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Diff of a host's cards: what has changed since the card before, as text for people."""
+"""Diff of a host's cards: changes since the previous card, as text for people."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ class CardDifference:
 
     Attributes:
         text: Description for people.
-        is_error: True when somebody has to fix something.
+        agent: Agent with a new version whose changes its host knows; else empty.
+        is_error: True if it needs a fix by a person.
     """
 
     text: str
@@ -55,13 +56,13 @@ class CardDifference:
 
 
 class CardDiff:
-    """Comparison of each card with the one before, of the same start of the same host."""
+    """Compares each card with the previous one of the same start of the same host."""
 
     def __init__(self) -> None:
         self._last: dict[str, CardContent] = {}
 
     def update(self, card: CardContent) -> list[CardDifference]:
-        """Return what has changed on a card; nothing for the first one of a host's start."""
+        """Return what has changed on a card; nothing for the first card of a start."""
         before = self._last.get(card.host)
         self._last[card.host] = card
         if before is None or before.host_instance != card.host_instance:
@@ -72,7 +73,7 @@ class CardDiff:
             CardDifference(text=f"{name} does not bid any more") for name in had if name not in has
         ]
         if had:
-            # A host that the market has just taken brings all of them.
+            # A host that has just registered adds all of its agents.
             changed += [CardDifference(text=f"{name} bids now") for name in has if name not in had]
         for name in has:
             if name in had:
@@ -81,7 +82,7 @@ class CardDiff:
 
 
 def degraded_reason(agent: AgentOnCard) -> str:
-    """Return shortly why an agent is not as its files say; empty when it is."""
+    """Return briefly why an agent is not as its files say; empty if it is."""
     if not agent.degraded:
         return ""
     first, *more = agent.problems
@@ -92,7 +93,7 @@ def degraded_reason(agent: AgentOnCard) -> str:
 
 
 def problem_text(problem: ProblemOnCard) -> str:
-    """Return a problem as text, with the agent unless the place of an error says more."""
+    """Return a problem as text, with the agent unless the place of the error says more."""
     if problem.agent and not problem.file:
         return f"{problem.agent}: {problem.message}"
     return problem.message

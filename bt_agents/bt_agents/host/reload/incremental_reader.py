@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Incremental re-read of a trees folder: unchanged files and agents stay the same objects."""
+"""Incremental reading of a trees folder: unchanged files and agents stay the same objects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from bt_agents_language.nodes.symbols import SymbolTable
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFiles:
-    """Trees folder as it was read last, with its libraries.
+    """Result of the last reading of a trees folder, with its libraries.
 
     While the skills are broken, the last good ones stay in ``trees``.
     """
@@ -45,12 +45,12 @@ def known_files(trees: Trees) -> KnownFiles:
 
 
 class Rereading:
-    """One reading of a folder; files and agents that say the same stay the same objects.
+    """One reading of a folder; files and agents with equal content stay the same objects.
 
     Args:
         before: State of the last reading.
-        listed: Every YAML file of the folder.
-        changed: Those that may differ from what was read, and those that are gone.
+        listed: All YAML files of the folder.
+        changed: Files that may differ from the last reading, and files that are gone.
         pause: Called before each file is read; may raise to give up.
     """
 
@@ -70,7 +70,7 @@ class Rereading:
         self._skills_changed = False
 
     def result(self) -> KnownFiles:
-        """Return the state after it; the same object when nothing differs."""
+        """Return the new state; the same object if nothing differs."""
         before, trees = self._before, self._before.trees
         texts = self._texts()
         self._differing = frozenset(
@@ -79,7 +79,7 @@ class Rereading:
         scene = self._folder / "scene.yaml"
         problems = trees.problems
         if scene in self._changed:
-            # The scene of the start counts; its text stays what it was then.
+            # The scene read at the start stays in force, and so does its text.
             unchanged = text_of(scene) == trees.texts.get(scene)
             problems = () if unchanged else (f"{scene} has changed; restart everything to use it",)
         if any(path.parent == self._folder / "skills" for path in self._differing):
@@ -120,7 +120,7 @@ class Rereading:
         return replace(before, trees=replace(trees, symbols=symbols), broken_skills=())
 
     def _own_files(self, name: str) -> list[Path]:
-        """Return the files of a folder that are no tests."""
+        """Return the files of a folder except tests."""
         folder = self._folder / name
         return sorted(
             path
@@ -152,7 +152,7 @@ class Rereading:
         if _is_same(before, after):
             return before
         if before.agent is not None and after.agent is not None:
-            # Computed here, where nobody waits for it.
+            # Computed here, in the reading thread, where no callback waits for it.
             assert before.prints
             assert after.prints
         return after

@@ -26,7 +26,7 @@ class ReloadServer:
             "~/reload",
             self._reload,
             qos_profile=qos.SERVICE,
-            # A request that is awaited delays the others of its group, and nothing else.
+            # A request in progress delays only the others of its group.
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
 
@@ -39,7 +39,7 @@ class ReloadServer:
         changes = [request.error] if request.error else list(request.changes)
         running = self._runs.running
         cancelled = self._cancel_for_waiting(asked.now, running)
-        # The description of a changed agent names what waits for the end of its run.
+        # The description of a changed agent already names what waits for the end of its run.
         is_named = running in request.agents and not request.error
         waiting = "" if cancelled or is_named else self._versions.waiting_text(running)
         response.message = "\n".join(
@@ -48,7 +48,7 @@ class ReloadServer:
         return response
 
     def _cancel_for_waiting(self, now: bool, agent: str) -> list[str]:
-        """Cancel the run that a version waits for, if ``now``; return the lines that say so."""
+        """If ``now``, cancel the run that a version waits for; return the lines that report it."""
         waiting = self._versions.waiting_text(agent) if now else ""
         if not waiting:
             return []
@@ -57,7 +57,7 @@ class ReloadServer:
 
 
 def reload_lines(changes: Sequence[str], waiting: str, problems: Sequence[str]) -> list[str]:
-    """Return the lines of an answer to a reload; of the problems those that no change quotes."""
+    """Return the lines of an answer to a reload; skips problems that a change already quotes."""
     lines = list(changes)
     if waiting:
         lines.append(f"{waiting} for the end of the run; 'bt-agents reload --now' cancels it")

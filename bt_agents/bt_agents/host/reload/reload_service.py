@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reload service of a host: a thread reads changed files, their effects run between callbacks."""
+"""Reload service of a host: a thread reads changed files; effects run between callbacks."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
 
 _BUSY_PERIOD_S = 0.05
-"""Period of the timer while something is under way [s]."""
+"""Period of the timer while work is pending [s]."""
 
 _SLICE_S = 0.02
-"""Time for changing agents before other callbacks run [s]."""
+"""Time for changes of agents before other callbacks run [s]."""
 
 _YIELD_S = 0.0005
-"""Sleep of the reading thread before each file, in which the tree is ticked [s]."""
+"""Sleep of the reading thread before each file, which gives ticks time to run [s]."""
 
 ANSWER_LIMIT_S = 20.0
-"""Longest time that a request waits until files are read and their agents changed [s]."""
+"""Longest wait of a request until files are read and their agents changed [s]."""
 
 
 @dataclass(eq=False, kw_only=True)
 class Request:
-    """Request to read files, answered when all their effects have been executed.
+    """Request to read files, answered after all effects have been executed.
 
     Attributes:
-        done: Has this request as its result at the end.
-        deadline: Steady time at which it is answered at the latest [s].
-        changes: Descriptions of what has changed.
+        done: Future whose result is this request.
+        deadline: Latest steady time of the answer [s].
+        changes: Descriptions of the changes.
         agents: Names of the agents that have changed.
-        error: Reason of a failure; empty for none.
+        error: Reason for a failure; empty for none.
     """
 
     done: Future
@@ -64,12 +64,12 @@ class _Reading:
 
 
 class ReloadService:
-    """Watch of the trees folder of a host, which executes what changes of files lead to.
+    """Watches the trees folder of a host and executes the effects of changed files.
 
-    One thread polls and reads the files, however long that takes. Its results are handled on the
-    executor's thread in the order of the requests, in slices that block no other callback: each
-    effect is applied; after one or more, and when the folder as a whole has changed, ``applied``
-    is called.
+    One thread polls and reads the files, however long that takes. The executor's thread handles
+    the results in order of the requests, in slices that block no other callback: it applies each
+    effect, and calls ``applied`` after one or more effects and when the folder as a whole has
+    changed.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class ReloadService:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def run_ended(self, agent: str) -> None:
-        """Execute what has waited for the end of an agent's run."""
+        """Execute the effect that waited for the end of an agent's run."""
         effect = self.versions.run_ended(agent)
         if effect is not None:
             self._execute(effect)
@@ -121,7 +121,7 @@ class ReloadService:
         return request.done
 
     def update(self, trees: Trees | None) -> None:
-        """Handle a folder that was read, None for no change; what fits no slice follows later."""
+        """Handle a reading, None for no change; work beyond the time slice follows later."""
         if trees is None:
             return
         before = self.versions.trees
@@ -170,7 +170,7 @@ class ReloadService:
             request.agents.add(effect.name)
 
     def _report_effects(self) -> None:
-        """Report the executed effects, once no agent is left to settle."""
+        """Report the executed effects once no agent is left to settle."""
         if self._unsettled:
             return
         effects, self._effects = self._effects, []
@@ -179,7 +179,7 @@ class ReloadService:
             self._applied(effects)
 
     def _set_timer(self) -> None:
-        """Wake soon while something is under way, else for the next poll."""
+        """Wake up soon while work is pending, else for the next poll."""
         now = time.monotonic()
         busy = self._readings or self._unsettled or self._requests
         wait_s = _BUSY_PERIOD_S if busy else max(_BUSY_PERIOD_S, self._next_poll - now)
@@ -215,7 +215,7 @@ class ReloadService:
             message = str(error) if isinstance(error, BtAgentsError) else reason
             if reading.request is not None:
                 reading.request.error = message
-            # The next poll meets the same error half a second later.
+            # Logged once: the next poll meets the same error half a second later.
             if message != self._last_error:
                 self._last_error = message
                 log = self._node.get_logger()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State of one agent: the version in force, one that waits, and what is wrong with its file."""
+"""State of one agent: its version in force, one that waits, and the problems of its file."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Version:
 
     Attributes:
         number: Counts up from 1.
-        change: What differs from the version before, in words; empty for the first one.
-        texts: Texts of the skills and libraries that it was read with, among others.
+        change: Differences from the previous version, in words; empty for the first one.
+        texts: Texts that it was read with, including skills and libraries.
     """
 
     number: int
@@ -30,19 +30,19 @@ class Version:
 
     @property
     def agent(self) -> AgentSpec:
-        """Agent of the file, which is a good one."""
+        """The agent of the file; a good version always has one."""
         assert self.file.agent is not None
         return self.file.agent
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileProblem:
-    """Reason why a file is not in force, or an agent does not take part.
+    """Reason why a file is not in force or an agent does not take part.
 
     Attributes:
-        message: Description for people, of an error with its place.
-        agent: Agent that it concerns; empty when it concerns no single one.
-        file: File with the error; empty when no line of a file is wrong.
+        message: Description for people; that of an error includes its place.
+        agent: The affected agent; empty if it affects no single one.
+        file: File with the error; empty if the error is in no line of a file.
         line: Line of the error, from 1; 0 without a file.
     """
 
@@ -53,11 +53,11 @@ class FileProblem:
 
 
 def file_problems(diagnostics: Sequence[Diagnostic], agent: str = "") -> tuple[FileProblem, ...]:
-    """Return the errors of a file, no more than help.
+    """Return the errors of a file, limited to a helpful number.
 
     Args:
         diagnostics: The errors.
-        agent: Agent that the file holds; empty for none.
+        agent: The agent in the file; empty for none.
     """
     problems = [
         FileProblem(
@@ -80,11 +80,11 @@ class VersionState:
 
     Attributes:
         current: Version in force.
-        last_read: Its file as it was read last, good or broken.
+        last_read: The last reading of its file, good or broken.
         before: Version that was in force before; None for the first one.
-        waiting: Version that comes into force at the end of its run; None for none.
-        removal_reason: Why it is removed at the end of its run; empty when it stays.
-        problems: Why its file is not in force; empty when it is.
+        waiting: Version that comes into force when the agent's run ends; None for none.
+        removal_reason: Why the agent is removed when its run ends; empty if it stays.
+        problems: Why its file is not in force; empty if it is.
     """
 
     current: Version
@@ -96,21 +96,21 @@ class VersionState:
 
     @property
     def newest(self) -> Version:
-        """Version that waits, else the one in force."""
+        """The waiting version, else the one in force."""
         return self.waiting or self.current
 
     def bring_into_force(self, version: Version) -> None:
-        """Put a version in the place of the one in force; none waits any more."""
+        """Replace the version in force; none waits any more."""
         self.before, self.current, self.waiting = self.current, version, None
 
     def take_back(self) -> None:
-        """Put the version that was in force before in the place of the one in force."""
+        """Return to the version that was in force before."""
         assert self.before is not None
         self.current, self.before = self.before, None
 
 
 def first_state(file: AgentFile, texts: Mapping[Path, str | None]) -> VersionState:
-    """Return the state of an agent that is new here, with one version from its good file."""
+    """Return the state of a new agent, with one version from its good file."""
     return VersionState(
         current=Version(number=1, file=file, change="", texts=texts), last_read=file
     )

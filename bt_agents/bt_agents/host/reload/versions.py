@@ -24,24 +24,24 @@ from bt_agents_language.model.specs import AgentSpec
 
 
 class ReloadAction(Enum):
-    """Action on an agent that follows from a change of files."""
+    """Action on an agent after a change of files."""
 
     ADD = "add"
     REMOVE = "remove"
     REPLACE_TREE = "replace"
-    """The next run has another tree."""
+    """The next run gets the new tree."""
     UPDATE_VALUES = "update"
-    """The tree is the same; other values are set at once, also during a run."""
+    """The tree is the same; other values are set at once, even during a run."""
     REPORT = "report"
-    """Nothing is done; people are told."""
+    """Nothing changes; it is only reported."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReloadEffect:
     """Effect of a change of files on one agent, with a text for people.
 
-    It has a specification when there is one to bring into force, and is an error when somebody has
-    to fix something.
+    It has a specification if there is one to put into force, and is an error if it needs a fix by
+    a person.
     """
 
     action: ReloadAction
@@ -55,10 +55,10 @@ class AgentVersions:
     """Versions of all agents of a host.
 
     Attributes:
-        trees: Trees folder as it was read last.
-        texts: Texts of the scene, skills and libraries in force; of broken skills the last good
+        trees: Last reading of the trees folder.
+        texts: Texts of the scene, skills and libraries in force; for broken skills, the last good
             ones.
-        states: Name of an agent → its versions; only of those that have one in force.
+        histories: Name of an agent → its versions, for agents with a version in force.
     """
 
     def __init__(self, trees: Trees) -> None:
@@ -71,7 +71,7 @@ class AgentVersions:
             self.states[name] = first_state(file, self.texts)
 
     def update(self, trees: Trees) -> list[str]:
-        """Store the folder as it was read now; return the agents to settle, in order."""
+        """Store a new reading of the folder; return the agents to settle, in order."""
         self.trees = trees
         self.texts = self._texts_in_force(trees)
         self._good_files = _good_files(trees)
@@ -89,9 +89,9 @@ class AgentVersions:
         return affected
 
     def settle(self, name: str, running: str) -> ReloadEffect | None:
-        """Return the effect of the last reading on an agent; None when nothing changes.
+        """Return the effect of the last reading on an agent; None if nothing changes.
 
-        What changes the tree of the running agent, empty for none, waits for the end of its run.
+        A change of the ``running`` agent's tree (empty for none) waits for the end of its run.
         """
         state, file = self.states.get(name), self._good_files.get(name)
         if file is None:
@@ -101,7 +101,7 @@ class AgentVersions:
         return self._update(name, state, file, running)
 
     def run_ended(self, name: str) -> ReloadEffect | None:
-        """Return what has waited for the end of an agent's run; None for nothing."""
+        """Return the effect that waited for the end of an agent's run; None without one."""
         state = self.states.get(name)
         if state is None:
             return None
@@ -113,9 +113,9 @@ class AgentVersions:
         return self._bring_into_force(state.current, ReloadAction.REPLACE_TREE)
 
     def failed(self, effect: ReloadEffect, error: str) -> ReloadEffect:
-        """Take back a version that could not be brought into force; return what to report instead.
+        """Withdraw a version that could not be put into force; return what to report instead.
 
-        It is tried again when the folder is read the next time.
+        The next reading of the folder tries it again.
         """
         name = effect.name
         state = self.states.get(name)
@@ -135,7 +135,7 @@ class AgentVersions:
         return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text, is_error=True)
 
     def waiting_text(self, name: str) -> str:
-        """Return as text what waits for the end of an agent's run; empty for nothing."""
+        """Return in words what waits for the end of an agent's run; empty for nothing."""
         state = self.states.get(name)
         if state is None:
             return ""
@@ -144,7 +144,7 @@ class AgentVersions:
         return f"{name} leaves" if state.removal_reason else ""
 
     def folder_problems(self) -> list[FileProblem]:
-        """Return what somebody has to fix in the folder."""
+        """Return the problems in the folder that need a fix by a person."""
         agents = {file: name for name, file in self.trees.holders.items()}
         problems: list[FileProblem] = []
         of_texts: list[Diagnostic] = []
@@ -156,14 +156,14 @@ class AgentVersions:
         return [*problems, *(FileProblem(message=text) for text in self.trees.problems)]
 
     def is_as_read(self, name: str) -> bool:
-        """Return whether the version in force is what its file says now, read with these texts."""
+        """Return whether the version in force equals its file, read with the current texts."""
         current = self.states[name].current
         return self._good_files.get(name) is current.file
 
     def texts_apart(self, name: str) -> Mapping[Path, str | None]:
         """Return the texts that the version in force was read with; empty if they are in force.
 
-        They are those of its libraries and of all skills.
+        They include the texts of its libraries and of all skills.
         """
         version = self.states[name].current
         if self.is_as_read(name):
@@ -196,7 +196,7 @@ class AgentVersions:
         return problems != state.problems if problems else not state.removal_reason
 
     def _problems(self, name: str) -> tuple[FileProblem, ...]:
-        """Return the errors of the file that an agent comes from; none when it is gone."""
+        """Return the errors of an agent's file; none if it is gone."""
         holder = self.trees.holders.get(name)
         for file in self.trees.files:
             if file.file == holder and file.error is not None:
@@ -293,7 +293,7 @@ class AgentVersions:
 
 
 def _good_files(trees: Trees) -> dict[str, AgentFile]:
-    """Return the good files of the agents that this host has, by name."""
+    """Return the good files of this host's agents, by name."""
     wanted = {agent.name for agent in trees.agents}
     return {
         file.agent.name: file

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents reload`: the agents' files are read at once."""
+"""Commands for the versions of agents: `bt-agents reload`, `versions` and `roll-back`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def reload(now: bool) -> None:
 
 
 def _limit_s() -> float:
-    """Return the longest time for an answer that waits until files are read [s]."""
+    """Return the longest time for an answer that waits for files to be read [s]."""
     from bt_agents.host.reload.reload_service import ANSWER_LIMIT_S
 
     return ANSWER_LIMIT_S + 2.0
