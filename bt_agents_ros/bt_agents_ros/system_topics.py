@@ -113,7 +113,6 @@ TOPICS = (
     _topic(f"{HOST}/details", "NodeDetails", "EVENTS", HOST, "studio watch"),
     _topic(f"{HOST}/files", "AgentFiles", "FACT", HOST, "journal studio"),
     _topic(f"{HOST}/heartbeat", "Heartbeat", "EVENTS", HOST, "marketplace robot studio watch"),
-    _topic(f"{HOST}/records", "RunRecord", "EVENTS", HOST, "journal"),
     _topic(f"{HOST}/run_control", "RunControl", "FACT", HOST, _SHOWN),
     _topic(f"{HOST}/status", "TreeStatus", "EVENTS", HOST, f"feedback {_SHOWN}"),
     _topic(f"{HOST}/transition_event", _STATE, "EVENTS", HOST, "watch"),

@@ -16,10 +16,9 @@ from py_trees.common import Status
 
 from bt_agents.engine.breakpoints import Breakpoints
 from bt_agents.engine.builder import build
-from bt_agents.engine.context import NodeMaker, RunContext
+from bt_agents.engine.context import RunContext
 from bt_agents.engine.environment import Clock, Environment
 from bt_agents.engine.node_errors import is_undecided
-from bt_agents.engine.nodes.plugin import PluginLeaf
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticker import OnVisit, Tick, Ticker
 from bt_agents_core.field_types import Plain
@@ -117,11 +116,9 @@ class Run:
         scene: The scene as awarded.
         live: Returns the current scene.
         tunables: Current values by name; they may change between ticks.
-        steady: Clock of the bounded waits, which never stops [s].
+        steady: Clock that never stops, for bounded waits and to measure ticks [s].
         limits: Limits of these waits.
         random: Random source of the nodes; None uses a new one.
-        stopwatch: Clock that measures ticks [s]; None uses ``steady``.
-        plugins: Makes the leaves for behaviours of packages.
         context: Makes the shared state of the nodes.
         host: Fully qualified name of the node that ticks the tree.
 
@@ -153,8 +150,6 @@ class Run:
         steady: Clock,
         limits: RunLimits | None = None,
         random: Random | None = None,
-        stopwatch: Clock | None = None,
-        plugins: NodeMaker = PluginLeaf,
         context: Callable[[Environment, RunScope, Random], RunContext] = RunContext,
         on_visit: OnVisit | None = None,
         host: str = "",
@@ -180,11 +175,9 @@ class Run:
         self._context = context(environment, scope, random or Random())
         self.deadlines = self._context.deadlines
         self._steady = steady
-        self._stopwatch = stopwatch or steady
         self._limits = limits or RunLimits()
-        self._plugins = plugins
         self._on_visit = on_visit
-        self.root = build(spec.tree, self._context, plugins)
+        self.root = build(spec.tree, self._context)
         self.clean_up: Behaviour | None = None
         self._tickers: dict[Behaviour, Ticker] = {}
         self.undecided: dict[str, None] = {}
@@ -218,11 +211,6 @@ class Run:
         """Paths of the nodes that wait at a breakpoint since the last tick of the tree."""
         stops = self._breakpoints
         return () if stops is None or not self.ticking else stops.held
-
-    @property
-    def kept(self) -> tuple[str, ...]:
-        """Paths of all nodes that it held, including those that were stopped in the same tick."""
-        return () if self._breakpoints is None else self._breakpoints.kept
 
     @property
     def ticking(self) -> bool:
@@ -350,7 +338,7 @@ class Run:
         """Begin the agent's ``on_cancel``, even if it is unknown who stopped the run."""
         assert self.spec.on_cancel is not None
         self._scope.cancellation = cancellation
-        self.clean_up = build(self.spec.on_cancel, self._context, self._plugins)
+        self.clean_up = build(self.spec.on_cancel, self._context)
         self._phase = _Phase.CLEANING
         self.deadline = self._steady() + self.spec.clean_up_s
 
@@ -397,10 +385,10 @@ class Run:
         if self.period_s == math.inf:
             ticker.tick()
             return
-        began = self._answered_at = self._stopwatch()
+        began = self._answered_at = self._steady()
         self._slowest, self._slowest_s = root, 0.0
         ticker.tick()
-        now = self._stopwatch()
+        now = self._steady()
         took = now - began
         if took > self.period_s:
             self.overruns += 1
@@ -419,7 +407,7 @@ class Run:
         return ticker
 
     def _timed(self, tick: Tick, leaf: Behaviour) -> Tick:
-        clock = self._stopwatch
+        clock = self._steady
 
         def timed() -> Status:
             status = tick()

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
-from bt_agents.host.reload.source_bundle import SourceBundle, source_bundle
+from bt_agents.host.reload.texts_in_force import texts_in_force
 from bt_agents.host.reload.version_state import FileProblem
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_core.feedback import WEIGHTS, LearningRule
@@ -29,7 +29,6 @@ from bt_agents_interfaces.msg import MoodRule as MoodRuleMsg
 from bt_agents_language.model.mood_rule import MoodRule
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_ros import qos
-from bt_agents_ros.installed import InstalledInterfaces
 
 
 class HostCardPublisher:
@@ -62,7 +61,7 @@ class HostCardPublisher:
         self._machine = socket.gethostname()
         self._node = node
         self._registered = False
-        self._bundle: SourceBundle | None = None
+        self._texts: dict[str, str] = {}
         self.problems: tuple[FileProblem, ...] = ()
         self._cards = node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
@@ -122,18 +121,16 @@ class HostCardPublisher:
 
     def files(self) -> None:
         """Publish the texts of the agents in force, if they have changed."""
-        found = source_bundle(self._versions, InstalledInterfaces().has_package)
-        if found == self._bundle:
+        found = texts_in_force(self._versions)
+        if found == self._texts:
             return
-        self._bundle = found
+        self._texts = found
         self._files.publish(
             AgentFiles(
                 host=self._host,
                 host_instance=self._instance,
-                files=list(found.files),
-                texts=list(found.files.values()),
-                agents=list(found.versions),
-                versions=list(found.versions.values()),
+                files=list(found),
+                texts=list(found.values()),
             )
         )
 

@@ -155,7 +155,6 @@ class HostNode(ManagedNode[HostConfiguration]):
             self.registry,
             self.instance,
             live.begin_run,
-            version=lambda name: self._versions.states[name].current.number,
             open_goals_file=file,
             market=market,
             slowness=slowness,

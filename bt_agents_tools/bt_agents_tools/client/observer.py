@@ -346,8 +346,9 @@ class Observer:
         return any(one.topic_name == name and one.get_publisher_count() for one in self._notified)
 
     def is_recorded(self) -> bool:
-        """Return True when a journal subscribes to the records of runs."""
-        return bool(self.node.count_subscribers("agents/records"))
+        """Return True when a journal subscribes to the traces of runs."""
+        listeners = self.node.get_subscriptions_info_by_topic("agents/status")
+        return any(one.node_name == "journal" for one in listeners)
 
     def is_visited(self) -> bool:
         """Return True when visitors of a script are already there."""

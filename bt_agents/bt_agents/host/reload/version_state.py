@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_language.diagnostics.renderers import MAX_SHOWN, as_hinted_line, visible
@@ -20,13 +19,11 @@ class Version:
     Attributes:
         number: Counts up from 1.
         change: Differences from the previous version, in words; empty for the first one.
-        texts: Texts that it was read with, including skills and libraries.
     """
 
     number: int
     file: AgentFile
     change: str
-    texts: Mapping[Path, str | None]
 
     @property
     def agent(self) -> AgentSpec:
@@ -109,8 +106,6 @@ class VersionState:
         self.current, self.before = self.before, None
 
 
-def first_state(file: AgentFile, texts: Mapping[Path, str | None]) -> VersionState:
+def first_state(file: AgentFile) -> VersionState:
     """Return the state of a new agent, with one version from its good file."""
-    return VersionState(
-        current=Version(number=1, file=file, change="", texts=texts), last_read=file
-    )
+    return VersionState(current=Version(number=1, file=file, change=""), last_read=file)

@@ -68,7 +68,7 @@ class AgentVersions:
         self._space = trees.scene.space
         self.states: dict[str, VersionState] = {}
         for name, file in self._good_files.items():
-            self.states[name] = first_state(file, self.texts)
+            self.states[name] = first_state(file)
 
     def update(self, trees: Trees) -> list[str]:
         """Store a new reading of the folder; return the agents to settle, in order."""
@@ -155,32 +155,6 @@ class AgentVersions:
         problems += file_problems(merged(of_texts))
         return [*problems, *(FileProblem(message=text) for text in self.trees.problems)]
 
-    def is_as_read(self, name: str) -> bool:
-        """Return whether the version in force equals its file, read with the current texts."""
-        current = self.states[name].current
-        return self._good_files.get(name) is current.file
-
-    def texts_apart(self, name: str) -> Mapping[Path, str | None]:
-        """Return the texts that the version in force was read with; empty if they are in force.
-
-        They include the texts of its libraries and of all skills.
-        """
-        version = self.states[name].current
-        if self.is_as_read(name):
-            return {}
-        skills, imports = self.trees.folder / "skills", version.file.imports
-
-        def of_agent(texts: Mapping[Path, str | None]) -> Mapping[Path, str | None]:
-            return {
-                path: text
-                for path, text in texts.items()
-                if path.parent == skills
-                or path.relative_to(self.trees.folder).as_posix() in imports
-            }
-
-        own = of_agent(version.texts)
-        return own if own != of_agent(self.texts) else {}
-
     def _texts_in_force(self, trees: Trees) -> Mapping[Path, str | None]:
         skills = trees.folder / "skills"
         if all(broken.file != skills for broken in trees.broken):
@@ -240,7 +214,7 @@ class AgentVersions:
         )
 
     def _add(self, name: str, file: AgentFile) -> ReloadEffect:
-        state = self.states[name] = first_state(file, self.texts)
+        state = self.states[name] = first_state(file)
         return ReloadEffect(
             action=ReloadAction.ADD,
             name=name,
@@ -272,7 +246,6 @@ class AgentVersions:
             number=state.newest.number + 1,
             file=file,
             change=change_text(state.newest.file, file, self._space),
-            texts=self.texts,
         )
         name = version.agent.name
         has_other_tree = changes_tree(state.current.file, file)
