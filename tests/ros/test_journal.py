@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal of real nodes: every message is recorded, with the changes of all trees."""
+"""The journal of real nodes: every message is recorded, with the traces of all runs."""
 
 from __future__ import annotations
 
@@ -65,20 +65,19 @@ class Town:
         self.ros.until(lambda: "/agents/files" in journal.journal._facts)
         return journal
 
-    def begin(self, agent: str) -> Any:
-        """Begin a run of an agent."""
-        self._round += 1
-        return self.market.send(self.market.goal(self.host, agent, round=self._round))
-
     def run(self, agent: str) -> Any:
         """Run an agent to its end; return how it ended."""
-        return self.market.result(self.begin(agent)).result
+        self._round += 1
+        goal = self.market.goal(self.host, agent, round=self._round)
+        return self.market.result(self.market.send(goal)).result
 
-    def elements(self, *files: Path) -> list[tuple[str, int]]:
-        """Return path and status of all changes of trees in some files."""
+    def elements(self, *files: Path) -> list[tuple[str, int, dict[str, str]]]:
+        """Return path, status and values of all elements of traces in some files."""
         entries = JournalReader(files).entries({"bt_agents_interfaces/msg/TreeStatus"})
         return [
-            (change.path, change.status) for entry in entries for change in entry.decode().changes
+            (change.path, change.status, {one.name: one.value for one in change.values})
+            for entry in entries
+            for change in entry.decode().changes
         ]
 
 
@@ -87,17 +86,17 @@ def town(ros: Any, tmp_path: Path) -> Iterator[Town]:
     return Town(ros, tmp_path)
 
 
-def test_the_changes_of_each_run_are_recorded(town: Town) -> None:
+def test_the_trace_of_each_run_is_recorded(town: Town) -> None:
     journal = town.record()
     assert town.run("setter").outcome == RunAgent.Result.SUCCEEDED
     assert town.run("talker").outcome == RunAgent.Result.SUCCEEDED
     town.ros.remove(journal)
     found = town.elements(*town.files.glob("*.mcap"))
     assert found[:2] == [
-        ("tree/0.set", StatusChange.SUCCESS),
-        ("tree/1.set", StatusChange.SUCCESS),
+        ("tree/0.set", StatusChange.SUCCESS, {"way": "'left'"}),
+        ("tree/1.set", StatusChange.SUCCESS, {"steps": "3"}),
     ]
-    assert ("tree/1.say", StatusChange.SUCCESS) in found
+    assert ("tree/1.say", StatusChange.SUCCESS, {}) in found
 
 
 def test_each_day_has_its_own_runs(town: Town) -> None:
@@ -107,8 +106,8 @@ def test_each_day_has_its_own_runs(town: Town) -> None:
     town.run("setter")
     town.ros.remove(journal)
     first, second = sorted(town.files.glob("*.mcap"))
-    assert {path for path, _ in town.elements(first)} == {"tree", "tree/0.say", "tree/1.say"}
-    assert {path for path, _ in town.elements(second)} == {"tree", "tree/0.set", "tree/1.set"}
+    assert {path for path, _, _ in town.elements(first)} == {"tree", "tree/0.say", "tree/1.say"}
+    assert {path for path, _, _ in town.elements(second)} == {"tree", "tree/0.set", "tree/1.set"}
     assert index_entries(JournalReader([second]).entries()).counts["/bt_agents/cards"] >= 1
 
 

@@ -21,6 +21,7 @@ from bt_agents.engine.environment import Clock, Environment
 from bt_agents.engine.node_errors import is_undecided
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticker import OnVisit, Tick, Ticker
+from bt_agents.engine.value_trace import as_written
 from bt_agents_core.field_types import Plain
 from bt_agents_core.node_name import filled_name
 from bt_agents_core.scene import Scene, SceneSpace, Vector
@@ -30,6 +31,9 @@ from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 _MOST_UNDECIDED = 20
 """Most undecidable conditions that a run reports."""
+
+_MOST_VALUES = 500
+"""Most values in the changes of one tick; further ones are left out."""
 
 _LONGEST_NAME = 200
 """Most characters of the name of a tip."""
@@ -44,12 +48,17 @@ class TreeOutcome(Enum):
 
 
 class StatusChange(NamedTuple):
-    """A changed status or message of a node, or another end of a node with side effects."""
+    """An element of the trace of a run: a changed status or message, or another end of a node.
+
+    Nodes with side effects, and those that have changed values, have an element for each end.
+    Values are those that the node has changed since its last element, by name, as text.
+    """
 
     path: str
     name: str
     status: Status
     message: str
+    values: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,6 +179,7 @@ class Run:
         self.overruns = 0
         self.overrun: Overrun | None = None
         self.changes: list[StatusChange] = []
+        self._values_left = _MOST_VALUES
         self.result: RunResult | None = None
         self._scope = scope
         self._context = context(environment, scope, random or Random())
@@ -249,6 +259,7 @@ class Run:
     def tick(self) -> list[StatusChange]:
         """Tick once, in any phase of the run; return the changes in order."""
         self.changes = []
+        self._values_left = _MOST_VALUES
         self.overrun = None
         self.deadlines.clear()
         if self._scope.mood_start.is_given:
@@ -424,8 +435,15 @@ class Run:
         message = node.feedback_message
         if node.status is Status.FAILURE and is_undecided(message):
             self._report_undecided(message)
-        change = StatusChange(node.spec.path, node.name, node.status, node.feedback_message)
+        values = self._take_values(node) if node.changed else ()
+        change = StatusChange(node.spec.path, node.name, node.status, message, values)
         self.changes.append(change)
+
+    def _take_values(self, node: Any) -> tuple[tuple[str, str], ...]:
+        changed, node.changed = node.changed, {}
+        some = list(changed.items())[: self._values_left]
+        self._values_left -= len(some)
+        return tuple((name, as_written(value)) for name, value in some)
 
 
 def _path_of(node: Behaviour | None) -> str:

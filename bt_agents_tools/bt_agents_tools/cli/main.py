@@ -80,6 +80,7 @@ TASKS: Mapping[str, Mapping[str, str]] = {
     "Study": {
         "scene": "scene",
         "why": "why",
+        "trace": "",
         "moods": "moods",
         "record": "record",
         "journal": "",

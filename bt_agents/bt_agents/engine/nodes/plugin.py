@@ -173,7 +173,7 @@ class PluginLeaf(Leaf):
                         f"{self.spec.kind} has put a {type(value).__name__} on the blackboard as "
                         f"'{key}', expected a message, or texts, numbers, lists and mappings",
                     )
-                self.scope.write(name, copy.deepcopy(value))
+                self.write(name, copy.deepcopy(value))
 
     def _field(self, name: str) -> Plain:
         value = self.spec.fields[name]
