@@ -25,6 +25,7 @@ setup(
             "experiment = bt_agents_lab.cli.experiment:experiment",
             "journal = bt_agents_lab.cli.journal:journal",
             "replay = bt_agents_lab.cli.replay:replay",
+            "trace = bt_agents_lab.cli.trace:trace",
             "what-if = bt_agents_lab.cli.what_if:what_if",
         ],
         "console_scripts": ["journal = bt_agents_lab:run_journal"],

@@ -35,7 +35,6 @@ BYTES_OF: Mapping[str, int] = {
     "Profiles": 32 * MIB,
     "RegisterHost_Request": 8 * MIB,
     "RunControl": MIB,
-    "RunRecord": MIB,
     "SelectAgent_Request": 12 * MIB,
     "TreeStatus": 8 * MIB,
     "Trees": 48 * MIB,
@@ -77,7 +76,6 @@ CHARACTERS_OF: Mapping[str, int] = {
     "Record_Request.notes": 2_000,
     "RegisterHost_Request.earlier_instance": 200,
     "RegisterHost_Request.host_instance": 200,
-    "RunRecord.record": 200_000,
     "SceneValue.source": 1_000,
 }
 """Most characters of a text in these fields, instead of :data:`TEXT_CHARACTERS`."""

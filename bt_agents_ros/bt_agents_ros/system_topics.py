@@ -113,7 +113,6 @@ TOPICS = (
     _topic(f"{HOST}/details", "NodeDetails", "EVENTS", HOST, "studio watch"),
     _topic(f"{HOST}/files", "AgentFiles", "FACT", HOST, "journal studio"),
     _topic(f"{HOST}/heartbeat", "Heartbeat", "EVENTS", HOST, "marketplace robot studio watch"),
-    _topic(f"{HOST}/records", "RunRecord", "EVENTS", HOST, "journal"),
     _topic(f"{HOST}/run_control", "RunControl", "FACT", HOST, _SHOWN),
     _topic(f"{HOST}/status", "TreeStatus", "EVENTS", HOST, f"feedback {_SHOWN}"),
     _topic(f"{HOST}/transition_event", _STATE, "EVENTS", HOST, "watch"),
@@ -183,10 +182,8 @@ SERVICES = (
     _service(f"{HOST}/control", "ControlRun", HOST, "operate studio"),
     _service(f"{HOST}/get_parameters", _READ, HOST, "studio watch"),
     _service(f"{HOST}/reload", "ReloadAgents", HOST, "author"),
-    _service(f"{HOST}/roll_back", "RollBack", HOST, "author"),
     _service(f"{HOST}/set_profile", "SetProfile", HOST, "feedback"),
     _service(f"{HOST}/tune", "Tune", HOST, "author studio"),
-    _service(f"{HOST}/versions", "ListVersions", HOST, "watch"),
 )
 """All services of the system except those that every ROS node has."""
 

@@ -301,9 +301,12 @@ class Projection:
                 reason=change.message if failed else before.reason,
             ),
         )
+        for one in change.values:
+            self._value(message, change.path, one, stamp, written=True)
         if status in ("SUCCESS", "FAILURE") and "@" not in change.path.rpartition("/")[2]:
             text = f"{change.name}: {status.lower()}"
             text += f" ({change.message})" if change.message else ""
+            text += "".join([f", {one.name} = {one.value}" for one in change.values])
             self._log(stamp, "tree", agent=message.agent, path=change.path, text=text)
 
     def _details(self, message: Any, at_s: float) -> None:
@@ -321,7 +324,7 @@ class Projection:
             run = _unannounced(message, stamp)
             self._store.put("runs", message.agent, run)
         for one in message.values:
-            self._value(message, one, stamp)
+            self._value(message, one.path, one, stamp, written=bool(one.written))
         assert isinstance(run, RunRecord)
         if run.ended_s is not None:
             return
@@ -343,16 +346,12 @@ class Projection:
         for path, record in left.items():
             self._store.put("countdowns", f"{head}{path}", record)
 
-    def _value(self, message: Any, value: Any, stamp: float) -> None:
-        key = f"{message.agent}|{value.path}"
+    def _value(self, message: Any, path: str, value: Any, stamp: float, *, written: bool) -> None:
+        key = f"{message.agent}|{path}"
         before = self._store.get("values", key)
         known = before.values if isinstance(before, NodeValuesRecord) else ()
         record = NodeValueRecord(
-            at_s=stamp,
-            tick=int(message.tick),
-            name=value.name,
-            value=value.value,
-            written=bool(value.written),
+            at_s=stamp, tick=int(message.tick), name=value.name, value=value.value, written=written
         )
         others = [one for one in known if (one.name, one.written) != (record.name, record.written)]
         self._store.put(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.mood import Addressee
@@ -14,6 +14,9 @@ from bt_agents_core.scene import MISSING, Scene, SceneSpace, mood_of
 
 MOST_LEAVES = 1000
 """Most nodes of one run that are traced; further ones are not counted."""
+
+MOST_VALUES = 1000
+"""Most values of one run that are kept."""
 
 MOST_CHANGES = 4096
 """Number of the last changes between nodes that are kept."""
@@ -42,6 +45,25 @@ class _Account:
     known_s: float = 0.0
     sum: float = 0.0
     change: float = MISSING
+
+
+class RunValues:
+    """The last values that the nodes of the latest run have changed."""
+
+    def __init__(self) -> None:
+        self._run: object = None
+        self._values: dict[tuple[str, str], str] = {}
+
+    def change(self, run: object, path: str, name: str, value: str) -> None:
+        """Handle a changed value of a node of a run."""
+        if run != self._run:
+            self._run, self._values = run, {}
+        if (path, name) in self._values or len(self._values) < MOST_VALUES:
+            self._values[path, name] = value
+
+    def of(self, run: object) -> Mapping[tuple[str, str], str]:
+        """Return path and name → value of a run; empty if it is not the latest one."""
+        return self._values if run == self._run else {}
 
 
 class MoodTrace:

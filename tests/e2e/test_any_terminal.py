@@ -49,7 +49,6 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "preview": ("age=4",),
     "record": ("start",),
     "rehearse": (GUIDE,),
-    "roll-back": ("attentive_guide",),
     "schema": (str(TREES),),
     "security": (str(TREES), "--output", "policy.xml"),
     "sense": ("mood=2",),
@@ -57,7 +56,6 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "test": (str(TREES),),
     "trigger": ("age=4",),
     "up": (str(TREES), "--no-voice"),
-    "versions": ("attentive_guide",),
     "veto": ("attentive_guide",),
     "visit": (str(TREES / "scripts" / "airport_morning.yaml"),),
 }

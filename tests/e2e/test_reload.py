@@ -14,7 +14,7 @@ from programs import Program
 pytestmark = pytest.mark.e2e
 
 
-def test_an_author_edits_breaks_mends_and_rolls_back_an_agent_of_a_running_system(
+def test_an_author_edits_agents_of_a_running_system(
     start: Callable[..., Program], ask: Callable[..., str], trees: Path
 ) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
@@ -30,15 +30,9 @@ def test_an_author_edits_breaks_mends_and_rolls_back_an_agent_of_a_running_syste
     said = ask("status")
     assert "version 3; broken: attentive_guide.yaml:" in said
     assert "error[" in said
-    assert "     4  " not in ask("versions", "attentive_guide")
-    assert "version 4 in force" in ask("roll-back", "attentive_guide", "1")
+    file.write_text(first)
     up.until("attentive_guide: version 4 in force")
-    assert file.read_text() == first
-    assert "sequenze" in file.with_name("attentive_guide.yaml~").read_text()
-    assert "roll back to 1" in ask("versions", "attentive_guide")
     assert "nothing has changed" in ask("reload")
-    assert "UNKNOWN_VERSION" in ask("roll-back", "attentive_guide", "77", code=1)
-    assert "no agent 'nobody' here" in ask("versions", "nobody", code=1)
     (trees / "agents" / "silent_text.yaml").unlink()
     up.until("silent_text does not bid any more")
     assert "silent_text" not in ask("status")

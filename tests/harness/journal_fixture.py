@@ -14,11 +14,11 @@ from typing import Any
 
 from rclpy.serialization import serialize_message
 
+from bt_agents.engine.run import Run as TreeRun
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
-from bt_agents.host.reload.source_bundle import source_bundle
+from bt_agents.host.reload.texts_in_force import texts_in_force
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
-from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import (
@@ -29,7 +29,6 @@ from bt_agents_interfaces.msg import (
     HostCard,
     Learning,
     Run,
-    RunRecord,
     TreeStatus,
 )
 from bt_agents_lab.node import definition_text
@@ -119,17 +118,11 @@ class Town:
         self._runs: list[str] = []
         self._revisions = dict.fromkeys(self.profiles, 0)
         self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
-        versions = AgentVersions(self._trees, 0.0)
-        found = source_bundle(versions, lambda _package: True)
+        texts = texts_in_force(AgentVersions(self._trees))
         self.publish(
             "/agents/files",
             AgentFiles(
-                host="/agents",
-                host_instance="i1",
-                files=list(found.files),
-                texts=list(found.files.values()),
-                agents=list(found.versions),
-                versions=list(found.versions.values()),
+                host="/agents", host_instance="i1", files=list(texts), texts=list(texts.values())
             ),
         )
         self.publish("/bt_agents/cards", self._card())
@@ -206,12 +199,6 @@ class Town:
         spec = next(one for one in self._trees.agents if one.name == agent)
         where = {"epoch": EPOCH, "round": self._number, "agent": agent}
 
-        def record(tick: int, line: str) -> None:
-            self.publish(
-                "/agents/records",
-                RunRecord(host="/agents", host_instance="i1", tick=tick, record=line, **where),
-            )
-
         moody = replace(
             person,
             values=tuple(
@@ -219,7 +206,7 @@ class Town:
                 for value in person.values
             ),
         )
-        run = RecordingRun(
+        run = TreeRun(
             spec,
             space=SPACE,
             scene=person,
@@ -228,9 +215,6 @@ class Town:
             tunables={},
             environment=world,
             steady=world.clock,
-            seed=5,
-            sink=record,
-            version=1,
         )
         while run.result is None:
             changes = run.tick()

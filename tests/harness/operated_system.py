@@ -19,19 +19,17 @@ from typing import Any
 
 from rclpy.serialization import serialize_message
 
-from bt_agents.engine.run import TreeOutcome
+from bt_agents.engine.run import Run, TreeOutcome
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
 from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.reload.folder_watch import FolderWatch
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
 from bt_agents.host.run_messages import tree_status
-from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import BUTTON, FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_core.stop_cause import StopCause
-from bt_agents_interfaces.msg import RunRecord
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder
 from bt_agents_lab.recorder.file import RecordedMessage
 from bt_agents_language.files.folder_reader import read_trees
@@ -164,7 +162,7 @@ class _Goal:
     goal: RunGoal
     epoch: str
     scene: Scene
-    run: RecordingRun | None = None
+    run: Run | None = None
     cause: StopCause = StopCause.NOT_STOPPED
     clean_up: bool = True
     stopping: bool = False
@@ -216,7 +214,7 @@ class _Host:
         self.instance = f"i{system.next_number()}"
         trees = read_trees(folder)
         self.watch = FolderWatch(trees)
-        self.versions = AgentVersions(trees, system.now)
+        self.versions = AgentVersions(trees)
         self.registry = AgentRegistry(trees.scene.space, trees.agents)
         for member in self.registry.members.values():
             member.tunables |= system.tunings.get(member.spec.name, {})
@@ -230,7 +228,6 @@ class _Host:
         self.alive = True
         self.epoch = ""
         self.unreported: list[tuple[str, _Goal, RunEnd, float]] = []
-        self._lines: list[tuple[int, str]] = []
         self.cards.trees()
         self.cards.files()
 
@@ -313,7 +310,7 @@ class _Host:
             self.name, lambda: market.do(lambda m, now: m.goal_accepted(goal, now)), about=market
         )
         scene = effect.scene
-        self.goal.run = RecordingRun(
+        self.goal.run = Run(
             member.spec,
             space=self.registry.space,
             scene=scene,
@@ -322,9 +319,7 @@ class _Host:
             tunables=member.tunables,
             environment=self.environment,
             steady=self.system.clock,
-            seed=self.system.random.randrange(2**53),
-            sink=lambda tick, line: self._lines.append((tick, line)),
-            version=self.versions.histories[goal.agent].current.number,
+            random=Random(self.system.random.randrange(2**53)),
         )
         self._tick(self.goal)
 
@@ -367,8 +362,6 @@ class _Host:
                     break
                 self.system.clock.advance(0.1)
                 self._tick(goal)
-        if self.goal is not None:
-            self.system.killed_runs += 1
         self.alive = False
         self.system.forget_latched((self.instance, ""))
 
@@ -392,26 +385,9 @@ class _Host:
         if trees is None or not self.alive:
             return
         effects = [
-            self.versions.settle(name, self.running, self.system.now)
-            for name in self.versions.update(trees)
+            self.versions.settle(name, self.running) for name in self.versions.update(trees)
         ]
         self._apply([effect for effect in effects if effect is not None])
-
-    def roll_back(self, name: str) -> None:
-        try:
-            version = self.versions.find(name, 0)
-            texts = {
-                one.file.text for one in self.versions.history(name).versions if one.file.text
-            }
-            written = self.watch.write(
-                self.versions.history(name).last_read.file, version.file, texts
-            )
-            effect = self.versions.roll_back(
-                name, version, written.file, self.running, self.system.now
-            )
-        except Refused:
-            return
-        self._apply([effect])
 
     def tune(self, name: str, **values: Any) -> None:
         member = self.registry.members.get(name)
@@ -487,19 +463,6 @@ class _Host:
             )
             self.system.publish(f"{self.name}/status", status)
             self.system.post(self.name, self.system.on_leaf, goal, goal.run.tip)
-        if self._lines:
-            tick, lines = self._lines[0][0], [line for _, line in self._lines]
-            self._lines = []
-            self.system.publish(
-                f"{self.name}/records",
-                RunRecord(
-                    host=self.name,
-                    host_instance=self.instance,
-                    tick=tick,
-                    record="\n".join(lines),
-                    **vars(where),
-                ),
-            )
 
 
 class _MarketStart:
@@ -595,7 +558,6 @@ class OperatedSystem:
         seed: Of all that is left to chance.
 
     Attributes:
-        killed_runs: Runs whose host was killed, so that their recording has no end.
         done: How often the operator did what.
     """
 
@@ -606,7 +568,6 @@ class OperatedSystem:
         self.journal_folder = path / "journal"
         self.settings = Settings(strategy="manhattan")
         self.tunings: dict[str, dict[str, Any]] = {}
-        self.killed_runs = 0
         self.done: Counter[str] = Counter()
         self.run_events: deque[Any] = deque(maxlen=50)
         self._events: list[tuple[float, int, Callable[[], None]]] = []
@@ -863,7 +824,6 @@ class OperatedSystem:
             self._tune: 3,
             self._preset: 1,
             self._edit: 6,
-            self._roll_back: 2,
             self._restart: 2,
         }
         action = self.random.choices(list(actions), list(actions.values()))[0]
@@ -1070,13 +1030,10 @@ class OperatedSystem:
         self.done[f"edit {what}"] += 1
         host.reload()
 
-    def _roll_back(self) -> None:
-        host = self.random.choice(list(self.hosts.values()))
-        host.roll_back(self.random.choice(self._names(host.folder)))
-
     def _restart(self) -> None:
         random, kill = self.random, self.random.random() < 0.5
-        part = random.choice(["host", "market", "feedback", "scene layer", "journal"])
+        parts = random.sample(["host", "market", "feedback", "scene layer", "journal"], 5)
+        part = min(parts, key=lambda one: self.done[f"restart of {one}"])
         self.done[f"restart of {part}"] += 1
         match part:
             case "host":

@@ -48,10 +48,9 @@ class Watched:
     def __init__(self, folder: Path, tags: str = "") -> None:
         self.folder = folder
         self.running = ""
-        self.now = 100.0
         trees = read_trees(folder).tagged(tags)
         self.watch = FolderWatch(trees)
-        self.versions = AgentVersions(trees, self.now)
+        self.versions = AgentVersions(trees)
         self.in_force = {agent.name: agent for agent in trees.agents}
 
     def poll(self) -> list[str]:
@@ -68,10 +67,8 @@ class Watched:
 
     def settle(self, trees: Trees) -> list[str]:
         """Settle all agents that have changed."""
-        self.now += 1.0
         effects = [
-            self.versions.settle(name, self.running, self.now)
-            for name in self.versions.update(trees)
+            self.versions.settle(name, self.running) for name in self.versions.update(trees)
         ]
         return [self.apply(effect) for effect in effects if effect is not None]
 
@@ -93,12 +90,3 @@ class Watched:
                 assert effect.name in self.in_force
                 self.in_force[effect.name] = effect.agent
         return f"{effect.action.value} {effect.text}"
-
-    def roll_back(self, name: str, number: int = 0) -> list[str]:
-        """Roll back as a host does; return what was said."""
-        version = self.versions.find(name, number)
-        texts = {one.file.text for one in self.versions.history(name).versions}
-        file = self.versions.history(name).last_read.file
-        written = self.watch.write(file, version.file, texts)
-        effect = self.versions.roll_back(name, version, written.file, self.running, self.now)
-        return [self.apply(effect), *filter(None, [written.text])]

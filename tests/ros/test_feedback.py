@@ -14,6 +14,7 @@ from active_nodes import active_feedback
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import (
     AgentCard,
+    ChangedValue,
     Feedback,
     HostCard,
     Learning,
@@ -21,6 +22,7 @@ from bt_agents_interfaces.msg import (
     MoodTrace,
     Profiles,
     Run,
+    StatusChange,
     TreeStatus,
 )
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -329,7 +331,17 @@ def test_the_mood_is_credited_to_the_node_of_the_tree_that_was_at_work(scenario)
     traces: list[MoodTrace] = room.ros.collect(MoodTrace, "bt_agents/mood_traces", qos.HISTORY)
     room.ros.until(lambda: status.get_subscription_count() == 1)
     room.run()
-    status.publish(TreeStatus(epoch="e", round=1, agent="guide", tick=1, tip="tree/0.say"))
+    changed = [ChangedValue(name="word", value="'hello'")]
+    status.publish(
+        TreeStatus(
+            epoch="e",
+            round=1,
+            agent="guide",
+            tick=1,
+            tip="tree/0.say",
+            changes=[StatusChange(path="tree/0.say", values=changed)],
+        )
+    )
     room.ros.until(lambda: room.node._controller._trace.leaf_at(math.inf) == "tree/0.say")
     room.ros.until(lambda: room.live.get_subscription_count() == 1)
     room.live.publish(scene(2.5))
@@ -342,6 +354,8 @@ def test_the_mood_is_credited_to_the_node_of_the_tree_that_was_at_work(scenario)
     assert (list(trace.leaves), list(trace.change)) == (["tree/0.say"], [-1.5])
     assert 2.5 <= trace.mean[0] <= 4.0
     assert trace.seconds[0] > 0.0
+    [value] = trace.values
+    assert (value.path, value.name, value.value) == ("tree/0.say", "word", "'hello'")
 
 
 def test_an_agent_learns_by_the_rule_of_its_card(scenario):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal of real nodes: messages are recorded, and their trees go the same way again."""
+"""The journal of real nodes: every message is recorded, with the traces of all runs."""
 
 from __future__ import annotations
 
@@ -12,24 +12,18 @@ import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mcap.reader import make_reader
-from rclpy.parameter import Parameter
-from std_msgs.msg import Bool
 
 from bt_agents.host.node import HostNode
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import RecordingStatus, RunRecord, Scene
-from bt_agents_interfaces.srv import Record, ReloadAgents
+from bt_agents_interfaces.msg import RecordingStatus, StatusChange
+from bt_agents_interfaces.srv import Record
 from bt_agents_lab.node import JournalNode
 from bt_agents_lab.recorder.reading import JournalReader, recording_label
-from bt_agents_lab.replay.findings import FindingCounts, ReplayVerdict
-from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
-from bt_agents_lab.replay.trees import replay_runs
+from bt_agents_lab.replay.recording_index import index_entries
 from bt_agents_ros import qos
-from bt_agents_ros.messages import scene_to_msg
 from fake_market import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
-from tree_harness import scene
 
 pytestmark = pytest.mark.ros
 
@@ -39,22 +33,11 @@ agent: {name}
 title: {name}
 description: d
 profile: {{age: 3, familiarity: 3, mood: 3}}
-tunables:
-  patience: {{default: 9 s, min: 0 s, max: 60 s, description: d}}
-on_cancel: {{say: good-bye}}
-tree:
-{tree}
+tree: {tree}
 """
 TREES = {
-    "talker": "  sequence: [{say: hello}, {say: again}]",
-    "listener": (
-        "  wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}\n"
-        "  timeout: ${patience}"
-    ),
-    "gambler": (
-        "  random:\n    - {set: {way: left}}\n    - {set: {way: right}}\n    - {log: nothing}"
-    ),
-    "watcher": "  while: live.mood > 2\n  say: all is well",
+    "talker": "{sequence: [{say: hello}, {say: again}]}",
+    "setter": "{sequence: [{set: {way: left}}, {set: {steps: 3}}]}",
 }
 
 
@@ -71,8 +54,6 @@ class Town:
         self.mouth = ScriptedServer(ros, script=Script(finish_s=0.05))
         self.market = Market(ros)
         self.host: HostNode = ros.add(make_host(self.folder))
-        self.live = ros.node.create_publisher(Scene, "bt_agents/scene/live", qos.SENSOR)
-        self.button = ros.node.create_publisher(Bool, "button", qos.EVENTS)
         self.market.open()
         ros.until(lambda: self.host.registered)
         self._round = 0
@@ -80,22 +61,24 @@ class Town:
     def record(self) -> JournalNode:
         """Start a journal; return it when it receives the host's topics and has its texts."""
         journal: JournalNode = self.ros.add(JournalNode(self.files, today=lambda: self.today))
-        self.ros.until(self.host._runs._records._has_subscribers)
+        self.ros.until(self.host._runs._status.get_subscription_count)
         self.ros.until(lambda: "/agents/files" in journal.journal._facts)
         return journal
 
-    def begin(self, agent: str) -> Any:
-        """Begin a run of an agent."""
-        self._round += 1
-        return self.market.send(self.market.goal(self.host, agent, round=self._round))
-
     def run(self, agent: str) -> Any:
         """Run an agent to its end; return how it ended."""
-        return self.market.result(self.begin(agent)).result
+        self._round += 1
+        goal = self.market.goal(self.host, agent, round=self._round)
+        return self.market.result(self.market.send(goal)).result
 
-    def recording(self) -> RecordingIndex:
-        """Return the contents of all files."""
-        return index_entries(JournalReader(sorted(self.files.glob("*.mcap"))).entries())
+    def elements(self, *files: Path) -> list[tuple[str, int, dict[str, str]]]:
+        """Return path, status and values of all elements of traces in some files."""
+        entries = JournalReader(files).entries({"bt_agents_interfaces/msg/TreeStatus"})
+        return [
+            (change.path, change.status, {one.name: one.value for one in change.values})
+            for entry in entries
+            for change in entry.decode().changes
+        ]
 
 
 @pytest.fixture
@@ -103,92 +86,29 @@ def town(ros: Any, tmp_path: Path) -> Iterator[Town]:
     return Town(ros, tmp_path)
 
 
-def test_runs_of_every_kind_go_the_same_way_again(town: Town) -> None:
-    ros, journal = town.ros, town.record()
-    assert town.run("talker").outcome == RunAgent.Result.SUCCEEDED
-    for _ in range(3):
-        town.run("gambler")
-
-    handle = town.begin("listener")
-    ros.until(lambda: town.button.get_subscription_count())
-    town.button.publish(Bool(data=False))
-    [answer] = town.host.set_parameters([Parameter("listener.patience", value=30.0)])
-    assert answer.successful
-    ros.turns()
-    town.button.publish(Bool(data=True))
-    assert town.market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
-
-    town.mouth.script = Script(finish_s=None)
-    handle = town.begin("watcher")
-    ros.until(lambda: len(town.mouth.goals) == 3)
-    sad = scene("s1", age=3, familiarity=3, mood=1)
-
-    def failed() -> bool:
-        town.live.publish(scene_to_msg(sad))
-        return bool(town.mouth.goals[-1].cancels)
-
-    ros.until(failed)
-    assert town.market.result(handle).result.outcome == RunAgent.Result.FAILED
-
-    handle = town.begin("talker")
-    ros.until(lambda: len(town.mouth.goals) == 4)
-    town.mouth.script = Script(finish_s=0.05)
-    ros.call(ros.node.create_client(ReloadAgents, "agents/reload"), ReloadAgents.Request())
-    file = town.folder / "agents" / "0.yaml"
-    file.write_text(file.read_text().replace("again", "once more"))
-    ros.call(ros.node.create_client(ReloadAgents, "agents/reload"), ReloadAgents.Request())
-    handle.cancel_goal_async()
-    assert town.market.result(handle).result.outcome == RunAgent.Result.CANCELLED
-    assert town.run("talker").outcome == RunAgent.Result.SUCCEEDED
-    assert town.mouth.goals[-1].request.text == "once more"
-
-    ros.until(lambda: len(journal._hosts) == 1)
-    ros.remove(journal)
-    recording = town.recording()
-    found = FindingCounts(replay_runs(recording.runs.values()))
-    assert [one.text for one in found.unequal] == []
-    assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 8}
-    assert recording.problems == []
-    assert recording.lost == {}
-    assert recording.counts["/agents/files"] == 2
-
-
-def test_nothing_is_recorded_while_nobody_listens(town: Town) -> None:
-    records = town.ros.collect(RunRecord, "agents/records", qos.EVENTS)
-    assert town.run("talker").outcome == RunAgent.Result.SUCCEEDED
-    town.ros.turns()
-    # Notes without the status of the tree could not be compared with anything.
-    assert records == []
-
-
-def test_a_journal_that_comes_late_says_what_it_has_not_heard(town: Town) -> None:
-    town.mouth.script = Script(finish_s=None)
-    handle = town.begin("talker")
-    town.ros.until(lambda: town.mouth.goals)
+def test_the_trace_of_each_run_is_recorded(town: Town) -> None:
     journal = town.record()
-    town.mouth.script = Script()
-    town.mouth.goals[0].finish()
-    town.market.result(handle)
-    town.run("talker")
+    assert town.run("setter").outcome == RunAgent.Result.SUCCEEDED
+    assert town.run("talker").outcome == RunAgent.Result.SUCCEEDED
     town.ros.remove(journal)
-    found = FindingCounts(replay_runs(town.recording().runs.values()))
-    assert [one.text for one in found.unequal] == [
-        "nothing was recorded of what its tree received"
+    found = town.elements(*town.files.glob("*.mcap"))
+    assert found[:2] == [
+        ("tree/0.set", StatusChange.SUCCESS, {"way": "'left'"}),
+        ("tree/1.set", StatusChange.SUCCESS, {"steps": "3"}),
     ]
-    assert found.counts["run of a tree", ReplayVerdict.EQUAL] == 1
+    assert ("tree/1.say", StatusChange.SUCCESS, {}) in found
 
 
-def test_each_day_can_be_done_again_by_itself(town: Town) -> None:
+def test_each_day_has_its_own_runs(town: Town) -> None:
     journal = town.record()
     town.run("talker")
     town.today += timedelta(days=1)
-    town.run("gambler")
+    town.run("setter")
     town.ros.remove(journal)
-    for path in sorted(town.files.glob("*.mcap")):
-        recording = index_entries(JournalReader([path]).entries())
-        found = FindingCounts(replay_runs(recording.runs.values()))
-        assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 1}
-        assert recording.counts["/bt_agents/cards"] >= 1
+    first, second = sorted(town.files.glob("*.mcap"))
+    assert {path for path, _, _ in town.elements(first)} == {"tree", "tree/0.say", "tree/1.say"}
+    assert {path for path, _, _ in town.elements(second)} == {"tree", "tree/0.set", "tree/1.set"}
+    assert index_entries(JournalReader([second]).entries()).counts["/bt_agents/cards"] >= 1
 
 
 def test_a_second_journal_in_the_same_folder_is_refused(town: Town, tmp_path: Path) -> None:

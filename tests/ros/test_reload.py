@@ -28,14 +28,7 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
 )
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_interfaces.srv import (
-    CancelRun,
-    ListVersions,
-    RegisterHost,
-    ReloadAgents,
-    RollBack,
-    SetProfile,
-)
+from bt_agents_interfaces.srv import CancelRun, RegisterHost, ReloadAgents, SetProfile
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
@@ -361,48 +354,6 @@ def test_nothing_is_reloaded_by_itself_while_that_is_switched_off(
     ros.call(client, SetParameters.Request(parameters=[on]))
     host.edit("bob", agent("bob", "{say: again}"))
     host.await_version("bob", 3)
-
-
-def test_versions_are_listed_and_rolled_back_to_and_the_file_says_the_same(
-    ros: Any, tmp_path: Path
-) -> None:
-    host = Host(ros, tmp_path, bob=agent("bob"))
-    host.edit("bob", agent("bob", "{say: bye}"))
-    host.await_version("bob", 2)
-    answer = host.ask(RollBack, "roll_back", agent="bob")
-    assert (answer.accepted, answer.code) == (True, "")
-    assert answer.message == "bob: version 3 in force (tree changed: 1 node changed)"
-    assert (host.folder / "agents" / "bob.yaml").read_text() == agent("bob")
-    assert host.said("bob") == "hello"
-    host.await_version("bob", 3)
-    ros.turns(150)
-    listed = host.ask(ListVersions, "versions", agent="bob")
-    assert listed.message == "version 3 of bob is in force"
-    assert [(v.version, v.cause, v.current) for v in listed.versions] == [
-        (1, "start", False),
-        (2, "file changed", False),
-        (3, "roll back to 1", True),
-    ]
-    assert not host.ask(ListVersions, "versions", agent="zoe").accepted
-    for name, number, code in (
-        ("zoe", 1, "UNKNOWN_AGENT"),
-        ("bob", 9, "UNKNOWN_VERSION"),
-        ("bob", 3, "SAME_VERSION"),
-    ):
-        answer = host.ask(RollBack, "roll_back", agent=name, version=number)
-        assert (answer.accepted, answer.code) == (False, code)
-
-
-def test_a_roll_back_now_cancels_the_run_of_that_agent(ros: Any, tmp_path: Path) -> None:
-    host = Host(ros, tmp_path, bob=agent("bob"))
-    host.edit("bob", agent("bob", WAITING, PATIENT.format("50 s")))
-    host.await_version("bob", 2)
-    handle = host.market.start(host.node, "bob")
-    answer = host.ask(RollBack, "roll_back", agent="bob", version=1, now=True)
-    assert "the run of bob is cancelled for it" in answer.message
-    assert host.market.result(handle).outcome == RunAgent.Result.CANCELLED
-    host.await_version("bob", 3)
-    assert host.said("bob") == "hello"
 
 
 def test_a_learned_profile_outlives_a_reload_and_an_initial_one_follows_the_file(

@@ -20,7 +20,6 @@ from bt_agents_interfaces.msg import (
     Heartbeat,
     NodeDetails,
     RunControl,
-    RunRecord,
     StatusChange,
     TreeStatus,
 )
@@ -301,40 +300,6 @@ def test_a_paused_countdown_is_told_with_its_rest_and_stays(
     host.done(RESUME)
     ros.until(lambda: len(details) >= 3)
     assert details[2].countdowns[0].remaining_s == pytest.approx(left, abs=0.3)
-
-
-def test_a_recorded_run_that_was_paused_and_stopped_is_replayed_equal(
-    ros: Any, host: Host, market: Market, mouth: ScriptedServer
-) -> None:
-    from bt_agents.recording.format import read_recording
-    from bt_agents.recording.recorded_run import replay
-
-    records = ros.collect(RunRecord, "agents/records", qos.EVENTS)
-    ros.collect(NodeDetails, "agents/details", qos.EVENTS)
-    statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
-    ros.until(lambda: host.node._runs._records._has_subscribers() and host.node._details._wanted)
-    host.stop_before("talker", "tree/1.say")
-    handle = market.send(market.goal(host.node))
-    ros.until(lambda: mouth.goals)
-    host.done(PAUSE)
-    mouth.goals[0].finish()
-    pass_time(ros, 0.2)
-    host.done(STEP)
-    host.paused_at("tree/1.say")
-    host.done(RESUME)
-    ros.until(lambda: len(mouth.goals) == 2)
-    mouth.goals[1].finish()
-    result = market.result(handle).result
-    ros.until(lambda: any('"end"' in one.record for one in records))
-    lines = [line for one in records for line in one.record.split("\n")]
-    spec = host.node.registry.members["talker"].spec
-    steps = list(replay(read_recording(lines), spec, host.node.registry.space))
-    changed = [(change.path, change.message) for step in steps for change in step.changes]
-    told = [(change.path, change.message) for one in statuses for change in one.changes]
-    assert changed == told
-    assert all(step.requests == step.recorded_requests for step in steps)
-    assert steps[-1].result is not None
-    assert (steps[-1].result.ticks, steps[-1].tick) == (result.ticks, result.ticks)
 
 
 def test_simulated_time_that_goes_on_during_a_pause_does_not_pass_for_the_tree(

@@ -52,13 +52,8 @@ class Breakpoints:
             self._ticker.replace_tick(node, self._held_tick(node, self._plain[node]))
 
     @property
-    def kept(self) -> tuple[str, ...]:
-        """Paths of the nodes that were held since the last :meth:`begin_tick`."""
-        return tuple(_path(node) for node in self._kept)
-
-    @property
     def held(self) -> tuple[str, ...]:
-        """Paths of those that are still held, because nothing stopped them in the same tick."""
+        """Paths of the nodes held since :meth:`begin_tick`, unless stopped in the same tick."""
         return tuple(_path(node) for node in self._kept if node.status is RUNNING)
 
     def begin_tick(self) -> None:

@@ -32,7 +32,7 @@ BEHAVIOURS: Mapping[str, NodeMaker] = find_behaviours()
 
 
 @gc_paused()
-def build(spec: NodeSpec, context: RunContext, plugins: NodeMaker = PluginLeaf) -> Behaviour:
+def build(spec: NodeSpec, context: RunContext) -> Behaviour:
     """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``."""
 
     def build_node(spec: NodeSpec, scope: Scope) -> Behaviour:
@@ -40,9 +40,8 @@ def build(spec: NodeSpec, context: RunContext, plugins: NodeMaker = PluginLeaf) 
         if type_of(spec).assigns:
             scope.declare(spec.fields)
         if spec.plugin is not None:
-            maker = plugins
-        else:
-            maker = SkillLeaf if spec.skill is not None else BEHAVIOURS[spec.kind]
+            return PluginLeaf(spec, context, scope)
+        maker = SkillLeaf if spec.skill is not None else BEHAVIOURS[spec.kind]
         return maker(spec, context, scope, build_node)
 
     return build_node(spec, context.scope)

@@ -65,11 +65,8 @@ class RunContext:
     def open_goals(self) -> tuple[str, ...]:
         """Return the node paths of all goals whose servers have not confirmed the end."""
         self._goals = [(path, run) for path, run in self._goals if not run.confirmed]
-        return (*(path for path, _ in self._goals), *self.plugin_goals())
-
-    def plugin_goals(self) -> tuple[str, ...]:
-        """Return the same for the goals of plug-ins, one path per goal."""
-        return tuple(path for path, node in self._plugin_nodes for _ in range(node.open_goals()))
+        plugins = (path for path, node in self._plugin_nodes for _ in range(node.open_goals()))
+        return (*(path for path, _ in self._goals), *plugins)
 
     def open_plugin_node(self, path: str) -> PluginNode | None:
         """Return the ROS node for the plug-in at ``path``; its goals are tracked."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from py_trees.common import Status
@@ -12,6 +13,7 @@ from bt_agents.engine.fields import NodeFields
 from bt_agents.engine.light_behaviour import FAILURE, LightBehaviour
 from bt_agents.engine.node_errors import reason_of, with_location
 from bt_agents.engine.scope import Scope
+from bt_agents_core.field_types import Plain
 from bt_agents_language.model.specs import NodeSpec
 
 
@@ -43,6 +45,17 @@ class Leaf(LightBehaviour):
     def step(self) -> Status:
         """Continue; called at every tick, including the first."""
         raise NotImplementedError
+
+    def write(self, name: str, value: Plain) -> None:
+        """Assign a value to a name."""
+        if self.scope.write(name, value):
+            self.note_change(name, value)
+
+    def tell(self, values: Mapping[str, Plain]) -> None:
+        """Assign values to names of the scene or the person, which others have taken over."""
+        for name, value in values.items():
+            if self.context.scope.tell(name, value):
+                self.note_change(name, value)
 
     def missing(self) -> str:
         """Return what it still waits for; empty if unknown."""

@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
+from types import MappingProxyType
 from uuid import UUID, uuid4
 
 from py_trees.behaviour import Behaviour
 from py_trees.blackboard import Client
 from py_trees.common import BlackBoxLevel, Status
 from py_trees.logging import Logger
+
+from bt_agents_core.field_types import Plain
 
 # Access to a member of an Enum takes as long as three calls in Python 3.11.
 SUCCESS, FAILURE, RUNNING, INVALID = (
@@ -26,9 +29,16 @@ class LightBehaviour(Behaviour):
 
     It must precede the py_trees classes among the bases of a class, because their ``__init__`` is
     not called. Its children are compared by identity and never change.
+
+    Attributes:
+        changes_values: True if it may end without having another status than before, but with
+            other values; each such end is reported.
+        changed: Name → value of all that it has changed since it was last reported.
     """
 
     logger = Logger("bt_agents")
+    changes_values = False
+    changed: Mapping[str, Plain] = MappingProxyType({})
 
     def __init__(self, name: str, children: Iterable[Behaviour] = ()) -> None:
         self.name = name
@@ -44,6 +54,11 @@ class LightBehaviour(Behaviour):
     def stop(self, new_status: Status) -> None:
         self.terminate(new_status)
         self.status = new_status
+
+    def note_change(self, name: str, value: Plain) -> None:
+        """Note that it has changed the value of a name."""
+        # Most nodes never change a value, so none has a mapping of its own before.
+        self.changed = {**self.changed, name: value}
 
     @cached_property
     def id(self) -> UUID:

@@ -16,12 +16,12 @@ from py_trees.common import Status
 
 from bt_agents.engine.breakpoints import Breakpoints
 from bt_agents.engine.builder import build
-from bt_agents.engine.context import NodeMaker, RunContext
+from bt_agents.engine.context import RunContext
 from bt_agents.engine.environment import Clock, Environment
 from bt_agents.engine.node_errors import is_undecided
-from bt_agents.engine.nodes.plugin import PluginLeaf
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticker import OnVisit, Tick, Ticker
+from bt_agents.engine.value_trace import as_written
 from bt_agents_core.field_types import Plain
 from bt_agents_core.node_name import filled_name
 from bt_agents_core.scene import Scene, SceneSpace, Vector
@@ -31,6 +31,9 @@ from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 _MOST_UNDECIDED = 20
 """Most undecidable conditions that a run reports."""
+
+_MOST_VALUES = 500
+"""Most values in the changes of one tick; further ones are left out."""
 
 _LONGEST_NAME = 200
 """Most characters of the name of a tip."""
@@ -45,12 +48,17 @@ class TreeOutcome(Enum):
 
 
 class StatusChange(NamedTuple):
-    """A changed status or message of a node, or another end of a node with side effects."""
+    """An element of the trace of a run: a changed status or message, or another end of a node.
+
+    Nodes with side effects, and those that have changed values, have an element for each end.
+    Values are those that the node has changed since its last element, by name, as text.
+    """
 
     path: str
     name: str
     status: Status
     message: str
+    values: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,11 +125,9 @@ class Run:
         scene: The scene as awarded.
         live: Returns the current scene.
         tunables: Current values by name; they may change between ticks.
-        steady: Clock of the bounded waits, which never stops [s].
+        steady: Clock that never stops, for bounded waits and to measure ticks [s].
         limits: Limits of these waits.
         random: Random source of the nodes; None uses a new one.
-        stopwatch: Clock that measures ticks [s]; None uses ``steady``.
-        plugins: Makes the leaves for behaviours of packages.
         context: Makes the shared state of the nodes.
         host: Fully qualified name of the node that ticks the tree.
 
@@ -153,8 +159,6 @@ class Run:
         steady: Clock,
         limits: RunLimits | None = None,
         random: Random | None = None,
-        stopwatch: Clock | None = None,
-        plugins: NodeMaker = PluginLeaf,
         context: Callable[[Environment, RunScope, Random], RunContext] = RunContext,
         on_visit: OnVisit | None = None,
         host: str = "",
@@ -175,16 +179,15 @@ class Run:
         self.overruns = 0
         self.overrun: Overrun | None = None
         self.changes: list[StatusChange] = []
+        self._values_left = _MOST_VALUES
         self.result: RunResult | None = None
         self._scope = scope
         self._context = context(environment, scope, random or Random())
         self.deadlines = self._context.deadlines
         self._steady = steady
-        self._stopwatch = stopwatch or steady
         self._limits = limits or RunLimits()
-        self._plugins = plugins
         self._on_visit = on_visit
-        self.root = build(spec.tree, self._context, plugins)
+        self.root = build(spec.tree, self._context)
         self.clean_up: Behaviour | None = None
         self._tickers: dict[Behaviour, Ticker] = {}
         self.undecided: dict[str, None] = {}
@@ -218,11 +221,6 @@ class Run:
         """Paths of the nodes that wait at a breakpoint since the last tick of the tree."""
         stops = self._breakpoints
         return () if stops is None or not self.ticking else stops.held
-
-    @property
-    def kept(self) -> tuple[str, ...]:
-        """Paths of all nodes that it held, including those that were stopped in the same tick."""
-        return () if self._breakpoints is None else self._breakpoints.kept
 
     @property
     def ticking(self) -> bool:
@@ -261,6 +259,7 @@ class Run:
     def tick(self) -> list[StatusChange]:
         """Tick once, in any phase of the run; return the changes in order."""
         self.changes = []
+        self._values_left = _MOST_VALUES
         self.overrun = None
         self.deadlines.clear()
         if self._scope.mood_start.is_given:
@@ -350,7 +349,7 @@ class Run:
         """Begin the agent's ``on_cancel``, even if it is unknown who stopped the run."""
         assert self.spec.on_cancel is not None
         self._scope.cancellation = cancellation
-        self.clean_up = build(self.spec.on_cancel, self._context, self._plugins)
+        self.clean_up = build(self.spec.on_cancel, self._context)
         self._phase = _Phase.CLEANING
         self.deadline = self._steady() + self.spec.clean_up_s
 
@@ -397,10 +396,10 @@ class Run:
         if self.period_s == math.inf:
             ticker.tick()
             return
-        began = self._answered_at = self._stopwatch()
+        began = self._answered_at = self._steady()
         self._slowest, self._slowest_s = root, 0.0
         ticker.tick()
-        now = self._stopwatch()
+        now = self._steady()
         took = now - began
         if took > self.period_s:
             self.overruns += 1
@@ -419,7 +418,7 @@ class Run:
         return ticker
 
     def _timed(self, tick: Tick, leaf: Behaviour) -> Tick:
-        clock = self._stopwatch
+        clock = self._steady
 
         def timed() -> Status:
             status = tick()
@@ -436,8 +435,15 @@ class Run:
         message = node.feedback_message
         if node.status is Status.FAILURE and is_undecided(message):
             self._report_undecided(message)
-        change = StatusChange(node.spec.path, node.name, node.status, node.feedback_message)
+        values = self._take_values(node) if node.changed else ()
+        change = StatusChange(node.spec.path, node.name, node.status, message, values)
         self.changes.append(change)
+
+    def _take_values(self, node: Any) -> tuple[tuple[str, str], ...]:
+        changed, node.changed = node.changed, {}
+        some = list(changed.items())[: self._values_left]
+        self._values_left -= len(some)
+        return tuple((name, as_written(value)) for name, value in some)
 
 
 def _path_of(node: Behaviour | None) -> str:

@@ -34,6 +34,7 @@ from bt_agents_language.model.specs import (
 
 _LONGEST_JSON = 100_000
 _MOST_NAMES = 4
+_NOTHING = object()
 QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 """Types of numbers with units."""
 
@@ -55,8 +56,8 @@ class Scope(ValueSource, Protocol):
     def declare(self, names: Iterable[str]) -> None:
         """Declare names that a node of the tree writes; called while the tree is built."""
 
-    def write(self, name: str, value: Plain) -> None:
-        """Assign a value to a name."""
+    def write(self, name: str, value: Plain) -> bool:
+        """Assign a value to a name; return whether it had another value or none before."""
 
 
 @dataclass(kw_only=True)
@@ -103,8 +104,16 @@ class RunScope:
     def declare(self, names: Iterable[str]) -> None:
         """Do nothing: written names hide no others here."""
 
-    def write(self, name: str, value: Plain) -> None:
+    def write(self, name: str, value: Plain) -> bool:
+        changes = self.blackboard.get(name, _NOTHING) != value
         self.blackboard[name] = value
+        return changes
+
+    def tell(self, name: str, value: Plain) -> bool:
+        """Assign a value to a name of the scene or the person; return as :meth:`write`."""
+        changes = self.told.get(name, _NOTHING) != value
+        self.told[name] = value
+        return changes
 
     def read_only_value(self, name: str) -> Plain:
         """Return the value of a name that no node writes; see :class:`ValueSource`."""
@@ -199,8 +208,10 @@ class SubtreeScope:
         """Declare names that a node of the subtree writes; they hide those of the run."""
         self.own.update(names)
 
-    def write(self, name: str, value: Plain) -> None:
+    def write(self, name: str, value: Plain) -> bool:
+        changes = self.written.get(name, _NOTHING) != value
         self.written[name] = value
+        return changes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ Tick = Callable[[], Status]
 """Ticks one node and its descendants; returns the node's status."""
 
 OnChange = Callable[[Behaviour], None]
-"""Receives a node whose status or message has changed, or whose side effect was repeated."""
+"""Receives a node whose status, message or values have changed, or that has acted again."""
 
 OnVisit = Callable[[Behaviour, Status], None]
 """Receives each node that was ticked, with its status."""
@@ -81,7 +81,7 @@ class Ticker:
     Args:
         on_change: Called once per changed node after each of its ticks: ticked nodes in order of
             their answers, then stopped nodes in tree order. Nodes with ``has_side_effects`` are
-            reported at every end.
+            reported at every end, those with ``changes_values`` at every end with other values.
         wrap_leaf: Wraps the tick of each leaf.
 
     Attributes:
@@ -170,6 +170,8 @@ class Ticker:
         make = _call_tick if isinstance(node, CallTicked) else _leaf_tick
         if last is not None and getattr(node, "has_side_effects", False):
             tick = _reported_ends(make(node, self, None), last, self)
+        elif last is not None and getattr(node, "changes_values", False):
+            tick = _reported_values(make(node, self, last), last, self)
         else:
             tick = make(node, self, last)
         if self._wrap_leaf is not None and not node.children:
@@ -259,6 +261,20 @@ def _reported_ends(tick: Tick, last: LastReport, ticker: Ticker) -> Tick:
     def reported() -> Status:
         status = tick()
         report_if_changed(last, again=status is not RUNNING)
+        return status
+
+    return reported
+
+
+def _reported_values(tick: Tick, last: LastReport, ticker: Ticker) -> Tick:
+    node: Any = last.node
+    report_if_changed = ticker.report_if_changed
+
+    def reported() -> Status:
+        status = tick()
+        if node.changed and status is not RUNNING:
+            # A report of its status has taken its values with it.
+            report_if_changed(last, again=True)
         return status
 
     return reported

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any, NamedTuple
 
 from py_trees.behaviour import Behaviour
@@ -17,6 +18,7 @@ LONGEST_VALUE = 200
 """Most characters of a value as text."""
 
 _MOST_ITEMS = 20
+_MOST_BITS = 512
 
 
 class TracedValue(NamedTuple):
@@ -44,9 +46,10 @@ class _TracedNames:
     def declare(self, names: Iterable[str]) -> None:
         self.names.declare(names)
 
-    def write(self, name: str, value: Plain) -> None:
-        self.names.write(name, value)
+    def write(self, name: str, value: Plain) -> bool:
+        changes = self.names.write(name, value)
         self.note(TracedValue(self.path, name, value, True))
+        return changes
 
 
 class ValueTrace:
@@ -107,24 +110,45 @@ def as_written(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
     """Return a value on one line as an author writes it; a long one is truncated."""
     if field_type in QUANTITIES:
         return format_value(value, field_type)
-    return ellipsize(printable_line(_written(value)), LONGEST_VALUE)
+    text = ""
+    for part in _parts(value):
+        text += part
+        if len(text) > LONGEST_VALUE:
+            break
+    return ellipsize(printable_line(text), LONGEST_VALUE)
 
 
-def _written(value: Plain) -> str:
+def _parts(value: Plain) -> Iterator[str]:
+    """Yield the parts of a written value; a large one is not read to its end."""
     match value:
         case None:
-            return "null"
+            yield "null"
         case bool():
-            return "true" if value else "false"
+            yield "true" if value else "false"
+        case int():
+            yield str(value) if value.bit_length() < _MOST_BITS else "…"
         case float():
-            return f"{round(value, 3):.15g}"
+            yield f"{round(value, 3):.15g}"
         case str():
-            return f"'{value[:LONGEST_VALUE]}'"
+            yield f"'{value[:LONGEST_VALUE]}'"
         case Mapping():
-            some = list(value.items())[:_MOST_ITEMS]
-            more = [] if len(some) == len(value) else ["…"]
-            return f"{{{', '.join([f'{key}: {_written(one)}' for key, one in some] + more)}}}"
+            yield "{"
+            for number, (key, one) in enumerate(islice(value.items(), _MOST_ITEMS + 1)):
+                yield ", " if number else ""
+                if number == _MOST_ITEMS:
+                    yield "…"
+                    break
+                yield f"{key[:LONGEST_VALUE]}: "
+                yield from _parts(one)
+            yield "}"
         case tuple() | list():
-            more = ["…"] if len(value) > _MOST_ITEMS else []
-            return f"[{', '.join([*map(_written, value[:_MOST_ITEMS]), *more])}]"
-    return str(value)
+            yield "["
+            for number, one in enumerate(value[: _MOST_ITEMS + 1]):
+                yield ", " if number else ""
+                if number == _MOST_ITEMS:
+                    yield "…"
+                    break
+                yield from _parts(one)
+            yield "]"
+        case _:
+            yield str(value)

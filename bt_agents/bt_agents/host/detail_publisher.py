@@ -80,7 +80,6 @@ class DetailPublisher:
             return
         tree = self._tree
         values = tree.values.take()[-_MOST_VALUES:]
-        # Not the clock of the run, whose readings are recorded.
         now = self._runs.environment.clock()
         running = tree.countdowns.running(run.deadlines, now)[:_MOST_COUNTDOWNS]
         ends = {f"{one.path} {one.ends_at is None}": self._end_of(one, now) for one in running}

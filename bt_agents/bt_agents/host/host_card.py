@@ -10,8 +10,8 @@ from dataclasses import asdict
 from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
-from bt_agents.host.reload.source_bundle import SourceBundle, source_bundle
-from bt_agents.host.reload.version_history import FileProblem
+from bt_agents.host.reload.texts_in_force import texts_in_force
+from bt_agents.host.reload.version_state import FileProblem
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_core.feedback import WEIGHTS, LearningRule
 from bt_agents_core.scene import SceneSpace
@@ -29,7 +29,6 @@ from bt_agents_interfaces.msg import MoodRule as MoodRuleMsg
 from bt_agents_language.model.mood_rule import MoodRule
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_ros import qos
-from bt_agents_ros.installed import InstalledInterfaces
 
 
 class HostCardPublisher:
@@ -62,7 +61,7 @@ class HostCardPublisher:
         self._machine = socket.gethostname()
         self._node = node
         self._registered = False
-        self._bundle: SourceBundle | None = None
+        self._texts: dict[str, str] = {}
         self.problems: tuple[FileProblem, ...] = ()
         self._cards = node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
@@ -82,7 +81,7 @@ class HostCardPublisher:
         members = self._registry.members.values()
         problems = self._versions.folder_problems()
         for member in members:
-            problems += self._versions.histories[member.spec.name].problems
+            problems += self._versions.states[member.spec.name].problems
             if member.refusal:
                 problems.append(FileProblem(agent=member.spec.name, message=member.refusal))
         problems += [
@@ -122,24 +121,22 @@ class HostCardPublisher:
 
     def files(self) -> None:
         """Publish the texts of the agents in force, if they have changed."""
-        found = source_bundle(self._versions, InstalledInterfaces().has_package)
-        if found == self._bundle:
+        found = texts_in_force(self._versions)
+        if found == self._texts:
             return
-        self._bundle = found
+        self._texts = found
         self._files.publish(
             AgentFiles(
                 host=self._host,
                 host_instance=self._instance,
-                files=list(found.files),
-                texts=list(found.files.values()),
-                agents=list(found.versions),
-                versions=list(found.versions.values()),
+                files=list(found),
+                texts=list(found.values()),
             )
         )
 
     def _agent_card(self, member: HostedAgent) -> AgentCard:
         spec = member.spec
-        history = self._versions.histories[spec.name]
+        state = self._versions.states[spec.name]
         return AgentCard(
             name=spec.name,
             title=spec.title,
@@ -151,11 +148,12 @@ class HostCardPublisher:
             learning_rate=member.learning_rate,
             learning=learning_to_msg(spec.learning, self._registry.space.profiles),
             rules=[rule_to_msg(rule) for rule in spec.rules],
-            version=history.current.number,
-            waiting=history.waiting is not None,
-            degraded=bool(history.problems),
-            problems=_problems_to_msg(history.problems),
-            removal_reason=history.removal_reason,
+            version=state.current.number,
+            change=state.current.change,
+            waiting=state.waiting is not None,
+            degraded=bool(state.problems),
+            problems=_problems_to_msg(state.problems),
+            removal_reason=state.removal_reason,
         )
 
 

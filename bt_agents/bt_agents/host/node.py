@@ -19,8 +19,8 @@ from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.market_registration import MarketRegistration
+from bt_agents.host.reload.reload_server import ReloadServer
 from bt_agents.host.reload.reload_service import ReloadService
-from bt_agents.host.reload.version_services import ReloadServices
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
 from bt_agents.host.run_server import RunServer
 from bt_agents.host.tree_streams.stream_server import DEFAULT_PERIOD, offer_tree_streams
@@ -40,7 +40,7 @@ from bt_agents_ros.discovery import is_matched, participants
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.managed_node import ManagedNode, make_managed
-from bt_agents_ros.messages import scene_from_msg, seconds
+from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.parameters import TREES, StartParameter, declare_slow_network
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
@@ -139,8 +139,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         self._bids = self.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
         self._bid_encoder = BidEncoder(self.host, self.instance)
         self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
-        stamp = seconds(self.get_clock().now().to_msg())
-        self._versions = AgentVersions(folder, stamp)
+        self._versions = AgentVersions(folder)
         self._host_card = HostCardPublisher(
             self, self.instance, self.registry, self._versions, self._other_problems
         )
@@ -156,7 +155,6 @@ class HostNode(ManagedNode[HostConfiguration]):
             self.registry,
             self.instance,
             live.begin_run,
-            version=lambda name: self._versions.histories[name].current.number,
             open_goals_file=file,
             market=market,
             slowness=slowness,
@@ -202,7 +200,7 @@ class HostNode(ManagedNode[HostConfiguration]):
             self, self._versions, self._runs, apply=self._change, applied=self._publish_changes
         )
         closing.callback(self._reloading.close)
-        ReloadServices(self, self._reloading, self._runs)
+        ReloadServer(self, self._reloading, self._runs)
         ControlService(self, self._runs, self.instance)
         self._details = DetailPublisher(self, self._runs, self.instance)
         self._tree_streams = offer_tree_streams(self, self._runs)
@@ -317,7 +315,7 @@ class HostNode(ManagedNode[HostConfiguration]):
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
         if name in self.registry.members:
-            reason = self._versions.histories[name].removal_reason
+            reason = self._versions.states[name].removal_reason
             self.registry.members[name].removal_reason = reason
 
     def _add(self, agent: AgentSpec) -> None:

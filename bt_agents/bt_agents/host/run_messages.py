@@ -14,9 +14,9 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.stop_cause import Cancellation, StopCause, StoppedBy, stopper
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import ChangedValue, TreeStatus
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
-from bt_agents_interfaces.msg import TreeStatus
 from bt_agents_ros.messages import header_at
 
 _LONGEST_REASON = 500
@@ -41,6 +41,7 @@ def tree_status(
                 name=change.name,
                 status=_STATUS[change.status],
                 message=change.message,
+                values=[ChangedValue(name=name, value=value) for name, value in change.values],
             )
             for change in changes
         ],

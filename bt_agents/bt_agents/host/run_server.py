@@ -8,7 +8,7 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from rclpy.action import CancelResponse, GoalResponse
@@ -17,7 +17,6 @@ from rclpy.task import Future
 from rclpy.time import Time
 
 from bt_agents.engine.run import Overrun, Run, RunResult, StatusChange, TreeOutcome
-from bt_agents.engine.scope import RunScope
 from bt_agents.engine.tick_scheduler import TickScheduler
 from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents.host.award_monitor import AwardMonitor
@@ -26,7 +25,6 @@ from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.run_control import ControlledRun, RunControl
 from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
-from bt_agents.host.run_records import RunRecords
 from bt_agents_core.errors import Refused
 from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import Scene
@@ -87,7 +85,6 @@ class RunServer:
         registry: The host's agents.
         instance: This start of the host; goals meant for another one are refused.
         live: Takes the scene of a run; returns a function for its live scene.
-        version: Returns the version in force of an agent's file.
         open_goals_file: Keeps the open goals of its trees across a kill; None keeps nothing.
         market: False if no market awards its runs.
         slowness: Factor of the limits of servers; see :class:`RosEnvironment`.
@@ -105,7 +102,6 @@ class RunServer:
         registry: AgentRegistry,
         instance: str,
         live: Callable[[Scene], Callable[[], Scene]],
-        version: Callable[[str], int],
         open_goals_file: OpenGoalsFile | None = None,
         *,
         market: bool = True,
@@ -119,9 +115,9 @@ class RunServer:
         self._runs_begun = 0
         self._node = node
         self._registry = registry
+        self._host = str(node.get_fully_qualified_name())
         self._instance = instance
         self._live = live
-        self._live_now: Callable[[], Scene] | None = None
         self._ended: Any = None
         self._stopped: tuple[Run, Sequence[StatusChange], Time] | None = None
         self._ticked = node.get_clock().now()
@@ -155,7 +151,6 @@ class RunServer:
             slowness=slowness,
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
-        self._records = RunRecords(node, instance, self._status, version)
         # Set again for each tick, because a late timer does not catch up.
         self._timer = steady_timer(node, self._period_s, self._tick, running=False)
         self._server: QuietActionServer | None = None
@@ -213,17 +208,6 @@ class RunServer:
         """Path and name of the node that decides the status of the tree; empty without a run."""
         run = self.run
         return (run.tip, run.tip_name) if run is not None and run.ticks else ("", "")
-
-    def names(self) -> RunScope:
-        """Return the names of the run; reading them leaves no trace in its recording."""
-        assert self.run is not None
-        assert self._live_now is not None
-        return replace(
-            self.run.scope,
-            live=self._live_now,
-            tunables=self._registry.member(self.running).tunables,
-            clock=self.environment.local_time,
-        )
 
     def set_rate(self, hertz: float) -> None:
         """Set the tick rate from now on [1/s]."""
@@ -475,17 +459,16 @@ class RunServer:
 
     def _start(self, goal: Any) -> None:
         member = self._registry.member(goal.agent)
-        self._live_now = self._live(self._scene)
-        self.run = self._records.run(
-            goal,
+        self.run = Run(
             member.spec,
             space=self._registry.space,
             scene=self._scene,
             profile=member.profile_for(self._scene),
-            live=self._live_now,
+            live=self._live(self._scene),
             tunables=member.tunables,
             environment=self.environment,
             steady=time.monotonic,
+            host=self._host,
         )
         self.run.period_s = self._period_s
         self.run.set_breakpoints(self.control.breakpoints.get(goal.agent, ()))
@@ -579,7 +562,6 @@ class RunServer:
 
     def _end(self, result: RunResult) -> None:
         self._timer.cancel()
-        self._records.flush()
         self._ended.set_result(result)
 
     def _give_up(self, run: Run, reason: str) -> RunResult:

@@ -22,25 +22,21 @@ with loading():
         read_files,
         show_problems,
     )
-    from bt_agents_lab.replay import decisions, replay_learning, trees
+    from bt_agents_lab.replay import decisions, replay_learning
     from bt_agents_lab.replay.findings import FindingCounts, ReplayVerdict
     from bt_agents_lab.replay.recording_index import RecordingIndex
 
 _MOST_SHOWN = 10
 _NAMES = 15
 _COLUMN = 14
-_KINDS = (
-    (decisions.KIND, "decisions"),
-    (replay_learning.KIND, "profile changes"),
-    (trees.KIND, "runs of trees"),
-)
+_KINDS = ((decisions.KIND, "decisions"), (replay_learning.KIND, "profile changes"))
 
 
 @click.command()
 @files_argument
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 def replay(files: tuple[Path, ...], as_json: bool) -> None:
-    """Decide, learn and tick again what the FILES of a journal hold.
+    """Decide and learn again what the FILES of a journal hold.
 
     The exit code is 1 if something differs, else 2 if a part could not be read or is lost.
     Without FILES it takes those of the newest day of the trees folder here.
@@ -51,7 +47,6 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
             [
                 *decisions.replay_decisions(recording.rounds),
                 *replay_learning.replay_feedback(recording.feedbacks),
-                *trees.replay_runs(recording.runs.values()),
             ]
         )
     if as_json:
@@ -59,7 +54,7 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
     else:
         _show(Console(highlight=False, soft_wrap=True), recording, found)
     if not found.counts:
-        raise BtAgentsError("there is nothing to do again: no round, feedback or run was recorded")
+        raise BtAgentsError("there is nothing to do again: no round and no feedback was recorded")
     if found.different:
         sys.exit(1)
     sys.exit(0 if recording.whole else 2)
@@ -71,8 +66,7 @@ def _show(console: Console, recording: RecordingIndex, found: FindingCounts) -> 
     console.print(f"{'':{_NAMES}}{heads}")
     for kind, title in _KINDS:
         numbers = "".join(f"{found.counts[kind, verdict]:>{_COLUMN}}" for verdict in ReplayVerdict)
-        ticks = f"  {found.sizes[kind]} ticks" if kind == trees.KIND and found.sizes[kind] else ""
-        console.print(f"{title:{_NAMES}}{numbers}{ticks}")
+        console.print(f"{title:{_NAMES}}{numbers}")
     for verdict, style in (
         (ReplayVerdict.DIFFERENT, "red"),
         (ReplayVerdict.NOT_RECORDED, "yellow"),
@@ -100,7 +94,6 @@ def _as_data(recording: RecordingIndex, found: FindingCounts) -> dict[str, objec
             title: {verdict.value: found.counts[kind, verdict] for verdict in ReplayVerdict}
             for kind, title in _KINDS
         },
-        "ticks": found.sizes[trees.KIND],
         "findings": [
             {"kind": one.kind, "where": one.where, "verdict": one.verdict.value, "words": one.text}
             for one in found.unequal

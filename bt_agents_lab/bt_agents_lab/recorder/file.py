@@ -21,7 +21,7 @@ from bt_agents_core.private_files import make_private_folder, open_private
 PROGRAM = "bt-agents"
 """Prefix of the writer's name in the header of each journal, of any format."""
 
-LIBRARY = f"{PROGRAM} journal 2"
+LIBRARY = f"{PROGRAM} journal 3"
 """Name of the writer in the header of a file, with the format of its messages."""
 
 QOS = "offered_qos_profiles"

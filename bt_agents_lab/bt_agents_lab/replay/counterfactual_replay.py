@@ -187,9 +187,9 @@ class _Counterfactual:
         auction = one.auction
         now, margin, problem = "", math.nan, ""
         try:
-            if one.parsed is None:
+            if one.space is None:
                 raise BtAgentsError(NO_TEXTS)
-            now, margin = self._winner(one, one.parsed.space)
+            now, margin = self._winner(one, one.space)
         except BtAgentsError as error:
             problem = error.reason if isinstance(error, Refused) else str(error)
         self._outlook.rounds.append(
@@ -301,16 +301,14 @@ class _Counterfactual:
         if self._changes.agents is not None and feedback.agent not in self._specs:
             self._outlook.withheld += 1
             return
-        if recorded.parsed is None or recorded.card is None:
+        if recorded.space is None or recorded.card is None:
             self._was[key] = tuple(feedback.after)
             return
         if self._was.get(key) != tuple(feedback.before):
             self._begin(key, tuple(feedback.before))
         before = self._histories[key].before(feedback, recorded.card.profile)
         taught_by = rule_of(recorded.card, recorded.parameters)
-        after = self._histories[key].add(
-            feedback, before, recorded.parsed.space.profiles, taught_by
-        )
+        after = self._histories[key].add(feedback, before, recorded.space.profiles, taught_by)
         spec = self._specs.get(feedback.agent)
         own = spec.profile if spec is not None else tuple(feedback.before)
         now = self._now.setdefault(key, _Taught(profile=own))
@@ -325,7 +323,7 @@ class _Counterfactual:
             if after.revision != feedback.revision and after.revision in revisions:
                 now = revisions[after.revision]
             else:
-                now = self._taught(recorded, recorded.parsed.space.profiles, now)
+                now = self._taught(recorded, recorded.space.profiles, now)
         self._now[key] = revisions[feedback.revision] = now
 
     def _taught(self, recorded: RecordedFeedback, space: SceneSpace, now: _Taught) -> _Taught:

@@ -41,11 +41,11 @@ def replay_decisions(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
     for one in rounds:
         auction = one.auction
         where = one.name + (f", {auction.winner}" if auction.winner else "")
-        if one.parsed is None:
+        if one.space is None:
             yield not_recorded(KIND, where, NO_TEXTS)
             continue
         try:
-            yield _by_any_rules(one, one.parsed.space, where)
+            yield _by_any_rules(one, one.space, where)
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:

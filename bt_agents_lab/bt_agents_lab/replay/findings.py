@@ -22,23 +22,21 @@ class ReplayFinding:
     """Comparison of one item with its replay.
 
     Attributes:
-        kind: ``decision``, ``profile change`` or ``run of a tree``.
+        kind: ``decision`` or ``profile change``.
         where: Identification of the item, for people.
         text: The first difference, or the missing part; empty if equal.
-        size: Number of its parts, such as ticks.
     """
 
     kind: str
     where: str
     verdict: ReplayVerdict
     text: str = ""
-    size: int = 1
 
 
-def compared(kind: str, where: str, difference: str, size: int = 1) -> ReplayFinding:
+def compared(kind: str, where: str, difference: str) -> ReplayFinding:
     """Return the finding of a comparison; an empty difference means equal."""
     verdict = ReplayVerdict.DIFFERENT if difference else ReplayVerdict.EQUAL
-    return ReplayFinding(kind=kind, where=where, verdict=verdict, text=difference, size=size)
+    return ReplayFinding(kind=kind, where=where, verdict=verdict, text=difference)
 
 
 def not_recorded(kind: str, where: str, missing: str) -> ReplayFinding:
@@ -52,19 +50,15 @@ class FindingCounts:
 
     Attributes:
         counts: Kind and verdict → number.
-        sizes: Kind → number of parts in equal items.
         unequal: Findings that are not equal, in order.
     """
 
     def __init__(self, findings: Iterable[ReplayFinding]) -> None:
         self.counts: Counter[tuple[str, ReplayVerdict]] = Counter()
-        self.sizes: Counter[str] = Counter()
         self.unequal: list[ReplayFinding] = []
         for finding in findings:
             self.counts[finding.kind, finding.verdict] += 1
-            if finding.verdict is ReplayVerdict.EQUAL:
-                self.sizes[finding.kind] += finding.size
-            else:
+            if finding.verdict is not ReplayVerdict.EQUAL:
                 self.unequal.append(finding)
 
     @property

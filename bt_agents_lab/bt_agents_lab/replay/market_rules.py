@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from bt_agents.host.reload.source_bundle import MARKET
+from bt_agents.host.reload.texts_in_force import MARKET
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.market_reader import MarketRule, read_market

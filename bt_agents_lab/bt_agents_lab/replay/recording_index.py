@@ -1,56 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Index of a journal: rounds, profile changes and runs of trees."""
+"""Index of a journal: rounds and profile changes."""
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bt_agents.host.reload.source_bundle import MARKET
+from bt_agents.host.reload.texts_in_force import MARKET, SCENE
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_core.scene import scene_name
+from bt_agents_core.scene import SceneSpace, scene_name
 from bt_agents_core.stop_cause import StopCause
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_lab.replay.market_rules import Rules, rules_of_market
-from bt_agents_lab.replay.texts import ParsedTexts, TextFiles
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.yaml.source import Source
 from marketplace_node.outcomes import RunEventKind, RunOutcome
 
 _TYPES = "bt_agents_interfaces/msg/"
 
 NO_TEXTS = "there is no scene.yaml, as no host has sent its texts before"
-"""Why a round with unknown ``parsed`` cannot be decided again."""
-
-RunKey = tuple[str, str, int, str]
-"""Instance of the host, epoch of the market, round and agent of a run."""
-
-
-@dataclass(kw_only=True)
-class RecordedRun:
-    """Messages about one run of a tree.
-
-    Attributes:
-        records: Parts of its record, in the order of sending.
-        statuses: Changes of its ticks, in the same order.
-        texts: Texts of its host before it began, newest first.
-        round: The round that awarded it; None if unknown.
-        torn: Whether messages around it were lost.
-    """
-
-    key: RunKey
-    records: list[Any] = field(default_factory=list)
-    statuses: list[Any] = field(default_factory=list)
-    texts: tuple[TextFiles, ...] = ()
-    torn: bool = False
-    round: Round | None = None
-
-    @property
-    def name(self) -> str:
-        """Its round and agent, for people."""
-        _, _, number, agent = self.key
-        return f"{self.round.name if self.round else f'round {number}'}, {agent}"
+"""Why a round with an unknown ``space`` cannot be decided again."""
 
 
 @dataclass(kw_only=True)
@@ -59,7 +31,7 @@ class Round:
 
     Attributes:
         runs: Number of earlier runs of this start of the market; None if unknown.
-        parsed: Texts that define the scene; None if unknown.
+        space: The scene parameters; None if unknown.
         possible_rules: Rules of the market, for the strategy ``rules``, that agree with all of
             its rounds, the most likely ones first.
         excluded: Agents that its call for bids left out; None if unknown.
@@ -71,7 +43,7 @@ class Round:
 
     auction: Any
     runs: int | None
-    parsed: ParsedTexts | None
+    space: SceneSpace | None
     possible_rules: tuple[Rules, ...] = ((),)
     excluded: tuple[str, ...] | None = None
     pinned: str = ""
@@ -109,13 +81,13 @@ class RecordedFeedback:
     Attributes:
         card: Latest card of the agent from its host; None if unknown.
         parameters: Order of the values of the card.
-        parsed: Texts that define the scene parameters; None if unknown.
+        space: The scene parameters; None if unknown.
     """
 
     feedback: Any
     card: Any
     parameters: tuple[str, ...]
-    parsed: ParsedTexts | None
+    space: SceneSpace | None
 
 
 @dataclass(kw_only=True)
@@ -151,7 +123,6 @@ class RecordingIndex:
     """
 
     events: list[Round | RecordedFeedback | RecordedProfile] = field(default_factory=list)
-    runs: dict[RunKey, RecordedRun] = field(default_factory=dict)
     recordings: dict[str, Any] = field(default_factory=dict)
     bookmarks: list[Any] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
@@ -212,9 +183,8 @@ class _Indexer:
     def __init__(self) -> None:
         self.recording = RecordingIndex()
         self._cards: dict[str, tuple[Any, tuple[str, ...]]] = {}
-        self._texts: defaultdict[str, list[TextFiles]] = defaultdict(list)
-        self._unread: TextFiles | None = None
-        self._parsed: ParsedTexts | None = None
+        self._unread: str | None = None
+        self._space: SceneSpace | None = None
         self._markets: list[str] = []
         self._markets_of_epochs: dict[str, int] = {}
         self._begun: Counter[str] = Counter()
@@ -223,7 +193,6 @@ class _Indexer:
         self._calls: dict[tuple[str, int], _Call] = {}
         self._overrides: dict[str, tuple[str, tuple[str, ...]]] = {}
         self._revisions: dict[tuple[str, str], int] = {}
-        self._last_runs: dict[str, RecordedRun] = {}
 
     def index(self, entries: Iterable[JournalEntry]) -> RecordingIndex:
         recording = self.recording
@@ -237,16 +206,11 @@ class _Indexer:
             if handle is None:
                 continue
             try:
-                message = entry.decode()
-                handle(self, message)
-                if entry.type in _OF_RUNS:
-                    self._mark_gap(entry.topic, self._run_of(message), entry.lost > 0)
+                handle(self, entry.decode())
             except (BtAgentsError, AttributeError, ValueError, LookupError, TypeError) as error:
                 problem = f"a message on {entry.topic} cannot be read: {_reason(error)}"
                 if problem not in recording.problems:
                     recording.problems.append(problem)
-        for run in recording.runs.values():
-            run.round = self._rounds.get(run.key[1:3])
         for epoch, before in self._markets_of_epochs.items():
             self._set_rules(epoch, [*reversed(self._markets[:before]), *self._markets[before:]])
         return recording
@@ -254,20 +218,12 @@ class _Indexer:
     def _set_rules(self, epoch: str, texts: Sequence[str]) -> None:
         """Set the rules in the rounds of one start of a market, from their known texts."""
         rounds = [one for key, one in self._rounds.items() if key[0] == epoch]
-        parsed = next((one.parsed for one in rounds if one.parsed is not None), None)
-        if parsed is not None:
+        space = next((one.space for one in rounds if one.space is not None), None)
+        if space is not None:
             auctions = [one.auction for one in rounds]
-            rules = rules_of_market(auctions, texts, parsed.space)
+            rules = rules_of_market(auctions, texts, space)
             for one in rounds:
                 one.possible_rules = rules
-
-    def _mark_gap(self, topic: str, run: RecordedRun, gap: bool) -> None:
-        """Mark the runs before and after lost messages, because both may lack some."""
-        if gap:
-            run.torn = True
-            if topic in self._last_runs:
-                self._last_runs[topic].torn = True
-        self._last_runs[topic] = run
 
     def _recording(self, message: Any) -> None:
         self.recording.recordings[message.file] = message
@@ -276,24 +232,21 @@ class _Indexer:
         self.recording.bookmarks.append(message)
 
     def _files(self, message: Any) -> None:
-        texts = TextFiles.of(message)
-        known = self._texts[message.host_instance]
-        if texts not in known:
-            known.append(texts)
-        if (market := texts.files.get(MARKET)) is not None and market not in self._markets:
+        texts = dict(zip(message.files, message.texts, strict=True))
+        if (market := texts.get(MARKET)) is not None and market not in self._markets:
             self._markets.append(market)
-        self._unread = texts
+        self._unread = texts.get(SCENE)
 
-    def _parse(self) -> ParsedTexts | None:
-        """Return the content of the newest texts, or of earlier ones if unreadable here."""
-        texts, self._unread = self._unread, None
-        if texts is not None:
+    def _known_space(self) -> SceneSpace | None:
+        """Return the parameters in the newest ``scene.yaml`` that can be read here."""
+        text, self._unread = self._unread, None
+        if text is not None:
             try:
-                self._parsed = texts.parsed
+                self._space = read_scene(Source(SCENE, text)).space
             except BtAgentsError:
-                if self._parsed is None:
+                if self._space is None:
                     raise
-        return self._parsed
+        return self._space
 
     def _card(self, message: Any) -> None:
         for card in message.agents:
@@ -333,7 +286,7 @@ class _Indexer:
         one = Round(
             auction=message,
             runs=self._begun[epoch] if epoch in self._whole else None,
-            parsed=self._parse(),
+            space=self._known_space(),
             excluded=call.excluded if call is not None else None,
             pinned=call.pinned if call is not None else "",
             vetoed=call.vetoed if call is not None else (),
@@ -350,7 +303,7 @@ class _Indexer:
         self._revisions[message.agent, message.layer] = message.revision
         self.recording.events.append(
             RecordedFeedback(
-                feedback=message, card=card, parameters=parameters, parsed=self._parse()
+                feedback=message, card=card, parameters=parameters, space=self._known_space()
             )
         )
 
@@ -373,19 +326,6 @@ class _Indexer:
         self.recording.events.append(
             RecordedProfile(agent=agent, layer=layer, revision=revision, profile=profile)
         )
-
-    def _record(self, message: Any) -> None:
-        run = self._run_of(message)
-        if not run.records:
-            run.texts = tuple(reversed(self._texts[message.host_instance]))
-        run.records.append(message)
-
-    def _status(self, message: Any) -> None:
-        self._run_of(message).statuses.append(message)
-
-    def _run_of(self, message: Any) -> RecordedRun:
-        key = (message.host_instance, message.epoch, message.round, message.agent)
-        return self.recording.runs.setdefault(key, RecordedRun(key=key))
 
 
 def _reason(error: Exception) -> str:
@@ -412,8 +352,6 @@ class _Call:
 
 _TAKEN = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.LOST)
 
-_OF_RUNS = (f"{_TYPES}RunRecord", f"{_TYPES}TreeStatus")
-
 _HANDLERS = {
     f"{_TYPES}AgentFiles": _Indexer._files,
     f"{_TYPES}Bookmark": _Indexer._bookmark,
@@ -425,6 +363,4 @@ _HANDLERS = {
     f"{_TYPES}Auction": _Indexer._auction,
     f"{_TYPES}Feedback": _Indexer._feedback,
     f"{_TYPES}Profiles": _Indexer._profiles,
-    f"{_TYPES}RunRecord": _Indexer._record,
-    f"{_TYPES}TreeStatus": _Indexer._status,
 }

@@ -100,16 +100,16 @@ def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFin
         feedback = recorded.feedback
         whose = f"{feedback.agent}, {feedback.layer}" if feedback.layer else feedback.agent
         where = f"revision {feedback.revision} of {whose}"
-        if recorded.parsed is None or recorded.card is None:
+        if recorded.space is None or recorded.card is None:
             missing = "no host has introduced the agent before"
             yield not_recorded(KIND, where, missing)
             continue
         history = histories[feedback.agent, feedback.layer]
         before = history.before(feedback, recorded.card.profile)
         try:
-            yield _again(recorded, recorded.parsed.space.profiles, before, where)
+            yield _again(recorded, recorded.space.profiles, before, where)
             rule = rule_of(recorded.card, recorded.parameters)
-            history.add(feedback, before, recorded.parsed.space.profiles, rule)
+            history.add(feedback, before, recorded.space.profiles, rule)
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:

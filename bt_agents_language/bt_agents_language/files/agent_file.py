@@ -34,7 +34,6 @@ class AgentFile:
     agent: AgentSpec | None
     error: ReadError | None
     imports: frozenset[str]
-    cause: str
 
     @cached_property
     def prints(self) -> tuple[TreeFingerprint, TreeFingerprint]:
@@ -43,7 +42,7 @@ class AgentFile:
         return tree_fingerprint(self.agent.tree), tree_fingerprint(self.agent.on_cancel)
 
 
-def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> AgentFile:
+def read_agent_file(path: Path, libraries: FolderLibraries) -> AgentFile:
     """Return an agent file, good or broken."""
     text = agent = error = None
     asked, texts = _Asked(libraries), AskedTexts(libraries.texts)
@@ -59,7 +58,6 @@ def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> Ag
         agent=agent,
         error=error,
         imports=libraries.behind([*asked.paths_loaded, *([texts.path] if texts.asked else [])]),
-        cause=cause,
     )
 
 

@@ -143,9 +143,7 @@ def read_trees(
             f"in {join_words(known, 'and') or 'none'}"
         )
     libraries = _libraries(folder, scene, interfaces, robot, texts_of_language)
-    files = [
-        read_agent_file(path, libraries, cause="start") for path in yaml_files(folder / "agents")
-    ]
+    files = [read_agent_file(path, libraries) for path in yaml_files(folder / "agents")]
     agents, files, holders = named(files, {})
     broken = broken_files(files, folder, libraries)
     return Trees(

@@ -27,6 +27,7 @@ from bt_agents_tools.cli.formatting import (
     constant_text,
     counted,
     print_line,
+    values_text,
 )
 
 LONGEST_TEXT = 400
@@ -207,6 +208,8 @@ class EventPrinter:
             depth = change.path.count("/")
             name, details = self._filled(change)
             details = f" [dim]{escape(details)}[/]" if details else ""
+            if change.values:
+                details += f" [cyan]{escape(values_text(change.values))}[/]"
             status = _STATUS[constant_text(change, change.status, _STATUSES)]
             self._line(
                 "tree",

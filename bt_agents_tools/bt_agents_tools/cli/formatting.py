@@ -27,6 +27,11 @@ def constant_text(message: Any, value: int, names: tuple[str, ...]) -> str:
     return next(known, f"unknown ({value})").lower()
 
 
+def values_text(values: Iterable[Any]) -> str:
+    """Return the ``ChangedValue.msg`` of an element of a trace as text: ``answer = 'yes'``."""
+    return ", ".join(f"{one.name} = {one.value}" for one in values)
+
+
 def code_text(code: str) -> str:
     """Return a code as text for people: ``queue full``."""
     return code.lower().replace("_", " ")

@@ -44,8 +44,6 @@ TASKS: Mapping[str, Mapping[str, str]] = {
         "studio": "",
         "watch": "",
         "reload": "reload",
-        "versions": "reload",
-        "roll-back": "reload",
         "security": "security",
     },
     "Play the person": {
@@ -82,6 +80,7 @@ TASKS: Mapping[str, Mapping[str, str]] = {
     "Study": {
         "scene": "scene",
         "why": "why",
+        "trace": "",
         "moods": "moods",
         "record": "record",
         "journal": "",

@@ -11,13 +11,11 @@ from typing import Any, Protocol
 import rclpy
 from lifecycle_msgs.msg import State, TransitionEvent
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
-from rclpy.client import Client
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, Empty, String
 
-from bt_agents.host.reload.host_card_diff import CardDiff, CardDifference
+from bt_agents.host.reload.host_card_diff import CardDiff
 from bt_agents_core.ros_names import is_full_name
 from bt_agents_core.text import printable
 from bt_agents_interfaces.msg import (
@@ -39,13 +37,11 @@ from bt_agents_interfaces.srv import (
     CancelRun,
     ControlRun,
     GiveFeedback,
-    ListVersions,
     ManageProfiles,
     OperateMarket,
     PreviewAuction,
     Record,
     ReloadAgents,
-    RollBack,
     Tune,
 )
 from bt_agents_ros import qos
@@ -125,10 +121,8 @@ _SERVICES = {
     "preview": PreviewAuction,
     "record": Record,
     "reload": ReloadAgents,
-    "roll_back": RollBack,
     "set_parameters_atomically": SetParametersAtomically,
     "tune": Tune,
-    "versions": ListVersions,
 }
 """Last part of the name of a service → its type."""
 
@@ -180,45 +174,6 @@ class _EventBuffer:
             self._timer.cancel()
 
 
-class _CardListener:
-    """Reports differences between the cards of hosts, with the changes in new versions."""
-
-    def __init__(self, node: Node, report: Callable[[str, bool], None]) -> None:
-        self._node = node
-        self._report = report
-        self._diff = CardDiff()
-        self._calls = Calls(node)
-        self._clients: dict[str, Client] = {}
-
-    def handle(self, card: Any) -> None:
-        """Report the changes of a card since the previous one."""
-        for difference in self._diff.update(card):
-            if difference.agent:
-                self._report_version(card.host, difference)
-            else:
-                self._report(difference.text, difference.is_error)
-
-    def _report_version(self, host: str, difference: CardDifference) -> None:
-        if host not in self._clients:
-            self._clients[host] = self._node.create_client(
-                ListVersions, f"{host}/versions", qos_profile=qos.SERVICE
-            )
-
-        def on_answer(answer: Any) -> None:
-            versions = make_printable(answer).versions
-            change = next((one.change for one in versions if one.current), "")
-            text = difference.text + (f" ({change})" if change else "")
-            self._report(text, difference.is_error)
-
-        self._calls.call(
-            self._clients[host],
-            ListVersions.Request(agent=difference.agent),
-            deadline_s=1.0,
-            on_answer=on_answer,
-            on_failure=lambda _reason: self._report(difference.text, difference.is_error),
-        )
-
-
 class Observer:
     """Node that subscribes to a running system; it handles messages while it spins.
 
@@ -246,7 +201,8 @@ class Observer:
         self.visits_done = False
         self._spinner = Spinner(self.node)
         self._calls = Calls(self.node)
-        self._card_listener: _CardListener | None = None
+        self._listener: Listener | None = None
+        self._card_diff = CardDiff()
         for kind, topic, handle, profile in (
             (MarketStatus, "bt_agents/market", self._on_market, qos.FACT),
             (HostCard, "bt_agents/cards", self._on_card, qos.FACTS),
@@ -259,7 +215,7 @@ class Observer:
             self._notify(listener)
 
     def _notify(self, listener: Listener) -> None:
-        self._card_listener = _CardListener(self.node, listener.agents_changed)
+        self._listener = listener
         buffer = _EventBuffer(self.node)
         for kind, topic, deliver, links, profile in (
             (String, "visitors/current", lambda m: listener.visitor(m.data), no_links, qos.FACT),
@@ -334,8 +290,9 @@ class Observer:
         if not is_full_name(message.host):
             return
         self.cards[message.host] = message
-        if self._card_listener is not None:
-            self._card_listener.handle(message)
+        if self._listener is not None:
+            for one in self._card_diff.update(message):
+                self._listener.agents_changed(one.text, one.is_error)
 
     def _on_profiles(self, message: Any) -> None:
         self.profiles = message
@@ -389,8 +346,9 @@ class Observer:
         return any(one.topic_name == name and one.get_publisher_count() for one in self._notified)
 
     def is_recorded(self) -> bool:
-        """Return True when a journal subscribes to the records of runs."""
-        return bool(self.node.count_subscribers("agents/records"))
+        """Return True when a journal subscribes to the traces of runs."""
+        listeners = self.node.get_subscriptions_info_by_topic("agents/status")
+        return any(one.node_name == "journal" for one in listeners)
 
     def is_visited(self) -> bool:
         """Return True when visitors of a script are already there."""

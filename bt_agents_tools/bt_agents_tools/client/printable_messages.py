@@ -12,13 +12,12 @@ from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, 
 
 from bt_agents_core.text import printable, printable_lines
 from bt_agents_interfaces.msg import Auction
-from bt_agents_interfaces.srv import ManageProfiles, ReloadAgents, RollBack
+from bt_agents_interfaces.srv import ManageProfiles, ReloadAgents
 
 _OF_SEVERAL_LINES = {
     Auction: "explanation",
     ManageProfiles.Response: "document",
     ReloadAgents.Response: "message",
-    RollBack.Response: "message",
 }
 """Type of a message → its field that may have several lines; all other texts have one."""
 

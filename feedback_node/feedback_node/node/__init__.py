@@ -46,6 +46,7 @@ from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.management.management import Management, ManagementCommand
+from feedback_node.mood_trace import RunValues
 from feedback_node.node.cancel_requests import CancelRequests
 from feedback_node.node.hosts import HostProfiles
 from feedback_node.node.messages import (
@@ -165,6 +166,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self._calls = Calls(self)
         self._hosts = HostProfiles(self, self._calls, self._profiles, self._publish_table)
         self._trees: dict[str, Subscription[TreeStatus]] = {}
+        self._run_values = RunValues()
         self._problems: dict[str, tuple[str, ...]] = {}
         self._budget = LogBudget(_MOST_PROBLEMS, _PROBLEMS_S, time.monotonic)
         self._pending_cards: dict[str, tuple[HostCard, str]] = {}
@@ -261,7 +263,8 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             collects = message.outcome != RunMsg.LOST and not replayed
             leaves = self._controller.on_run_ended(event, collects=collects)
             if leaves:
-                self._traces.publish(mood_trace_to_msg(event, leaves, time.time()))
+                values = self._run_values.of(event.key)
+                self._traces.publish(mood_trace_to_msg(event, leaves, values, time.time()))
         self._publish_undecided()
         self._set_timer()
 
@@ -274,7 +277,11 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             )
 
     def _on_status(self, message: TreeStatus) -> None:
-        self._controller.on_leaf((message.epoch, message.round, message.agent), message.tip)
+        run = (message.epoch, message.round, message.agent)
+        self._controller.on_leaf(run, message.tip)
+        for change in message.changes:
+            for one in change.values:
+                self._run_values.change(run, change.path, one.name, one.value)
 
     def _on_live(self, message: SceneMsg) -> None:
         if not self._controller.wants(message.scene_id):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
@@ -16,6 +16,7 @@ from bt_agents_interfaces.msg import (
     HostCard,
     Learning,
     MoodTrace,
+    NodeValue,
 )
 from bt_agents_interfaces.msg import MoodRule as MoodRuleMsg
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
@@ -193,7 +194,12 @@ def taught_text(agent: str, taught: Sequence[ProfileChange]) -> str:
     return f"{agent} was given feedback {times} during its run ({', '.join(sources)})"
 
 
-def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: float) -> MoodTrace:
+def mood_trace_to_msg(
+    run: AnnouncedRun,
+    leaves: Sequence[LeafMood],
+    values: Mapping[tuple[str, str], str],
+    stamp: float,
+) -> MoodTrace:
     """Return the message of the mood trace of a run that ended at a time [s since 1970]."""
     return MoodTrace(
         header=header_at(to_time(stamp)),
@@ -205,6 +211,10 @@ def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: floa
         seconds=[one.seconds for one in leaves],
         mean=[one.mean for one in leaves],
         change=[one.change for one in leaves],
+        values=[
+            NodeValue(path=path, name=name, value=value, written=True)
+            for (path, name), value in values.items()
+        ],
     )
 
 

@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import tempfile
-from contextlib import suppress
 from pathlib import Path
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents_core.errors import Refused
 from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from reload_harness import Watched, new_folder
 
@@ -53,7 +51,6 @@ events = st.one_of(
     st.tuples(st.just("vanish")),
     st.tuples(st.just("run"), names),
     st.tuples(st.just("end")),
-    st.tuples(st.just("roll back"), names, st.integers(0, 4)),
     st.tuples(st.just("look")),
     st.tuples(st.just("settle")),
     st.tuples(st.just("edit"), files, names),
@@ -109,9 +106,6 @@ class World:
                     self.held = watched.in_force[name]
             case ("end",):
                 watched.end_run()
-            case ("roll back", name, number):
-                with suppress(Refused):
-                    watched.roll_back(name, number)
             case ("look",):
                 watched.poll_once()
             case ("settle",):
@@ -159,5 +153,4 @@ def test_in_the_end_the_robot_does_what_the_files_say(happening):
         assert {name: marks(one) for name, one in world.watched.in_force.items()} == {
             "bob": (world.count - 1, world.count)
         }
-        world.watched.versions.history("bob")
         assert not world.watched.versions.trees.broken

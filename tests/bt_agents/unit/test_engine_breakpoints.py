@@ -3,15 +3,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
-from bt_agents.recording.format import read_recording
-from bt_agents.recording.recorded_run import RecordingRun, replay
-from tree_harness import SPACE, Stage
+from tree_harness import Stage
 
 LONG = {"say": [ScriptedReply(after_s=100.0)]}
 
@@ -55,7 +52,7 @@ def test_a_node_that_is_stopped_in_the_same_tick_does_not_wait() -> None:
     tree = "selector: [{parallel: [{say: one}, {check: scene.age > 4}]}, {say: two}]"
     stage = stopped(tree, "tree/0.parallel/0.say", answers=LONG)
     stage.tick()
-    assert (stage.run.kept, stage.run.held) == (("tree/0.parallel/0.say",), ())
+    assert stage.run.held == ()
     assert stage.said == ["two"]
 
 
@@ -121,7 +118,7 @@ def test_a_tick_of_the_clean_up_keeps_nothing_from_starting() -> None:
     stage.tick()
     stage.run.cancel("enough")
     stage.tick()
-    assert (stage.outcome, stage.run.kept) == ("running", ())
+    assert (stage.outcome, stage.run.held) == ("running", ())
 
 
 def test_the_clean_up_is_not_stopped() -> None:
@@ -155,34 +152,6 @@ def test_a_tree_that_is_stopped_everywhere_ends_as_without_and_says_the_same(tre
             assert ticks < 100
     assert (stage.outcome, len(stage.said)) == (plain.outcome, len(plain.said))
     assert stage.run.ticks > plain.run.ticks
-
-
-def test_a_recorded_run_with_breakpoints_is_replayed_equal_without_them() -> None:
-    stage = Stage("sequence: [{say: one}, {wait: 1 s}, {say: two}]")
-    lines: list[str] = []
-    run = RecordingRun(
-        stage.spec,
-        space=SPACE,
-        scene=stage.scene,
-        profile=stage.spec.profile,
-        live=lambda: stage.live,
-        tunables=stage.tunables,
-        environment=stage.environment,
-        steady=stage.environment.clock,
-        seed=1,
-        sink=lambda _tick, line: lines.append(line),
-    )
-    run.set_breakpoints(("tree", "tree/2.say"))
-    changes = []
-    while run.result is None:
-        changes.append(run.tick())
-        stage.environment.clock.advance(0.3)
-    steps = list(replay(read_recording(lines), stage.spec, SPACE))
-    assert [step.changes for step in steps] == changes
-    assert steps[-1].result == run.result
-    assert all(step.requests == step.recorded_requests for step in steps)
-    kept = [entry["kept"] for entry in map(json.loads, lines) if "kept" in entry]
-    assert kept == [["tree"], ["tree/2.say"]]
 
 
 def test_the_name_of_the_tip_has_the_values_it_runs_with() -> None:

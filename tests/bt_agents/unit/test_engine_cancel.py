@@ -203,7 +203,7 @@ class SlowClock:
 def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest() -> None:
     stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
     clock = SlowClock()
-    stage.run._stopwatch = clock
+    stage.run._steady = clock
     stage.run.period_s = 0.1
     # Looked at before the tick, then when each leaf answers, then at the end.
     clock.steps = iter([0.0, 0.01, 0.2, 0.01, 0.0])
@@ -223,7 +223,7 @@ def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest()
 def test_a_tick_that_takes_too_long_after_its_last_leaf_names_the_outermost_node() -> None:
     stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
     clock = SlowClock()
-    stage.run._stopwatch = clock
+    stage.run._steady = clock
     stage.run.period_s = 0.1
     clock.steps = iter([0.0, 0.01, 0.02, 0.3])
     stage.tick()
@@ -236,7 +236,7 @@ def test_a_tick_that_takes_too_long_after_its_last_leaf_names_the_outermost_node
 def test_without_a_period_no_tick_is_too_long() -> None:
     stage = Stage("say: x")
     clock = SlowClock()
-    stage.run._stopwatch = clock
+    stage.run._steady = clock
     clock.steps = iter([0.0, 100.0, 0.0, 100.0])
     assert stage.tick() == "succeeded"
     assert stage.run.result is not None

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from typing import Any
 
@@ -11,10 +10,8 @@ import pytest
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from bt_agents.recording.format import read_recording
-from bt_agents.recording.recorded_run import RecordingRun, replay
 from bt_agents_core.scene import Scene
-from tree_harness import SPACE, Stage, scene
+from tree_harness import Stage, scene
 
 ANNA = replace(scene(age=3), person_id="anna", visits=2)
 NAMES = {"remember": "scene_layer/remember", "analyze": "scene_layer/analyze"}
@@ -153,45 +150,3 @@ def test_a_scene_layer_that_refuses_a_told_value_fails_the_node() -> None:
     one = stage("set: {scene.age: 4}", analyze=refused)
     assert one.tick() == "failed"
     assert reason(one).startswith("the scene layer refuses it: NOTHING_RUNS")
-
-
-TREE = """
-sequence:
-  - say: ${person.name else 'you'} ${person.favourite else 'nothing'}
-  - remember: {favourite: tea}
-  - set: {scene.age: 4}
-  - say: ${person.favourite} ${scene.age} ${live.age}
-"""
-
-
-def recorded(awarded: Scene) -> tuple[Stage, list[str]]:
-    one = stage(TREE, awarded)
-    lines: list[str] = []
-    one.run = RecordingRun(
-        one.spec,
-        space=SPACE,
-        scene=one.scene,
-        profile=one.spec.profile,
-        live=lambda: one.live,
-        tunables=one.tunables,
-        environment=one.environment,
-        steady=one.environment.clock,
-        seed=1,
-        sink=lambda _tick, line: lines.append(line),
-        most=10**6,
-    )
-    return one, lines
-
-
-def test_a_run_with_a_person_replays_equal() -> None:
-    one, lines = recorded(replace(ANNA, remembered={"favourite": "water"}))
-    one.tick()
-    one.live = replace(one.live, remembered={"favourite": "tea"}, visits=2)
-    one.set_live("age", 4.0)
-    assert one.after(0.1) == "succeeded"
-    assert said(one) == ["anna water", "tea 4 4"]
-    steps = list(replay(read_recording(lines), one.spec, SPACE))
-    for step in steps:
-        assert json.loads(json.dumps(step.requests)) == step.recorded_requests
-        assert len(step.changes) == step.recorded_changes
-    assert steps[-1].result == one.run.result

@@ -8,9 +8,7 @@ from random import Random
 
 import pytest
 
-from bt_agents.recording.format import read_recording
-from bt_agents.recording.recorded_run import RecordingRun, replay
-from tree_harness import SPACE, Stage
+from tree_harness import Stage
 
 GREETING = "say: {one_of: [Hello., Hi., Good day.]}"
 
@@ -47,29 +45,6 @@ def test_a_retry_asks_in_other_words() -> None:
     texts = said("{invert: true, retry: 4, say: {one_of: [Well?, Shall we?]}}", 0)
     assert len(texts) == 4
     assert texts[0] == texts[2] != texts[1] == texts[3]
-
-
-def test_a_recorded_run_says_the_same_texts_again() -> None:
-    stage = Stage(f"sequence:\n  - {{{GREETING}, repeat: 5}}\n  - wait: 1 s")
-    lines: list[str] = []
-    stage.run = RecordingRun(
-        stage.spec,
-        space=SPACE,
-        scene=stage.scene,
-        profile=stage.spec.profile,
-        live=lambda: stage.live,
-        tunables=stage.tunables,
-        environment=stage.environment,
-        steady=stage.environment.clock,
-        seed=5,
-        sink=lambda _tick, line: lines.append(line),
-        most=10**6,
-    )
-    stage.tick(12, step_s=0.5)
-    assert stage.outcome == "succeeded"
-    steps = list(replay(read_recording(lines), stage.spec, SPACE))
-    assert sum(len(step.requests) for step in steps) == 5
-    assert all(step.requests == step.recorded_requests for step in steps)
 
 
 @pytest.mark.parametrize("count", [2, 5])

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bt_agents.host.reload.version_services import reload_lines
+from bt_agents.host.reload.reload_server import reload_lines
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_language.files.folder_reader import read_trees
 from reload_harness import agent, new_folder, write
@@ -27,5 +27,5 @@ def test_a_problem_that_the_change_names_is_not_said_twice() -> None:
 def test_a_problem_comes_with_its_hint(tmp_path: Path) -> None:
     folder = new_folder(tmp_path / "trees")
     write(folder, "ann", agent("ann", "{syy: hi}"))
-    [problem] = AgentVersions(read_trees(folder), 0.0).folder_problems()
+    [problem] = AgentVersions(read_trees(folder)).folder_problems()
     assert problem.message.endswith("(did you mean 'say'?)")

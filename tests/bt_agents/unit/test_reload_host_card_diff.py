@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from bt_agents.host.reload.host_card_diff import CardDiff, degraded_reason
-from bt_agents.host.reload.version_history import FileProblem as Problem
+from bt_agents.host.reload.version_state import FileProblem as Problem
 
 BROKEN = Problem(agent="ann", file="t/a.yaml", line=1, message="t/a.yaml:1:1: error[x]: y")
 LIBRARY = Problem(agent="ann", file="t/libraries/m.yaml", line=13, message="not as it should be")
@@ -25,12 +25,14 @@ def agent(
     waiting: bool = False,
     *problems: Problem,
     removal_reason: str = "",
+    change: str = "",
 ) -> Message:
     if removal_reason:
         problems = (Problem(agent=name, message=removal_reason),)
     return Message(
         name=name,
         version=version,
+        change=change,
         waiting=waiting,
         degraded=bool(problems),
         problems=problems,
@@ -57,6 +59,7 @@ def changes(*cards: Message) -> list[str]:
     [
         (agent(), agent(), []),
         (agent(), agent(version=3), ["ann: version 3 in force"]),
+        (agent(), agent(version=2, change="x"), ["ann: version 2 in force (x)"]),
         (agent(), agent("ann", 1, True), ["ann: a newer version waits for the end of its run"]),
         (agent("ann", 1, True), agent("ann", 2), ["ann: version 2 in force"]),
         (

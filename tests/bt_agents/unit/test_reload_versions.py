@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.host.reload.version_history import MAX_VERSIONS
-from bt_agents_core.errors import Refused
 from reload_harness import MANNERS, Watched, agent, new_folder, write
 
 TUNABLES = "tunables:\n  patience: {{default: {}, min: 1 s, max: 60 s, description: d}}\n"
@@ -32,8 +30,9 @@ def edit(watched: Watched, name: str, text: str) -> list[str]:
     return watched.poll()
 
 
-def causes(watched: Watched, name: str) -> list[tuple[int, str, str]]:
-    return [(v.number, v.cause, v.change) for v in watched.versions.history(name).versions]
+def in_force(watched: Watched, name: str) -> tuple[int, str]:
+    version = watched.versions.states[name].current
+    return version.number, version.change
 
 
 def test_a_changed_tree_is_replaced_when_the_agent_does_not_run(watched):
@@ -43,10 +42,8 @@ def test_a_changed_tree_is_replaced_when_the_agent_does_not_run(watched):
         "replace bob: version 2 in force (tree changed: 1 node changed, 2 nodes added)"
     ]
     assert watched.in_force["ann"] is ann
-    assert causes(watched, "bob") == [
-        (1, "start", ""),
-        (2, "file changed", "tree changed: 1 node changed, 2 nodes added"),
-    ]
+    change = "tree changed: 1 node changed, 2 nodes added"
+    assert in_force(watched, "bob") == (2, change)
 
 
 def fail(watched: Watched, name: str) -> list[str]:
@@ -54,7 +51,7 @@ def fail(watched: Watched, name: str) -> list[str]:
     trees = watched.watch.poll(settle=False)
     assert trees is not None
     assert watched.versions.update(trees) == [name]
-    effect = watched.versions.settle(name, watched.running, watched.now)
+    effect = watched.versions.settle(name, watched.running)
     assert effect is not None
     reported = watched.versions.failed(effect, "OSError: disk")
     assert reported.is_error
@@ -66,21 +63,20 @@ def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_readi
     assert fail(watched, "bob") == [
         "bob: version 2 could not be brought into force, version 1 stays: OSError: disk"
     ]
-    assert watched.versions.history("bob").current.number == 1
-    assert watched.versions.history("bob").problems
-    assert causes(watched, "bob") == [(1, "start", "")]
+    assert watched.versions.states["bob"].current.number == 1
+    assert watched.versions.states["bob"].problems
+    assert in_force(watched, "bob") == (1, "")
     assert edit(watched, "ann", agent("ann", "{say: hi}")) == [
         "replace ann: version 2 in force (tree changed: 1 node changed)",
         "replace bob: version 2 in force (tree changed: 1 node changed)",
     ]
-    assert not watched.versions.history("bob").problems
+    assert not watched.versions.states["bob"].problems
 
 
 def test_an_agent_that_could_not_be_added_is_not_there_and_is_tried_again(watched):
     write(watched.folder, "cid", agent("cid"))
     assert fail(watched, "cid") == ["cid: version 1 could not be added: OSError: disk"]
-    with pytest.raises(Refused, match="no agent 'cid'"):
-        watched.versions.history("cid")
+    assert "cid" not in watched.versions.states
     said = edit(watched, "ann", agent("ann", "{say: hi}"))
     assert "add cid: new agent from cid.yaml, version 1 in force" in said
 
@@ -132,11 +128,11 @@ def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
         "report bob: version 2 waits for the end of its run (tree changed: 1 node changed)"
     ]
     assert watched.in_force["bob"] is before
-    assert watched.versions.history("bob").waiting
+    assert watched.versions.states["bob"].waiting
     assert watched.versions.waiting_text("bob") == "version 2 of bob waits"
     assert watched.end_run() == ["replace bob: version 2 in force (tree changed: 1 node changed)"]
-    assert not watched.versions.history("bob").waiting
-    assert watched.versions.history("bob").current.number == 2
+    assert not watched.versions.states["bob"].waiting
+    assert watched.versions.states["bob"].current.number == 2
 
 
 def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
@@ -148,7 +144,7 @@ def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
         "report bob: version 1 stays in force, 3 does not wait any more"
     ]
     assert watched.end_run() == []
-    assert watched.versions.history("bob").current.number == 1
+    assert watched.versions.states["bob"].current.number == 1
 
 
 def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wrong(watched):
@@ -157,12 +153,12 @@ def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wr
     assert said.startswith("report bob: bob.yaml is broken, version 1 stays in force: ")
     assert "bob.yaml:4:8: error[unknown-node]" in said
     assert watched.in_force["bob"] is before
-    problem = watched.versions.history("bob").problems[0]
+    problem = watched.versions.states["bob"].problems[0]
     assert "error[unknown-node]" in problem.message
     assert edit(watched, "bob", agent("bob")) == [
         "report bob: bob.yaml is good again, version 1 stays"
     ]
-    assert watched.versions.history("bob").problems == ()
+    assert watched.versions.states["bob"].problems == ()
     assert watched.in_force["bob"] is before
 
 
@@ -172,7 +168,7 @@ def test_a_file_that_breaks_while_a_version_waits_lets_that_wait_on(watched):
     (said,) = edit(watched, "bob", "[")
     assert "version 2 still waits for the end of its run" in said
     assert watched.end_run()[0].startswith("replace bob: version 2 in force")
-    assert watched.versions.history("bob").problems
+    assert watched.versions.states["bob"].problems
 
 
 def test_new_agents_come_and_deleted_ones_go(watched):
@@ -184,7 +180,7 @@ def test_new_agents_come_and_deleted_ones_go(watched):
     assert said.startswith("remove mia: removed, its file ")
     assert set(watched.in_force) == {"ann", "bob"}
     assert edit(watched, "mia", agent("mia", "{say: bye}")) == [
-        "add mia: back again, version 2 in force"
+        "add mia: new agent from mia.yaml, version 1 in force"
     ]
 
 
@@ -202,11 +198,9 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(watched):
     (watched.folder / "agents" / "bob.yaml").unlink()
     (said,) = watched.poll()
     assert said.endswith("is gone; it leaves at the end of its run")
-    assert watched.versions.history("bob").removal_reason
-    with pytest.raises(Refused, match="NO_FILE"):
-        watched.versions.find("bob", 1)
+    assert watched.versions.states["bob"].removal_reason
     assert edit(watched, "bob", text) == ["report bob: bob.yaml is good again, version 1 stays"]
-    assert not watched.versions.history("bob").removal_reason
+    assert not watched.versions.states["bob"].removal_reason
     (watched.folder / "agents" / "bob.yaml").unlink()
     watched.poll()
     (said,) = watched.end_run()
@@ -231,102 +225,7 @@ def test_a_library_changes_its_agents_and_says_so(watched):
     edit(watched, "bob", agent("bob", "{subtree: greet}", head))
     (watched.folder / "libraries" / "manners.yaml").write_text(MANNERS.replace("Good", "Fine"))
     watched.poll()
-    assert causes(watched, "bob")[-1] == (3, "library changed", "tree changed: 1 node changed")
-
-
-def test_a_roll_back_is_the_newest_version_and_writes_the_file(watched):
-    old = agent("bob")
-    edit(watched, "bob", agent("bob", "{say: bye}"))
-    assert watched.roll_back("bob") == [
-        "replace bob: version 3 in force (tree changed: 1 node changed)"
-    ]
-    file = watched.folder / "agents" / "bob.yaml"
-    assert file.read_text() == old
-    assert watched.poll() == []
-    assert causes(watched, "bob")[-1][:2] == (3, "roll back to 1")
-    assert watched.in_force["bob"].tree.fields["text"].value == "hello"
-    assert edit(watched, "bob", agent("bob", "{say: 'on'}"))[0].startswith(
-        "replace bob: version 4"
-    )
-
-
-def test_a_roll_back_of_a_running_tree_waits(watched):
-    edit(watched, "bob", agent("bob", "{say: bye}"))
-    watched.running = "bob"
-    assert watched.roll_back("bob", 1)[0].startswith("report bob: version 3 waits for the end")
-    assert watched.end_run()[0].startswith("replace bob: version 3 in force")
-    assert watched.poll() == []
-
-
-def test_a_roll_back_keeps_a_text_that_was_never_good(watched):
-    edit(watched, "bob", agent("bob", "{say: bye}"))
-    edit(watched, "bob", "# work of an hour\n[")
-    said = watched.roll_back("bob", 2)
-    assert said == ["report bob: version 2 stays", "what stood in bob.yaml is kept in bob.yaml~"]
-    assert (watched.folder / "agents" / "bob.yaml~").read_text() == "# work of an hour\n["
-    assert watched.versions.history("bob").problems == ()
-    assert watched.poll() == []
-
-
-def test_a_roll_back_of_a_broken_file_goes_to_the_version_in_force(watched):
-    good = agent("bob", "{say: bye}")
-    edit(watched, "bob", good)
-    edit(watched, "bob", "[")
-    assert watched.roll_back("bob")[0] == "report bob: version 2 stays"
-    assert (watched.folder / "agents" / "bob.yaml").read_text() == good
-    assert watched.versions.find("bob", 0).number == 1
-
-
-def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
-    watched, monkeypatch
-):
-    edit(watched, "bob", agent("bob", "{say: bye}"))
-
-    def refuse(*_: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr("bt_agents.host.reload.folder_watch.write_atomically", refuse)
-    said = watched.roll_back("bob", 1)
-    assert said[0].startswith("replace bob: version 3 in force")
-    assert said[1].endswith(
-        "bob.yaml could not be written (Permission denied) and holds another text"
-    )
-    assert watched.poll() == []
-    assert edit(watched, "ann", agent("ann", "{say: bye}"))[0].startswith("replace ann")
-    assert watched.in_force["bob"].tree.fields["text"].value == "hello"
-
-
-@pytest.mark.parametrize(
-    ("name", "number", "code", "words"),
-    [
-        ("zoe", 1, "UNKNOWN_AGENT", "there are: ann, bob"),
-        ("bob", 7, "UNKNOWN_VERSION", "there are 1, 2"),
-        ("bob", 2, "SAME_VERSION", "version 2 of bob is in force already"),
-        ("ann", 0, "UNKNOWN_VERSION", "nothing has changed since the start"),
-    ],
-)
-def test_a_roll_back_to_nowhere_is_refused(watched, name, number, code, words):
-    edit(watched, "bob", agent("bob", "{say: bye}"))
-    with pytest.raises(Refused, match=words) as refused:
-        watched.versions.find(name, number)
-    assert refused.value.code == code
-
-
-def test_a_roll_back_to_the_same_words_is_refused(watched):
-    edit(watched, "bob", agent("bob", "{say: bye}"))
-    watched.roll_back("bob", 1)
-    with pytest.raises(Refused, match="version 1 of bob says the same as 3"):
-        watched.versions.find("bob", 1)
-
-
-def test_the_last_versions_are_kept_and_the_one_in_force_always(watched):
-    watched.running = "bob"
-    for number in range(MAX_VERSIONS + 10):
-        edit(watched, "bob", agent("bob", f"{{say: text {number}}}"))
-    kept = [version.number for version in watched.versions.history("bob").versions]
-    assert len(kept) == MAX_VERSIONS
-    assert kept[0] == 1
-    assert kept[1:] == list(range(MAX_VERSIONS + 11 - (MAX_VERSIONS - 2), MAX_VERSIONS + 12))
+    assert in_force(watched, "bob") == (3, "tree changed: 1 node changed")
 
 
 def test_two_nodes_that_change_places_are_another_order(watched):

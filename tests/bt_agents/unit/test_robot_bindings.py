@@ -14,8 +14,6 @@ import pytest
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from bt_agents.recording.format import read_recording
-from bt_agents.recording.recorded_run import RecordingRun, replay
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Scene
 from bt_agents_language.files.skills_reader import read_skills
@@ -228,27 +226,3 @@ def test_of_several_preferred_robots_the_first_that_offers_a_skill_counts(skills
     assert bound("nav2, ros4hri") == {**both, "drive": "navigate_to_pose"}
     assert bound("ros4hri,nav2") == {**both, "drive": "/skill/navigate_to_pose"}
     assert bound("") == {"say": "say", "light": "set_light", "drive": "drive"}
-
-
-def test_a_recorded_run_replays_with_the_host_and_the_person_it_had(skills):
-    spec = read("say: Hello.", "ros4hri", skills)
-    stage = Stage(spec.tree, answers={"/skill/say": [ScriptedReply(result=FINE)]})
-    lines: list[str] = []
-    run = RecordingRun(
-        spec,
-        space=SPACE,
-        scene=ANNA,
-        profile=spec.profile,
-        live=lambda: ANNA,
-        tunables={},
-        environment=stage.environment,
-        steady=stage.environment.clock,
-        seed=1,
-        sink=lambda _tick, line: lines.append(line),
-        host="/agents_b",
-    )
-    run.tick()
-    [step] = replay(read_recording(lines), spec, SPACE)
-    assert step.requests == step.recorded_requests
-    assert step.requests[0]["fields"]["meta"]["caller"] == "/agents_b"
-    assert step.result == run.result

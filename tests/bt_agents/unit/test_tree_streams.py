@@ -112,7 +112,7 @@ def test_the_nodes_that_answer_in_a_tick_are_active_also_after_a_breakpoint_is_t
     None
 ):
     stage = Stage("sequence: [{wait: 1 s}, {wait: 1 s}]")
-    watched = WatchedRun(stage.run, stage.run.scope)
+    watched = WatchedRun(stage.run)
     stage.run.set_breakpoints(["tree/0.wait"])
     watched.note(visits=True, activity=False)
     stage.tick()
@@ -132,7 +132,7 @@ def test_the_nodes_that_answer_in_a_tick_are_active_also_after_a_breakpoint_is_t
 def test_after_the_last_watcher_a_tree_is_ticked_as_before_the_first() -> None:
     stage = Stage("sequence: [{wait: 1 s}, {wait: 1 s}]")
     stage.tick()
-    watched = WatchedRun(stage.run, stage.run.scope)
+    watched = WatchedRun(stage.run)
     changes = len(stage.changes)
     watched.note(visits=True, activity=True)
     stage.tick()

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
-from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -45,7 +43,6 @@ RULES = read_market(
     ),
     SPACE,
 )
-PARSED: Any = SimpleNamespace(space=SPACE)
 NAMES = ("anna", "bert", "carl")
 
 values = st.floats(1.0, 5.0) | st.sampled_from([1.0, 2.0, 3.0, 5.0])
@@ -113,7 +110,7 @@ def test_all_that_is_learned_is_learned_again(
         )
         kept += [feedback_to_msg(one, SPACE) for one in change.all]
     found = replay_feedback(
-        RecordedFeedback(feedback=one, card=card.agents[0], parameters=SPACE.names, parsed=PARSED)
+        RecordedFeedback(feedback=one, card=card.agents[0], parameters=SPACE.names, space=SPACE)
         for one in kept
     )
     for finding in found:
@@ -196,7 +193,7 @@ def test_all_that_is_decided_is_decided_again(
             Round(
                 auction=message,
                 runs=runs + 1 - runs // 2,
-                parsed=PARSED,
+                space=SPACE,
                 possible_rules=((), RULES),
                 excluded=(),
             )

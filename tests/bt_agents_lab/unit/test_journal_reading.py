@@ -20,7 +20,7 @@ from mcap.writer import MCAP0_MAGIC
 from rclpy.serialization import serialize_message
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_interfaces.msg import RunRecord, Scene
+from bt_agents_interfaces.msg import Bookmark, Scene
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
@@ -29,14 +29,14 @@ from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import read
 from journal_fixture import morning, topic_of
 
-RECORD = "bt_agents_interfaces/msg/RunRecord"
+BOOKMARK = "bt_agents_interfaces/msg/Bookmark"
 
 
-def begun(path: Path, *, records: int = 1, scenes: int = 0) -> JournalFile:
+def begun(path: Path, *, bookmarks: int = 1, scenes: int = 0) -> JournalFile:
     """Return a journal that is still written, with messages of two topics."""
     file = JournalFile(path)
     for kind, name, number in (
-        (RunRecord, "/records", records),
+        (Bookmark, "/bookmarks", bookmarks),
         (Scene, "/bt_agents/scene/live", scenes),
     ):
         topic, data = topic_of(kind, name), serialize_message(kind())
@@ -72,19 +72,19 @@ def test_a_file_that_ends_in_the_middle_of_a_record_is_said_to(tmp_path: Path) -
 
 
 def test_what_is_not_asked_for_is_counted_and_not_kept(tmp_path: Path) -> None:
-    file = begun(tmp_path / "a.mcap", records=2, scenes=20_000)
+    file = begun(tmp_path / "a.mcap", bookmarks=2, scenes=20_000)
     file.close()
     reader = JournalReader([file.path])
     tracemalloc.start()
-    [first, _] = reader.entries({RECORD})
+    [first, _] = reader.entries({BOOKMARK})
     left, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert first.type == RECORD
+    assert first.type == BOOKMARK
     assert left < 500_000
     counted = reader.counted["/bt_agents/scene/live"]
     assert (counted.messages, counted.first_ns, counted.last_ns) == (20_000, 1, 20_000)
     recording = read([file.path])
-    assert recording.counts == {"/records": 2, "/bt_agents/scene/live": 20_000}
+    assert recording.counts == {"/bookmarks": 2, "/bt_agents/scene/live": 20_000}
     assert (recording.first_ns, recording.last_ns) == (1, 20_000)
 
 
@@ -95,7 +95,7 @@ def headed(library: str) -> bytes:
     return MCAP0_MAGIC + bytes(builder.end())
 
 
-@pytest.mark.parametrize("library", ["bt-agents", "bt-agents journal 1", "bt-agents journal 3"])
+@pytest.mark.parametrize("library", ["bt-agents", "bt-agents journal 2", "bt-agents journal 4"])
 def test_a_journal_of_another_format_is_refused(tmp_path: Path, library: str) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(headed(library))

@@ -13,24 +13,14 @@ import pytest
 from click.testing import CliRunner
 
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_interfaces.msg import (
-    AgentFiles,
-    Auction,
-    CallForBids,
-    Feedback,
-    HostCard,
-    Run,
-    RunRecord,
-    TreeStatus,
-)
+from bt_agents_interfaces.msg import AgentFiles, Auction, CallForBids, Feedback, HostCard, Run
 from bt_agents_lab.cli.journal import journal, recorded_rounds
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
-from bt_agents_lab.replay import decisions, replay_learning, trees
+from bt_agents_lab.replay import decisions, replay_learning
 from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict
 from bt_agents_lab.replay.replay_learning import replay_feedback
-from bt_agents_lab.replay.trees import replay_runs
 from hostile_texts import HOSTILE
 from journal_fixture import NAN, Town, index_of, morning
 from tree_harness import scene
@@ -51,11 +41,7 @@ def again(path: Path) -> FindingCounts:
     recording = index_of(path)
     assert recording.problems == []
     return FindingCounts(
-        [
-            *replay_decisions(recording.rounds),
-            *replay_feedback(recording.feedbacks),
-            *replay_runs(recording.runs.values()),
-        ]
+        [*replay_decisions(recording.rounds), *replay_feedback(recording.feedbacks)]
     )
 
 
@@ -90,9 +76,8 @@ def test_everything_of_a_morning_is_equal(tmp_path: Path, strategy: str) -> None
     made = morning(tmp_path / "trees", strategy=strategy, options=STRATEGIES[strategy])
     found = again(made.write(tmp_path / "a.mcap"))
     assert found.unequal == []
-    for kind in (decisions.KIND, replay_learning.KIND, trees.KIND):
+    for kind in (decisions.KIND, replay_learning.KIND):
         assert found.counts[kind, ReplayVerdict.EQUAL] == 4
-    assert found.sizes[trees.KIND] > 12
 
 
 def _nudge(field: str, index: int | None = None) -> Callable[[Any], None]:
@@ -156,68 +141,6 @@ def test_an_altered_change_of_a_profile_is_found(town: Town, tmp_path: Path, wha
     assert different(found, replay_learning.KIND).where == "revision 1 of bert"
 
 
-STATUSES: dict[str, Callable[[Any], None]] = {
-    "status": lambda m: setattr(m.changes[0], "status", 3),
-    "message": lambda m: setattr(m.changes[0], "message", "so"),
-    "node": lambda m: setattr(m.changes[0], "path", "tree/9.say"),
-    "name": lambda m: setattr(m.changes[0], "name", "other"),
-    "one less": lambda m: m.changes.pop(),
-    "one more": lambda m: m.changes.append(m.changes[0]),
-    "tick": lambda m: setattr(m, "tick", 2),
-}
-
-
-@pytest.mark.parametrize("what", STATUSES)
-@pytest.mark.parametrize("which", [0, 1, 2])
-def test_an_altered_tick_is_found(town: Town, tmp_path: Path, what: str, which: int) -> None:
-    found = altered(town, tmp_path, TreeStatus, STATUSES[what], which)
-    finding = different(found, trees.KIND)
-    assert "tick" in finding.text or "end" in finding.text
-    assert found.counts[trees.KIND, ReplayVerdict.EQUAL] == 3
-
-
-def _in_note(old: str, new: str) -> Callable[[Any], None]:
-    def change(message: Any) -> None:
-        assert old in message.record, message.record
-        message.record = message.record.replace(old, new)
-
-    return change
-
-
-NOTES = {
-    "goal": ('"fields":{"text":"Hello"}', '"fields":{"text":"Hey"}'),
-    "state": ("SUCCEEDED", "ABORTED"),
-    "result": ("kind", "keen"),
-}
-
-
-@pytest.mark.parametrize("what", NOTES)
-def test_an_altered_note_of_a_run_is_found(town: Town, tmp_path: Path, what: str) -> None:
-    old, new = NOTES[what]
-    which = next(
-        n
-        for n, one in enumerate(m for m in _messages(town) if isinstance(m, RunRecord))
-        if old in one.record
-    )
-    found = altered(town, tmp_path, RunRecord, _in_note(old, new), which)
-    assert different(found, trees.KIND).text
-
-
-def _messages(town: Town) -> list[Any]:
-    return [one.message for one in town.published]
-
-
-def test_another_text_of_an_agent_is_found(town: Town, tmp_path: Path) -> None:
-    def change(message: Any) -> None:
-        place = message.files.index("agents/bert.yaml")
-        message.texts[place] = message.texts[place].replace("Hello", "Good day")
-
-    found = altered(town, tmp_path, AgentFiles, change)
-    text = [one.text for one in found.unequal if one.kind == trees.KIND]
-    assert text
-    assert "Good day" in text[0]
-
-
 def without(town: Town, path: Path, *kinds: type) -> FindingCounts:
     return again(
         town.write(
@@ -230,66 +153,12 @@ def without(town: Town, path: Path, *kinds: type) -> FindingCounts:
 def test_without_texts_nothing_is_called_equal(town: Town, tmp_path: Path) -> None:
     found = without(town, tmp_path, AgentFiles)
     assert {verdict for _, verdict in found.counts} == {ReplayVerdict.NOT_RECORDED}
-    assert {one.text for one in found.unequal if one.kind == trees.KIND} == {
-        f"there is no text of version 1 of {name}" for name in ("anna", "bert")
-    }
 
 
-def test_without_notes_or_cards_runs_and_lessons_are_named_as_not_recorded(
-    town: Town, tmp_path: Path
-) -> None:
-    found = without(town, tmp_path, RunRecord, HostCard)
-    assert found.counts[trees.KIND, ReplayVerdict.NOT_RECORDED] == 4
+def test_without_cards_lessons_are_named_as_not_recorded(town: Town, tmp_path: Path) -> None:
+    found = without(town, tmp_path, HostCard)
     assert found.counts[replay_learning.KIND, ReplayVerdict.NOT_RECORDED] == 4
     assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 4
-
-
-def test_notes_that_end_before_the_run_are_equal_so_far_and_not_more(
-    town: Town, tmp_path: Path
-) -> None:
-    last = max(n for n, one in enumerate(town.published) if isinstance(one.message, RunRecord))
-    found = again(town.write(tmp_path / "a.mcap", lambda n, m: None if n == last else m))
-    [finding] = found.unequal
-    assert finding.verdict is ReplayVerdict.NOT_RECORDED
-    assert "ticks are equal, then the record ends" in finding.text
-
-
-def test_a_gap_in_the_notes_is_no_difference(town: Town, tmp_path: Path) -> None:
-    numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, RunRecord)]
-    found = again(town.write(tmp_path / "a.mcap", lambda n, m: None if n == numbers[2] else m))
-    assert found.different == 0
-    assert "entries between the steps 1 and 7 are missing" in found.unequal[0].text
-
-
-def test_notes_that_never_reached_the_journal_are_missing_and_no_difference(
-    town: Town, tmp_path: Path
-) -> None:
-    notes = [n for n, one in enumerate(town.published) if isinstance(one.message, RunRecord)]
-    for number in notes:
-        found = again_without(town, tmp_path / f"{number}.mcap", number)
-        assert found.different == 0
-        assert [one.verdict for one in found.unequal] == [ReplayVerdict.NOT_RECORDED]
-
-
-def test_changes_of_a_tick_that_never_reached_the_journal_are_missing_and_no_difference(
-    town: Town, tmp_path: Path
-) -> None:
-    statuses = [n for n, one in enumerate(town.published) if isinstance(one.message, TreeStatus)]
-    for number in statuses[:4]:
-        found = again_without(town, tmp_path / f"{number}.mcap", number)
-        assert found.different == 0
-        [finding] = found.unequal
-        assert "the changes of 1 of" in finding.text
-
-
-def again_without(town: Town, path: Path, number: int) -> FindingCounts:
-    """Return what a replay finds when the journal never heard a message, and so no gap either."""
-    said = town.published
-    town.published = [one for n, one in enumerate(said) if n != number]
-    try:
-        return again(town.write(path))
-    finally:
-        town.published = said
 
 
 def test_scores_that_depend_on_runs_before_the_journal_are_not_called_different(
@@ -363,22 +232,6 @@ def test_a_missing_value_stays_missing(tmp_path: Path) -> None:
     made.round(scene("s", age=4.0))
     made.give_feedback("anna", FeedbackKind.DIRECT, (NAN, 3.0, NAN))
     assert again(made.write(tmp_path / "a.mcap")).unequal == []
-
-
-def test_texts_that_lead_out_of_the_folder_are_not_unpacked(town: Town, tmp_path: Path) -> None:
-    def change(message: Any) -> None:
-        message.files[0] = "../../evil.yaml"
-
-    numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, AgentFiles)]
-
-    def alter(number: int, message: Any) -> Any:
-        if number in numbers:
-            message = copy.deepcopy(message)
-            change(message)
-        return message
-
-    recording = index_of(town.write(tmp_path / "a.mcap", alter))
-    assert "lies outside of the folder" in recording.problems[0]
 
 
 def test_the_command_says_that_everything_is_equal(town: Town, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from bt_agents_interfaces.msg import (
     Breakpoint,
+    ChangedValue,
     Countdown,
     NodeDetails,
     NodeValue,
@@ -160,6 +161,19 @@ def test_a_pause_that_ends_with_its_run_does_not_go_on(shown: Shown) -> None:
     before = len(shown.log)
     shown.take(RunControl(host="/agents"))
     assert shown.log[before:] == []
+
+
+def test_changed_values_are_those_that_a_node_has_written(shown: Shown) -> None:
+    changed = [ChangedValue(name="answer", value="'yes'")]
+    change = StatusChange(
+        path="tree/0.ask", name="ask", status=StatusChange.SUCCESS, values=changed
+    )
+    shown.take(TreeStatus(**RUN, tick=8, changes=[change]))
+    [record] = shown.get("values").values
+    assert (record.name, record.value, record.written, record.tick) == ("answer", "'yes'", True, 8)
+    assert shown.log[-1] == "ask: success, answer = 'yes'"
+    shown.details(values=(value("answer", "'yes'", written=True),))
+    assert len(shown.get("values").values) == 1
 
 
 def test_a_running_node_with_another_message_has_not_started_again(shown: Shown) -> None:

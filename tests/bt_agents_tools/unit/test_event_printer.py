@@ -55,9 +55,11 @@ def auction(outcome: int, **more: Any) -> Message:
     return Message(**outcomes, outcome=outcome, **(values | more))
 
 
-def change(path: str, status: int, message: str = "", name: str = "") -> Message:
+def change(path: str, status: int, message: str = "", name: str = "", **values: str) -> Message:
+    changed = [Message(name=key, value=value) for key, value in values.items()]
     return Message(
         path=path, name=name or path.rpartition("/")[2], status=status, message=message,
+        values=changed,
         INVALID=0, RUNNING=1, SUCCESS=2, FAILURE=3,
     )  # fmt: skip
 
@@ -253,6 +255,13 @@ def test_a_tick_shows_first_what_ended_then_what_began_parents_first() -> None:
         "     tree     7   ✔ 0.say",
         "     tree     7   ▶ 1.sequence",
         "     tree     7     ▶ 0.ask Where to?",
+    ]
+
+
+def test_changed_values_are_shown_with_their_node() -> None:
+    changes = [change("tree/0.ask", 2, answer="'yes'", sure="[b]")]
+    assert told(("tree", Message(agent="a", tick=7, changes=changes))) == [
+        "     tree     7   ✔ 0.ask answer = 'yes', sure = [b]"
     ]
 
 

@@ -18,7 +18,7 @@ import bt_agents_interfaces.msg
 import bt_agents_interfaces.srv
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_interfaces.msg import Auction, HostCard, Run, Scene, StatusChange, TreeStatus
-from bt_agents_interfaces.srv import ManageProfiles, PreviewAuction, ReloadAgents, RollBack
+from bt_agents_interfaces.srv import ManageProfiles, PreviewAuction, ReloadAgents
 from bt_agents_ros.system_topics import HOST, TOPICS
 from bt_agents_ros.types import load_type
 from bt_agents_tools.cli import connection
@@ -39,7 +39,6 @@ OF_SEVERAL_LINES = {
     ManageProfiles.Response,
     PreviewAuction.Response,
     ReloadAgents.Response,
-    RollBack.Response,
 }
 KINDS = {
     *(kind for kind in vars(bt_agents_interfaces.msg).values() if isinstance(kind, type)),
@@ -111,8 +110,6 @@ def answered_call(
     answer = hostile(client.kind.Response)
     if hasattr(answer, "accepted"):
         answer.accepted = True
-    if hasattr(answer, "versions"):
-        answer.versions[0].current = True
     on_answer(answer)
 
 
@@ -208,5 +205,5 @@ def test_no_command_prints_raw_text_of_others(words: str) -> None:
 @pytest.mark.usefixtures("graph")
 def test_what_a_command_is_refused_for_is_printable_too() -> None:
     with pytest.raises(BtAgentsError, match="title") as refused:
-        CliRunner().invoke(bt_agents, ["versions", "x"], catch_exceptions=False)
+        CliRunner().invoke(bt_agents, ["tune", "x.y=1"], catch_exceptions=False)
     assert raw(str(refused.value)) == ""

@@ -18,13 +18,14 @@ def test_each_node_has_a_row_with_its_name_time_mood_and_change():
         seconds=[2.04, 10.0, 0.0],
         mean=[3.25, 4.0, math.nan],
         change=[-1.5, 0.0, math.nan],
+        values=[SimpleNamespace(path="tree/1.ask", name="answer", value="[b]no")],
     )
     out = io.StringIO()
     table = mood_table(trace, {"tree/0.say": "say", "tree/1.ask": "[red]ask"})
     Console(file=out, width=80).print(table)
     assert [line.rstrip() for line in out.getvalue().splitlines()] == [
-        "node        time  mood  change  path",
-        "say        2.0 s  3.25    -1.5  tree/0.say",
-        "[red]ask  10.0 s     4       0  tree/1.ask",
-        "?          0.0 s     –       –  tree/2.[bold]log",
+        "node        time  mood  change  changed         path",
+        "say        2.0 s  3.25    -1.5                  tree/0.say",
+        "[red]ask  10.0 s     4       0  answer = [b]no  tree/1.ask",
+        "?          0.0 s     –       –                  tree/2.[bold]log",
     ]

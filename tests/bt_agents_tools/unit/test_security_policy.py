@@ -44,7 +44,7 @@ def test_whoever_watches_changes_nothing(table: dict[str, Rights]) -> None:
     assert not watch["execute"] | watch["call"]
     assert watch["request"] == {
         *("marketplace/describe_parameters", "marketplace/get_parameters"),
-        *(f"{host}/{name}" for host in HOSTS for name in ("get_parameters", "versions")),
+        *(f"{host}/get_parameters" for host in HOSTS),
     }
 
 

@@ -12,7 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from bt_agents_tools.cli.commands import preset, reload, strategy
+from bt_agents_tools.cli.commands import preset, strategy
 from bt_agents_tools.cli.main import bt_agents
 
 WITHOUT_TABLE = {
@@ -31,7 +31,7 @@ WITHOUT_TABLE = {
     ),
     *("profile recover", "profile reset", "profile undo", "publish", "rehearse", "reload"),
     *("record mark", "record start", "record stop"),
-    *("replay", "roll-back", "scene", "schema", "sense", "show", "test", "trigger", "unpin"),
+    *("replay", "scene", "schema", "sense", "show", "test", "trigger", "unpin"),
     *("security", "studio", "up", "veto", "visit", "watch"),
     *("pause", "resume", "step"),
 }
@@ -72,26 +72,6 @@ def test_presets_and_their_values_are_tables(monkeypatch: pytest.MonkeyPatch) ->
     assert every == "preset,values,agents\nmorning,3,2\n"
     values = CliRunner().invoke(preset.preset, ["show", "morning", "--json"]).output
     assert json.loads(values)[1] == {"name": "a.y", "value": "2 s"}
-
-
-def test_versions_are_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    stamp = SimpleNamespace(sec=12, nanosec=500_000_000)
-    version = SimpleNamespace(
-        version=3, stamp=stamp, cause="file", change="tree", current=True, waiting=False
-    )
-    answer = SimpleNamespace(accepted=True, message="", versions=[version])
-    observer = SimpleNamespace(ask=lambda *_, **__: answer)
-    monkeypatch.setattr(reload, "connect", lambda: nullcontext(observer))
-    monkeypatch.setattr(reload, "find_host", lambda *_: "/agents")
-    (row,) = json.loads(CliRunner().invoke(reload.versions, ["a", "--json"]).output)
-    assert row == {
-        "version": 3,
-        "time_s": 12.5,
-        "cause": "file",
-        "change": "tree",
-        "current": True,
-        "waiting": False,
-    }
 
 
 def test_strategies_are_a_table_with_a_row_for_each_option() -> None:

@@ -8,7 +8,14 @@ import math
 import pytest
 
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node.mood_trace import MOST_CHANGES, MOST_LEAVES, LeafMood, MoodTrace
+from feedback_node.mood_trace import (
+    MOST_CHANGES,
+    MOST_LEAVES,
+    MOST_VALUES,
+    LeafMood,
+    MoodTrace,
+    RunValues,
+)
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -122,3 +129,19 @@ def test_what_is_remembered_is_bounded():
     assert len(run.trace.so_far()) == MOST_LEAVES
     assert run.trace.leaf_at(10.0) == ""
     assert run.trace.leaf_at(MOST_CHANGES + 20.5) == f"tree/{MOST_CHANGES + 20}.say"
+
+
+def test_the_last_values_of_the_latest_run_are_kept() -> None:
+    values = RunValues()
+    values.change("first", "tree/0.ask", "answer", "'no'")
+    values.change("second", "tree/0.ask", "answer", "'yes'")
+    values.change("second", "tree/0.ask", "answer", "'no'")
+    assert values.of("first") == {}
+    assert values.of("second") == {("tree/0.ask", "answer"): "'no'"}
+
+
+def test_values_are_kept_up_to_a_bound() -> None:
+    values = RunValues()
+    for number in range(2 * MOST_VALUES):
+        values.change("run", "tree", f"n{number}", "1")
+    assert len(values.of("run")) == MOST_VALUES

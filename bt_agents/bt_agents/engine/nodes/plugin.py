@@ -13,7 +13,7 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
 from bt_agents.engine.call_limit import bounded
-from bt_agents.engine.context import BuildChild, NodeMaker, RunContext
+from bt_agents.engine.context import NodeMaker, RunContext
 from bt_agents.engine.environment import PluginNode
 from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.node_errors import reason_of, with_location
@@ -41,9 +41,6 @@ class PluginLeaf(Leaf):
     keys that its class declares, and a ROS node in ``setup`` where there is one. A new behaviour
     is created after an error, and when its fields have other values than at the last start. What
     it set up is cleaned up after the run. Its exceptions and blocking calls become a FAILURE.
-
-    Attributes:
-        written: Names to which it gave a value in the last tick.
     """
 
     has_side_effects = True
@@ -53,11 +50,8 @@ class PluginLeaf(Leaf):
     _follows_run = False
     _limit_s = BLOCKS_S
 
-    def __init__(
-        self, spec: NodeSpec, context: RunContext, scope: Scope, _build: BuildChild | None = None
-    ) -> None:
-        super().__init__(spec, context, scope, _build)
-        self.written: dict[str, Plain] = {}
+    def __init__(self, spec: NodeSpec, context: RunContext, scope: Scope) -> None:
+        super().__init__(spec, context, scope)
         self._reads: Mapping[str, str] = getattr(spec.plugin, "reads", {})
 
     def begin(self) -> None:
@@ -74,7 +68,6 @@ class PluginLeaf(Leaf):
             self._set_up(fields)
 
     def step(self) -> Status:
-        self.written.clear()
         behaviour = self._behaviour
         assert behaviour is not None
         for key, name in self._reads.items():
@@ -180,9 +173,7 @@ class PluginLeaf(Leaf):
                         f"{self.spec.kind} has put a {type(value).__name__} on the blackboard as "
                         f"'{key}', expected a message, or texts, numbers, lists and mappings",
                     )
-                value = copy.deepcopy(value)
-                self.scope.write(name, value)
-                self.written[name] = value
+                self.write(name, copy.deepcopy(value))
 
     def _field(self, name: str) -> Plain:
         value = self.spec.fields[name]

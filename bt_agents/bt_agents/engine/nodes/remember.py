@@ -37,8 +37,7 @@ class Remember(SceneLayerLeaf):
     def step(self) -> Status:
         status = self.answered()
         if status is Status.SUCCESS:
-            told = {f"person.{key}": value for key, value in self._facts.items()}
-            self.context.scope.told.update(told)
+            self.tell({f"person.{key}": value for key, value in self._facts.items()})
         return status
 
 

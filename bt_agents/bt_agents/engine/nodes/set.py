@@ -22,6 +22,7 @@ class Set(SceneLayerLeaf):
     """
 
     binding = BINDING
+    changes_values = True
     _shown_by: float | None = None
 
     def begin(self) -> None:
@@ -30,7 +31,7 @@ class Set(SceneLayerLeaf):
         for name in self.spec.fields:
             value = self.fields.value(name)
             if not name.startswith(SCENE):
-                self.scope.write(name, value)
+                self.write(name, value)
                 continue
             parameter = name.removeprefix(SCENE)
             space = self.context.scope.space
@@ -45,11 +46,10 @@ class Set(SceneLayerLeaf):
         status = self.answered()
         if status is not SUCCESS:
             return status
-        scope = self.context.scope
-        scope.told.update({SCENE + name: value for name, value in self._told.items()})
+        self.tell({SCENE + name: value for name, value in self._told.items()})
         if self._shown_by is None:
             self._shown_by = self.context.clock() + _SHOWN_WITHIN_S
-        live = scope.live()
+        live = self.context.scope.live()
         shown = all(live.get(name) == value for name, value in self._told.items())
         if shown or self.context.is_due(self.spec.path, self._shown_by):
             return SUCCESS

@@ -137,7 +137,7 @@ class SkillLeaf(Leaf):
             for name, path in self.spec.outputs.items()
         }
         for name, value in found.items():
-            self.scope.write(name, value)
+            self.write(name, value)
         return Status.SUCCESS
 
     def _error_in(self, result: Mapping[str, Plain]) -> str:
@@ -163,7 +163,7 @@ class SkillLeaf(Leaf):
         for name, path in self.spec.feedback.items():
             # Feedback without the field does not fail the goal.
             with suppress(MissingValue, Refused):
-                self.scope.write(name, field_of(feedback, path, f"feedback.{path}"))
+                self.write(name, field_of(feedback, path, f"feedback.{path}"))
 
     def _format_main_input(self, inputs: Mapping[str, Plain]) -> str:
         """Return the text of the main input, for a node whose name contains references."""

@@ -23,6 +23,7 @@ class Subtree(Decorator):
         self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
     ) -> None:
         self.scope = scope
+        self.changes_values = bool(spec.outputs)
         self._inside = SubtreeScope(
             inputs={k: v for k, v in spec.fields.items() if not isinstance(v, Expression)},
             caller=scope,
@@ -37,8 +38,11 @@ class Subtree(Decorator):
         status = self.decorated.status
         if status is not RUNNING:
             for name, inner in self.spec.outputs.items():
-                if inner in self._inside.written:
-                    self.scope.write(name, self._inside.written[inner])
+                if inner not in self._inside.written:
+                    continue
+                value = self._inside.written[inner]
+                if self.scope.write(name, value):
+                    self.note_change(name, value)
         return status
 
 

@@ -84,6 +84,7 @@ class WaitForMessage(Leaf):
     A message holds until the next one. Without a time, the first match is enough.
     """
 
+    changes_values = True
     _inbox: Inbox | None = None
     _mismatch = ""
 
@@ -113,7 +114,7 @@ class WaitForMessage(Leaf):
             for name, path in self.spec.outputs.items()
         }
         for name, value in found.items():
-            self.scope.write(name, value)
+            self.write(name, value)
         return SUCCESS
 
     def missing(self) -> str:

@@ -4,16 +4,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from bt_agents.host.reload.incremental_reader import KnownFiles, Rereading, adopted, known_files
-from bt_agents_core.atomic_file import write_atomically
+from bt_agents.host.reload.incremental_reader import KnownFiles, Rereading, known_files
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import Stamp, differing, poll
-from bt_agents_language.files.agent_file import AgentFile
-from bt_agents_language.files.folder_reader import SUFFIXES, Trees, text_of
+from bt_agents_language.files.folder_reader import SUFFIXES, Trees
 
 MAX_UNSETTLED_POLLS = 6
 """Polls after which files are read even if some file in the folder keeps changing."""
@@ -21,18 +19,6 @@ MAX_UNSETTLED_POLLS = 6
 
 class WatchStopped(BtAgentsError):
     """Ends a reading after :meth:`FolderWatch.stop`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileWrite:
-    """Result of writing an earlier text into an agent file; the file is None if that failed.
-
-    The text is a remark for people; empty for none.
-    """
-
-    trees: Trees
-    file: AgentFile | None
-    text: str
 
 
 class FolderWatch:
@@ -84,32 +70,6 @@ class FolderWatch:
         self._known = reading.result()
         self._read = now
         return self._trees() if back or self._known is not before else None
-
-    def write(self, path: Path, version: AgentFile, known_texts: Collection[str]) -> FileWrite:
-        """Write an earlier text of an agent into its file, and count the file as read.
-
-        If the replaced text is not among the known texts, which are stored elsewhere, it is saved
-        in a file with ``~`` appended to the name.
-        """
-        assert version.text is not None
-        assert version.agent is not None
-        found = text_of(path)
-        text = ""
-        if found != version.text:
-            try:
-                if found is not None and found not in known_texts:
-                    Path(f"{path}~").write_text(found, encoding="utf-8", newline="")
-                    text = f"what stood in {path.name} is kept in {path.name}~"
-                write_atomically(path, version.text)
-            except OSError as error:
-                text = f"{path} could not be written ({error.strerror}) and holds another text"
-                return FileWrite(trees=self._trees(), file=None, text=text)
-        agent = replace(version.agent, file=str(path))
-        file = replace(version, file=path, agent=agent)
-        # Computed here, in the reading thread, where no callback waits for it.
-        assert file.prints
-        self._known = adopted(self._known, file)
-        return FileWrite(trees=self._trees(), file=file, text=text)
 
     def _missing(self) -> str:
         trees, skills = self._known.trees, self._folder / "skills"

@@ -25,6 +25,7 @@ class AgentOnCard(Protocol):
 
     name: str
     version: int
+    change: str
     waiting: bool
     degraded: bool
     problems: Sequence[ProblemOnCard]
@@ -51,7 +52,6 @@ class CardDifference:
     """
 
     text: str
-    agent: str = ""
     is_error: bool = False
 
 
@@ -103,7 +103,8 @@ def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
     name = now.name
     changed = []
     if now.version != before.version:
-        changed.append(CardDifference(text=f"{name}: version {now.version} in force", agent=name))
+        change = f" ({visible(now.change)})" if now.change else ""
+        changed.append(CardDifference(text=f"{name}: version {now.version} in force{change}"))
     if now.waiting and not before.waiting:
         changed.append(
             CardDifference(text=f"{name}: a newer version waits for the end of its run")

@@ -22,7 +22,7 @@ from bt_agents_language.files.folder_reader import (
 )
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.files.texts_reader import FOLDER, FolderTexts
+from bt_agents_language.files.texts_reader import FolderTexts
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import SymbolTable
 
@@ -42,13 +42,6 @@ class KnownFiles:
 def known_files(trees: Trees) -> KnownFiles:
     """Return the known files of a folder that was just read."""
     return KnownFiles(trees=trees, libraries=_libraries(trees, trees.symbols))
-
-
-def adopted(before: KnownFiles, file: AgentFile) -> KnownFiles:
-    """Return a folder in which one agent file is replaced, without reading it."""
-    trees = before.trees
-    files = [file if one.file == file.file else one for one in trees.files]
-    return replace(before, trees=_with_files(before, files, trees.symbols))
 
 
 class Rereading:
@@ -153,16 +146,11 @@ class Rereading:
             if not depends and (path not in self._changed or text_of(path) == before.text):
                 return before
         self._pause()
-        cause = "skills changed" if self._skills_changed else "library changed"
-        if before is not None and {*map(_folder, before.imports & shared)} == {FOLDER}:
-            cause = "texts changed"
-        after = read_agent_file(path, libraries, cause=cause)
+        after = read_agent_file(path, libraries)
         if before is None:
-            return replace(after, cause="new file")
+            return after
         if _is_same(before, after):
             return before
-        if before.text != after.text:
-            after = replace(after, cause="file changed")
         if before.agent is not None and after.agent is not None:
             # Computed here, in the reading thread, where no callback waits for it.
             assert before.prints
@@ -191,10 +179,6 @@ def _with_files(before: KnownFiles, files: list[AgentFile], symbols: SymbolTable
 
 def _is_same(before: AgentFile, after: AgentFile) -> bool:
     return (before.text, before.agent, _lines(before)) == (after.text, after.agent, _lines(after))
-
-
-def _folder(path: str) -> str:
-    return path.partition("/")[0]
 
 
 def _lines(file: AgentFile) -> tuple[str, ...]:

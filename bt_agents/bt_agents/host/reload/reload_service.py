@@ -14,15 +14,13 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.host.reload.folder_watch import FileWrite, FolderWatch, WatchStopped
-from bt_agents.host.reload.version_history import Version
+from bt_agents.host.reload.folder_watch import FolderWatch, WatchStopped
 from bt_agents.host.reload.versions import AgentVersions, ReloadEffect
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import PERIOD_S
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_ros.messages import seconds
 from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
 
@@ -122,23 +120,6 @@ class ReloadService:
         self._read(lambda: self._watch.poll(settle=False), self.update, request)
         return request.done
 
-    def roll_back(self, name: str, version: Version) -> Future:
-        """Write an earlier version into its file and put it into force; see :meth:`poll_now`."""
-        request = self._request()
-        history = self.versions.history(name)
-        texts = {one.file.text for one in history.versions if one.file.text}
-
-        def handle(written: FileWrite) -> None:
-            running, now = self._runs.running, self._now()
-            self._execute(self.versions.roll_back(name, version, written.file, running, now))
-            if written.text:
-                request.changes.append(written.text)
-            self.update(written.trees)
-
-        file = history.last_read.file
-        self._read(lambda: self._watch.write(file, version.file, texts), handle, request)
-        return request.done
-
     def update(self, trees: Trees | None) -> None:
         """Handle a reading, None for no change; work beyond the time slice follows later."""
         if trees is None:
@@ -163,7 +144,7 @@ class ReloadService:
         end = time.monotonic() + _SLICE_S
         while self._unsettled:
             name = self._unsettled.popleft()
-            effect = self.versions.settle(name, self._runs.running, self._now())
+            effect = self.versions.settle(name, self._runs.running)
             if effect is not None:
                 self._execute(effect)
             if time.monotonic() >= end:
@@ -257,9 +238,6 @@ class ReloadService:
     def _end(self, request: Request) -> None:
         self._requests.remove(request)
         request.done.set_result(request)
-
-    def _now(self) -> float:
-        return seconds(self._node.get_clock().now().to_msg())
 
     def _set_enabled(self, enabled: bool) -> None:
         self._enabled = enabled

@@ -112,7 +112,7 @@ class TreeStreams:
 
     def _on_start(self, run: Run) -> None:
         """Follow a run whose tree is built and not ticked yet."""
-        self._run = WatchedRun(run, self._runs.names())
+        self._run = WatchedRun(run)
         self._note()
 
     def _on_tick(self) -> None:

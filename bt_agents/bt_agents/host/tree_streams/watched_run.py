@@ -9,7 +9,6 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.run import Run
-from bt_agents.engine.scope import RunScope
 from bt_agents.engine.value_trace import TracedValue, ValueTrace
 from bt_agents.host.tree_streams.blackboard import Activity, BlackboardView, activities
 from bt_agents.host.tree_streams.stream import TickStatistics
@@ -21,7 +20,6 @@ class WatchedRun:
 
     Args:
         run: The run, which may have ended.
-        names: Its names; reading them must leave no trace in a recording.
 
     Attributes:
         blackboard: Its names by their keys.
@@ -30,9 +28,9 @@ class WatchedRun:
         ticks: Statistics of its ticks since it is watched.
     """
 
-    def __init__(self, run: Run, names: RunScope) -> None:
+    def __init__(self, run: Run) -> None:
         self.run = run
-        self.blackboard = BlackboardView(names)
+        self.blackboard = BlackboardView(run.scope)
         self.changed = True
         self.activity: list[Activity] = []
         self.ticks = TickStatistics()

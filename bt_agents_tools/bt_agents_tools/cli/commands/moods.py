@@ -15,7 +15,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import DIGITS, format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import SOON_S
-from bt_agents_tools.cli.formatting import fitted_console, node_names
+from bt_agents_tools.cli.formatting import fitted_console, node_names, values_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 
@@ -49,7 +49,10 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
         if form.for_program:
             names = node_names(trees, trace.agent)
             rows = [
-                (trace.agent, trace.round, names.get(leaf), leaf, seconds, mean, change)
+                (
+                    *(trace.agent, trace.round, names.get(leaf), leaf, seconds, mean, change),
+                    _changed(trace, leaf, form),
+                )
                 for leaf, seconds, mean, change in zip(
                     trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
                 )
@@ -62,7 +65,15 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
         fitted_console().print(mood_table(trace, node_names(trees, trace.agent)))
 
 
-_KEYS = ("agent", "round", "node", "path", "time_s", "mood", "change")
+_KEYS = ("agent", "round", "node", "path", "time_s", "mood", "change", "values")
+
+
+def _changed(trace: Any, leaf: str, form: TableForm = TableForm.FITTED) -> object:
+    """Return the values that a node has changed last."""
+    changed = [one for one in trace.values if one.path == leaf]
+    if form is TableForm.JSON:
+        return {one.name: one.value for one in changed}
+    return values_text(changed)
 
 
 def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
@@ -79,6 +90,7 @@ def mood_table(trace: Any, names: dict[str, str]) -> Table:
     table.add_column("node", overflow="fold")
     for heading in ("time", "mood", "change"):
         table.add_column(heading, justify="right", overflow="fold")
+    table.add_column("changed", overflow="fold")
     table.add_column("path", style="dim", overflow="fold")
     for leaf, seconds, mean, change in zip(
         trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
@@ -88,6 +100,7 @@ def mood_table(trace: Any, names: dict[str, str]) -> Table:
             f"{seconds:.1f} s",
             format_known(mean),
             _change(change),
+            Text(str(_changed(trace, leaf))),
             Text(leaf),
         )
     return table

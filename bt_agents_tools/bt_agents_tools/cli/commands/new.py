@@ -203,7 +203,7 @@ def _origin(like: str, of_pattern: str, trees: Trees) -> tuple[Trees, Path]:
 
 def _copies(name: str, origin: Trees, file: Path, directory: Path) -> tuple[str, str]:
     """Return the texts of an agent and its tests under another name; copy its imports."""
-    read = read_agent_file(file, FolderLibraries(origin.folder, origin.symbols), cause="copy")
+    read = read_agent_file(file, FolderLibraries(origin.folder, origin.symbols))
     if read.agent is None or read.text is None:
         raise BtAgentsError(str(read.error))
     for path in sorted(read.imports):

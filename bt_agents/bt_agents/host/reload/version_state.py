@@ -1,39 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Version history of one agent: the good versions of its file, and the one in force."""
+"""State of one agent: its version in force, one that waits, and the problems of its file."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_language.diagnostics.renderers import MAX_SHOWN, as_hinted_line, visible
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.model.specs import AgentSpec
 
-MAX_VERSIONS = 50
-"""Most good versions of an agent stored for roll back."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Version:
-    """Good version of an agent; its cause and its change from the previous one are texts.
+    """Good version of an agent.
 
     Attributes:
         number: Counts up from 1.
-        stamp: Time of the reading [s].
-        texts: Texts that it was read with, including skills and libraries.
-        restored: Whether a roll back restored it, so that it was read with other texts.
+        change: Differences from the previous version, in words; empty for the first one.
     """
 
     number: int
     file: AgentFile
-    cause: str
     change: str
-    stamp: float
-    texts: Mapping[Path, str | None]
-    restored: bool = False
 
     @property
     def agent(self) -> AgentSpec:
@@ -82,13 +72,13 @@ def file_problems(diagnostics: Sequence[Diagnostic], agent: str = "") -> tuple[F
 
 
 @dataclass(kw_only=True, slots=True)
-class VersionHistory:
-    """Versions of one agent.
+class VersionState:
+    """Versions of one agent: the one in force, and a newer one that waits.
 
     Attributes:
         current: Version in force.
         last_read: The last reading of its file, good or broken.
-        versions: Versions to roll back to, oldest first.
+        before: Version that was in force before; None for the first one.
         waiting: Version that comes into force when the agent's run ends; None for none.
         removal_reason: Why the agent is removed when its run ends; empty if it stays.
         problems: Why its file is not in force; empty if it is.
@@ -96,7 +86,7 @@ class VersionHistory:
 
     current: Version
     last_read: AgentFile
-    versions: list[Version] = field(default_factory=list)
+    before: Version | None = None
     waiting: Version | None = None
     removal_reason: str = ""
     problems: tuple[FileProblem, ...] = ()
@@ -106,16 +96,16 @@ class VersionHistory:
         """The waiting version, else the one in force."""
         return self.waiting or self.current
 
-    def add(self, version: Version) -> Version:
-        """Add a version; drops the oldest beyond the limit, but never the one in force."""
-        self.versions.append(version)
-        while len(self.versions) > MAX_VERSIONS:
-            oldest = next(one for one in self.versions if one is not self.current)
-            self.versions.remove(oldest)
-        return version
+    def bring_into_force(self, version: Version) -> None:
+        """Replace the version in force; none waits any more."""
+        self.before, self.current, self.waiting = self.current, version, None
+
+    def take_back(self) -> None:
+        """Return to the version that was in force before."""
+        assert self.before is not None
+        self.current, self.before = self.before, None
 
 
-def new_history(file: AgentFile, stamp: float, texts: Mapping[Path, str | None]) -> VersionHistory:
-    """Return the history of a new agent, with one version from its good file."""
-    version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp, texts=texts)
-    return VersionHistory(current=version, last_read=file, versions=[version])
+def first_state(file: AgentFile) -> VersionState:
+    """Return the state of a new agent, with one version from its good file."""
+    return VersionState(current=Version(number=1, file=file, change=""), last_read=file)

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents trace`: shows what the tree of a run did, and the values that its nodes changed."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.text import printable
+from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.formatting import values_text
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
+from bt_agents_tools.cli.trees_choice import kept_state, state_option
+
+with loading():
+    from bt_agents_lab.cli.journal import damage_reported, newest_journal
+    from bt_agents_lab.recorder.reading import JournalReader
+
+_TYPE = "bt_agents_interfaces/msg/TreeStatus"
+
+_STATUSES = ("invalid", "running", "success", "failure")
+"""Names of the constants of ``StatusChange.msg``, which a decoded message does not have."""
+
+
+@click.command()
+@click.argument("round_number", metavar="[ROUND]", required=False, type=int)
+@state_option
+@click.option(
+    "--journal",
+    type=click.Path(path_type=Path),
+    help="Read it from this journal, or bag of 'ros2 bag record'.",
+)
+@table_options
+def trace(round_number: int | None, state: str, journal: Path | None, form: TableForm) -> None:
+    """Show what the tree of the last run did, or of the run of a ROUND, element by element.
+
+    It is read from the journal of the newest day.
+    """
+    files = [journal] if journal is not None else newest_journal(kept_state(state).journal)
+    reader = JournalReader(files, os.environ.get("ROS_NAMESPACE", ""))
+    with damage_reported():
+        entries = reader.entries({_TYPE})
+        statuses = [entry.decode() for entry in entries]
+        found = [one for one in statuses if round_number in (None, one.round)]
+        if not found:
+            raise BtAgentsError(_not_found(round_number, statuses))
+        run = _run_of(found[-1])
+        rows = [
+            _row(status, change, form)
+            for status in found
+            if _run_of(status) == run
+            for change in status.changes
+        ]
+    problems = [*reader.hints, *reader.problems]
+    if lost := sum(entry.lost for entry in entries):
+        problems.append(f"{lost} messages about trees are lost")
+    for text in problems:
+        click.echo(printable(text), err=True)
+    if not form.for_program:
+        click.echo(printable(f"{found[-1].agent}, round {found[-1].round}"))
+    print_table(_COLUMNS, rows, form)
+
+
+def _run_of(status: Any) -> tuple[str, str, int, str]:
+    return (status.host_instance, status.epoch, status.round, status.agent)
+
+
+def _row(status: Any, change: Any, form: TableForm) -> Sequence[Any]:
+    stamp = status.header.stamp
+    values: object = values_text(change.values)
+    if form is TableForm.JSON:
+        values = {one.name: one.value for one in change.values}
+    return (
+        stamp.sec + stamp.nanosec * 1e-9,
+        status.tick,
+        dict(enumerate(_STATUSES)).get(change.status, f"unknown ({change.status})"),
+        change.name,
+        values,
+        change.message,
+        change.path,
+    )
+
+
+def _not_found(round_number: int | None, statuses: Sequence[Any]) -> str:
+    if round_number is None or not statuses:
+        return "no run of a tree is in the journal; 'bt-agents up --journal' records them"
+    known = ", ".join(str(number) for number in dict.fromkeys(one.round for one in statuses))
+    return f"no run of round {round_number} is in the journal; there are rounds {known}"
+
+
+def _time_of_day(at_s: float) -> str:
+    milliseconds = int(at_s * 1000) % 1000
+    return f"{time.strftime('%H:%M:%S', time.localtime(at_s))}.{milliseconds:03}"
+
+
+_COLUMNS = (
+    Column(key="time_s", title="time", text=_time_of_day),
+    Column(key="tick", right=True),
+    Column(key="status"),
+    Column(key="node"),
+    Column(key="values", title="changed"),
+    Column(key="message"),
+    Column(key="path"),
+)

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command that shows the trace of a run in a journal."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents_interfaces.msg import TreeStatus
+from bt_agents_lab.cli.trace import trace
+from hostile_texts import HOSTILE
+from journal_fixture import Town, morning
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
+    return morning(tmp_path_factory.mktemp("town") / "trees")
+
+
+def shown(path: Path, *options: str) -> Result:
+    return CliRunner().invoke(trace, ["--journal", str(path), *options])
+
+
+def test_each_element_has_its_status_and_values(town: Town, tmp_path: Path) -> None:
+    rows = json.loads(shown(town.write(tmp_path / "a.mcap"), "1", "--json").stdout)
+    told = [(one["tick"], one["path"], one["status"], one["values"]) for one in rows]
+    assert told[:4] == [
+        (1, "tree/0.say", "running", {}),
+        (1, "tree", "running", {}),
+        (4, "tree/0.say", "success", {"answer": "'kind'"}),
+        (4, "tree/1.mood", "success", {}),
+    ]
+    assert told[-1][1:] == ("tree", "success", {})
+
+
+def test_people_and_tables_get_the_values_as_text(town: Town, tmp_path: Path) -> None:
+    path = town.write(tmp_path / "a.mcap")
+    lines = shown(path, "1", "--wide").stdout.splitlines()
+    assert lines[0] == "bert, round 1"
+    assert any("success" in line and "answer = 'kind'" in line for line in lines)
+    rows = list(csv.DictReader(shown(path, "1", "--csv").stdout.splitlines()))
+    assert rows[2]["values"] == "answer = 'kind'"
+
+
+def test_without_a_round_it_is_the_last_run(town: Town, tmp_path: Path) -> None:
+    path = town.write(tmp_path / "a.mcap")
+    assert shown(path).stdout == shown(path, "4").stdout
+    assert shown(path).stdout.splitlines()[0].endswith("round 4")
+
+
+def test_a_round_without_a_run_is_named(town: Town, tmp_path: Path) -> None:
+    result = shown(town.write(tmp_path / "a.mcap"), "9")
+    assert str(result.exception) == (
+        "no run of round 9 is in the journal; there are rounds 1, 2, 3, 4"
+    )
+
+
+def test_lost_messages_are_counted(town: Town, tmp_path: Path) -> None:
+    numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, TreeStatus)]
+    path = town.write(tmp_path / "a.mcap", lambda n, m: None if n == numbers[1] else m)
+    assert "1 messages about trees are lost" in shown(path, "1").stderr
+
+
+def test_texts_of_others_are_printable(town: Town, tmp_path: Path) -> None:
+    def alter(_: int, message: Any) -> Any:
+        if isinstance(message, TreeStatus):
+            message = copy.deepcopy(message)
+            message.agent = HOSTILE
+            for change in message.changes:
+                change.name = change.message = change.path = HOSTILE
+                for value in change.values:
+                    value.name = value.value = HOSTILE
+        return message
+
+    output = shown(town.write(tmp_path / "a.mcap", alter), "1").output
+    assert "title" in output
+    assert not [one for one in output if not one.isprintable() and one != "\n"]
