@@ -156,10 +156,3 @@ def test_the_first_card_of_a_start_of_a_host_is_no_news() -> None:
     assert changes(card(agent())) == []
     assert changes(card(agent(version=7)), card(agent(), instance="other")) == []
     assert changes(card(), card(agent())) == []
-
-
-def test_only_a_new_version_is_to_be_asked_about() -> None:
-    watcher = CardDiff()
-    watcher.update(card(agent()))
-    assert [one.agent for one in watcher.update(card(agent(version=2)))] == ["ann"]
-    assert [one.agent for one in watcher.update(card(agent("ann", 2, True)))] == [""]
