@@ -85,6 +85,7 @@ class Market:
         self.epoch = epoch
         self.late_bids = 0
         self._market_state = MarketState(space, epoch, settings or Settings(), rules, new_key)
+        self._hosts = self._market_state.hosts
         self._interaction: Interaction | None = None
         self._admission = SceneAdmission(self._market_state)
         self._operator_commands = OperatorCommands(self._market_state, self._admission)
@@ -121,7 +122,7 @@ class Market:
     def configure(self, settings: Settings, now: float) -> list[Effect]:
         """Replace the settings; deadlines already set stay."""
         self._market_state.settings = settings
-        self._market_state.hosts.configure(settings)
+        self._hosts.configure(settings)
         return self._settle(now)
 
     def shut_down(self, reason: str, now: float) -> list[Effect]:
@@ -160,14 +161,14 @@ class Market:
         self, registration: Registration, now: float
     ) -> tuple[RegistrationAnswer, list[Effect]]:
         """Register a host; returns ``Connect`` if it needs a new connection."""
-        answer = self._market_state.hosts.register(registration, now)
+        answer = self._hosts.register(registration, now)
         if answer.accepted:
             self._inherited.on_register(registration.host, registration.instance)
         return answer, self._check_host(now)
 
     def disconnect(self, host: str, now: float) -> list[Effect]:
         """Forget a host that cannot be reached."""
-        self._market_state.hosts.remove(host)
+        self._hosts.remove(host)
         return self._check_host(now)
 
     def heartbeat(
@@ -181,15 +182,13 @@ class Market:
     ) -> list[Effect]:
         """Take the heartbeat of a host, which names its current run; round 0 means none."""
         try:
-            is_known = self._market_state.hosts.registry.heartbeat(
-                host, instance, now, participant
-            )
+            is_known = self._hosts.registry.heartbeat(host, instance, now, participant)
         except Refused as refused:
             self._note(f"heartbeat refused: {refused}")
             return self._settle(now)
         if is_known:
             under_way = None if self.state is State.COLLECTING else self.goal
-            hosts.heartbeat(host, epoch, round_number, under_way, now)
+            self._hosts.heartbeat(host, epoch, round_number, under_way, now)
             self._inherited.on_heartbeat(host, epoch, round_number, now)
             if self._interaction is not None:
                 self._interaction.on_heartbeat(host, epoch, round_number, now)
@@ -199,21 +198,21 @@ class Market:
         self, host: str, instance: str, goals: tuple[OpenGoal, ...], now: float
     ) -> list[Effect]:
         """Take the list of goals that a start of a host has open at servers."""
-        self._market_state.hosts.open_goals(host, instance, goals, now)
+        self._hosts.open_goals(host, instance, goals, now)
         return self._settle(now)
 
     def goals_cancelled(
         self, host: str, instance: str, unconfirmed: tuple[OpenGoal, ...], now: float
     ) -> list[Effect]:
         """Handle the end of a cancellation; ``unconfirmed`` goals may still run."""
-        message = self._market_state.hosts.takeover.ended(host, instance, unconfirmed)
+        message = self._hosts.takeover.ended(host, instance, unconfirmed)
         if message:
             self._market_state.effects.append(Alarm(message=message))
         return self._settle(now)
 
     def extend_after_stall(self, since: float, now: float) -> list[Effect]:
         """Renew leases and move deadlines, because the market was stalled since ``since``."""
-        self._market_state.hosts.extend_after_stall(since, now)
+        self._hosts.extend_after_stall(since, now)
         self._inherited.extend_after_stall(now - since)
         self._admission.extend_after_stall(now - since)
         if self._interaction is not None:
@@ -301,8 +300,8 @@ class Market:
         stored = read_scenes(text, self._market_state.space)
         if away_s <= KEPT_S:
             self._admission.remember(stored.taken)
-        self._market_state.hosts.takeover.restore(stored.open_goals, now + GATHER_S)
-        self._market_state.hosts.earlier_hosts = frozenset(stored.hosts)
+        self._hosts.takeover.restore(stored.open_goals, now + GATHER_S)
+        self._hosts.earlier_hosts = frozenset(stored.hosts)
         self._admission.remember(end.scene_id for end in stored.ends)
         self._inherited.announce(stored.run_ends)
         self._market_state.effects += stored.ends
@@ -351,7 +350,7 @@ class Market:
         """Handle the acceptance of a goal; one that is no longer awaited is cancelled."""
         if self._interaction is None or not self._interaction.accepted(goal, now):
             late = f"it took the run of round {goal.round} too late"
-            self._market_state.hosts.give_up(goal, late, now, runs=True)
+            self._hosts.give_up(goal, late, now, runs=True)
         return self._settle(now)
 
     def goal_refused(self, goal: RunGoal, reason: str, now: float) -> list[Effect]:
@@ -363,7 +362,7 @@ class Market:
     def run_ended(self, goal: RunGoal, end: RunEnd, now: float) -> list[Effect]:
         """Handle the end of a run, as its host reports it."""
         if self._interaction is None or not self._interaction.ended(goal, end, now):
-            self._market_state.hosts.ended(goal)
+            self._hosts.ended(goal)
         return self._settle(now)
 
     def collected(self, round_number: int, message: str, now: float) -> list[Effect]:
@@ -413,13 +412,13 @@ class Market:
         self._inherited.tick(now)
         if self._interaction is not None:
             self._interaction.tick(now)
-        self._market_state.hosts.take_over_goals(now)
+        self._hosts.take_over_goals(now)
         return self._settle(now, confirms=True)
 
     def _check_host(self, now: float) -> list[Effect]:
         if self._interaction is not None:
             self._interaction.check_host(now)
-        self._market_state.hosts.take_over_goals(now)
+        self._hosts.take_over_goals(now)
         return self._settle(now)
 
     def _ask_again(self, now: float) -> None:
@@ -456,8 +455,8 @@ class Market:
             self._finish(now)
         status = self._describe(now)
         effects = self._market_state.take_effects()
-        hosts = tuple(entry.host for entry in self._market_state.hosts.registry.live(now))
-        stored = (*self._stored_scenes(), self._market_state.hosts.takeover.stored, hosts)
+        hosts = tuple(entry.host for entry in self._hosts.registry.live(now))
+        stored = (*self._stored_scenes(), self._hosts.takeover.stored, hosts)
         changed = stored != self._stored
         if changed or (confirms and self._has_stored_ends):
             self._stored = stored
@@ -535,12 +534,12 @@ class Market:
         """Return the health of the hosts and of the queue."""
         queued = len(self._admission)
         awaited = self._admission.awaited_hosts(now) if queued else None
-        return self._market_state.hosts.health(now), queue_health(queued, tuple(awaited or ()))
+        return self._hosts.health(now), queue_health(queued, tuple(awaited or ()))
 
     def _describe(self, now: float) -> StatusChanged:
         interaction = self._interaction
         goal = interaction.goal if interaction else None
-        live = self._market_state.hosts.registry.with_heartbeat(now)
+        live = self._hosts.registry.with_heartbeat(now)
         awaited = self._admission.awaited_hosts(now) if len(self._admission) else None
         text = _waiting_text(awaited) if awaited is not None else self._last_text
         return StatusChanged(
