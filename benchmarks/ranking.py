@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from marketplace_node.registry import HostEntry
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.round.auction import Auction
 from marketplace_node.round.bid_table import BidTable
 from marketplace_node.round.decision import AcceptedBid, Bids, ClosedBy, Terms

@@ -9,11 +9,10 @@ from enum import IntEnum
 from functools import cached_property
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_core.stop_cause import StopCause, StoppedBy
+from marketplace_node.hosts.effects import Effect, RunGoal
 from marketplace_node.outcomes import RunEventKind, RunOutcome
-from marketplace_node.registry import HostEntry
 from marketplace_node.round.decision import Decision, UndecidedRule
 
 
@@ -28,37 +27,8 @@ class State(IntEnum):
     COLLECTING = 5
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunGoal:
-    """Identity of an award: an agent gets at most one goal per round."""
-
-    round: int
-    agent: str
-    agent_id: int
-    host: str
-    instance: str
-
-
-class Effect:
-    """Base of the effects: something that the market wants done."""
-
-
 Execute = Callable[[list[Effect]], None]
 """Executes the effects that the market returns for an event."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Connect(Effect):
-    """Connect to a host that is new, was restarted or has moved its interfaces."""
-
-    entry: HostEntry
-
-
-@dataclass(frozen=True, kw_only=True)
-class Disconnect(Effect):
-    """Disconnect from a host that the market has forgotten."""
-
-    host: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,30 +89,6 @@ class SendGoal(Effect):
 
     goal: RunGoal
     scene: Scene
-
-
-@dataclass(frozen=True, kw_only=True)
-class CancelGoal(Effect):
-    """Cancel a goal, or drop it if it has not been sent yet."""
-
-    goal: RunGoal
-
-
-@dataclass(frozen=True, kw_only=True)
-class CancelAll(Effect):
-    """Cancel everything that runs at a host, because the market knows none of it."""
-
-    host: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class CancelOpenGoals(Effect):
-    """Cancel the goals that a start of a host left open, then report ``goals_cancelled``."""
-
-    host: str
-    instance: str
-    goals: tuple[OpenGoal, ...]
-    within_s: float
 
 
 @dataclass(frozen=True, kw_only=True)

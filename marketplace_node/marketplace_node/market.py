@@ -18,17 +18,16 @@ from marketplace_node.effects import (
     Alarm,
     AnnounceEarlierRun,
     AnnounceRun,
-    Connect,
     EarlierRun,
-    Effect,
     Note,
-    RunGoal,
     SceneEnded,
     State,
     StatusChanged,
 )
-from marketplace_node.goal_takeover import StoredGoals
 from marketplace_node.health import queue_health
+from marketplace_node.hosts.effects import Effect, RunGoal
+from marketplace_node.hosts.goal_takeover import StoredGoals
+from marketplace_node.hosts.registry import Registration, RegistrationAnswer
 from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
 from marketplace_node.interaction.interaction import (
     FEEDBACK_DEFERRED,
@@ -49,7 +48,6 @@ from marketplace_node.market_state import PREVIEWS, MarketState
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators import OperatorCommands, Previews
 from marketplace_node.outcomes import RunEventKind, RunOutcome
-from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.auction import check_round
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
@@ -87,6 +85,7 @@ class Market:
         self.epoch = epoch
         self.late_bids = 0
         self._market_state = MarketState(space, epoch, settings or Settings(), rules, new_key)
+        self._hosts = self._market_state.hosts
         self._interaction: Interaction | None = None
         self._admission = SceneAdmission(self._market_state)
         self._operator_commands = OperatorCommands(self._market_state, self._admission)
@@ -123,7 +122,7 @@ class Market:
     def configure(self, settings: Settings, now: float) -> list[Effect]:
         """Replace the settings; deadlines already set stay."""
         self._market_state.settings = settings
-        self._market_state.registry.lease_s = settings.host_lease_s
+        self._hosts.configure(settings)
         return self._settle(now)
 
     def shut_down(self, reason: str, now: float) -> list[Effect]:
@@ -162,24 +161,14 @@ class Market:
         self, registration: Registration, now: float
     ) -> tuple[RegistrationAnswer, list[Effect]]:
         """Register a host; returns ``Connect`` if it needs a new connection."""
-        registry = self._market_state.registry
-        before = registry.get(registration.host)
-        if before is None and (dead := registry.replaceable(now)):
-            self._market_state.forget(dead)
-        answer = registry.register(registration, now)
-        entry = registry.get(registration.host)
-        if answer.accepted and entry is not None:
-            if before is None or before.instance != entry.instance:
-                self._market_state.free(entry.host)
-            if before is None or replace(before, agents=entry.agents) != entry:
-                self._market_state.effects.append(Connect(entry=entry))
-            self._inherited.on_register(entry.host, entry.instance)
+        answer = self._hosts.register(registration, now)
+        if answer.accepted:
+            self._inherited.on_register(registration.host, registration.instance)
         return answer, self._check_host(now)
 
     def disconnect(self, host: str, now: float) -> list[Effect]:
         """Forget a host that cannot be reached."""
-        self._market_state.registry.remove(host)
-        self._market_state.free(host)
+        self._hosts.remove(host)
         return self._check_host(now)
 
     def heartbeat(
@@ -193,13 +182,13 @@ class Market:
     ) -> list[Effect]:
         """Take the heartbeat of a host, which names its current run; round 0 means none."""
         try:
-            is_known = self._market_state.registry.heartbeat(host, instance, now, participant)
+            is_known = self._hosts.registry.heartbeat(host, instance, now, participant)
         except Refused as refused:
             self._note(f"heartbeat refused: {refused}")
             return self._settle(now)
         if is_known:
             under_way = None if self.state is State.COLLECTING else self.goal
-            self._market_state.heartbeat(host, epoch, round_number, under_way, now)
+            self._hosts.heartbeat(host, epoch, round_number, under_way, now)
             self._inherited.on_heartbeat(host, epoch, round_number, now)
             if self._interaction is not None:
                 self._interaction.on_heartbeat(host, epoch, round_number, now)
@@ -209,22 +198,21 @@ class Market:
         self, host: str, instance: str, goals: tuple[OpenGoal, ...], now: float
     ) -> list[Effect]:
         """Take the list of goals that a start of a host has open at servers."""
-        self._market_state.takeover.store(host, instance, goals)
-        self._market_state.take_over_goals(now)
+        self._hosts.open_goals(host, instance, goals, now)
         return self._settle(now)
 
     def goals_cancelled(
         self, host: str, instance: str, unconfirmed: tuple[OpenGoal, ...], now: float
     ) -> list[Effect]:
         """Handle the end of a cancellation; ``unconfirmed`` goals may still run."""
-        message = self._market_state.takeover.ended(host, instance, unconfirmed)
+        message = self._hosts.takeover.ended(host, instance, unconfirmed)
         if message:
             self._market_state.effects.append(Alarm(message=message))
         return self._settle(now)
 
     def extend_after_stall(self, since: float, now: float) -> list[Effect]:
         """Renew leases and move deadlines, because the market was stalled since ``since``."""
-        self._market_state.extend_after_stall(since, now)
+        self._hosts.extend_after_stall(since, now)
         self._inherited.extend_after_stall(now - since)
         self._admission.extend_after_stall(now - since)
         if self._interaction is not None:
@@ -312,8 +300,8 @@ class Market:
         stored = read_scenes(text, self._market_state.space)
         if away_s <= KEPT_S:
             self._admission.remember(stored.taken)
-        self._market_state.takeover.restore(stored.open_goals, now + GATHER_S)
-        self._market_state.earlier_hosts = frozenset(stored.hosts)
+        self._hosts.takeover.restore(stored.open_goals, now + GATHER_S)
+        self._hosts.earlier_hosts = frozenset(stored.hosts)
         self._admission.remember(end.scene_id for end in stored.ends)
         self._inherited.announce(stored.run_ends)
         self._market_state.effects += stored.ends
@@ -362,7 +350,7 @@ class Market:
         """Handle the acceptance of a goal; one that is no longer awaited is cancelled."""
         if self._interaction is None or not self._interaction.accepted(goal, now):
             late = f"it took the run of round {goal.round} too late"
-            self._market_state.give_up(goal, late, now, runs=True)
+            self._hosts.give_up(goal, late, now, runs=True)
         return self._settle(now)
 
     def goal_refused(self, goal: RunGoal, reason: str, now: float) -> list[Effect]:
@@ -374,7 +362,7 @@ class Market:
     def run_ended(self, goal: RunGoal, end: RunEnd, now: float) -> list[Effect]:
         """Handle the end of a run, as its host reports it."""
         if self._interaction is None or not self._interaction.ended(goal, end, now):
-            self._market_state.ended(goal)
+            self._hosts.ended(goal)
         return self._settle(now)
 
     def collected(self, round_number: int, message: str, now: float) -> list[Effect]:
@@ -424,13 +412,13 @@ class Market:
         self._inherited.tick(now)
         if self._interaction is not None:
             self._interaction.tick(now)
-        self._market_state.take_over_goals(now)
+        self._hosts.take_over_goals(now)
         return self._settle(now, confirms=True)
 
     def _check_host(self, now: float) -> list[Effect]:
         if self._interaction is not None:
             self._interaction.check_host(now)
-        self._market_state.take_over_goals(now)
+        self._hosts.take_over_goals(now)
         return self._settle(now)
 
     def _ask_again(self, now: float) -> None:
@@ -466,9 +454,9 @@ class Market:
             self._interaction = Interaction(self._market_state, waiting, now)
             self._finish(now)
         status = self._describe(now)
-        effects = self._market_state.effects
-        hosts = tuple(entry.host for entry in self._market_state.registry.live(now))
-        stored = (*self._stored_scenes(), self._market_state.takeover.stored, hosts)
+        effects = self._market_state.take_effects()
+        hosts = tuple(entry.host for entry in self._hosts.registry.live(now))
+        stored = (*self._stored_scenes(), self._hosts.takeover.stored, hosts)
         changed = stored != self._stored
         if changed or (confirms and self._has_stored_ends):
             self._stored = stored
@@ -498,7 +486,6 @@ class Market:
         if status != self._status:
             self._status = status
             effects.append(status)
-        self._market_state.effects = []
         return effects
 
     def _run_end(self, effect: Effect) -> EarlierRun | None:
@@ -547,12 +534,12 @@ class Market:
         """Return the health of the hosts and of the queue."""
         queued = len(self._admission)
         awaited = self._admission.awaited_hosts(now) if queued else None
-        return self._market_state.health(now), queue_health(queued, tuple(awaited or ()))
+        return self._hosts.health(now), queue_health(queued, tuple(awaited or ()))
 
     def _describe(self, now: float) -> StatusChanged:
         interaction = self._interaction
         goal = interaction.goal if interaction else None
-        live = self._market_state.registry.with_heartbeat(now)
+        live = self._hosts.registry.with_heartbeat(now)
         awaited = self._admission.awaited_hosts(now) if len(self._admission) else None
         text = _waiting_text(awaited) if awaited is not None else self._last_text
         return StatusChanged(

@@ -5,28 +5,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from functools import partial
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.health import PartHealth
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_language.files.market_reader import MarketRule
-from marketplace_node.effects import (
-    Alarm,
-    CancelAll,
-    CancelGoal,
-    Disconnect,
-    Effect,
-    PublishAuction,
-    RunGoal,
-    StoreOverrides,
-)
+from marketplace_node.effects import Alarm, PublishAuction, StoreOverrides
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.goal_takeover import GoalTakeover
-from marketplace_node.health import hosts_health
+from marketplace_node.hosts.effects import Effect, RunGoal
+from marketplace_node.hosts.host_watch import HostWatch
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.operator_overrides import OperatorOverrides
-from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms, UndecidedRule
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.statistics import MarketStatistics, counts
@@ -34,34 +23,9 @@ from marketplace_node.statistics import MarketStatistics, counts
 PREVIEWS = 2**31
 """Numbers of previews begin after this one, so they do not consume numbers of real rounds."""
 
-_CANCEL_AGAIN_S = 1.0
-_CONFIRMED_S = 0.3  # the heartbeat of a run may arrive after its end
-_OF_ANOTHER = "it still runs a tree for another market"
-
-
-@dataclass(eq=False, kw_only=True)
-class _OrphanRun:
-    """Orphan: a tree that runs at a host without an award of this market.
-
-    Attributes:
-        instance: The start of its host.
-        reason: Why its host is not free.
-        goal: Its goal; None when unknown.
-        blocks: True when its host must not be asked, because it is certainly not free.
-        running_since: When the host first reported it, steady time [s]; None before.
-        cancelled_at: When it was last cancelled, steady time [s]; None before.
-    """
-
-    instance: str
-    reason: str
-    goal: RunGoal | None = None
-    blocks: bool = True
-    running_since: float | None = None
-    cancelled_at: float | None = None
-
 
 class MarketState:
-    """State shared by all rounds, and the hosts that orphaned runs block.
+    """State shared by all rounds.
 
     Attributes:
         epoch: Name of this instance of the market.
@@ -69,8 +33,7 @@ class MarketState:
         rounds: Number of rounds so far, which is the number of the last one.
         previews: Number of previews so far.
         last_scene: The latest scene; None before the first.
-        takeover: Goals that hosts have open at servers.
-        earlier_hosts: Hosts that were alive at the end of the earlier market; empty for unknown.
+        hosts: The registered hosts.
     """
 
     def __init__(
@@ -85,19 +48,21 @@ class MarketState:
         self.epoch = epoch
         self._undecided: tuple[UndecidedRule, ...] = ()
         self.settings = settings
-        self.registry = Registry(space.names, settings.host_lease_s, new_key)
         self.overrides = OperatorOverrides()
         self.effects: list[Effect] = []
+        self.hosts = HostWatch(epoch, space.names, settings, new_key, self.effects)
         self.record = MarketStatistics()
         self.rounds = 0
         self.previews = 0
         self.last_scene: Scene | None = None
-        self.takeover = GoalTakeover()
-        self.earlier_hosts: frozenset[str] = frozenset()
         self._rules = rules
-        self._orphans: dict[str, _OrphanRun] = {}
-        self._unheard: set[str] = set()
         self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
+
+    def take_effects(self) -> list[Effect]:
+        """Return the pending effects, once."""
+        taken = list(self.effects)
+        self.effects.clear()
+        return taken
 
     def terms(
         self,
@@ -144,9 +109,9 @@ class MarketState:
             tie_break=settings.tie_break,
             rules=self._rules,
             excluded=dict(excluded),
-            operator_exclusions=self.overrides.excluded(self.registry.live(now), awarded),
+            operator_exclusions=self.overrides.excluded(self.hosts.registry.live(now), awarded),
             intervention=self.overrides.intervention(awarded),
-            unasked=self._unasked(now),
+            unasked=self.hosts.absences(now),
             last_run=dict(self.record.last_run),
             runs=dict(self.record.runs),
             rounds_run=self.record.runs.total(),
@@ -189,7 +154,7 @@ class MarketState:
         starved = self.record.starvation.starved(self.settings.starvation_rounds)
         if not starved:
             return ()
-        agents, known = self.registry.agents, self._starved
+        agents, known = self.hosts.registry.agents, self._starved
         if known is None or known[0] != starved or known[1] is not agents:
             known = (starved, agents, tuple(agent for agent in starved if agent in agents))
             self._starved = known
@@ -233,63 +198,12 @@ class MarketState:
 
     def asked(self, excluded: Collection[str], now: float) -> list[HostEntry]:
         """Return the hosts to ask: free ones with an agent that may bid."""
-        unasked, names = self._unasked(now), set(excluded)
+        absent, names = self.hosts.absences(now), set(excluded)
         return [
             entry
-            for entry in self.registry.entries()
-            if entry.host not in unasked and not entry.agents.keys() <= names
+            for entry in self.hosts.registry.entries()
+            if entry.host not in absent and not entry.agents.keys() <= names
         ]
-
-    def earlier_hosts_back(self, now: float) -> bool:
-        """Return whether all hosts of the earlier market are known to be back."""
-        if not self.earlier_hosts:
-            return False
-        return self.earlier_hosts <= {one.host for one in self.registry.with_heartbeat(now)}
-
-    def health(self, now: float) -> PartHealth:
-        """Return the health of the registered hosts."""
-        agents = {entry.host: len(entry.agents) for entry in self.registry.entries()}
-        return hosts_health(agents, self._unasked(now))
-
-    def _unasked(self, now: float) -> dict[str, str]:
-        """Return the hosts that cannot be asked, with the reason."""
-        reasons = ((entry.host, self._absence(entry, now)) for entry in self.registry.entries())
-        return {host: reason for host, reason in reasons if reason}
-
-    def _absence(self, entry: HostEntry, now: float) -> str:
-        """Return why a host cannot be asked; empty when it can."""
-        if not self.registry.is_live(entry.host, entry.instance, now):
-            return "it has no heartbeat"
-        if entry.host in self._unheard:
-            return "it has not answered, and had no heartbeat since"
-        return self._blocked(entry.host)
-
-    def unheard(self, host: str) -> None:
-        """Do not ask a host that left a call or goal unanswered before its next heartbeat."""
-        self._unheard.add(host)
-
-    def expected(self, now: float) -> dict[str, str]:
-        """Return the hosts that cannot be asked but soon may be, with the reason.
-
-        A host that is gone is expected back within ``host_wait_s``; the tree of a busy host is
-        expected to end within ``cancel_deadline_s``. With a ``host_wait_s`` of 0 no host is
-        expected.
-        """
-        expected: dict[str, str] = {}
-        if self.settings.host_wait_s == 0:
-            return expected
-        for entry in self.registry.entries():
-            reason = self._absence(entry, now)
-            if reason and self._may_return(entry, now):
-                expected[entry.host] = reason
-        return expected
-
-    def _may_return(self, entry: HostEntry, now: float) -> bool:
-        if not self.registry.is_live(entry.host, entry.instance, now):
-            return self.registry.gone_s(entry.host, now) < self.settings.host_wait_s
-        orphan = self._orphans.get(entry.host)
-        since = orphan.running_since if orphan is not None else None
-        return since is None or now - since < self.settings.cancel_deadline_s
 
     def can_ask(
         self,
@@ -301,9 +215,9 @@ class MarketState:
         """Return whether a host outside ``but`` can be asked about a scene."""
         return any(
             (entry.host, entry.instance) not in but
-            and not self._absence(entry, now)
+            and not self.hosts.absence(entry, now)
             and self.may_run(entry, scene_id, excluded)
-            for entry in self.registry.entries()
+            for entry in self.hosts.registry.entries()
         )
 
     def may_run(self, entry: HostEntry, scene_id: str, excluded: Collection[str]) -> bool:
@@ -315,123 +229,9 @@ class MarketState:
 
     def obstacle(self, goal: RunGoal, now: float) -> str:
         """Return why a goal cannot be sent; empty when it can."""
-        if not self.registry.is_live(goal.host, goal.instance, now):
+        if not self.hosts.registry.is_live(goal.host, goal.instance, now):
             return f"{goal.host} is gone"
         if veto := self.overrides.veto_of(goal.agent):
             return veto
-        reason = self._blocked(goal.host)
+        reason = self.hosts.blocked(goal.host)
         return f"{goal.host} is not free: {reason}" if reason else ""
-
-    def hold(self, host: str, now: float) -> str:
-        """Return why no run may start at a host yet; empty when one may.
-
-        The wait is bounded: a tree that does not stop holds others up no longer than
-        ``cancel_deadline_s``, and a host without a heartbeat only by the goals that it left open.
-        """
-        self.take_over_goals(now)
-        return self.takeover.obstacle() or self._other_host_busy(host, now)
-
-    def take_over_goals(self, now: float) -> None:
-        """Cancel the goals that lost hosts left open."""
-        self.effects += self.takeover.lost(
-            lambda host, instance: self.registry.is_live(host, instance, now),
-            self.settings.takeover_deadline_s,
-            now,
-        )
-
-    def lose_goals(self, goal: RunGoal) -> tuple[str, ...]:
-        """Cancel the goals that a lost run left open; return the nodes that sent them."""
-        self.effects += self.takeover.lose(
-            goal.host, goal.instance, self.settings.takeover_deadline_s
-        )
-        return self.takeover.orphans(goal.host, goal.instance)
-
-    def _other_host_busy(self, host: str, now: float) -> str:
-        for other, orphan in self._orphans.items():
-            if (
-                other != host
-                and orphan.running_since is not None
-                and now - orphan.running_since < self.settings.cancel_deadline_s
-                and self.registry.is_live(other, orphan.instance, now)
-            ):
-                return f"{other} has not stopped: {orphan.reason}"
-        return ""
-
-    def give_up(self, goal: RunGoal, reason: str, now: float, *, runs: bool) -> None:
-        """Cancel a goal that is no longer awaited, and block its host until the tree has ended.
-
-        ``reason`` says why the host is not free; ``runs`` is True when it has accepted the goal.
-        """
-        entry = self.registry.get(goal.host)
-        if entry is not None and entry.instance == goal.instance:
-            self._orphans[goal.host] = _OrphanRun(
-                instance=goal.instance,
-                reason=reason,
-                goal=goal,
-                running_since=now if runs else None,
-                cancelled_at=now,
-            )
-        self.effects.append(CancelGoal(goal=goal))
-
-    def ended(self, goal: RunGoal) -> None:
-        """Free the host of a given-up goal that has ended."""
-        orphan = self._orphans.get(goal.host)
-        if orphan is not None and orphan.goal == goal:
-            del self._orphans[goal.host]
-
-    def free(self, host: str) -> None:
-        """Free a host."""
-        self._orphans.pop(host, None)
-        self._unheard.discard(host)
-
-    def forget(self, host: str) -> None:
-        """Forget a host and disconnect from it."""
-        self.registry.remove(host)
-        self.free(host)
-        self.effects.append(Disconnect(host=host))
-
-    def extend_after_stall(self, since: float, now: float) -> None:
-        """Renew leases and move deadlines, because the market was stalled since ``since``."""
-        self.registry.extend_after_stall(since, now)
-        self.takeover.extend_after_stall(now - since)
-        for orphan in self._orphans.values():
-            if orphan.running_since is not None:
-                orphan.running_since += now - since
-
-    def heartbeat(
-        self, host: str, epoch: str, round_number: int, award: RunGoal | None, now: float
-    ) -> None:
-        """Compare the run that a host reports with its award; round 0 means no run."""
-        self._unheard.discard(host)
-        of_this = epoch == self.epoch
-        awarded = award is not None and (award.host, award.round) == (host, round_number)
-        if round_number == 0 or (of_this and awarded):
-            self.free(host)
-            return
-        orphan = self._orphans.get(host)
-        if orphan is None:
-            entry = self.registry.get(host)
-            orphan = self._orphans[host] = _OrphanRun(
-                instance=entry.instance if entry is not None else "",
-                reason=f"it runs a tree of round {round_number} that nobody waits for",
-                blocks=False,
-            )
-        if orphan.running_since is None:
-            orphan.running_since = now
-        if not of_this:
-            # Its host stops it by itself, because the heartbeat of that market is missing.
-            orphan.reason, orphan.goal, orphan.blocks = _OF_ANOTHER, None, True
-        elif _is_due(orphan, now):
-            orphan.blocks, orphan.cancelled_at = True, now
-            self.effects.append(CancelAll(host=host))
-
-    def _blocked(self, host: str) -> str:
-        orphan = self._orphans.get(host)
-        return orphan.reason if orphan is not None and orphan.blocks else ""
-
-
-def _is_due(orphan: _OrphanRun, now: float) -> bool:
-    """Whether to cancel an orphan now: once it is confirmed, and then repeatedly."""
-    if orphan.cancelled_at is not None:
-        return now - orphan.cancelled_at >= _CANCEL_AGAIN_S
-    return orphan.running_since is not None and now - orphan.running_since >= _CONFIRMED_S

@@ -10,7 +10,7 @@ from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
-from marketplace_node.registry import HostEntry
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.round.decision import RefusedBid, RoundKind
 
 VETOED = "VETOED"

@@ -43,7 +43,7 @@ class OperatorCommands:
             return overrides.unpin()
         if command.action is OperatorAction.ALLOW:
             return overrides.allow(command)
-        agents = self._market_state.registry.agents
+        agents = self._market_state.hosts.registry.agents
         if command.agent not in agents:
             hint = did_you_mean(command.agent, agents) or "no host is there"
             raise Refused("UNKNOWN_AGENT", f"no agent '{command.agent}' is registered; {hint}")

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from marketplace_node import node
-from marketplace_node.effects import AnnounceRun, Effect, SceneEnded
+from marketplace_node.effects import AnnounceRun, SceneEnded
+from marketplace_node.hosts.effects import Effect
 from marketplace_node.outcomes import RunEventKind
 
 DIES_WHILE = "DIES_WHILE"

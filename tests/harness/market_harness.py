@@ -13,20 +13,19 @@ from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
     AnnounceRun,
-    Effect,
     OpenCall,
     PreviewEnded,
     PublishAuction,
     RequestRanking,
-    RunGoal,
     SceneEnded,
     SendGoal,
     StatusChanged,
 )
+from marketplace_node.hosts.effects import Effect, RunGoal
+from marketplace_node.hosts.registry import AWARD_KEY_BYTES, Registration, RegistrationAnswer
 from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.market import Market
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
-from marketplace_node.registry import AWARD_KEY_BYTES, Registration, RegistrationAnswer
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
 

@@ -55,20 +55,18 @@ from journal_fixture import topic_of
 from marketplace_node.effects import (
     AnnounceEarlierRun,
     AnnounceRun,
-    CancelAll,
-    CancelGoal,
     Collect,
     EarlierRun,
-    Effect,
     OpenCall,
     PublishAuction,
     RequestRanking,
-    RunGoal,
     SceneEnded,
     SendGoal,
     StatusChanged,
     StoreOverrides,
 )
+from marketplace_node.hosts.effects import CancelAll, CancelGoal, Effect, RunGoal
+from marketplace_node.hosts.registry import Registration
 from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
@@ -81,7 +79,6 @@ from marketplace_node.node.messages import (
 )
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.outcomes import RunEventKind, RunOutcome
-from marketplace_node.registry import Registration
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import ON_NEW_SCENE, Settings
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS

@@ -21,11 +21,12 @@ from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import MEMORY
 from feedback_node.simulated_feedback import SimulatedFeedback
-from marketplace_node.effects import Collect, Effect, OpenCall, PublishAuction, SendGoal
+from marketplace_node.effects import Collect, OpenCall, PublishAuction, SendGoal
+from marketplace_node.hosts.effects import Effect
+from marketplace_node.hosts.registry import Registration
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market
 from marketplace_node.outcomes import RunOutcome
-from marketplace_node.registry import Registration
 from marketplace_node.round.decision import Bids
 from marketplace_node.settings import Settings
 from marketplace_node.strategies import STRATEGIES

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bt_agents_core.scene import Scene, follow_up_id
-from marketplace_node.effects import CancelGoal, Collect, RunGoal, SceneEnded, SendGoal, State
+from marketplace_node.effects import Collect, SceneEnded, SendGoal, State
 from marketplace_node.explanation.reason import reason_of
+from marketplace_node.hosts.effects import CancelGoal, RunGoal
 from marketplace_node.interaction.award import Award, RunEnd, StopRequest
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.stored_scenes import StoredRun
@@ -75,6 +76,7 @@ class Interaction:
         self.open_round: OpenRound | None = None
         self.over: SceneEnded | None = None
         self._market_state = market_state
+        self._hosts = market_state.hosts
         self.due = math.inf
         self._decision: Decision | None = None
         self._next_rank = 0
@@ -264,9 +266,9 @@ class Interaction:
         if award is None or self.state is State.COLLECTING:
             return
         host = award.goal.host
-        if not self._market_state.registry.is_live(host, award.goal.instance, now):
+        if not self._hosts.registry.is_live(host, award.goal.instance, now):
             if not award.held:
-                self._market_state.give_up(award.goal, award.unfinished, now, runs=award.accepted)
+                self._hosts.give_up(award.goal, award.unfinished, now, runs=award.accepted)
             gone = f"{host} is gone: no heartbeat"
             if award.accepted:
                 self._lose(award, gone, now)
@@ -285,12 +287,12 @@ class Interaction:
         if self.state is State.COLLECTING:
             self.collected(FEEDBACK_DEFERRED)
         elif award.accepted:
-            self._market_state.give_up(award.goal, award.unfinished, now, runs=True)
+            self._hosts.give_up(award.goal, award.unfinished, now, runs=True)
             limit = settings.cancel_deadline_s
             self._lose(award, f"it did not end within {limit:g} s after it was told to stop", now)
         else:
             silent = "it has not said whether it takes a run"
-            self._market_state.give_up(award.goal, silent, now, runs=False)
+            self._hosts.give_up(award.goal, silent, now, runs=False)
             limit = settings.goal_deadline_s
             self._not_taken(award, f"{award.goal.host} did not answer within {limit:g} s", now)
 
@@ -307,7 +309,7 @@ class Interaction:
         assert self.open_round is not None, "only an open round can be closed"
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
         called = now - decision.duration_s
-        was_silent = self._market_state.registry.was_silent
+        was_silent = self._hosts.registry.was_silent
         self.silent = {one for one in decision.silent_hosts if was_silent(one, called, now)}
         reason_fn = partial(reason_of, decision)
         self.open_round = None
@@ -345,11 +347,11 @@ class Interaction:
         if obstacle:
             self._not_taken(award, obstacle, now)
             return
-        award.held = self._market_state.hold(award.goal.host, now)
+        award.held = self._hosts.hold(award.goal.host, now)
         if award.held:
             self._enter(State.AWARDING)
             return
-        award.beside = self._market_state.takeover.take_unconfirmed()
+        award.beside = self._hosts.takeover.take_unconfirmed()
         self._enter(State.AWARDING, now + self._market_state.settings.goal_deadline_s)
         self._market_state.effects.append(SendGoal(goal=award.goal, scene=award.scene))
 
@@ -373,7 +375,7 @@ class Interaction:
         self._market_state.effects.append(CancelGoal(goal=award.goal))
 
     def _lose(self, award: Award, message: str, now: float) -> None:
-        orphans = self._market_state.lose_goals(award.goal)
+        orphans = self._hosts.lose_goals(award.goal)
         end = RunEnd(outcome=0, message=message, orphans=orphans)
         self._end(award, RunOutcome.LOST, end, now)
 

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.scene import AGAIN, Scene, origin_id
-from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, RunGoal, SceneEnded
+from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, SceneEnded
+from marketplace_node.hosts.effects import RunGoal
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.interaction.stored_scenes import StoredRun, StoredScene
 from marketplace_node.market_state import MarketState
@@ -86,7 +87,7 @@ class InheritedRuns:
         """End the runs of an earlier start of a host, and their scenes."""
         for one in list(self._unreported.values()):
             if one.run.host == host and one.run.instance != instance:
-                self._market_state.lose_goals(_goal_of(one.run))
+                self._market_state.hosts.lose_goals(_goal_of(one.run))
                 self._give_up(one, f"{host} was started again, too")
 
     def on_heartbeat(self, host: str, epoch: str, round_number: int, now: float) -> None:
@@ -114,7 +115,7 @@ class InheritedRuns:
             scene=one.scene,
             outcome=RunOutcome.LOST,
             message=f"the marketplace was restarted, and {reason}",
-            orphans=self._market_state.takeover.orphans(one.run.host, one.run.instance),
+            orphans=self._market_state.hosts.takeover.orphans(one.run.host, one.run.instance),
         )
         # If its host reports the run after all, the report counts as a repetition.
         self.announce([run])
@@ -122,7 +123,7 @@ class InheritedRuns:
 
     def due(self, now: float) -> list[Scene]:
         """Return the scenes to ask for again now; each is returned once."""
-        back = self._market_state.earlier_hosts_back(now)
+        back = self._market_state.hosts.earlier_hosts_back(now)
         scenes = [scene for at, scene in self._again if back or now >= at]
         self._again = [(at, scene) for at, scene in self._again if not back and now < at]
         return scenes

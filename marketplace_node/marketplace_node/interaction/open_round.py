@@ -68,7 +68,7 @@ class OpenRound:
                     scene=scene,
                     deadline_s=self._limit_s,
                     excluded=tuple(dict.fromkeys(all_excluded)),
-                    hosts=len(market_state.registry.live(now)),
+                    hosts=len(market_state.hosts.registry.live(now)),
                 )
             )
 

@@ -144,8 +144,8 @@ class SceneAdmission:
         if self.closed_reason or (enough and waiting.rounds_in_vain >= ROUNDS_IN_VAIN):
             return False
         for host in interaction.silent:
-            self._market_state.unheard(host)
-        expected = self._market_state.expected(now)
+            self._market_state.hosts.unheard(host)
+        expected = self._market_state.hosts.expected(now)
         waiting.declined_by |= {one for one in interaction.declined_by if one[0] not in expected}
         if not self._expected_for(waiting, expected):
             return False
@@ -176,10 +176,10 @@ class SceneAdmission:
     def _awaited(self, now: float) -> Callable[[QueuedScene], dict[str, str] | None]:
         """Return a function for the hosts that a scene waits for; None if it need not wait."""
         state = self._market_state
-        expected = state.expected(now) if self._queue else {}
-        none_known = not state.registry.entries()
+        expected = state.hosts.expected(now) if self._queue else {}
+        none_known = not state.hosts.registry.entries()
         started = now if self._started is None else self._started
-        held = now < self._held_until and not state.earlier_hosts_back(now)
+        held = now < self._held_until and not state.hosts.earlier_hosts_back(now)
         first_expected = none_known and now - started < state.settings.host_wait_s
 
         def awaited(waiting: QueuedScene) -> dict[str, str] | None:
@@ -198,7 +198,7 @@ class SceneAdmission:
         """Return the expected hosts that could run a scene and have not declined it."""
         found = {}
         for host, reason in expected.items():
-            entry = self._market_state.registry.get(host)
+            entry = self._market_state.hosts.registry.get(host)
             assert entry is not None, "only a registered host is expected"
             declined = (host, entry.instance) in waiting.declined_by
             scene_id = waiting.scene.scene_id

@@ -43,13 +43,7 @@ from marketplace_node.effects import (
     Alarm,
     AnnounceEarlierRun,
     AnnounceRun,
-    CancelAll,
-    CancelGoal,
-    CancelOpenGoals,
     Collect,
-    Connect,
-    Disconnect,
-    Effect,
     Note,
     OpenCall,
     PreviewEnded,
@@ -62,6 +56,15 @@ from marketplace_node.effects import (
     StoreOverrides,
 )
 from marketplace_node.formatting import shown
+from marketplace_node.hosts.effects import (
+    CancelAll,
+    CancelGoal,
+    CancelOpenGoals,
+    Connect,
+    Disconnect,
+    Effect,
+)
+from marketplace_node.hosts.registry import AWARD_KEY_BYTES, HostEntry
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
@@ -86,7 +89,6 @@ from marketplace_node.node.second_market import (
 )
 from marketplace_node.node.state_file import StateFile
 from marketplace_node.other_market import OtherMarket
-from marketplace_node.registry import AWARD_KEY_BYTES, HostEntry
 from marketplace_node.round.decision import External
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed

@@ -26,7 +26,9 @@ from bt_agents_ros.workarounds.sender_identity import (
     create_identified_service,
     create_identified_subscription,
 )
-from marketplace_node.effects import Execute, RunGoal, SendGoal
+from marketplace_node.effects import Execute, SendGoal
+from marketplace_node.hosts.effects import RunGoal
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market
 from marketplace_node.node.messages import (
@@ -35,7 +37,6 @@ from marketplace_node.node.messages import (
     registration_from_msg,
     run_end_from_msg,
 )
-from marketplace_node.registry import HostEntry
 
 _SHOWN = 200  # characters of a malformed input
 

@@ -32,17 +32,17 @@ from marketplace_node.effects import (
     OpenCall,
     PublishAuction,
     RequestRanking,
-    RunGoal,
     SceneEnded,
     SendGoal,
     StatusChanged,
 )
 from marketplace_node.explanation.reason import calculation
 from marketplace_node.formatting import shown
+from marketplace_node.hosts.effects import RunGoal
+from marketplace_node.hosts.registry import Registration
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.outcomes import RunOutcome
-from marketplace_node.registry import Registration
 from marketplace_node.round.decision import Bids, Decision, External, RankedBid
 from marketplace_node.round.precedence import check_ranking
 from marketplace_node.strategies import STRATEGIES

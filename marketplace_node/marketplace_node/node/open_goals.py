@@ -13,8 +13,9 @@ from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_interfaces.msg import OpenGoals
 from bt_agents_ros import qos
 from bt_agents_ros.goal_cancellation import GoalCanceller, open_goals_from_msg
-from marketplace_node.effects import CancelOpenGoals, Execute, Note
+from marketplace_node.effects import Execute, Note
 from marketplace_node.formatting import shown
+from marketplace_node.hosts.effects import CancelOpenGoals
 from marketplace_node.market import Market
 
 

@@ -34,7 +34,7 @@ from marketplace_node.external_ranking.openai_protocol import (
     answer,
     question,
 )
-from marketplace_node.registry import MOST_HOSTS
+from marketplace_node.hosts.registry import MOST_HOSTS
 from marketplace_node.round.decision import External
 
 BASE_URL = StartParameter(

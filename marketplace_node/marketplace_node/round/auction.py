@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import MAX_WEIGHT, SceneSpace
 from marketplace_node.formatting import shown
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.outcomes import AuctionOutcome
-from marketplace_node.registry import HostEntry
 from marketplace_node.round.decision import (
     AcceptedBid,
     Bids,

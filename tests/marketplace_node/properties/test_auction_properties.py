@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from market_harness import SPACE, scene
 from marketplace_node.explanation.reason import reason_of
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.outcomes import AuctionOutcome
-from marketplace_node.registry import HostEntry
 from marketplace_node.round.auction import Auction
 from marketplace_node.round.decision import Bids, ClosedBy, RoundKind, Terms
 from ranked_rounds import added_up

@@ -17,10 +17,10 @@ from marketplace_node.effects import (
     AnnounceRun,
     EarlierRun,
     PublishAuction,
-    RunGoal,
     SendGoal,
     State,
 )
+from marketplace_node.hosts.effects import RunGoal
 from marketplace_node.interaction.scene_admission import ROUNDS_IN_VAIN
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market

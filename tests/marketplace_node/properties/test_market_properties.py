@@ -14,18 +14,15 @@ from bt_agents_core.open_goals import OpenGoal
 from market_harness import Driver, scene
 from marketplace_node.effects import (
     AnnounceRun,
-    CancelGoal,
-    CancelOpenGoals,
     Collect,
-    Effect,
     OpenCall,
     PreviewEnded,
     PublishAuction,
     RequestRanking,
-    RunGoal,
     SendGoal,
     State,
 )
+from marketplace_node.hosts.effects import CancelGoal, CancelOpenGoals, Effect, RunGoal
 from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators import MOST_PREVIEWS

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from market_harness import EXPRESS, GUIDE, SPACE, scene
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.outcomes import AuctionOutcome
-from marketplace_node.registry import HostEntry
 from marketplace_node.round.auction import Auction
 from marketplace_node.round.decision import Bids, ClosedBy, Decision, RoundKind, Terms
 

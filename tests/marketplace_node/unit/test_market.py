@@ -14,15 +14,13 @@ from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver, registration, scene
 from marketplace_node.effects import (
     AnnounceRun,
-    CancelAll,
-    CancelGoal,
     Collect,
-    Connect,
     Note,
     PublishAuction,
     State,
     StatusChanged,
 )
+from marketplace_node.hosts.effects import CancelAll, CancelGoal, Connect
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy
 from marketplace_node.settings import RANGES, Settings

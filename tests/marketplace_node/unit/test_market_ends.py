@@ -10,7 +10,8 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import AnnounceRun as Announced
-from marketplace_node.effects import CancelGoal, Note, SceneEnded, State
+from marketplace_node.effects import Note, SceneEnded, State
+from marketplace_node.hosts.effects import CancelGoal
 from marketplace_node.outcomes import RunEventKind
 
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 
 from market_harness import EXPRESS, GUIDE, Driver
-from marketplace_node.effects import CancelAll, CancelGoal, SendGoal, State
+from marketplace_node.effects import SendGoal, State
+from marketplace_node.hosts.effects import CancelAll, CancelGoal
 
 A, B = "/a", "/b"
 

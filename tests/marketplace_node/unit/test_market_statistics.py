@@ -7,8 +7,8 @@ import pytest
 
 from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import Alarm, Collect, PublishAuction
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.outcomes import AuctionOutcome
-from marketplace_node.registry import HostEntry
 from marketplace_node.settings import Settings
 from marketplace_node.statistics import Starvation
 

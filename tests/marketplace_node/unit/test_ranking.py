@@ -13,7 +13,7 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, SPACE, scene
-from marketplace_node.registry import HostEntry
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.round.auction import Auction
 from marketplace_node.round.decision import Bids, ClosedBy
 from marketplace_node.round.ranking import decide
