@@ -45,8 +45,7 @@ class PerRun:
         regret: Sum of the misfits of the selected agents beyond those of the best, [R].
         cycles: Rounds until a run stays right, [R]; infinite if it never does.
         cancelled: Share of scenes for which a run was cancelled, [R].
-        error: Mean Manhattan distance at the end of a profile to the scene of its agent, [R]; NaN
-            for a bandit, which has no profiles.
+        error: Mean Manhattan distance at the end of a profile to the scene of its agent, [R].
         right: Number of runs that were right in each round, [T].
     """
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind, Update
-from bt_agents_lab.experiments.bandits import BANDITS, Bandits
 from bt_agents_lab.experiments.random_streams import Attempt, CachedRandomSource, RandomStreams
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from feedback_node.learning import updates
@@ -29,7 +28,7 @@ class Course:
         cancelled: Number of cancelled runs for each scene, [R, T].
         won: Number of runs of each agent in each round, [R, T, N]; 0 or 1.
         profiles: Profiles after each round, [R, T, N, n], or only after the last one, with one
-            round; NaN for a bandit, which has none.
+            round.
     """
 
     awarded: Integers
@@ -99,11 +98,6 @@ def _play(
         won=np.zeros((runs, rounds, agents), dtype=bool),
         profiles=np.empty((runs, rounds if history else 1, agents, width)),
     )
-    bandits = None
-    if arm.strategy in BANDITS:
-        seeds = [seed for _ in wrong_shares for seed in streams.seeds]
-        bandits = Bandits(arm.strategy, arm.options, world, seeds)
-        state.profiles[:] = np.nan
     everyone = np.arange(runs)
     for index in range(rounds):
         rows = everyone
@@ -116,10 +110,7 @@ def _play(
         for attempt in range(min(world.attempts, int(present.sum()))):
             tried = course.won[rows, index] | ~present
             at = (rows % of_streams, index, attempt)
-            if bandits is not None:
-                chosen = bandits.award(rows, scene, tried, streams.ties[at].astype(np.float64))
-            else:
-                chosen = _award(world, arm, state, streams, at, rows, scene, tried)
+            chosen = _award(world, arm, state, streams, at, rows, scene, tried)
             if attempt == 0:
                 course.awarded[:, index] = chosen
             state.runs[rows, chosen] += 1.0
@@ -129,10 +120,7 @@ def _play(
             is_wrong = streams.error_draw[at] < share[rows]
             if world.person is None:
                 target = np.where(is_wrong[:, None], streams.wrong[at[:2]], best[chosen])
-                if bandits is not None:
-                    bandits.learn(rows, scene, chosen, _nearness(world, target, scene))
-                else:
-                    _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, target, 1.0)
+                _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, target, 1.0)
                 break
             person = world.person
             unfit = misfit[streams.scene[at[:2]], chosen]
@@ -142,15 +130,11 @@ def _play(
             blamed = _held(change <= -person.worse, person.hold_s)
             weight = arm.rule.weight(MOOD_RULE)
             stopped = blamed < NEVER
-            if bandits is not None:
-                reward = np.where(stopped, -1.0, praised < blamed)
-                bandits.learn(rows, scene, chosen, reward)
-            else:
-                for kind, some in (
-                    (FeedbackKind.POSITIVE, praised < blamed),
-                    (FeedbackKind.NEGATIVE, stopped),
-                ):
-                    _learn(world, rule, state, rows[some], chosen[some], kind, scene[some], weight)
+            for kind, some in (
+                (FeedbackKind.POSITIVE, praised < blamed),
+                (FeedbackKind.NEGATIVE, stopped),
+            ):
+                _learn(world, rule, state, rows[some], chosen[some], kind, scene[some], weight)
             course.cancelled[rows[stopped], index] += 1
             scene = scene[stopped]
             seen_at = blamed[stopped] - min(person.hold_s, 1)
@@ -273,12 +257,6 @@ def _learn(
     if recent.shape[1]:
         asked = updates.requested(kind, profile, target, rule)
         state.recent[rows, chosen] = np.concatenate([recent[:, 1:], asked[:, None]], axis=1)
-
-
-def _nearness(world: SimulatedWorld, told: Floats, scene: Floats) -> Floats:
-    """Return how near an agent's feedback is to the scene, from 1 down to −1, [rows]."""
-    ranges = (world.high - world.low).sum()
-    return np.asarray(1.0 - 2.0 * np.abs(told - scene).sum(axis=-1) / ranges)
 
 
 def _mood_place(world: SimulatedWorld) -> int:

@@ -14,7 +14,6 @@ from itertools import product
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
-from bt_agents_lab.experiments.bandits import BANDITS
 from bt_agents_lab.experiments.measures import PerRun, of_runs, together
 from bt_agents_lab.experiments.random_streams import WrongFeedback, draw
 from bt_agents_lab.experiments.simulated_world import Arm, Selection, SimulatedWorld
@@ -145,10 +144,6 @@ def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
     streams = draw(spec.world, seeds, spec.rounds, spec.wrong)
     results: Results = {}
     for rule, learning in enumerate(spec.learnings):
-        if rule and chosen["strategy"] in BANDITS:
-            # A bandit uses none of the learning rules.
-            results |= {(rule, place): results[0, place] for place in range(len(spec.shares))}
-            continue
         courses = simulate_shares(spec.world, Arm(**chosen, rule=learning), streams, spec.shares)
         for place, course in enumerate(courses):
             results[rule, place] = of_runs(spec.world, streams, course)
