@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bt_agents_lab.experiments.random_streams import RandomStreams
-from bt_agents_lab.experiments.simulated_world import SimulatedWorld
+from bt_agents_lab.experiments.simulated_world import Bools, Floats, Integers, SimulatedWorld
 from bt_agents_lab.experiments.simulation import Course
-from marketplace_node.strategies.arrays import Bools, Floats, Integers
 
 LAST = 100
 """Number of rounds at the end of a run that count as learned."""

@@ -17,10 +17,10 @@ from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_lab.experiments.measures import PerRun, of_runs, together
 from bt_agents_lab.experiments.random_streams import WrongFeedback, draw
 from bt_agents_lab.experiments.simulated_world import Arm, Selection, SimulatedWorld
-from bt_agents_lab.experiments.simulation import simulate_shares
+from bt_agents_lab.experiments.simulation import simulate
 from bt_agents_ros.signals import block_sigint
 
-PART = 1000
+PART = 20
 """Number of runs per task; it is fixed, so that results do not depend on the processes."""
 
 
@@ -142,9 +142,10 @@ def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
     """Play some runs with one strategy and every learning rule and share."""
     chosen = vars(spec.selections[selection])
     streams = draw(spec.world, seeds, spec.rounds, spec.wrong)
-    results: Results = {}
-    for rule, learning in enumerate(spec.learnings):
-        courses = simulate_shares(spec.world, Arm(**chosen, rule=learning), streams, spec.shares)
-        for place, course in enumerate(courses):
-            results[rule, place] = of_runs(spec.world, streams, course)
-    return results
+    return {
+        (rule, place): of_runs(
+            spec.world, streams, simulate(spec.world, Arm(**chosen, rule=learning), streams, share)
+        )
+        for rule, learning in enumerate(spec.learnings)
+        for place, share in enumerate(spec.shares)
+    }
