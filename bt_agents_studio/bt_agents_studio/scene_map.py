@@ -10,7 +10,7 @@ import numpy as np
 
 from bt_agents_core.errors import Refused
 from bt_agents_studio.records import SceneMapRecord
-from marketplace_node.strategies import STRATEGIES, RoundArrays, manhattan, order
+from marketplace_node.strategies import STRATEGIES, Bid, RoundBids, manhattan, order
 
 FINEST = 41
 """Places along each side of a computed map, at most."""
@@ -21,7 +21,7 @@ COARSEST = 5
 ASKED = 7
 """Places along each side of a map for which the market is asked at each place."""
 
-_MOST_NUMBERS = 10_000_000
+_MOST_NUMBERS = 300_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +39,9 @@ class Axis:
 
 _DISTANCES = frozenset({"manhattan", "weighted_manhattan", "euclidean"})
 """Strategies whose score is the distance alone."""
+
+_WITH_BONUS = frozenset({"ucb", "bounded_ucb"})
+"""Strategies that subtract from the Manhattan distance what no value of the scene changes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,10 +63,7 @@ def is_computed(strategy: str) -> bool:
 
     That is where the score is a distance, perhaps less a bonus that no value of the scene moves.
     """
-    spec = STRATEGIES.get(strategy)
-    if spec is None:
-        return False
-    return strategy in _DISTANCES or (spec.counts and not spec.draws and spec.lines is not None)
+    return strategy in _DISTANCES or strategy in _WITH_BONUS
 
 
 def computed_map(
@@ -94,27 +94,35 @@ def computed_map(
     width = min(len(names), *(len(bid.vector) for bid in bids))
     sides = side_length(len(bids), width)
     xs, ys = across.places(sides), up.places(sides)
-    scenes = np.empty((sides, sides, len(names)))
-    scenes[...] = list(scene.values())
-    scenes[..., columns[0]] = xs
-    scenes[..., columns[1]] = np.asarray(ys)[:, None]
-    weights = [(list(bid.weights) or [1.0] * width)[:width] for bid in bids]
-    field = RoundArrays(
-        scene=scenes[..., :width],
-        std=np.zeros(width),
-        bids=np.asarray([list(bid.vector)[:width] for bid in bids]),
-        weights=np.asarray(weights),
-        widths=np.ones(width),
-        runs=np.zeros(len(bids)),
-        rounds=np.zeros(()),
-        idle=np.zeros(len(bids)),
-    )
-    spec = STRATEGIES[strategy]
-    measure = spec.score if strategy in _DISTANCES else manhattan
-    distance = measure(field, {}, np.random.default_rng(0)).distance
-    scores = distance - np.asarray([bid.bonus for bid in bids])
-    best = order(scores, [bid.last_run for bid in bids], [bid.agent for bid in bids], tie_break)
-    winners = [[bids[index].agent for index in row] for row in best[..., 0]]
+    measure = STRATEGIES[strategy].score if strategy in _DISTANCES else manhattan
+    offered = [
+        Bid(
+            agent=bid.agent,
+            profile=tuple(bid.vector)[:width],
+            weights=(tuple(bid.weights) or (1.0,) * width)[:width],
+            last_run=bid.last_run,
+        )
+        for bid in bids
+    ]
+
+    def winner(x: float, y: float) -> str:
+        values = list(scene.values())
+        values[columns[0]], values[columns[1]] = x, y
+        given = RoundBids(
+            scene=tuple(values[:width]),
+            std=(0.0,) * width,
+            widths=(1.0,) * width,
+            rounds=0,
+            bids=offered,
+        )
+        scores = [
+            one.distance - bid.bonus
+            for one, bid in zip(measure(given, {}, random), bids, strict=True)
+        ]
+        return bids[order(scores, offered, tie_break)[0]].agent
+
+    random = np.random.default_rng(0)
+    winners = [[winner(x, y) for x in xs] for y in ys]
     return map_record(across, up, xs, ys, winners, is_asked=False)
 
 

@@ -18,7 +18,7 @@ FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build"}
 NAMED = re.compile(r"`((?:\.\w|\w)[\w.*/-]*)`")
 ADDED = re.compile(r"^`([^`]+)`:\n\n```(?:py|yml)\n", re.MULTILINE)
 MOST_STEPS = 60
-MOST_ASKED = 21
+MOST_ASKED = 20
 
 
 def section(heading: str) -> str:

@@ -1,39 +1,49 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Round arrays written by hand, and the scores that strategies give them."""
+"""Bids of a round written by hand, and the scores that strategies give them."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from marketplace_node.strategies import STRATEGIES, RandomSource, RoundArrays, Scores, round_rng
+from marketplace_node.strategies import STRATEGIES, Bid, RoundBids, Score, round_rng
 
 WIDTH = 4.0
 
+Row = Sequence[float]
 
-def field(scene: Any, bids: Any, **changes: Any) -> RoundArrays:
-    """Return bids for a scene; nobody has run, all is certain and counts alike but for changes."""
-    scenes, vectors = np.array(scene, dtype=float), np.array(bids, dtype=float)
-    count = vectors.shape[-1]
-    values: dict[str, Any] = {
-        "scene": scenes,
-        "std": np.zeros_like(scenes),
-        "bids": vectors,
-        "weights": np.ones(count),
-        "widths": np.full(count, WIDTH),
-        "runs": np.zeros(vectors.shape[:-1]),
-        "rounds": np.zeros(scenes.shape[:-1]),
-        "idle": np.zeros(vectors.shape[:-1]),
-    }
-    return RoundArrays(
-        **(values | {name: np.array(v, dtype=float) for name, v in changes.items()})
+
+def field(
+    scene: Row,
+    profiles: Sequence[Row],
+    *,
+    std: Row = (),
+    weights: Sequence[Row] = (),
+    runs: Sequence[int] = (),
+    rounds: int = 0,
+) -> RoundBids:
+    """Return bids for a scene; without more, nobody has run, and all is certain and weighs 1."""
+    width, count = len(scene), len(profiles)
+    return RoundBids(
+        scene=tuple(scene),
+        std=tuple(std) or (0.0,) * width,
+        widths=(WIDTH,) * width,
+        rounds=rounds,
+        bids=[
+            Bid(agent=f"{number:02}", profile=tuple(profile), weights=tuple(weight), runs=ran)
+            for number, (profile, weight, ran) in enumerate(
+                zip(
+                    profiles, weights or [(1.0,) * width] * count, runs or [0] * count, strict=True
+                )
+            )
+        ],
     )
 
 
 def scored(
-    name: str, of: RoundArrays, random: RandomSource | None = None, **options: float
-) -> Scores:
+    name: str, of: RoundBids, random: np.random.Generator | None = None, **options: float
+) -> list[Score]:
     """Return the scores of a strategy, with the defaults of what is not named."""
     spec = STRATEGIES[name]
-    return spec.score(of, spec.values(options), random or round_rng("seed"))
+    return list(spec.score(of, spec.values(options), random or round_rng("seed")))

@@ -21,7 +21,6 @@ pytestmark = pytest.mark.packaging
 KEYS = {
     "aiohttp": ("python3-aiohttp", "aiohttp>=3.8.4"),
     "click": ("python3-click", "click>=8.1.3"),
-    "mabwiser": ("", "mabwiser>=2.7.4,<3"),
     "matplotlib": ("python3-matplotlib", "matplotlib>=3.6.3"),
     "mcap": ("", "mcap>=1.6"),
     "mcap_ros2": ("", "mcap-ros2-support>=0.5"),

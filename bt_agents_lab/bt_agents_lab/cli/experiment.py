@@ -132,7 +132,7 @@ def run(
 @click.option(
     "--seeds",
     type=click.IntRange(2),
-    default=1000,
+    default=200,
     show_default=True,
     help="How many runs stand behind bands and verdicts.",
 )

@@ -15,11 +15,10 @@ import yaml
 
 from bt_agents_lab.experiments.measures import converged, right
 from bt_agents_lab.experiments.replicas import Replicas, replicas, with_errors, world_of
-from bt_agents_lab.experiments.simulated_world import Arm
+from bt_agents_lab.experiments.simulated_world import Arm, Bools, Floats
 from bt_agents_lab.experiments.verdicts import Claim, ClaimVerdict, judged, percent
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors
-from marketplace_node.strategies.arrays import Bools, Floats
 
 RATES = {"conservative": 0.05, "moderate": 0.2, "aggressive": 0.5}
 REACHED = 0.05

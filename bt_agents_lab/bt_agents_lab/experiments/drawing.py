@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bt_agents_core.errors import BtAgentsError
-from marketplace_node.strategies.arrays import Floats
+from bt_agents_lab.experiments.simulated_world import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bt_agents_lab.experiments.random_streams import RandomStreams
-from bt_agents_lab.experiments.simulated_world import SimulatedWorld
+from bt_agents_lab.experiments.simulated_world import Bools, Floats, Integers, SimulatedWorld
 from bt_agents_lab.experiments.simulation import Course
-from marketplace_node.strategies.arrays import Bools, Floats, Integers
 
 LAST = 100
 """Number of rounds at the end of a run that count as learned."""
@@ -45,8 +44,7 @@ class PerRun:
         regret: Sum of the misfits of the selected agents beyond those of the best, [R].
         cycles: Rounds until a run stays right, [R]; infinite if it never does.
         cancelled: Share of scenes for which a run was cancelled, [R].
-        error: Mean Manhattan distance at the end of a profile to the scene of its agent, [R]; NaN
-            for a bandit, which has no profiles.
+        error: Mean Manhattan distance at the end of a profile to the scene of its agent, [R].
         right: Number of runs that were right in each round, [T].
     """
 

@@ -4,18 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from bt_agents_core.scene import Vector
-from bt_agents_lab.experiments.simulated_world import SimulatedWorld
-from marketplace_node.strategies import round_rng
-from marketplace_node.strategies.arrays import Bools, Floats, Integers
+from bt_agents_lab.experiments.simulated_world import Floats, Integers, SimulatedWorld
 
-Drawn = dict[tuple[object, ...], tuple[Floats, Bools]]
 WrongFeedback = Literal["any", "another"] | Vector
 """Values of wrong feedback: any in the ranges, those for another agent, or one vector."""
 
@@ -42,51 +39,29 @@ class RandomStreams:
     wrong_fit: Floats
     mood_noise: npt.NDArray[np.float32]
     ties: npt.NDArray[np.float32]
-    _drawn: Drawn = field(default_factory=dict)
 
-    def drawn(self, at: Attempt, calls: Calls) -> Floats:
-        """Return the last of successive draws for some runs, [runs, ...]; all are cached."""
-        runs, round_index, attempt = at
-        key = (round_index, attempt, calls)
-        if key not in self._drawn:
-            shape = (len(self.seeds), *calls[-1][1])
-            self._drawn[key] = (np.empty(shape), np.zeros(len(self.seeds), dtype=bool))
-        values, known = self._drawn[key]
-        for run in np.unique(runs[~known[runs]]).tolist():
-            source = round_rng(round_seed(self.seeds[run], round_index, attempt))
-            for kind, shape in calls:
-                values[run] = getattr(source, kind)(shape)
-        known[runs] = True
-        return values[runs]
+    def rounds(self, row: int) -> list[RoundDraws]:
+        """Return the randomness of one run, round by round."""
+        columns = (
+            self.scene[row].tolist(),
+            self.error_draw[row].tolist(),
+            map(tuple, self.wrong[row].tolist()),
+            self.wrong_fit[row].tolist(),
+            self.mood_noise[row].tolist(),
+            self.ties[row].tolist(),
+        )
+        return [RoundDraws(*of_round) for of_round in zip(*columns, strict=True)]
 
 
-Attempt = tuple[Integers, int, int]
-"""Indices of some runs, possibly repeated, with round and attempt, both from 0."""
+class RoundDraws(NamedTuple):
+    """Randomness of one round of one run; attributes as in :class:`RandomStreams`."""
 
-Calls = tuple[tuple[str, tuple[int, ...]], ...]
-"""Successive draws: the kind, and the shape for one run."""
-
-
-class CachedRandomSource:
-    """``strategies.Chance`` for many runs at once, with the same draws as separate runs.
-
-    The first axis of each size is the runs.
-    """
-
-    def __init__(self, streams: RandomStreams, at: Attempt) -> None:
-        self._streams = streams
-        self._at = at
-        self._calls: Calls = ()
-
-    def random(self, size: tuple[int, ...], /) -> Floats:
-        return self._next("random", size)
-
-    def standard_normal(self, size: tuple[int, ...], /) -> Floats:
-        return self._next("standard_normal", size)
-
-    def _next(self, kind: str, size: tuple[int, ...]) -> Floats:
-        self._calls = (*self._calls, (kind, size[1:]))
-        return self._streams.drawn(self._at, self._calls)
+    scene: int
+    error_draw: list[float]
+    wrong: Vector
+    wrong_fit: list[float]
+    mood_noise: list[list[float]]
+    ties: list[list[float]]
 
 
 def round_seed(seed: int, round_index: int, attempt: int) -> str:

@@ -49,7 +49,7 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
     without = [agent.name for agent in agents if agent.name not in spec.feedback.each]
     if without:
         raise BtAgentsError(
-            f"{spec.title}: 'each' has no feedback for {', '.join(without)}; many runs at once "
+            f"{spec.title}: 'each' has no feedback for {', '.join(without)}; sweeps and figures "
             "need one for each agent"
         )
     space = folder.scene.space.profiles

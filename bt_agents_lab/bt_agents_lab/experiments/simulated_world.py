@@ -8,12 +8,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from bt_agents_core.feedback import LearningRule
 from bt_agents_core.scene import SceneSpace
 from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies import TIE_BREAKS
-from marketplace_node.strategies.arrays import Bools, Floats
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
 
 NOT_SIMULATED = (EXTERNAL, RULES)
 """Strategies that need more than the bids."""

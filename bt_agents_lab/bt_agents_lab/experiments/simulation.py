@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulation of many runs at once as arrays, equal to separate runs to the last digit."""
+"""Simulation of runs with the strategies of the market and the update rules of the learning."""
 
 from __future__ import annotations
 
@@ -8,16 +8,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bt_agents_core.feedback import MOOD_RULE, FeedbackKind, Update
-from bt_agents_lab.experiments.bandits import BANDITS, Bandits
-from bt_agents_lab.experiments.random_streams import Attempt, CachedRandomSource, RandomStreams
-from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
+from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
+from bt_agents_core.scene import Vector
+from bt_agents_lab.experiments.random_streams import RandomStreams, RoundDraws, round_seed
+from bt_agents_lab.experiments.simulated_world import (
+    Arm,
+    Bools,
+    Floats,
+    Integers,
+    Person,
+    SimulatedWorld,
+)
 from feedback_node.learning import updates
-from marketplace_node.strategies import STRATEGIES, RoundArrays
-from marketplace_node.strategies.arrays import Bools, Floats, Integers
+from marketplace_node.strategies import STRATEGIES, Bid, RoundBids, differences, round_rng, total
 
 NEVER = 1_000_000
 """Time of an event that never happens [s]."""
+
+_UNUSED = np.random.default_rng(0)
+"""Random source of strategies that draw nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,9 +36,8 @@ class Course:
     Attributes:
         awarded: Index of the first agent that got each scene, [R, T].
         cancelled: Number of cancelled runs for each scene, [R, T].
-        won: Number of runs of each agent in each round, [R, T, N]; 0 or 1.
-        profiles: Profiles after each round, [R, T, N, n], or only after the last one, with one
-            round; NaN for a bandit, which has none.
+        won: Whether each agent ran in each round, [R, T, N].
+        profiles: Profiles after each round, [R, T, N, n].
     """
 
     awarded: Integers
@@ -43,244 +51,184 @@ class Course:
         return np.asarray(np.all(np.any(self.won, axis=1), axis=-1))
 
 
-class _State:
-    """State of R runs between two rounds."""
-
-    def __init__(self, world: SimulatedWorld, arm: Arm, runs: int) -> None:
-        agents, width = world.starts.shape
-        self.profiles: Floats = np.repeat(world.starts[None], runs, axis=0)
-        self.total = np.zeros(runs)
-        self.runs = np.zeros((runs, agents))
-        self.last_run = np.zeros((runs, agents))
-        self.changes = np.zeros((runs, agents))
-        window = arm.rule.window - 1 if arm.rule.update is Update.MEDIAN else 0
-        self.recent = np.full((runs, agents, window, width), np.nan)
-
-
 def simulate(
     world: SimulatedWorld, arm: Arm, streams: RandomStreams, wrong_share: float = 0.0
 ) -> Course:
-    """Play all runs of ``streams`` with a probability of wrong feedback, 0..1."""
-    return _play(world, arm, streams, (wrong_share,), history=True)
-
-
-def simulate_shares(
-    world: SimulatedWorld, arm: Arm, streams: RandomStreams, wrong_shares: Sequence[float]
-) -> list[Course]:
-    """Play all runs of ``streams`` once for each share of wrong feedback; faster together.
-
-    The result has only the profiles after the last round.
-    """
-    whole = _play(world, arm, streams, wrong_shares, history=False)
-    runs = len(streams.seeds)
-    parts = [slice(first, first + runs) for first in range(0, runs * len(wrong_shares), runs)]
-    arrays = vars(whole).items()
-    return [Course(**{name: values[part] for name, values in arrays}) for part in parts]
-
-
-def _play(
-    world: SimulatedWorld,
-    arm: Arm,
-    streams: RandomStreams,
-    wrong_shares: Sequence[float],
-    *,
-    history: bool,
-) -> Course:
-    """Play R runs of ``streams`` for each of S shares; rows of the first share come first."""
-    of_streams, rounds = streams.scene.shape
-    runs = of_streams * len(wrong_shares)
-    share = np.repeat(np.array(wrong_shares), of_streams)
-    agents, width = world.starts.shape
-    state = _State(world, arm, runs)
-    rule = updates.arrays(arm.rule, world.space)
-    course = Course(
-        awarded=np.empty((runs, rounds), dtype=np.int64),
-        cancelled=np.zeros((runs, rounds), dtype=np.int64),
-        won=np.zeros((runs, rounds, agents), dtype=bool),
-        profiles=np.empty((runs, rounds if history else 1, agents, width)),
-    )
-    bandits = None
-    if arm.strategy in BANDITS:
-        seeds = [seed for _ in wrong_shares for seed in streams.seeds]
-        bandits = Bandits(arm.strategy, arm.options, world, seeds)
-        state.profiles[:] = np.nan
-    everyone = np.arange(runs)
-    for index in range(rounds):
-        rows = everyone
-        scene = world.scenes[streams.scene[rows % of_streams, index]]
-        best, misfit, present = (
-            world.best_in(index),
-            world.misfit_in(index),
-            world.present_in(index),
-        )
-        for attempt in range(min(world.attempts, int(present.sum()))):
-            tried = course.won[rows, index] | ~present
-            at = (rows % of_streams, index, attempt)
-            if bandits is not None:
-                chosen = bandits.award(rows, scene, tried, streams.ties[at].astype(np.float64))
-            else:
-                chosen = _award(world, arm, state, streams, at, rows, scene, tried)
-            if attempt == 0:
-                course.awarded[:, index] = chosen
-            state.runs[rows, chosen] += 1.0
-            state.total[rows] += 1.0
-            state.last_run[rows, chosen] = state.total[rows]
-            course.won[rows, index, chosen] = True
-            is_wrong = streams.error_draw[at] < share[rows]
-            if world.person is None:
-                target = np.where(is_wrong[:, None], streams.wrong[at[:2]], best[chosen])
-                if bandits is not None:
-                    bandits.learn(rows, scene, chosen, _nearness(world, target, scene))
-                else:
-                    _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, target, 1.0)
-                break
-            person = world.person
-            unfit = misfit[streams.scene[at[:2]], chosen]
-            moods = _moods(world, person, streams, at, scene, unfit, is_wrong)
-            change = moods[1:] - moods[0]
-            praised = _held(change >= person.better, person.hold_s)
-            blamed = _held(change <= -person.worse, person.hold_s)
-            weight = arm.rule.weight(MOOD_RULE)
-            stopped = blamed < NEVER
-            if bandits is not None:
-                reward = np.where(stopped, -1.0, praised < blamed)
-                bandits.learn(rows, scene, chosen, reward)
-            else:
-                for kind, some in (
-                    (FeedbackKind.POSITIVE, praised < blamed),
-                    (FeedbackKind.NEGATIVE, stopped),
-                ):
-                    _learn(world, rule, state, rows[some], chosen[some], kind, scene[some], weight)
-            course.cancelled[rows[stopped], index] += 1
-            scene = scene[stopped]
-            seen_at = blamed[stopped] - min(person.hold_s, 1)
-            scene[:, _mood_place(world)] = moods[seen_at, stopped.nonzero()[0]]
-            rows = rows[stopped]
-            if not len(rows):
-                break
-        if history or index == rounds - 1:
-            course.profiles[:, index if history else 0] = state.profiles
-    return course
-
-
-def _award(
-    world: SimulatedWorld,
-    arm: Arm,
-    state: _State,
-    streams: RandomStreams,
-    at: Attempt,
-    rows: Integers,
-    scene: Floats,
-    tried: Bools,
-) -> Integers:
-    """Return the winner in each run; all runs have the same number of agents left."""
-    total = state.total[rows]
-    profiles, runs, last_run = state.profiles, state.runs, state.last_run
-    bidders = None
-    left = len(world.agents) - int(tried[0].sum())
-    if left < len(world.agents):
-        bidders = np.argsort(tried, axis=-1, kind="stable")[:, :left]
-        where = (rows[:, None], bidders)
-        profiles, runs, last_run = profiles[where], runs[where], last_run[where]
-    spec = STRATEGIES[arm.strategy]
-    score = spec.score(
-        RoundArrays(
-            scene=scene,
-            std=np.zeros(scene.shape),
-            bids=profiles,
-            weights=np.array([p.weight for p in world.space.parameters]),
-            widths=world.high - world.low,
-            runs=runs,
-            rounds=total,
-            idle=total[:, None] - last_run,
+    """Play all runs of ``streams``, each alone, with a probability of wrong feedback, 0..1."""
+    runs = [
+        _Run(world, arm, seed, streams.rounds(row), wrong_share)
+        for row, seed in enumerate(streams.seeds)
+    ]
+    return Course(
+        awarded=np.array([[won[0] for won in run.won] for run in runs]),
+        cancelled=np.array([run.cancelled for run in runs]),
+        won=np.array(
+            [
+                [[agent in won for agent in range(len(world.agents))] for won in run.won]
+                for run in runs
+            ]
         ),
-        spec.values(arm.options),
-        CachedRandomSource(streams, at),
-    ).score
-    # Bidders stay in alphabetical order, so the first of the remaining ones is first by name.
-    best = score == score.min(axis=-1, keepdims=True)
-    if arm.tie_break == "random":
-        ties = streams.ties[at]
-        if bidders is not None:
-            ties = np.take_along_axis(ties, bidders, axis=-1)
-        chosen = np.where(best, ties, np.inf).argmin(axis=-1)
-    elif arm.tie_break == "name":
-        chosen = best.argmax(axis=-1)
-    else:
-        chosen = np.where(best, last_run, np.inf).argmin(axis=-1)
-    return np.asarray(chosen if bidders is None else bidders[np.arange(len(rows)), chosen])
+        profiles=np.array([run.profiles for run in runs]),
+    )
 
 
-def _moods(
-    world: SimulatedWorld,
-    person: Person,
-    streams: RandomStreams,
-    at: Attempt,
-    scene: Floats,
-    misfit: Floats,
-    is_wrong: Bools,
-) -> Floats:
-    """Return the mood at the start and after each second, [seconds + 1, rows]."""
-    place = _mood_place(world)
-    fit = np.clip(1.0 - misfit / person.tolerance, -1.0, 1.0)
-    fit = np.where(is_wrong, streams.wrong_fit[at], fit)
-    noise = streams.mood_noise[at].astype(np.float64) * person.noise
-    steps = (person.drift * fit[:, None] + noise).T
-    moods = np.empty((person.seconds + 1, len(scene)))
-    moods[0] = scene[:, place]
-    low, high = world.low[place], world.high[place]
-    for second, step in enumerate(steps):
-        np.clip(moods[second] + step, low, high, out=moods[second + 1])
-    return moods
+class _Run:
+    """One run, played as it is made.
+
+    Attributes:
+        won: For each round, the agents that ran, in order.
+        cancelled: For each round, the number of cancelled runs.
+        profiles: The profiles after each round.
+    """
+
+    def __init__(
+        self,
+        world: SimulatedWorld,
+        arm: Arm,
+        seed: int,
+        rounds: Sequence[RoundDraws],
+        wrong_share: float,
+    ) -> None:
+        self._world = world
+        self._arm = arm
+        self._seed = seed
+        self._wrong_share = wrong_share
+        self._spec = STRATEGIES[arm.strategy]
+        self._options = self._spec.values(arm.options)
+        self._rule = updates.in_order(arm.rule, world.space)
+        self._weights = tuple(one.weight for one in world.space.parameters)
+        self._widths = tuple(one.maximum - one.minimum for one in world.space.parameters)
+        self._starts = _vectors(world.starts)
+        self._rates: list[float] = world.rates.tolist()
+        self._profiles = _vectors(world.starts)
+        self._runs = [0] * len(world.agents)
+        self._last_run = [0] * len(world.agents)
+        self._changes = [0] * len(world.agents)
+        self._recent: list[list[Vector]] = [[] for _ in world.agents]
+        self.won: list[list[int]] = []
+        self.cancelled: list[int] = []
+        self.profiles: list[list[Vector]] = []
+        scenes = _vectors(world.scenes)
+        for index, draws in enumerate(rounds):
+            made_for = _vectors(world.best_in(index))
+            self.won.append([])
+            self.cancelled.append(0)
+            self._play(index, draws, scenes[draws.scene], made_for)
+            self.profiles.append(list(self._profiles))
+
+    def _play(
+        self, index: int, draws: RoundDraws, scene: Vector, made_for: Sequence[Vector]
+    ) -> None:
+        person, measured = self._world.person, scene
+        for attempt in range(self._world.attempts):
+            left = [
+                agent
+                for agent, name in enumerate(self._world.agents)
+                if agent not in self.won[-1] and self._world.absent.get(name, 0) <= index
+            ]
+            if not left:
+                break
+            chosen = self._award(scene, left, draws.ties[attempt], index, attempt)
+            is_wrong = draws.error_draw[attempt] < self._wrong_share
+            if person is None:
+                target = draws.wrong if is_wrong else made_for[chosen]
+                self._learn(chosen, FeedbackKind.DIRECT, target, 1.0)
+                break
+            misfit = total(differences(made_for[chosen], measured))
+            fit = min(max(1.0 - misfit / person.tolerance, -1.0), 1.0)
+            if is_wrong:
+                fit = draws.wrong_fit[attempt]
+            kinds, mood = self._reaction(person, scene, fit, draws.mood_noise[attempt])
+            for kind in kinds:
+                self._learn(chosen, kind, scene, self._arm.rule.weight(MOOD_RULE))
+            if FeedbackKind.NEGATIVE not in kinds:
+                break
+            self.cancelled[-1] += 1
+            place = self._mood_place
+            scene = (*scene[:place], mood, *scene[place + 1 :])
+
+    def _award(
+        self, scene: Vector, left: Sequence[int], ties: Sequence[float], index: int, attempt: int
+    ) -> int:
+        given = RoundBids(
+            scene=scene,
+            std=(0.0,) * len(scene),
+            widths=self._widths,
+            rounds=sum(self._runs),
+            bids=[
+                Bid(
+                    self._world.agents[agent],
+                    self._profiles[agent],
+                    self._weights,
+                    self._runs[agent],
+                    self._last_run[agent],
+                )
+                for agent in left
+            ],
+        )
+        random = _UNUSED
+        if self._spec.draws:
+            random = round_rng(round_seed(self._seed, index, attempt))
+        scores = self._spec.score(given, self._options, random)
+        keys: dict[str, Sequence[float]] = {
+            "random": ties,
+            "least_recently_run": self._last_run,
+            "name": range(len(self._runs)),
+        }
+        key = keys[self._arm.tie_break]
+        # Agents are in alphabetical order, so the first of equal ones is first by name.
+        tried = zip(left, scores, strict=True)
+        chosen = min((score.score, key[agent], agent) for agent, score in tried)[-1]
+        self.won[-1].append(chosen)
+        self._runs[chosen] += 1
+        self._last_run[chosen] = sum(self._runs)
+        return chosen
+
+    def _reaction(
+        self, person: Person, scene: Vector, fit: float, noise: Sequence[float]
+    ) -> tuple[list[FeedbackKind], float]:
+        """Return the feedback of the mood rules, and the mood when the run is cancelled."""
+        place = self._mood_place
+        limits = self._world.space.parameters[place]
+        moods = [scene[place]]
+        for other in noise:
+            mood = moods[-1] + (person.drift * fit + other * person.noise)
+            moods.append(min(max(mood, limits.minimum), limits.maximum))
+        changes = [mood - moods[0] for mood in moods[1:]]
+        praised = _held([one >= person.better for one in changes], person.hold_s)
+        blamed = _held([one <= -person.worse for one in changes], person.hold_s)
+        kinds = [FeedbackKind.POSITIVE] if praised < blamed else []
+        if blamed == NEVER:
+            return kinds, moods[-1]
+        return [*kinds, FeedbackKind.NEGATIVE], moods[blamed - min(person.hold_s, 1)]
+
+    def _learn(self, agent: int, kind: FeedbackKind, target: Vector, weight: float) -> None:
+        rule, profile, recent = self._rule, self._profiles[agent], self._recent[agent]
+        rates = updates.rates(rule, self._rates[agent], weight, self._changes[agent])
+        self._profiles[agent] = updates.apply_update(
+            rule, kind, profile, target, rates, recent, self._starts[agent]
+        )
+        self._changes[agent] += 1
+        recent.append(updates.requested(rule, kind, profile, target))
+        del recent[: -self._arm.rule.window]
+
+    @property
+    def _mood_place(self) -> int:
+        assert self._world.space.mood is not None
+        return self._world.space.names.index(self._world.space.mood)
 
 
-def _held(holds: Bools, hold_s: int) -> Integers:
-    """Return the second, from 1, when a condition [seconds, rows] has held long enough, or NEVER.
+def _held(holds: Sequence[bool], hold_s: int) -> int:
+    """Return the second, from 1, when a condition has held long enough, or NEVER.
 
     As in :class:`feedback_node.rules.Watch`, a value counts until the next one: a due rule fires
     on earlier values.
     """
-    starts = len(holds) - hold_s
-    if starts < 1:
-        return np.full(holds.shape[1], NEVER)
-    whole = holds[:starts].copy()
-    for shift in range(1, hold_s):
-        whole &= holds[shift : shift + starts]
-    return np.where(whole.any(axis=0), np.argmax(whole, axis=0) + 1 + hold_s, NEVER)
+    for start in range(len(holds) - hold_s):
+        if all(holds[start : start + max(hold_s, 1)]):
+            return start + 1 + hold_s
+    return NEVER
 
 
-def _learn(
-    world: SimulatedWorld,
-    rule: updates.RuleArrays,
-    state: _State,
-    rows: Integers,
-    chosen: Integers,
-    kind: FeedbackKind,
-    target: Floats,
-    weight: float,
-) -> None:
-    if not len(rows):
-        return
-    profile = state.profiles[rows, chosen]
-    recent = state.recent[rows, chosen]
-    rate = updates.rates(
-        rule, world.rates[chosen], np.full(len(rows), weight), state.changes[rows, chosen]
-    )
-    state.profiles[rows, chosen] = updates.apply_update(
-        kind, profile, target, rate, rule, recent, world.starts[chosen], world.low, world.high
-    )
-    state.changes[rows, chosen] += 1.0
-    if recent.shape[1]:
-        asked = updates.requested(kind, profile, target, rule)
-        state.recent[rows, chosen] = np.concatenate([recent[:, 1:], asked[:, None]], axis=1)
-
-
-def _nearness(world: SimulatedWorld, told: Floats, scene: Floats) -> Floats:
-    """Return how near an agent's feedback is to the scene, from 1 down to −1, [rows]."""
-    ranges = (world.high - world.low).sum()
-    return np.asarray(1.0 - 2.0 * np.abs(told - scene).sum(axis=-1) / ranges)
-
-
-def _mood_place(world: SimulatedWorld) -> int:
-    assert world.space.mood is not None
-    return world.space.names.index(world.space.mood)
+def _vectors(rows: Floats) -> list[Vector]:
+    return [tuple(row) for row in rows.tolist()]

@@ -14,14 +14,13 @@ from itertools import product
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
-from bt_agents_lab.experiments.bandits import BANDITS
 from bt_agents_lab.experiments.measures import PerRun, of_runs, together
 from bt_agents_lab.experiments.random_streams import WrongFeedback, draw
 from bt_agents_lab.experiments.simulated_world import Arm, Selection, SimulatedWorld
-from bt_agents_lab.experiments.simulation import simulate_shares
+from bt_agents_lab.experiments.simulation import simulate
 from bt_agents_ros.signals import block_sigint
 
-PART = 1000
+PART = 20
 """Number of runs per task; it is fixed, so that results do not depend on the processes."""
 
 
@@ -143,13 +142,10 @@ def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
     """Play some runs with one strategy and every learning rule and share."""
     chosen = vars(spec.selections[selection])
     streams = draw(spec.world, seeds, spec.rounds, spec.wrong)
-    results: Results = {}
-    for rule, learning in enumerate(spec.learnings):
-        if rule and chosen["strategy"] in BANDITS:
-            # A bandit uses none of the learning rules.
-            results |= {(rule, place): results[0, place] for place in range(len(spec.shares))}
-            continue
-        courses = simulate_shares(spec.world, Arm(**chosen, rule=learning), streams, spec.shares)
-        for place, course in enumerate(courses):
-            results[rule, place] = of_runs(spec.world, streams, course)
-    return results
+    return {
+        (rule, place): of_runs(
+            spec.world, streams, simulate(spec.world, Arm(**chosen, rule=learning), streams, share)
+        )
+        for rule, learning in enumerate(spec.learnings)
+        for place, share in enumerate(spec.shares)
+    }

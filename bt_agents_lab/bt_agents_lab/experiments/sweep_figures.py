@@ -118,7 +118,7 @@ def cells(cell: Cell, found: Measures) -> dict[str, str]:
         "regret": f"{found.regret:.0f}",
         "settles": "never" if math.isinf(found.cycles) else f"{found.cycles:.0f}",
         "cancelled": f"{found.cancelled:.1%}",
-        "error": "no profile" if math.isnan(found.error) else f"{found.error:.2f}",
+        "error": f"{found.error:.2f}",
     }
 
 

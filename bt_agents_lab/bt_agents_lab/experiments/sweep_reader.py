@@ -10,7 +10,6 @@ from typing import Any
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneSpace
-from bt_agents_lab.experiments.bandits import BANDITS
 from bt_agents_lab.experiments.random_streams import WrongFeedback
 from bt_agents_lab.experiments.replicas import opened, world_of
 from bt_agents_lab.experiments.simulated_world import (
@@ -48,10 +47,7 @@ MAX_RUNS = 1_000_000
 MAX_ROUNDS = 100_000
 TIES = (*TIE_BREAKS, "random")
 
-_OPTIONS = {
-    **{name: spec.options for name, spec in STRATEGIES.items() if name not in NOT_SIMULATED},
-    **BANDITS,
-}
+_OPTIONS = {name: spec.options for name, spec in STRATEGIES.items() if name not in NOT_SIMULATED}
 _UPDATES = tuple(str(update) for update in Update)
 _STRATEGY = KeyTable(
     what="a strategy",

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from bt_agents_lab.experiments.measures import Interval, wilson
-from marketplace_node.strategies.arrays import Bools
+from bt_agents_lab.experiments.simulated_world import Bools
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,6 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
-import numpy as np
-
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FLEET as FLEET_SOURCE
 from bt_agents_core.feedback import FeedbackKind
@@ -305,10 +303,7 @@ class Replay:
         self._agent = agent
         self._space = space
         self._robot = robot
-        self._rule = updates.arrays(agent.learning, space)
-        self._authored = np.array(agent.authored)
-        self._low = np.array([p.minimum for p in space.parameters])
-        self._high = np.array([p.maximum for p in space.parameters])
+        self._rule = updates.in_order(agent.learning, space)
         self._known: set[tuple[str, int]] = set()
         self._keys: list[tuple[float, str, int]] = []
         self._steps: list[FleetStep] = []
@@ -337,33 +332,27 @@ class Replay:
     def _after(self, state: ReplayState, step: FleetStep) -> ReplayState:
         if step.event is StepEvent.BEGIN and state.profile:
             return state
-        target = np.array(self._space.ordered(step.target))
+        target = self._space.ordered(step.target)
+        authored = self._agent.authored
         if step.event is not StepEvent.FEEDBACK:
-            whole = np.where(np.isnan(target), self._authored, target)
-            clipped = np.clip(whole, self._low, self._high)
-            return ReplayState(profile=_vector(clipped), changes=step.changes)
-        profile = np.array(state.profile) if state.profile else self._authored
+            whole = tuple(
+                min(max(own if math.isnan(wanted) else wanted, one.low), one.high)
+                for one, own, wanted in zip(self._rule, authored, target, strict=True)
+            )
+            return ReplayState(profile=whole, changes=step.changes)
+        profile = state.profile or authored
         weight = step.weight
         if step.robot != self._robot:
             weight *= self._agent.learning.weight(FLEET_SOURCE)
+        rates = updates.rates(self._rule, self._agent.entry.learning_rate, weight, state.changes)
         after = updates.apply_update(
-            step.kind,
-            profile,
-            target,
-            updates.rates(self._rule, self._agent.entry.learning_rate, weight, state.changes)
-            if step.kind is not FeedbackKind.SET
-            else np.ones(len(profile)),
-            self._rule,
-            np.array(state.recent).reshape(-1, len(profile)),
-            self._authored,
-            self._low,
-            self._high,
+            self._rule, step.kind, profile, target, rates, state.recent, authored
         )
         if step.kind is FeedbackKind.SET:
-            return ReplayState(profile=_vector(after), changes=state.changes, recent=state.recent)
-        asked = _vector(updates.requested(step.kind, profile, target, self._rule))
+            return ReplayState(profile=after, changes=state.changes, recent=state.recent)
+        asked = updates.requested(self._rule, step.kind, profile, target)
         recent = (*state.recent, asked)[-self._agent.learning.window :]
-        return ReplayState(profile=_vector(after), changes=state.changes + 1, recent=recent)
+        return ReplayState(profile=after, changes=state.changes + 1, recent=recent)
 
 
 _FIELDS = frozenset(FleetStep.__dataclass_fields__)
@@ -384,7 +373,3 @@ def _is_number(value: Any) -> bool:
 
 def _invalid(what: str, found: str) -> Refused:
     return Refused("BAD_STEP", f"step{f' {what}' if what else ''}: {found}")
-
-
-def _vector(values: updates.Array) -> Vector:
-    return tuple(float(value) for value in values)

@@ -14,11 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
-import numpy as np
-
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
-from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_core.scene import MISSING, SceneSpace, Vector
 from feedback_node.learning import updates
 
 FEWEST_SAMPLES = 8
@@ -89,7 +87,7 @@ def step(
     weight: float = 1.0,
     evidence: Evidence = UNTAUGHT,
 ) -> Step:
-    """Move a profile by one feedback; see :func:`updates.apply_update` for the formulas.
+    """Move a profile by one feedback; see :meth:`updates.ParameterRule.apply` for the formulas.
 
     The target f is a wanted profile, or the scene that the profile p moves towards or away from;
     NaN leaves its parameter alone. ``SET`` means ``p ← f`` at once, whatever the learning rate η,
@@ -106,37 +104,32 @@ def step(
         raise Refused(
             "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
         )
-    of_rule = updates.arrays(rule, space)
+    of_rule = updates.in_order(rule, space)
     at_once = kind is FeedbackKind.SET
     rates = (
-        np.ones(len(space)) if at_once else updates.rates(of_rule, rate, weight, evidence.changes)
+        (1.0,) * len(space) if at_once else updates.rates(of_rule, rate, weight, evidence.changes)
     )
     after = updates.apply_update(
-        kind,
-        np.array(before),
-        np.array(wanted),
-        rates,
-        of_rule,
-        np.array(evidence.recent).reshape(-1, len(space)),
-        np.array(evidence.authored or before),
-        np.array([p.minimum for p in space.parameters]),
-        np.array([p.maximum for p in space.parameters]),
+        of_rule, kind, before, wanted, rates, evidence.recent, evidence.authored or before
     )
     moves = [
         f"{name} {old:.4g} → {new:.4g}"
-        for name, old, new in zip(space.names, before, _vector(after), strict=True)
+        for name, old, new in zip(space.names, before, after, strict=True)
         if old != new
     ]
-    retreats = updates.retreats(kind, np.array(before), np.array(wanted), of_rule)
-    why_not = _why_not(kind, before, wanted, _vector(rates), of_rule, evidence, space)
+    retreat = tuple(
+        one.retreat if one.retreats(kind, p, f) else MISSING
+        for one, p, f in zip(of_rule, before, wanted, strict=True)
+    )
+    why_not = _why_not(kind, before, wanted, rates, of_rule, evidence, space)
     return Step(
         before=before,
         target=wanted,
         rate=1.0 if at_once else rate,
         weight=1.0 if at_once else weight,
-        rates=_vector(rates),
-        retreat=_vector(np.where(retreats, of_rule.retreat, np.nan)),
-        after=_vector(after),
+        rates=rates,
+        retreat=retreat,
+        after=after,
         text=", ".join(moves) or f"the profile stays: {why_not}",
     )
 
@@ -150,8 +143,7 @@ def requested(
     rule: LearningRule = PLAIN,
 ) -> Vector:
     """Return the profile that a feedback other than ``SET`` asked for, as ``recent`` for later."""
-    of_rule = updates.arrays(rule, space)
-    return _vector(updates.requested(kind, np.array(profile), np.array(target), of_rule))
+    return updates.requested(updates.in_order(rule, space), kind, profile, target)
 
 
 def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
@@ -214,7 +206,7 @@ def _why_not(
     before: Vector,
     target: Vector,
     rates: Vector,
-    rule: updates.RuleArrays,
+    rule: Sequence[updates.ParameterRule],
     evidence: Evidence,
     space: SceneSpace,
 ) -> str:
@@ -224,7 +216,7 @@ def _why_not(
     if all(target[i] == before[i] for i in opinions):
         if kind is FeedbackKind.NEGATIVE:
             learning = [space.names[i] for i in opinions if rates[i] > 0.0]
-            if not any(math.isnan(rule.retreat[space.names.index(name)]) for name in learning):
+            if not any(math.isnan(rule[space.names.index(name)].retreat) for name in learning):
                 return "it has retreated as far as its file says"
             return (
                 "it lies exactly on the scene, so no direction leads away and negative feedback "
@@ -233,16 +225,12 @@ def _why_not(
                 "a veto stops its bids"
             )
         return "it is there already"
-    if rule.update is Update.MEDIAN:
+    if rule[0].update is Update.MEDIAN:
         return "it is where most of the last feedbacks want it"
     if evidence.authored and any(
-        abs(before[i] - evidence.authored[i]) >= rule.drift[i] for i in opinions
+        abs(before[i] - evidence.authored[i]) >= rule[i].drift for i in opinions
     ):
         return "it may not get farther from its file"
     if kind is FeedbackKind.NEGATIVE:
         return "it is at the edge of the ranges"
     return "the step is too small"
-
-
-def _vector(values: updates.Array) -> Vector:
-    return tuple(float(value) for value in values)

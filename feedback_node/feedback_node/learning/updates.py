@@ -1,199 +1,182 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Update rules of profiles on arrays: one profile, or the profiles of thousands of runs at once.
-
-All functions broadcast over leading axes; each row is moved as if it were alone. Plain sums equal
-those of plain Python bit for bit.
-"""
+"""Update rules: where one feedback moves one profile."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from statistics import median
 
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
-from bt_agents_core.scene import SceneSpace
-
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from bt_agents_core.scene import MISSING, SceneSpace, Vector
 
 WIDTH_SHARE = 1 / 4
 """Default width of ``HUBER`` as a share of a parameter's range."""
-
 
 SAME_SHARE = 1 / 1000
 """Share of a parameter's range within which a profile counts as on the scene."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class RuleArrays:
-    """A learning rule with its values in the order of the parameters.
+class ParameterRule:
+    """Learning rule of one parameter.
 
     Attributes:
-        rates: [n], learning rates; NaN for the agent's rate.
-        width: [n], width of ``HUBER`` in the units of the parameters.
+        rate: Its own learning rate; NaN for the agent's rate.
+        width: Width of ``HUBER``.
+        window: Number of feedbacks that ``MEDIAN`` looks at.
         anneal: The rate after m changes is ``rate / (1 + anneal * m)``.
-        drift: [n], largest distance from the authored profile; NaN for no bound.
-        retreat: [n], target of negative feedback on the scene itself; NaN for none.
-        same: [n], largest distance from the scene at which the profile counts as on it.
+        drift: Largest distance from the authored value; NaN for no bound.
+        retreat: Target of negative feedback on the scene itself; NaN for none.
+        low: Lower end of the range.
+        high: Upper end of the range.
     """
 
     update: Update
-    rates: Array
-    width: Array
+    rate: float
+    width: float
     window: int
     anneal: float
-    drift: Array
-    retreat: Array
-    same: Array
+    drift: float
+    retreat: float
+    low: float
+    high: float
+
+    def retreats(self, kind: FeedbackKind, p: float, f: float) -> bool:
+        """Return whether negative feedback meets a value on the scene, and there is a retreat."""
+        return (
+            kind is FeedbackKind.NEGATIVE
+            and not math.isnan(self.retreat)
+            and abs(p - f) <= (self.high - self.low) * SAME_SHARE
+        )
+
+    def requested(self, kind: FeedbackKind, p: float, f: float) -> float:
+        """Return the value that feedback asks for: f, or its mirror image if negative.
+
+        "Away from the scene by the same step" is a step towards ``2p - f``, which may be outside
+        the range; on the scene itself, it is a step towards ``retreat``.
+        """
+        if self.retreats(kind, p, f):
+            return self.retreat
+        return p - (f - p) if kind is FeedbackKind.NEGATIVE else f
+
+    def effective_rate(self, rate: float, weight: float, changes: int) -> float:
+        """Return ``min(1, η · w / (1 + a · m))``.
+
+        Args:
+            rate: Learning rate η of the agent, 0..1; the rule's own takes precedence.
+            weight: Weight w of the source, 0 or more.
+            changes: Number m of feedbacks that moved the profile.
+        """
+        own = rate if math.isnan(self.rate) else self.rate
+        return min(own * weight / (1.0 + self.anneal * changes), 1.0)
+
+    def apply(
+        self,
+        kind: FeedbackKind,
+        p: float,
+        f: float,
+        rate: float,
+        recent: Sequence[float],
+        authored: float,
+    ) -> float:
+        """Return the value after one feedback: ``p ← p + η · d``, inside the range and drift.
+
+        ``d`` is the pull of the feedback, ``f - p``, or ``-(f - p)`` if it is negative. ``HUBER``
+        clips it to ±width (Huber, "Robust Estimation of a Location Parameter", 1964: the gradient
+        of his loss); ``MEDIAN`` replaces ``f`` by the median of what the last feedbacks asked for.
+        A positive step does not pass its target. ``SET`` is ``p ← f``, whatever the rate and the
+        drift. Negative feedback on the scene itself is a step towards ``retreat`` if the rule has
+        one. A value that is already farther from its file than the drift only moves nearer or
+        stays.
+
+        Args:
+            kind: Kind of the feedback.
+            p: The value, inside the range.
+            f: Value of the feedback; NaN for no opinion.
+            rate: Result of :meth:`effective_rate`.
+            recent: Results of :meth:`requested` for the previous feedbacks, newest last; only
+                ``MEDIAN`` uses them.
+            authored: Value in the agent's file.
+        """
+        if math.isnan(f):
+            return p
+        if kind is FeedbackKind.SET:
+            return _clip(f, self.low, self.high)
+        retreats = self.retreats(kind, p, f)
+        goal = self.retreat if retreats else f
+        away = kind is FeedbackKind.NEGATIVE and not retreats
+        pull = p - goal if away else goal - p
+        if self.update is Update.HUBER:
+            pull = _clip(pull, -self.width, self.width)
+        elif self.update is Update.MEDIAN:
+            goal, away = self._median([*recent, self.requested(kind, p, f)]), False
+            pull = goal - p
+        after = p + rate * pull
+        if not away:
+            # Rounding may move the sum one digit past the target, which would be an overshoot.
+            after = _clip(after, min(p, goal), max(p, goal))
+        if not math.isnan(self.drift):
+            after = _clip(after, min(p, authored - self.drift), max(p, authored + self.drift))
+        return _clip(after, self.low, self.high)
+
+    def _median(self, asked: Sequence[float]) -> float:
+        return median([value for value in asked[-self.window :] if not math.isnan(value)])
 
 
-def arrays(rule: LearningRule, space: SceneSpace) -> RuleArrays:
-    """Return a rule with its values in the order of the space."""
-    return RuleArrays(
-        update=rule.update,
-        rates=np.array([rule.rates.get(name, np.nan) for name in space.names]),
-        width=np.array(
-            [
-                rule.width.get(p.name, (p.maximum - p.minimum) * WIDTH_SHARE)
-                for p in space.parameters
-            ]
-        ),
-        window=rule.window,
-        anneal=rule.anneal,
-        drift=np.array([rule.drift.get(name, np.nan) for name in space.names]),
-        retreat=np.array([rule.retreat.get(name, np.nan) for name in space.names]),
-        same=np.array([(p.maximum - p.minimum) * SAME_SHARE for p in space.parameters]),
+def in_order(rule: LearningRule, space: SceneSpace) -> tuple[ParameterRule, ...]:
+    """Return a rule for each parameter of the space."""
+
+    def of(values: Mapping[str, float], name: str) -> float:
+        return values.get(name, MISSING)
+
+    return tuple(
+        ParameterRule(
+            update=rule.update,
+            rate=of(rule.rates, one.name),
+            width=rule.width.get(one.name, (one.maximum - one.minimum) * WIDTH_SHARE),
+            window=rule.window,
+            anneal=rule.anneal,
+            drift=of(rule.drift, one.name),
+            retreat=of(rule.retreat, one.name),
+            low=one.minimum,
+            high=one.maximum,
+        )
+        for one in space.parameters
     )
 
 
-def rates(rule: RuleArrays, rate: ArrayLike, weight: ArrayLike, changes: ArrayLike) -> Array:
-    """Return the rate of each parameter: ``min(1, η · w / (1 + a · m))``.
-
-    Args:
-        rule: The rule; its own rates take precedence over ``rate``.
-        rate: [...], learning rate η of the agent, 0..1.
-        weight: [...], weight w of the source, 0 or more.
-        changes: [...], number of feedbacks that moved the profile (m).
-
-    Returns:
-        [..., n], 0..1.
-    """
-    own = np.where(np.isnan(rule.rates), np.asarray(rate)[..., None], rule.rates)
-    annealed = 1.0 + rule.anneal * np.asarray(changes, dtype=np.float64)[..., None]
-    result: Array = np.minimum(own * np.asarray(weight)[..., None] / annealed, 1.0)
-    return result
+def rates(
+    rule: Sequence[ParameterRule], rate: float, weight: float, changes: int
+) -> tuple[float, ...]:
+    """Return the rate of each parameter; see :meth:`ParameterRule.effective_rate`."""
+    return tuple(one.effective_rate(rate, weight, changes) for one in rule)
 
 
-def retreats(kind: ArrayLike, profile: Array, target: Array, rule: RuleArrays) -> BoolArray:
-    """Return where negative feedback meets a profile on the scene and the rule has a retreat.
-
-    Arguments are those of :func:`requested`; the result is [..., n].
-    """
-    negative = np.asarray(kind)[..., None] == FeedbackKind.NEGATIVE
-    result: BoolArray = (
-        negative & ~np.isnan(rule.retreat) & (np.abs(profile - target) <= rule.same)
+def requested(
+    rule: Sequence[ParameterRule], kind: FeedbackKind, profile: Vector, target: Vector
+) -> Vector:
+    """Return the profile that feedback asks for; see :meth:`ParameterRule.requested`."""
+    return tuple(
+        one.requested(kind, p, f) for one, p, f in zip(rule, profile, target, strict=True)
     )
-    return result
-
-
-def requested(kind: ArrayLike, profile: Array, target: Array, rule: RuleArrays) -> Array:
-    """Return the profile that feedback asks for: the target, or its mirror image if negative.
-
-    "Away from the scene by the same step" is a step towards ``2p − s``, which may be outside the
-    ranges; on the scene itself, it is a step towards ``retreat``.
-
-    Args:
-        kind: [...], as :class:`bt_agents_core.feedback.FeedbackKind`.
-        profile: [..., n].
-        target: [..., n]; NaN for no opinion.
-        rule: The learning rule, the same for all rows.
-    """
-    negative = np.asarray(kind)[..., None] == FeedbackKind.NEGATIVE
-    asked = np.where(negative, profile - (target - profile), target)
-    return np.where(retreats(kind, profile, target, rule), rule.retreat, asked)
 
 
 def apply_update(
-    kind: ArrayLike,
-    profile: Array,
-    target: Array,
-    rate: Array,
-    rule: RuleArrays,
-    recent: Array,
-    authored: Array,
-    low: Array,
-    high: Array,
-) -> Array:
-    """Return profiles after one feedback each: ``p ← p + η · d``, inside the ranges and drift.
-
-    ``d`` is the pull of the feedback, ``f − p``, or ``−(f − p)`` if it is negative. ``HUBER``
-    clips it to ±width (Huber, "Robust Estimation of a Location Parameter", 1964: the gradient of
-    his loss); ``MEDIAN`` replaces ``f`` by the median of what the last feedbacks asked for. A
-    positive step does not pass its target. ``SET`` is ``p ← f``, whatever the rate and the drift.
-    Negative feedback on the scene itself is a step towards ``retreat`` if the rule has one. A
-    profile that is already farther from its file than the drift only moves nearer or stays.
-
-    Args:
-        kind: [...], as :class:`bt_agents_core.feedback.FeedbackKind`.
-        profile: [..., n], inside the ranges.
-        target: [..., n]; NaN leaves its parameter alone.
-        rate: [..., n], result of :func:`rates`.
-        rule: The learning rule, the same for all rows.
-        recent: [..., k, n], results of :func:`requested` for the previous feedbacks, newest last,
-            NaN for none; only ``MEDIAN`` uses it.
-        authored: [..., n], profile in the agent's file.
-        low: [n], lower ends of the ranges.
-        high: [n], upper ends of the ranges.
-    """
-    kinds = np.asarray(kind)[..., None]
-    retreating = retreats(kind, profile, target, rule)
-    mirrored = (kinds == FeedbackKind.NEGATIVE) & ~retreating & (rule.update != Update.MEDIAN)
-    goal = np.where(retreating, rule.retreat, target)
-    pull = goal - profile
-    pull = np.where(mirrored, -pull, pull)
-    if rule.update == Update.HUBER:
-        pull = np.clip(pull, -rule.width, rule.width)
-    elif rule.update == Update.MEDIAN:
-        goal = _median_target(requested(kind, profile, target, rule), recent, rule.window)
-        pull = goal - profile
-    after = profile + rate * pull
-    # Rounding may move the sum one digit past the target, which would be an overshoot.
-    nearer = np.clip(after, np.minimum(profile, goal), np.maximum(profile, goal))
-    after = _bounded(np.where(mirrored, after, nearer), profile, authored, rule.drift)
-    after = np.clip(np.where(kinds == FeedbackKind.SET, target, after), low, high)
-    return np.where(np.isnan(target), profile, after)
+    rule: Sequence[ParameterRule],
+    kind: FeedbackKind,
+    profile: Vector,
+    target: Vector,
+    rates: Vector,
+    recent: Sequence[Vector],
+    authored: Vector,
+) -> Vector:
+    """Return the profile after one feedback; see :meth:`ParameterRule.apply`."""
+    before = tuple(zip(*recent, strict=True)) or ((),) * len(profile)
+    columns = zip(rule, profile, target, rates, before, authored, strict=True)
+    return tuple(one.apply(kind, p, f, *others) for one, p, f, *others in columns)
 
 
-def median(samples: Array) -> Array:
-    """Return the median of samples [..., k, n] over k, ignoring NaN; NaN where all are NaN."""
-    ordered = np.sort(samples, axis=-2)
-    count = np.sum(~np.isnan(samples), axis=-2, keepdims=True)
-    below = np.take_along_axis(ordered, np.maximum(count - 1, 0) // 2, axis=-2)
-    above = np.take_along_axis(ordered, np.minimum(count // 2, samples.shape[-2] - 1), axis=-2)
-    middle = np.where(below == above, below, (below + above) / 2.0)
-    result: Array = middle[..., 0, :]
-    return result
-
-
-def _median_target(requested_now: Array, recent: Array, window: int) -> Array:
-    before = recent[..., max(recent.shape[-2] - (window - 1), 0) :, :]
-    wide = np.broadcast_shapes(before.shape[:-2], requested_now.shape[:-1])
-    samples = np.concatenate(
-        [
-            np.broadcast_to(before, (*wide, *before.shape[-2:])),
-            np.broadcast_to(requested_now, (*wide, requested_now.shape[-1]))[..., None, :],
-        ],
-        axis=-2,
-    )
-    return median(samples)
-
-
-def _bounded(after: Array, before: Array, authored: Array, drift: Array) -> Array:
-    if np.isnan(drift).all():
-        return after
-    least = np.fmin(before, authored - drift)
-    most = np.fmax(before, authored + drift)
-    bounded = np.clip(after, least, most)
-    return np.where(np.isnan(drift), after, bounded)
+def _clip(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)

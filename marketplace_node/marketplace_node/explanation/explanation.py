@@ -6,8 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 from bt_agents_core.text import format_number, join_first, join_words, single_spaced
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
@@ -209,10 +207,9 @@ def _exploration(decision: Decision, winner: RankedBid, space: SceneSpace) -> It
 def _bound(decision: Decision, space: SceneSpace, share: float) -> str:
     """Return how much farther than the nearest bid exploration lets a winner be."""
     profiles = space.profiles
-    widths = np.array([one.maximum - one.minimum for one in profiles.parameters])
+    widths = tuple(one.maximum - one.minimum for one in profiles.parameters)
     scene = profiles.compared(decision.terms.scene)
-    margin = float(ranges_share(np.array(scene.vector), widths, share))
-    limit = distance(margin, FEW)
+    limit = distance(ranges_share(scene.vector, widths, share), FEW)
     return f"An agent more than {limit} farther away than the nearest one cannot win."
 
 

@@ -197,7 +197,7 @@ class Auction:
             )
         cells = slice(row * width, (row + 1) * width)
         vector = self._space.vector(bids.vectors[cells], what=f"bid of {agent}")
-        weights = tuple(bids.weights[cells])
+        weights = tuple(map(float, bids.weights[cells]))
         for name, weight in zip(self._space.names, weights, strict=False):
             if not (math.isfinite(weight) and 0.0 <= weight <= MAX_WEIGHT):
                 raise Refused(

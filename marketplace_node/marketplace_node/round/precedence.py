@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-
-import numpy as np
 
 from bt_agents_core.errors import Refused
 from bt_agents_language.expression.expression_values import Undecided
@@ -15,7 +13,7 @@ from bt_agents_language.expression.name_resolution import SceneFacts, resolve, s
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.formatting import shown
 from marketplace_node.round.decision import UndecidedRule
-from marketplace_node.strategies import Scores
+from marketplace_node.strategies import Score
 
 _BIDDERS_NAMED = 5
 
@@ -82,12 +80,13 @@ def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, 
     return tuple(ranking)
 
 
-def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:
+def apply_precedence(scores: Sequence[Score], places: Sequence[int]) -> list[Score]:
     """Put the bids at some places first, in that order; distances rank the rest.
 
     The k-th of m such bids gets the score k - m, below every distance. This is no exploration, so
     there is no bonus.
     """
-    score = scores.distance.copy()
-    score[list(places)] = np.arange(len(places)) - float(len(places))
-    return replace(scores, bonus=np.zeros_like(score), score=score)
+    result = [one._replace(bonus=0.0, score=one.distance) for one in scores]
+    for number, place in enumerate(places):
+        result[place] = result[place]._replace(score=float(number - len(places)))
+    return result

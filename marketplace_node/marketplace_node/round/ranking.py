@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from marketplace_node.round.bid_table import BidTable, weights_of
 from marketplace_node.round.counterfactual import smallest_change
 from marketplace_node.round.decision import (
     AcceptedBid,
@@ -19,9 +18,8 @@ from marketplace_node.round.decision import (
     Terms,
     UndecidedRule,
 )
-from marketplace_node.round.round_model import RoundModel, Scored
+from marketplace_node.round.round_model import RoundModel, Scored, round_bids
 from marketplace_node.strategies import STRATEGIES, StrategySpec
-from marketplace_node.strategies.arrays import Integers
 
 FALLBACK = "manhattan"
 """Strategy that ranks when the one in force fails."""
@@ -44,8 +42,8 @@ def decide(
     """
     if not bids:
         return Ranked()
-    table = BidTable.of(bids, space)
-    model = _model(space, terms, table, external)
+    accepted = _sorted(bids)
+    model = _model(space, terms, accepted, external)
     fallback = external.failure if external is not None else ""
     try:
         scored = model.score()
@@ -53,11 +51,11 @@ def decide(
         fallback = refused.reason
         model = replace(model, spec=STRATEGIES[FALLBACK])
         scored = model.score()
-    places = model.order(scored.scores.score)
+    places = model.order(scored.scores)
     shadow = _shadow(model)
     return Ranked(
-        bids=_ranked(space, terms, table, scored, places),
-        bidders=table.agents,
+        bids=_ranked(model, accepted, scored, places),
+        bidders=tuple(bid.agent for bid in accepted),
         by=FALLBACK if fallback else model.spec.name,
         fallback=fallback,
         precedence=scored.precedence,
@@ -65,7 +63,7 @@ def decide(
         shadow_winner=shadow.winner,
         shadow_failure=shadow.failure,
         undecided=scored.undecided or shadow.undecided,
-        find_change=lambda: smallest_change(model, places, space),
+        find_change=(lambda: smallest_change(model, places[1])) if len(places) > 1 else None,
     )
 
 
@@ -73,10 +71,14 @@ def nearest(space: SceneSpace, terms: Terms, bids: Sequence[AcceptedBid]) -> tup
     """Return the bids ranked by Manhattan distance, whatever the strategy of the round."""
     if not bids:
         return ()
-    table = BidTable.of(bids, space)
-    model = _model(space, replace(terms, strategy=FALLBACK), table, None)
+    accepted = _sorted(bids)
+    model = _model(space, replace(terms, strategy=FALLBACK), accepted, None)
     scored = model.score()
-    return _ranked(space, terms, table, scored, model.order(scored.scores.score))
+    return _ranked(model, accepted, scored, model.order(scored.scores))
+
+
+def _sorted(bids: Sequence[AcceptedBid]) -> list[AcceptedBid]:
+    return sorted(bids, key=lambda bid: bid.agent)
 
 
 def _spec(name: str) -> StrategySpec:
@@ -90,12 +92,12 @@ def _spec(name: str) -> StrategySpec:
 
 
 def _model(
-    space: SceneSpace, terms: Terms, table: BidTable, external: External | None
+    space: SceneSpace, terms: Terms, accepted: Sequence[AcceptedBid], external: External | None
 ) -> RoundModel:
     return RoundModel(
+        space=space,
         terms=terms,
-        table=table,
-        field=table.field(space, terms),
+        given=round_bids(space, terms, accepted),
         spec=_spec(terms.strategy),
         options=terms.options,
         seed=terms.seed,
@@ -104,48 +106,28 @@ def _model(
 
 
 def _ranked(
-    space: SceneSpace, terms: Terms, table: BidTable, scored: Scored, places: Integers
+    model: RoundModel, accepted: Sequence[AcceptedBid], scored: Scored, places: Sequence[int]
 ) -> tuple[RankedBid, ...]:
-    scores = scored.scores
-    columns = zip(
-        places.tolist(),
-        table.vectors[places].tolist(),
-        scores.contributions[places].tolist(),
-        _weights(space, table, places),
-        scores.distance[places].tolist(),
-        scores.bonus[places].tolist(),
-        scores.score[places].tolist(),
-        strict=True,
-    )
-    return tuple(
-        RankedBid(
-            agent=table.agents[index],
-            agent_id=table.agent_ids[index],
-            host=table.hosts[index],
-            instance=table.instances[index],
-            vector=tuple(vector),
-            distance=distance,
-            contributions=tuple(contributions),
-            weights=weights,
-            bonus=bonus,
-            score=score,
-            runs=terms.runs.get(table.agents[index], 0),
-            last_run=terms.last_run.get(table.agents[index], 0),
+    ranked = []
+    for place in places:
+        bid, of, score = accepted[place], model.given.bids[place], scored.scores[place]
+        ranked.append(
+            RankedBid(
+                agent=bid.agent,
+                agent_id=bid.agent_id,
+                host=bid.host,
+                instance=bid.instance,
+                vector=bid.vector,
+                distance=score.distance,
+                contributions=score.contributions,
+                weights=() if set(of.weights) == {1.0} else of.weights,
+                bonus=score.bonus,
+                score=score.score,
+                runs=of.runs,
+                last_run=of.last_run,
+            )
         )
-        for index, vector, contributions, weights, distance, bonus, score in columns
-    )
-
-
-def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple[float, ...]]:
-    """Return the weights of each bid; empty where all are 1."""
-    if table.weights is None:
-        common = weights_of(space)
-        return [() if set(common) == {1.0} else common] * len(places)
-    rows = table.weights[places]
-    return [
-        () if alike else tuple(row)
-        for row, alike in zip(rows.tolist(), (rows == 1.0).all(axis=1).tolist(), strict=True)
-    ]
+    return tuple(ranked)
 
 
 class _Shadow(NamedTuple):
@@ -171,5 +153,5 @@ def _shadow(model: RoundModel) -> _Shadow:
         scored = shadow.score()
     except Refused as refused:
         return _Shadow(failure=refused.reason)
-    winner = model.table.agents[int(shadow.order(scored.scores.score)[0])]
+    winner = model.given.bids[shadow.order(scored.scores)[0]].agent
     return _Shadow(winner=winner, undecided=scored.undecided)

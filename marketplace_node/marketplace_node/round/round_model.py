@@ -3,35 +3,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
 from marketplace_node.formatting import shown
-from marketplace_node.round.bid_table import BidTable
-from marketplace_node.round.decision import External, Terms, UndecidedRule
+from marketplace_node.round.decision import AcceptedBid, External, Terms, UndecidedRule
 from marketplace_node.round.precedence import AppliedRules, apply_precedence, apply_rules
 from marketplace_node.settings import EXTERNAL, RULES
-from marketplace_node.strategies import (
-    LinearScores,
-    RandomSource,
-    RoundArrays,
-    Scores,
-    StrategySpec,
-    order,
-    round_rng,
-)
-from marketplace_node.strategies.arrays import Floats, Integers
+from marketplace_node.strategies import Bid, RoundBids, Score, StrategySpec, order, round_rng
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
     """Scores of one round; precedence, placed bids and undecided rules as in :class:`Ranked`."""
 
-    scores: Scores
+    scores: Sequence[Score]
     precedence: str = ""
     placed: int = 0
     undecided: tuple[UndecidedRule, ...] = ()
@@ -41,12 +30,12 @@ class Scored:
 class RoundModel:
     """Bids of a round with the strategy, options and seed that rank them.
 
-    ``field`` contains ``table`` as arrays; there is at least one bid.
+    ``given`` contains at least one bid.
     """
 
+    space: SceneSpace
     terms: Terms
-    table: BidTable
-    field: RoundArrays
+    given: RoundBids
     spec: StrategySpec
     options: Mapping[str, float]
     seed: str
@@ -58,127 +47,116 @@ class RoundModel:
         Raises:
             Refused: ``STRATEGY_FAILED``; see :func:`scored`.
         """
-        scores = scored(self.spec, self.field, self.options, round_rng(self.seed))
+        scores = scored(self.spec, self.given, self.options, self.seed)
         applied = self._applied_rules()
         agents, why = self._first(applied)
-        places = [self.table.agents.index(agent) for agent in agents]
-        if not places:
+        if not agents:
             return Scored(scores=scores, undecided=applied.undecided)
+        bidders = self._bidders()
         return Scored(
-            scores=apply_precedence(scores, places),
+            scores=apply_precedence(scores, [bidders.index(agent) for agent in agents]),
             precedence=why,
-            placed=len(places),
+            placed=len(agents),
             undecided=applied.undecided,
         )
 
-    def order(self, scores: Floats) -> Integers:
-        """Return indices of the bids, best first; [..., N] to [..., N]."""
-        last_run = self.field.rounds - self.field.idle
-        return order(scores, last_run, None, self.terms.tie_break)
+    def order(self, scores: Sequence[Score]) -> list[int]:
+        """Return the indices of the bids, best first."""
+        return order([one.score for one in scores], self.given.bids, self.terms.tie_break)
 
-    def winners(self, scenes: Floats) -> Integers:
-        """Return the winners in other scenes with the same random draws; [G, n] to [G].
-
-        Raises:
-            Refused: ``STRATEGY_FAILED``.
-        """
-        field = replace(self.field, scene=scenes)
-        same = _SameForAll(round_rng(self.seed))
-        scores = scored(self.spec, field, self.options, same).score
-        return self.order(scores)[:, 0]
-
-    def lines(self) -> LinearScores | None:
-        """Return the scores as a function of the scene; None where they are not piecewise linear.
-
-        Raises:
-            Refused: ``STRATEGY_FAILED``, as in :func:`scored`.
-        """
-        if self.spec.lines is None:
-            return None
-        count, width = self.field.bids.shape
-        with _guarded(self.spec):
-            lines = self.spec.lines(
-                self.field, self.spec.values(self.options), round_rng(self.seed)
-            )
-            weights = np.asarray(lines.weights, dtype=np.float64)
-            by_bid = (width,) if weights.ndim == 1 else (count, width)
-            return LinearScores(
-                profiles=_checked("profiles of lines", lines.profiles, (count, width)),
-                weights=_checked("weights of lines", weights, by_bid),
-                offsets=_checked("offsets of lines", lines.offsets, (count,)),
-            )
+    def with_value(self, index: int, value: float) -> RoundModel:
+        """Return the same round for a scene in which one parameter has another value."""
+        scene = self.terms.scene
+        values = list(scene.values)
+        values[index] = replace(values[index], value=value)
+        scene = replace(scene, values=tuple(values))
+        return replace(
+            self,
+            terms=replace(self.terms, scene=scene),
+            given=replace(self.given, scene=self.space.compared(scene).vector),
+        )
 
     def _applied_rules(self) -> AppliedRules:
         if self.spec.name != RULES:
             return AppliedRules()
         scene = self.terms.scene
         named = {value.name: value.value for value in scene.values}
-        return apply_rules(self.terms.rules, named, scene.person, self.table.agents)
+        return apply_rules(self.terms.rules, named, scene.person, self._bidders())
 
     def _first(self, applied: AppliedRules) -> tuple[list[str], str]:
         """Return the bidders that precede nearer ones, and why."""
-        external, bidders = self.external, self.table.agents
+        external = self.external
         if applied.rule is not None:
+            bidders = set(self._bidders())
             ours = [agent for agent in applied.rule.agents if agent in bidders]
             return ours, f"rule {applied.number}: {applied.rule.condition.text}"
         if self.spec.name == EXTERNAL and external is not None and not external.failure:
             return list(external.ranking), external.message
         return [], ""
 
+    def _bidders(self) -> list[str]:
+        return [bid.agent for bid in self.given.bids]
+
+
+def round_bids(space: SceneSpace, terms: Terms, accepted: Sequence[AcceptedBid]) -> RoundBids:
+    """Return the input of a strategy; ``accepted`` is sorted by the agents' names."""
+    scene = space.compared(terms.scene)
+    common = weights_of(space)
+    return RoundBids(
+        scene=scene.vector,
+        std=tuple(0.0 if math.isnan(std) else std for std in scene.std),
+        widths=tuple(one.maximum - one.minimum for one in space.parameters),
+        rounds=terms.rounds_run,
+        bids=tuple(
+            Bid(
+                agent=bid.agent,
+                profile=bid.vector,
+                weights=bid.weights or common,
+                runs=terms.runs.get(bid.agent, 0),
+                last_run=terms.last_run.get(bid.agent, 0),
+            )
+            for bid in accepted
+        ),
+    )
+
+
+def weights_of(space: SceneSpace) -> tuple[float, ...]:
+    """Return the weights of the parameters in ``scene.yaml``."""
+    return tuple(parameter.weight for parameter in space.parameters)
+
 
 def scored(
-    spec: StrategySpec, field: RoundArrays, options: Mapping[str, float], random: RandomSource
-) -> Scores:
+    spec: StrategySpec, given: RoundBids, options: Mapping[str, float], seed: str
+) -> list[Score]:
     """Return the checked scores of a strategy, which may be third-party.
 
     Raises:
         Refused: ``STRATEGY_FAILED``; it raised, or it did not return one finite score per bid.
     """
-    with _guarded(spec):
-        scores = spec.score(field, spec.values(options), random)
-        parts = (*field.shape, field.bids.shape[-1])
-        return Scores(
-            distance=_checked("distance", scores.distance, field.shape),
-            bonus=_checked("bonus", scores.bonus, field.shape),
-            score=_checked("score", scores.score, field.shape),
-            contributions=_checked("contributions", scores.contributions, parts),
-        )
-
-
-@contextmanager
-def _guarded(spec: StrategySpec) -> Iterator[None]:
-    """Turn errors of a strategy into a ``Refused`` that names it."""
     try:
-        yield
-    except Refused as refused:
-        raise Refused("STRATEGY_FAILED", f"strategy {spec.name}: {refused.reason}") from None
+        found = spec.score(given, spec.values(options), round_rng(seed))
+        scores = [
+            Score(float(distance), float(bonus), float(score), tuple(map(float, contributions)))
+            for distance, bonus, score, contributions in found
+        ]
     except (Exception, SystemExit) as error:
         raise Refused(
             "STRATEGY_FAILED",
             f"strategy {spec.name} raised {type(error).__name__}: {shown(str(error))}",
         ) from error
+    if problem := _problem(scores, given):
+        raise Refused("STRATEGY_FAILED", f"strategy {spec.name}: {problem}")
+    return scores
 
 
-def _checked(what: str, found: object, shape: tuple[int, ...]) -> Floats:
-    array = np.asarray(found, dtype=np.float64)
-    if array.shape != shape:
-        raise Refused(
-            "STRATEGY_FAILED",
-            f"its {what} has the shape {list(array.shape)}, expected {list(shape)}",
-        )
-    if not np.isfinite(array).all():
-        raise Refused("STRATEGY_FAILED", f"its {what} is not a finite number for every bid")
-    return array
-
-
-class _SameForAll:
-    """Random source that repeats the draws of the round's own scene for each of many scenes."""
-
-    def __init__(self, source: np.random.Generator) -> None:
-        self._source = source
-
-    def random(self, size: tuple[int, ...], /) -> Floats:
-        return np.broadcast_to(self._source.random(size[1:]), size)
-
-    def standard_normal(self, size: tuple[int, ...], /) -> Floats:
-        return np.broadcast_to(self._source.standard_normal(size[1:]), size)
+def _problem(scores: Sequence[Score], given: RoundBids) -> str:
+    """Return what is wrong with the scores; empty for nothing."""
+    if len(scores) != len(given.bids):
+        return f"it returns {len(scores)} scores for {len(given.bids)} bids"
+    for bid, score in zip(given.bids, scores, strict=True):
+        parts, expected = len(score.contributions), len(given.scene)
+        if parts != expected:
+            return f"{bid.agent} has {parts} contributions, expected {expected}"
+        if not all(map(math.isfinite, (*score[:3], *score.contributions))):
+            return f"the score of {bid.agent} is not finite"
+    return ""

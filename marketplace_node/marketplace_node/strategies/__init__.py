@@ -1,22 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strategies that rank bids: named pure functions on arrays."""
+"""Strategies that rank bids: named pure functions of the bids of one round."""
 
-from marketplace_node.strategies.arrays import (
-    TIE_BREAKS,
-    BatchRandomSource,
-    LinearScores,
-    Option,
-    RandomSource,
-    RoundArrays,
-    Scores,
-    StrategySpec,
-    order,
-    round_rng,
-    scores_of,
-    with_bonus,
-)
 from marketplace_node.strategies.catalogue import STRATEGIES
 from marketplace_node.strategies.distances import (
+    differences,
     euclidean,
     expected_manhattan,
     manhattan,
@@ -30,29 +17,38 @@ from marketplace_node.strategies.exploration import (
     ucb,
 )
 from marketplace_node.strategies.plugins import add_installed
+from marketplace_node.strategies.strategy import (
+    TIE_BREAKS,
+    Bid,
+    Option,
+    RoundBids,
+    Score,
+    StrategySpec,
+    order,
+    round_rng,
+    total,
+)
 
 __all__ = [
     "STRATEGIES",
     "TIE_BREAKS",
-    "BatchRandomSource",
-    "LinearScores",
+    "Bid",
     "Option",
-    "RandomSource",
-    "RoundArrays",
-    "Scores",
+    "RoundBids",
+    "Score",
     "StrategySpec",
     "add_installed",
     "bounded_ucb",
+    "differences",
     "epsilon_greedy",
     "euclidean",
     "expected_manhattan",
     "manhattan",
     "order",
     "round_rng",
-    "scores_of",
     "softmax",
     "thompson",
+    "total",
     "ucb",
     "weighted_manhattan",
-    "with_bonus",
 ]

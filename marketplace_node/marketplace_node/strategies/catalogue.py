@@ -7,13 +7,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from marketplace_node.strategies import exploration
-from marketplace_node.strategies.arrays import Option, StrategySpec
 from marketplace_node.strategies.distances import (
     euclidean,
     expected_manhattan,
     manhattan,
-    manhattan_lines,
-    weighted_lines,
     weighted_manhattan,
 )
 from marketplace_node.strategies.exploration import (
@@ -23,19 +20,18 @@ from marketplace_node.strategies.exploration import (
     thompson,
     ucb,
 )
+from marketplace_node.strategies.strategy import Option, StrategySpec
 
 _OWN = (
     StrategySpec(
         name="manhattan",
         description="The nearest bid wins: the sum of the differences, as in the paper.",
         score=manhattan,
-        lines=manhattan_lines,
     ),
     StrategySpec(
         name="weighted_manhattan",
         description="As manhattan, but parameters count by their weight.",
         score=weighted_manhattan,
-        lines=weighted_lines,
     ),
     StrategySpec(
         name="euclidean",
@@ -52,7 +48,6 @@ _OWN = (
         name="softmax",
         description="Nearer bids are likelier to win, but none is left out for ever.",
         score=softmax,
-        lines=exploration.softmax_lines,
         options=(exploration.TEMPERATURE,),
         draws=True,
     ),
@@ -60,7 +55,6 @@ _OWN = (
         name="epsilon_greedy",
         description="The nearest bid wins, but now and then anybody does.",
         score=epsilon_greedy,
-        lines=exploration.epsilon_greedy_lines,
         options=(exploration.EPSILON,),
         draws=True,
     ),
@@ -68,7 +62,6 @@ _OWN = (
         name="ucb",
         description="The nearest bid wins, but who ran seldom is forgiven some distance.",
         score=ucb,
-        lines=exploration.ucb_lines,
         options=(exploration.UCB_C,),
         counts=True,
     ),
@@ -76,7 +69,6 @@ _OWN = (
         name="bounded_ucb",
         description="As ucb, but nobody wins who is much further than the nearest.",
         score=bounded_ucb,
-        lines=exploration.bounded_ucb_lines,
         options=(exploration.BOUNDED_C, exploration.MARGIN),
         counts=True,
     ),
@@ -85,7 +77,6 @@ _OWN = (
         description="Profiles are taken for the less certain the less they ran; the nearest of "
         "drawn ones wins.",
         score=thompson,
-        lines=exploration.thompson_lines,
         options=(exploration.SIGMA,),
         draws=True,
     ),
@@ -100,7 +91,6 @@ _OWN = (
         description="A program outside ranks, asked by the service 'bt_agents/select'; without "
         "its answer in time, manhattan.",
         score=manhattan,
-        lines=manhattan_lines,
         options=(
             Option(
                 name="limit",

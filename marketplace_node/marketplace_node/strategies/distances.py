@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strategies that measure how far a bid is from the scene."""
+"""Strategies that measure how far each bid p is from the scene x.
+
+A parameter whose value of the scene is missing contributes 0; without any value every distance
+is 0.
+"""
 
 from __future__ import annotations
 
@@ -8,97 +12,86 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from marketplace_node.strategies.arrays import (
-    Floats,
-    LinearScores,
-    RandomSource,
-    RoundArrays,
-    Scores,
-    differences,
-    mask_missing,
-    scores_of,
-    total,
-)
-
-_erf = np.vectorize(math.erf, otypes=[np.float64])
+from bt_agents_core.scene import Vector
+from marketplace_node.strategies.strategy import RoundBids, Score, total
 
 
-def manhattan(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
-    """Measure by the sum of ``|bid - scene|``, formula (1) of the paper, to the last digit.
-
-    Missing values of the scene are skipped; without any value every distance is 0.
-    """
+def manhattan(
+    given: RoundBids, options: Mapping[str, float], random: np.random.Generator
+) -> list[Score]:
+    """Measure by ``Σ |p - x|``, formula (1) of the paper."""
     del options, random
-    parts = differences(field)
-    return scores_of(field, np.abs(parts, out=parts))
+    return [Score.of(differences(bid.profile, given.scene)) for bid in given.bids]
 
 
-def manhattan_lines(
-    field: RoundArrays, options: Mapping[str, float], random: RandomSource
-) -> LinearScores:
-    """Return ``manhattan`` as a function of the scene."""
-    del options, random
-    count, width = field.bids.shape
-    return LinearScores(profiles=field.bids, weights=np.ones(width), offsets=np.zeros(count))
+def differences(profile: Vector, scene: Vector) -> list[float]:
+    """Return ``|p - x|`` of each parameter."""
+    return [0.0 if math.isnan(x) else abs(p - x) for p, x in zip(profile, scene, strict=True)]
 
 
 def weighted_manhattan(
-    field: RoundArrays, options: Mapping[str, float], random: RandomSource
-) -> Scores:
-    """Measure by the sum of ``weight * |bid - scene|``; equals ``manhattan`` with weights of 1."""
+    given: RoundBids, options: Mapping[str, float], random: np.random.Generator
+) -> list[Score]:
+    """Measure by ``Σ w |p - x|``; equals ``manhattan`` with weights of 1."""
     del options, random
-    return scores_of(field, np.abs(differences(field)) * field.weights)
+    return [
+        Score.of(
+            [
+                d * w
+                for d, w in zip(differences(bid.profile, given.scene), bid.weights, strict=True)
+            ]
+        )
+        for bid in given.bids
+    ]
 
 
-def weighted_lines(
-    field: RoundArrays, options: Mapping[str, float], random: RandomSource
-) -> LinearScores:
-    """Return ``weighted_manhattan`` as a function of the scene."""
-    del options, random
-    return LinearScores(
-        profiles=field.bids, weights=field.weights, offsets=np.zeros(field.bids.shape[0])
-    )
+def euclidean(
+    given: RoundBids, options: Mapping[str, float], random: np.random.Generator
+) -> list[Score]:
+    """Measure by the Euclidean distance, ``√ Σ (p - x)²``.
 
-
-def euclidean(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
-    """Measure by the Euclidean distance, the root of the sum of ``(bid - scene)^2``.
-
-    A parameter contributes its share of the length, ``(bid - scene)^2 / distance``, so that the
+    A parameter contributes its share of the length, ``(p - x)² / distance``, so that the
     contributions add up to the distance.
     """
     del options, random
-    squares = differences(field) ** 2
-    distance = np.broadcast_to(np.sqrt(total(squares)), field.shape)
-    length = np.where(distance > 0.0, distance, 1.0)[..., None]
-    return Scores(
-        distance=distance,
-        bonus=np.zeros(field.shape),
-        score=distance,
-        contributions=squares / length,
-    )
+    scores = []
+    for bid in given.bids:
+        squares = [d * d for d in differences(bid.profile, given.scene)]
+        distance = math.sqrt(total(squares))
+        shares = tuple(square / (distance or 1.0) for square in squares)
+        scores.append(Score(distance, 0.0, distance, shares))
+    return scores
 
 
 def expected_manhattan(
-    field: RoundArrays, options: Mapping[str, float], random: RandomSource
-) -> Scores:
+    given: RoundBids, options: Mapping[str, float], random: np.random.Generator
+) -> list[Score]:
     """Measure by the expected Manhattan distance when each value of the scene is Gaussian.
 
-    With ``X ~ N(scene, std^2)`` and ``a = bid - scene``, it is the mean of the folded normal
-    distribution: ``E|bid - X| = std sqrt(2/pi) exp(-a^2 / (2 std^2)) + a erf(a / (std sqrt 2))``
-    (Leone, Nelson and Nottingham, 1961). Without any std it is ``manhattan`` to the last digit.
+    Without any standard deviation it is ``manhattan`` to the last digit.
     """
     del options, random
-    gap = differences(field)
-    return scores_of(field, mask_missing(field, folded_mean(gap, field.std[..., None, :])))
+    return [
+        Score.of(
+            [
+                0.0 if math.isnan(x) else folded_mean(p - x, std)
+                for p, x, std in zip(bid.profile, given.scene, given.std, strict=True)
+            ]
+        )
+        for bid in given.bids
+    ]
 
 
-def folded_mean(gap: Floats, std: Floats) -> Floats:
-    """Return ``E|Y|`` of ``Y ~ N(gap, std^2)``; ``|gap|`` where std is 0, NaN or far smaller."""
-    size = np.abs(gap)
-    unsure = np.broadcast_to(std > 0.0, size.shape) & (size < 9.0 * std)
-    if unsure.any():
-        deviation = np.broadcast_to(std, size.shape)[unsure]
-        turns = size[unsure] / deviation
-        near = deviation * math.sqrt(2.0 / math.pi) * np.exp(-0.5 * turns**2)
-        size[unsure] = near + size[unsure] * _erf(turns / math.sqrt(2.0))
-    return size
+def folded_mean(gap: float, std: float) -> float:
+    """Return ``E|Y|`` of ``Y ~ N(gap, std²)``; ``|gap|`` where std is 0 or far smaller.
+
+    It is the mean of the folded normal distribution:
+    ``std √(2/π) exp(-gap² / (2 std²)) + gap erf(gap / (std √2))`` (Leone, Nelson and Nottingham,
+    1961).
+    """
+    size = abs(gap)
+    if not size < 9.0 * std:  # also where std is NaN
+        return size
+    turns = size / std
+    near = std * math.sqrt(2.0 / math.pi) * math.exp(-0.5 * (turns * turns))
+    return near + size * math.erf(turns / math.sqrt(2.0))

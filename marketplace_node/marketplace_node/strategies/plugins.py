@@ -10,8 +10,8 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
 from bt_agents_core.errors import BtAgentsError
-from marketplace_node.strategies.arrays import Option, StrategySpec
 from marketplace_node.strategies.catalogue import STRATEGIES, add
+from marketplace_node.strategies.strategy import Option, StrategySpec
 
 GROUP = "bt_agents.strategies"
 """Entry point group; an entry point has the strategy's name and loads a ``StrategySpec``."""
@@ -88,8 +88,6 @@ def _problem(name: str, spec: object) -> str:
         return ": 'description' is no text"
     if not callable(spec.score):
         return ": 'score' is no function"
-    if spec.lines is not None and not callable(spec.lines):
-        return ": 'lines' is no function"
     if not isinstance(spec.options, tuple) or not all(_is_option(one) for one in spec.options):
         return (
             ": 'options' must be a tuple of Option with name and description as texts, "

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -114,7 +113,7 @@ def test_towards_feedback_a_profile_never_overshoots_and_never_goes_away(
 @given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
 def test_negative_feedback_never_comes_closer(profile, target, rate, rule, weight):
     after = step(FeedbackKind.NEGATIVE, profile, target, rate, rule=rule, weight=weight)
-    same = updates.arrays(rule, SPACE).same
+    same = [(high - low) * updates.SAME_SHARE for low, high in RANGES]
     for p, f, moved, on_it in zip(profile, target, after, same, strict=True):
         # Within that distance the profile lies on the scene, and retreats to either side.
         closest = 0.0 if rule.retreat and abs(p - f) <= on_it else abs(p - f)
@@ -192,29 +191,6 @@ def test_the_usual_rule_is_the_paper_s_formula_bit_for_bit(kind, profile, target
     rows = zip(profile, target, RANGES, strict=True)
     expected = tuple(plain(p, f, *ends) for p, f, ends in rows)
     assert step(kind, profile, target, rate) == expected
-
-
-@given(
-    rules, st.lists(st.tuples(learned, profiles, targets, rates, weights, evidences), max_size=6)
-)
-def test_many_rows_at_once_are_moved_as_one_by_one(rule, rows):
-    arrays = updates.arrays(rule, SPACE)
-    low, high = (np.array(ends) for ends in zip(*RANGES, strict=True))
-    recent = np.full((len(rows), 8, len(SPACE)), np.nan)
-    for index, row in enumerate(rows):
-        for place, vector in enumerate(reversed(row[5].recent), start=1):
-            recent[index, -place] = vector
-    column = [np.array([row[field] for row in rows]) for field in range(5)]
-    kind, profile, target = column[0], *(one.reshape(-1, len(SPACE)) for one in column[1:3])
-    changes = np.array([row[5].changes for row in rows], dtype=float)
-    authored = np.array([row[5].authored for row in rows]).reshape(-1, len(SPACE))
-    rate = updates.rates(arrays, column[3], column[4], changes)
-    after = updates.apply_update(kind, profile, target, rate, arrays, recent, authored, low, high)
-    singly = [
-        step(k, p, f, r, rule=rule, weight=w, evidence=evidence)
-        for k, p, f, r, w, evidence in rows
-    ]
-    assert [tuple(row) for row in after.tolist()] == singly
 
 
 @given(st.lists(targets, max_size=20))

@@ -8,16 +8,14 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
 from field_values import field, scored
 from market_harness import SPACE, scene
 from marketplace_node.round.ranking import decide
-from marketplace_node.strategies import STRATEGIES, BatchRandomSource, RoundArrays, round_rng
+from marketplace_node.strategies import STRATEGIES, RoundBids
 from ranked_rounds import added_up, bids, terms
 
 NAN = math.nan
@@ -32,25 +30,31 @@ few = settings(max_examples=15)  # for each strategy
 
 
 @st.composite
-def fields(draw: st.DrawFn, lead: tuple[int, ...] = ()) -> RoundArrays:
-    """Return bids with scenes, weights and counts of runs; some values are missing."""
+def fields(draw: st.DrawFn) -> RoundBids:
+    """Return bids with a scene, weights and counts of runs; some values are missing."""
     count, width = draw(st.integers(1, 5)), draw(st.integers(1, 4))
 
-    def array(shape: tuple[int, ...], elements: st.SearchStrategy[float]) -> Any:
-        return draw(arrays.arrays(np.float64, shape, elements=elements))
+    def row(elements: st.SearchStrategy[float]) -> list[float]:
+        return draw(st.lists(elements, min_size=width, max_size=width))
 
-    scenes = array((*lead, width), st.one_of(values, st.just(NAN)))
-    std = np.where(np.isnan(scenes), NAN, array((*lead, width), st.floats(0.0, 2.0)))
-    runs = array((*lead, count), st.integers(0, 9).map(float))
+    runs = draw(st.lists(st.integers(0, 9), min_size=count, max_size=count))
     return field(
-        scenes,
-        array((*lead, count, width), values),
-        std=std,
-        weights=array((*lead, count, width), st.floats(0.0, 4.0)),
+        row(st.one_of(values, st.just(NAN))),
+        [row(values) for _ in range(count)],
+        std=row(st.floats(0.0, 2.0)),
+        weights=[row(st.floats(0.0, 4.0)) for _ in range(count)],
         runs=runs,
-        rounds=runs.sum(axis=-1),
-        idle=array((*lead, count), st.integers(0, 9).map(float)),
+        rounds=sum(runs),
     )
+
+
+def changed(of: RoundBids, **changes: Any) -> RoundBids:
+    """Return a round in which every bid is changed in the same way."""
+    return replace(of, bids=[bid._replace(**changes) for bid in of.bids])
+
+
+def scores_of(name: str, of: RoundBids) -> list[float]:
+    return [one.score for one in scored(name, of)]
 
 
 @given(st.lists(st.tuples(numbers, st.one_of(numbers, st.just(NAN))), min_size=1, max_size=12))
@@ -64,114 +68,78 @@ def test_the_distance_equals_exact_terms_rounded_once_an_addition(
             expected = float(Fraction(expected) + Fraction(term))
 
     bid, wanted_all = [bid for bid, _ in pairs], [wanted for _, wanted in pairs]
-    assert scored("manhattan", field(wanted_all, [bid])).distance[0] == expected
+    assert scored("manhattan", field(wanted_all, [bid]))[0].distance == expected
 
 
-@given(fields((3,)))
-def test_the_distance_is_the_plain_sum_to_the_last_bit_in_every_round(of: RoundArrays) -> None:
-    distances = scored("manhattan", of).distance
-
-    for row in range(3):
-        assert distances[row].tolist() == [
-            added_up(tuple(bid), tuple(of.scene[row])) for bid in of.bids[row]
-        ]
+@given(fields())
+def test_the_distance_is_the_plain_sum_to_the_last_bit(of: RoundBids) -> None:
+    assert scores_of("manhattan", of) == [added_up(bid.profile, of.scene) for bid in of.bids]
 
 
 @named
 @few
 @given(of=fields())
 def test_scores_are_finite_and_contributions_add_up_to_the_distance(
-    name: str, of: RoundArrays
+    name: str, of: RoundBids
 ) -> None:
     scores = scored(name, of)
 
-    assert scores.score.shape == scores.distance.shape == scores.bonus.shape == of.shape
-    for part in (scores.score, scores.distance, scores.bonus, scores.contributions):
-        assert np.isfinite(part).all()
-    assert scores.contributions.sum(axis=-1) == pytest.approx(scores.distance)
-    assert scores.score == pytest.approx(scores.distance - scores.bonus, abs=1e-9)
+    assert len(scores) == len(of.bids)
+    for one in scores:
+        assert all(map(math.isfinite, (*one[:3], *one.contributions)))
+        assert math.fsum(one.contributions) == pytest.approx(one.distance)
+        assert one.score == pytest.approx(one.distance - one.bonus, abs=1e-9)
 
 
 @named
 @few
 @given(of=fields())
-def test_a_missing_value_never_counts(name: str, of: RoundArrays) -> None:
-    missing = np.isnan(of.scene)
-    assume(missing.any())
-    other = of.bids.copy()
-    other[:, missing] = 3.0
+def test_a_missing_value_never_counts(name: str, of: RoundBids) -> None:
+    missing = [math.isnan(x) for x in of.scene]
+    assume(any(missing))
+    profiles = [
+        tuple(3.0 if gone else p for p, gone in zip(bid.profile, missing, strict=True))
+        for bid in of.bids
+    ]
+    bids = [bid._replace(profile=p) for bid, p in zip(of.bids, profiles, strict=True)]
 
-    assert (
-        scored(name, of).contributions[:, missing].tolist()
-        == np.zeros((len(of.bids), missing.sum())).tolist()
-    )
-    assert np.array_equal(scored(name, of).score, scored(name, replace(of, bids=other)).score)
-
-
-@named
-@few
-@given(of=fields((4,)))
-def test_many_rounds_at_once_are_each_as_alone(name: str, of: RoundArrays) -> None:
-    seeds = [f"e/{number}" for number in range(4)]
-    together = scored(name, of, BatchRandomSource([round_rng(seed) for seed in seeds]))
-
-    for row, seed in enumerate(seeds):
-        alone = RoundArrays(
-            **{key: value if key == "widths" else value[row] for key, value in vars(of).items()}
-        )
-        expected = scored(name, alone, round_rng(seed))
-        assert np.array_equal(together.score[row], expected.score)
-        assert np.array_equal(together.contributions[row], expected.contributions)
+    for one in scored(name, of):
+        parts = zip(one.contributions, missing, strict=True)
+        assert all(part == 0.0 for part, gone in parts if gone)
+    assert scores_of(name, of) == scores_of(name, replace(of, bids=bids))
 
 
 @given(fields())
-def test_weights_of_one_are_no_weights(of: RoundArrays) -> None:
-    alike = replace(of, weights=np.ones(of.bids.shape[-1]))
+def test_weights_of_one_are_no_weights(of: RoundBids) -> None:
+    alike = changed(of, weights=(1.0,) * len(of.scene))
 
-    assert np.array_equal(scored("weighted_manhattan", alike).score, scored("manhattan", of).score)
-
-
-@given(fields())
-def test_certain_values_make_the_expected_distance_the_distance(of: RoundArrays) -> None:
-    certain = replace(of, std=np.zeros(of.bids.shape[-1]))
-
-    assert np.array_equal(
-        scored("expected_manhattan", certain).score, scored("manhattan", of).score
-    )
+    assert scores_of("weighted_manhattan", alike) == scores_of("manhattan", of)
 
 
 @given(fields())
-def test_uncertainty_never_brings_a_bid_nearer(of: RoundArrays) -> None:
-    found = scored("expected_manhattan", of)
+def test_certain_values_make_the_expected_distance_the_distance(of: RoundBids) -> None:
+    certain = replace(of, std=(0.0,) * len(of.scene))
 
-    assert (found.score >= scored("manhattan", of).score - 1e-12).all()
+    assert scores_of("expected_manhattan", certain) == scores_of("manhattan", of)
 
 
-@given(of=fields((3,)), margin=st.floats(0.0, 1.0), c=st.floats(0.0, 10.0))
+@given(fields())
+def test_uncertainty_never_brings_a_bid_nearer(of: RoundBids) -> None:
+    pairs = zip(scores_of("expected_manhattan", of), scores_of("manhattan", of), strict=True)
+
+    assert all(unsure >= sure - 1e-12 for unsure, sure in pairs)
+
+
+@given(of=fields(), margin=st.floats(0.0, 1.0), c=st.floats(0.0, 10.0))
 def test_nobody_further_than_the_margin_from_the_nearest_ever_wins(
-    of: RoundArrays, margin: float, c: float
+    of: RoundBids, margin: float, c: float
 ) -> None:
     scores = scored("bounded_ucb", of, margin=margin, c=c)
-    allowed = margin * (of.widths * ~np.isnan(of.scene)).sum(axis=-1)
+    known = [width for width, x in zip(of.widths, of.scene, strict=True) if not math.isnan(x)]
 
-    for row in range(3):
-        further = scores.distance[row, scores.score[row].argmin()] - scores.distance[row].min()
-        assert further <= allowed[row] + 1e-9
-
-
-@pytest.mark.parametrize("name", [name for name in NAMES if STRATEGIES[name].lines])
-@few
-@given(of=fields(), shift=st.integers(0, 4))
-def test_where_scores_are_straight_lines_the_lines_say_the_scores(
-    name: str, of: RoundArrays, shift: int
-) -> None:
-    spec = STRATEGIES[name]
-    assert spec.lines is not None
-    moved = replace(of, scene=np.where(np.isnan(of.scene), NAN, 1.0 + (of.scene + shift) % 4.0))
-    lines = spec.lines(of, spec.values({}), round_rng("seed"))
-    parts = np.nan_to_num(np.abs(lines.profiles - moved.scene) * lines.weights)
-
-    assert lines.offsets + parts.sum(axis=-1) == pytest.approx(scored(name, moved).score)
+    winner = min(scores, key=lambda one: one.score)
+    further = winner.distance - min(one.distance for one in scores)
+    assert further <= margin * sum(known) + 1e-9
 
 
 @named

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Thousands of bids are ranked at once, in the very order of the plain sum."""
+"""Bids are checked, then ranked by strategy and weights."""
 
 from __future__ import annotations
 
@@ -18,11 +18,6 @@ from marketplace_node.round.auction import Auction
 from marketplace_node.round.decision import Bids, ClosedBy
 from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
-from ranking import case, equals_plain
-
-
-def test_many_bids_come_in_the_order_of_the_plain_sum() -> None:
-    assert equals_plain(case(2_000, 32))
 
 
 def taken(**changes: Any) -> Auction:

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import yaml
 
 from field_values import field, scored
 from marketplace_node.settings import Settings
-from marketplace_node.strategies import STRATEGIES, BatchRandomSource, order, round_rng
+from marketplace_node.strategies import STRATEGIES, Bid, order, round_rng
 from marketplace_node.strategies.distances import folded_mean
 
 NAN = math.nan
@@ -34,29 +35,29 @@ GUIDE, EXPRESS, CHILD = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5), (1.0, 2.0, 4.0)
 def test_the_manhattan_distance_of_some_bids(
     bid: tuple[float, ...], scene: tuple[float, ...], distance: float
 ) -> None:
-    assert scored("manhattan", field(scene, [bid])).distance[0] == distance
+    assert scored("manhattan", field(scene, [bid]))[0].distance == distance
 
 
 def test_a_weight_multiplies_what_a_parameter_contributes() -> None:
-    scores = scored(
+    [found] = scored(
         "weighted_manhattan", field((5.0, 1.0, 3.0), [GUIDE], weights=[(2.0, 0.0, 1.0)])
     )
 
-    assert scores.contributions.tolist() == [[2.0, 0.0, 0.0]]
-    assert scores.score.tolist() == [2.0]
+    assert found.contributions == (2.0, 0.0, 0.0)
+    assert found.score == 2.0
 
 
 def test_the_straight_line_is_shared_out_among_the_parameters() -> None:
     scores = scored("euclidean", field((1.0, 1.0, NAN), [(4.0, 5.0, 3.0), (1.0, 1.0, 5.0)]))
 
-    assert scores.distance.tolist() == [5.0, 0.0]
-    assert scores.contributions.tolist() == [[9 / 5, 16 / 5, 0.0], [0.0, 0.0, 0.0]]
+    assert [one.distance for one in scores] == [5.0, 0.0]
+    assert [one.contributions for one in scores] == [(9 / 5, 16 / 5, 0.0), (0.0, 0.0, 0.0)]
 
 
 def test_the_expected_distance_to_a_certain_value_is_the_distance() -> None:
     unsure = field((3.0, 1.0, NAN), [(3.0, 4.0, 2.0)], std=(1.0, 0.0, NAN))
 
-    [[age, familiarity, mood]] = scored("expected_manhattan", unsure).contributions
+    age, familiarity, mood = scored("expected_manhattan", unsure)[0].contributions
     assert age == pytest.approx(math.sqrt(2 / math.pi), rel=1e-15)
     assert (familiarity, mood) == (3.0, 0.0)
 
@@ -68,24 +69,27 @@ def test_the_folded_mean_agrees_with_its_integral(gap: float, std: float) -> Non
     density = np.exp(-0.5 * points**2) / math.sqrt(2 * math.pi)
     integral = np.trapezoid(np.abs(gap + std * points) * density, points)
 
-    found = folded_mean(np.array([gap]), np.array([std]))[0]
-    assert found == pytest.approx(float(integral), rel=1e-7)
+    assert folded_mean(gap, std) == pytest.approx(float(integral), rel=1e-7)
 
 
 def test_the_folded_mean_agrees_with_a_hundred_thousand_draws() -> None:
     draws = np.abs(0.7 + 0.5 * round_rng("folded").standard_normal(100_000))
 
-    found = folded_mean(np.array([0.7]), np.array([0.5]))[0]
-    assert found == pytest.approx(draws.mean(), abs=5 * draws.std() / math.sqrt(100_000))
-
-
-def winners(strategy: str, rounds: int, bids: Any, **options: float) -> Any:
-    """Return how often each bid comes first, each round with chance of its own."""
-    many = field(np.tile((3.0, 3.0, 3.0), (rounds, 1)), bids)
-    places = order(
-        scored(strategy, many, round_rng("many"), **options).score, 0, "abc"[: len(bids)]
+    assert folded_mean(0.7, 0.5) == pytest.approx(
+        draws.mean(), abs=5 * draws.std() / math.sqrt(100_000)
     )
-    return np.bincount(places[:, 0], minlength=len(bids))
+
+
+def winners(
+    strategy: str, rounds: int, bids: Sequence[tuple[float, ...]], **options: float
+) -> list[int]:
+    """Return how often each bid comes first, each round with chance of its own."""
+    seen, random = field((3.0, 3.0, 3.0), bids), round_rng("many")
+    counts = Counter(
+        order([one.score for one in scored(strategy, seen, random, **options)], seen.bids)[0]
+        for _ in range(rounds)
+    )
+    return [counts[index] for index in range(len(bids))]
 
 
 def test_softmax_draws_with_the_chances_of_its_formula() -> None:
@@ -93,7 +97,7 @@ def test_softmax_draws_with_the_chances_of_its_formula() -> None:
     expected = np.exp(-np.array([0.0, 0.5, 1.5]) / 0.5)
     expected *= 20_000 / expected.sum()
 
-    found = winners("softmax", 20_000, bids, temperature=0.5)
+    found = np.array(winners("softmax", 20_000, bids, temperature=0.5))
     chi_square = ((found - expected) ** 2 / expected).sum()
     assert chi_square < 13.8, "with two degrees of freedom p is above 0.001"
 
@@ -114,7 +118,7 @@ def test_epsilon_greedy_leaves_its_share_of_rounds_to_chance(epsilon: float) -> 
 def test_the_bonus_of_ucb_falls_with_the_runs_of_an_agent_and_grows_with_those_of_others() -> None:
     def bonus(runs: int, rounds: int) -> float:
         seen = field((3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
-        return float(scored("ucb", seen, c=2.0).bonus[0])
+        return scored("ucb", seen, c=2.0)[0].bonus
 
     assert bonus(0, 0) == 0.0
     assert bonus(3, 7) == pytest.approx(2.0 * math.sqrt(math.log(8) / 4))
@@ -125,7 +129,7 @@ def test_the_bonus_of_ucb_falls_with_the_runs_of_an_agent_and_grows_with_those_o
 def test_the_bonus_of_bounded_ucb_is_that_of_ucb_up_to_the_margin() -> None:
     def bonus(runs: int, rounds: int, *scene: float) -> float:
         seen = field(scene or (3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
-        return float(scored("bounded_ucb", seen, c=0.5, margin=0.4).bonus[0])
+        return scored("bounded_ucb", seen, c=0.5, margin=0.4)[0].bonus
 
     assert bonus(0, 0) == 0.0
     assert bonus(3, 7) == pytest.approx(6.0 * math.sqrt(math.log(8) / 4))
@@ -139,7 +143,8 @@ def test_within_the_margin_everybody_gets_a_turn_and_beyond_it_nobody() -> None:
     for round_number in range(2_000):
         seen = field((1.0, 1.0), [(1.0, 1.0), (2.5, 2.0), (3.0, 2.3)], runs=runs,
                      rounds=round_number)  # fmt: skip
-        runs[int(scored("bounded_ucb", seen, c=0.5, margin=0.4).score.argmin())] += 1
+        scores = [one.score for one in scored("bounded_ucb", seen, c=0.5, margin=0.4)]
+        runs[scores.index(min(scores))] += 1
 
     nearest, within, beyond = runs
     assert nearest > 1_900
@@ -149,42 +154,26 @@ def test_within_the_margin_everybody_gets_a_turn_and_beyond_it_nobody() -> None:
 
 def test_thompson_comes_to_manhattan_as_an_agent_runs_again_and_again() -> None:
     def spread(runs: int) -> float:
-        many = field(np.tile((3.0, 3.0, 3.0), (2_000, 1)), [GUIDE], runs=[runs])
+        many = field((3.0, 3.0, 3.0), [GUIDE] * 2_000, runs=[runs] * 2_000)
         scores = scored("thompson", many, round_rng("thompson"), sigma=0.1)
-        return float(np.abs(scores.score - scores.distance).mean())
+        return float(np.mean([abs(one.bonus) for one in scores]))
 
     assert spread(0) > 1.9 * spread(3) > 1.9**2 * spread(15)
     assert spread(10**12) < 1e-5
     still = scored("thompson", field((3.0, 3.0, 3.0), [GUIDE, EXPRESS]), sigma=0.0)
-    assert np.array_equal(still.score, still.distance)
+    assert [one.score for one in still] == [one.distance for one in still]
 
 
 def test_equal_scores_go_to_the_least_recently_run_then_to_the_name() -> None:
     names = ["cat", "ann", "bob"]
 
     def places(scores: list[float], last_run: list[int], tie_break: str) -> list[str]:
-        found = order(np.array(scores), last_run, names, tie_break)
-        return [names[index] for index in found]
+        bids = [Bid(name, (), (), 0, last) for name, last in zip(names, last_run, strict=True)]
+        return [names[index] for index in order(scores, bids, tie_break)]
 
     assert places([2, 1, 1], [0, 0, 0], "least_recently_run") == ["ann", "bob", "cat"]
     assert places([1, 1, 1], [3, 7, 0], "least_recently_run") == ["bob", "cat", "ann"]
     assert places([1, 1, 1], [3, 7, 0], "name") == ["ann", "bob", "cat"]
-    in_order = order(np.array([1.0, 1.0, 0.0, 1.0]), [3, 7, 0, 3], None)
-    assert in_order.tolist() == [2, 0, 3, 1]
-
-
-def test_many_rounds_are_put_in_order_at_once() -> None:
-    scores = np.array([[2.0, 1.0, 1.0], [1.0, 1.0, 3.0]])
-
-    found = order(scores, np.array([[0, 5, 2], [4, 1, 0]]), "abc")
-    assert found.tolist() == [[2, 1, 0], [1, 0, 2]]
-
-
-def test_many_rounds_draw_what_each_draws_alone() -> None:
-    seeds = [f"e/{number}" for number in range(5)]
-    together = BatchRandomSource([round_rng(seed) for seed in seeds]).random((5, 3))
-
-    assert together.tolist() == [round_rng(seed).random((3,)).tolist() for seed in seeds]
 
 
 def test_the_chance_of_a_seed_is_the_same_on_every_machine() -> None:

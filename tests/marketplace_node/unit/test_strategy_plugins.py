@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import subprocess
@@ -14,7 +15,6 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from market_harness import SPACE, Driver, scene
@@ -22,15 +22,7 @@ from marketplace_node.explanation.explanation import explanation
 from marketplace_node.round import auction, ranking
 from marketplace_node.round.decision import Ranked
 from marketplace_node.round.ranking import decide
-from marketplace_node.strategies import (
-    STRATEGIES,
-    LinearScores,
-    Option,
-    Scores,
-    StrategySpec,
-    manhattan,
-)
-from marketplace_node.strategies.distances import manhattan_lines
+from marketplace_node.strategies import STRATEGIES, Option, Score, StrategySpec, manhattan
 from marketplace_node.strategies.plugins import GROUP, read_plugins
 from ranked_rounds import bids, decided, terms
 
@@ -93,7 +85,6 @@ UNFIT = {
     "unfit": replace(SPEC, name="unfit", options=(UNFIT_OPTION,)),
     "twice": replace(SPEC, name="twice", options=(replace(UNFIT_OPTION, default=1.0),) * 2),
     "no_score": replace(SPEC, name="no_score", score=None),  # type: ignore[arg-type]
-    "no_lines": replace(SPEC, name="no_lines", lines="x"),  # type: ignore[arg-type]
     "no_words": replace(SPEC, name="no_words", description=None),  # type: ignore[arg-type]
     "no_number": replace(SPEC, name="no_number", options=(replace(UNFIT_OPTION, minimum="a"),)),  # type: ignore[arg-type]
     "no_default": replace(SPEC, name="no_default", options=(replace(UNFIT_OPTION, default=None),)),  # type: ignore[arg-type]
@@ -123,7 +114,6 @@ class Loaded(EntryPoint):
         ("unfit", "whose default lies between minimum and maximum"),
         ("twice", "two options have the same name"),
         ("no_score", "'score' is no function"),
-        ("no_lines", "'lines' is no function"),
         ("no_words", "'description' is no text"),
         ("no_number", "name and description as texts, and whose default lies between"),
         ("no_default", "name and description as texts, and whose default lies between"),
@@ -140,35 +130,33 @@ def test_what_cannot_be_a_strategy_is_a_problem_in_words(name: str, words: str) 
     assert words in problems[0]
 
 
-def not_finite(field: Any, options: Mapping[str, float], random: Any) -> Scores:
-    scores = manhattan(field, options, random)
-    return replace(scores, score=scores.score * np.nan)
+def not_finite(given: Any, options: Mapping[str, float], random: Any) -> list[Score]:
+    return [one._replace(score=math.nan) for one in manhattan(given, options, random)]
 
 
-def too_short(field: Any, options: Mapping[str, float], random: Any) -> Scores:
-    scores = manhattan(field, options, random)
-    return replace(scores, bonus=scores.bonus[:-1])
+def too_short(given: Any, options: Mapping[str, float], random: Any) -> list[Score]:
+    return manhattan(given, options, random)[:-1]
 
 
-def without_parts(field: Any, options: Mapping[str, float], random: Any) -> Scores:
-    return replace(manhattan(field, options, random), contributions=np.zeros(2))
+def without_parts(given: Any, options: Mapping[str, float], random: Any) -> list[Score]:
+    return [one._replace(contributions=(1.0,)) for one in manhattan(given, options, random)]
 
 
-def no_scores(field: Any, options: Mapping[str, float], random: Any) -> Any:
-    return field.bids.sum(axis=-1)
+def no_scores(given: Any, options: Mapping[str, float], random: Any) -> Any:
+    return [sum(bid.profile) for bid in given.bids]
 
 
-def raising(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+def raising(given: Any, options: Mapping[str, float], random: Any) -> list[Score]:
     raise KeyError("temperature")
 
 
-def leaving(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+def leaving(given: Any, options: Mapping[str, float], random: Any) -> list[Score]:
     sys.exit("broken\nstrategy")
 
 
-def meddling(field: Any, options: Mapping[str, float], random: Any) -> Scores:
-    field.bids[:] = 3.0
-    return manhattan(field, options, random)
+def meddling(given: Any, options: Mapping[str, float], random: Any) -> list[Score]:
+    given.bids[0].profile[0] = 3.0
+    return manhattan(given, options, random)
 
 
 def ranked_by(score: Any, patch: pytest.MonkeyPatch, **changes: Any) -> Ranked:
@@ -179,14 +167,13 @@ def ranked_by(score: Any, patch: pytest.MonkeyPatch, **changes: Any) -> Ranked:
 
 
 BAD = {
-    not_finite: "strategy theirs: its score is not a finite number for every bid",
-    too_short: "strategy theirs: its bonus has the shape [1], expected [2]",
-    without_parts: "strategy theirs: its contributions has the shape [2], expected [2, 3]",
-    no_scores: "strategy theirs raised AttributeError: 'numpy.ndarray' object has no attribute "
-    "'distance'",
+    not_finite: "strategy theirs: the score of ann is not finite",
+    too_short: "strategy theirs: it returns 1 scores for 2 bids",
+    without_parts: "strategy theirs: ann has 1 contributions, expected 3",
+    no_scores: "strategy theirs raised TypeError: cannot unpack non-iterable float object",
     raising: "strategy theirs raised KeyError: 'temperature'",
     leaving: "strategy theirs raised SystemExit: broken strategy",
-    meddling: "strategy theirs raised ValueError: assignment destination is read-only",
+    meddling: "strategy theirs raised TypeError: 'tuple' object does not support item assignment",
 }
 
 
@@ -220,45 +207,6 @@ def test_a_shadow_that_fails_is_told_of_in_the_explanation(
     assert explanation(decision, SPACE).splitlines()[-1] == (
         "theirs only looks on: strategy theirs raised KeyError: 'temperature'."
     )
-
-
-def raising_lines(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
-    raise ValueError("no lines")
-
-
-def mis_shaped(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
-    return LinearScores(profiles=np.zeros((1, 1)), weights=np.ones(1), offsets=np.zeros(1))
-
-
-def nowhere(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
-    return replace(manhattan_lines(field, options, random), offsets=np.array([np.nan, 0.0]))
-
-
-@pytest.mark.parametrize(
-    ("lines", "words"),
-    [
-        (raising_lines, "strategy theirs raised ValueError: no lines"),
-        (
-            mis_shaped,
-            "strategy theirs: its profiles of lines has the shape [1, 1], expected [2, 3]",
-        ),
-        (nowhere, "strategy theirs: its offsets of lines is not a finite number for every bid"),
-        (lambda *_: None, "strategy theirs raised AttributeError: 'NoneType' object has no "),
-    ],
-)
-def test_lines_that_fail_cost_the_smallest_change_and_nothing_else(
-    lines: Any, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    spec = replace(SPEC, name="theirs", lines=lines)
-    monkeypatch.setattr(ranking, "STRATEGIES", {**STRATEGIES, "theirs": spec})
-    found = decide(
-        SPACE, terms(strategy="theirs"), bids({"ann": (4.0, 4.0, 4.0), "bob": (3.0, 3.0, 3.5)})
-    )
-
-    assert (found.by, found.fallback) == ("theirs", "")
-    assert found.change is not None
-    assert found.change.names == ()
-    assert found.change.obstacle.startswith(words)
 
 
 def test_a_round_whose_ranking_breaks_ends_without_an_award(
