@@ -60,7 +60,7 @@ class StateFolder:
 
     @property
     def tunings(self) -> Path:
-        """File of the tunings; the file of the presets is next to it."""
+        """File of the tunings."""
         return self.path / "tunings.sqlite"
 
     @property

@@ -34,7 +34,6 @@ def test_every_file_of_a_session_is_private_while_it_runs_and_after(
     up.until("starts")
     ask("feedback", "positive", "--reason", "kind")
     ask("tune", "attentive_guide.patience=9")
-    ask("preset", "save", "morning")
     ask("veto", "silent_text")
     assert "scene layer: " in ask("forget", "anna", "--yes", "--state", str(kept))
     shared = {path: mode for path, mode in modes(kept).items() if mode not in (0o700, 0o600)}
@@ -47,7 +46,7 @@ def test_every_file_of_a_session_is_private_while_it_runs_and_after(
     assert {mode for path, mode in found.items() if path.is_file()} == {0o600}
     names = {path.name for path in found}
     assert {
-        "ledger.sqlite", "tunings.sqlite", "presets.yaml", "orders.json", "people.json",
+        "ledger.sqlite", "tunings.sqlite", "orders.json", "people.json",
         "trees-folder", "journal", "agents.log",
     } <= names  # fmt: skip
 

@@ -47,13 +47,19 @@ def spec(name: str = "a", head: str = HEAD) -> AgentSpec:
 class Host(BaseNode):
     """The tuning of a host, and nothing else of it."""
 
-    def __init__(self, *specs: AgentSpec, tunings: str = "", **node_kwargs: Any) -> None:
+    def __init__(
+        self,
+        *specs: AgentSpec,
+        tunings: str = "",
+        presets: Path = Path("nowhere"),
+        **node_kwargs: Any,
+    ) -> None:
         super().__init__("agents", **node_kwargs)
         self.registry = AgentRegistry(SPACE, specs or (spec("a"), spec("b")))
         self.rates: list[float] = []
         self.cards = 0
         self.tunables = TunableParameters(
-            self, self.registry, self._card, set_rate=self.rates.append, tunings=tunings
+            self, self.registry, presets, self._card, set_rate=self.rates.append, tunings=tunings
         )
 
     def _card(self) -> None:
@@ -71,8 +77,8 @@ class Host(BaseNode):
 
 
 @pytest.fixture
-def host(ros: Any) -> Host:
-    return ros.add(Host())  # type: ignore[no-any-return]
+def host(ros: Any, tmp_path: Path) -> Host:
+    return ros.add(Host(presets=tmp_path / "presets"))  # type: ignore[no-any-return]
 
 
 class Tuner:
@@ -331,12 +337,29 @@ def test_a_preset_is_saved_applied_and_forgotten(ros: Any, host: Host, tuner: Tu
     ros.until(lambda: seen and seen[-1].presets)
     [preset] = seen[-1].presets
     assert dict(zip(preset.names, preset.values, strict=True))["a.patience"] == "12 s"
+    assert host.cards == 0
     tuner.undo()
     applied = tuner.ask(Tune.Request.APPLY, preset="care home", author="anna")
     assert applied.message.endswith("a.patience: 8 s → 12 s, a.loud: true → false (revision 3)")
     assert [t.reason for t in applied.tunings] == ["preset 'care home'"] * 2
     assert tuner.ask(Tune.Request.FORGET, preset="care home").accepted
     ros.until(lambda: not seen[-1].presets)
+
+
+def test_presets_that_authors_write_are_listed(
+    ros: Any, host: Host, tuner: Tuner, tmp_path: Path
+) -> None:
+    seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
+    (tmp_path / "presets").mkdir()
+    file = tmp_path / "presets" / "morning.yaml"
+    file.write_text("format: 1\npreset: morning\nvalues:\n  a: {patience: 12 s}\n")
+    ros.until(lambda: seen and [one.name for one in seen[-1].presets] == ["morning"])
+    assert tuner.ask(Tune.Request.APPLY, preset="morning").accepted
+    assert host.value("a.patience") == 12.0
+    file.write_text("format: 1\n")
+    ros.until(lambda: not seen[-1].presets and host.cards == 1)
+    [problem] = host.tunables.preset_problems
+    assert problem.startswith(f"{file}:1:1")
 
 
 class SlowDisk:
@@ -429,14 +452,15 @@ def file(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def restarted(ros: Any, file: str) -> Callable[..., Host]:
+def restarted(ros: Any, file: str, tmp_path: Path) -> Callable[..., Host]:
     """Start a host on the same file, instead of the one before."""
     hosts: list[Host] = []
 
     def restart(*specs: AgentSpec, **node_kwargs: Any) -> Host:
         if hosts:
             ros.remove(hosts.pop())
-        hosts.append(ros.add(Host(*specs, tunings=file, **node_kwargs)))
+        presets = tmp_path / "presets"
+        hosts.append(ros.add(Host(*specs, tunings=file, presets=presets, **node_kwargs)))
         return hosts[0]
 
     return restart

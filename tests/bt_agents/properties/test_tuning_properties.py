@@ -23,7 +23,6 @@ from bt_agents.host.tuning.history import (
     TuningHistory,
     TuningRevision,
 )
-from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
 from bt_agents.host.tuning.tunable import (
     Setting,
     TunableKind,
@@ -34,6 +33,7 @@ from bt_agents.host.tuning.tunable import (
 )
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
+from bt_agents_language.files.preset_reader import name_problem, preset_text, read_preset
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import Source
@@ -219,18 +219,18 @@ def test_no_row_does_more_than_be_left_out(tmp_path_factory, content):
         assert isinstance(kept.value, bool | int | float | str)
 
 
-@settings(deadline=None)
-@given(st.dictionaries(
+@given(
     st.text(st.characters(exclude_categories=["Z", "C"]), min_size=1, max_size=60),
-    st.dictionaries(st.sampled_from(["a.x", "b.patience"]), TEXTS),
-    max_size=4,
-))  # fmt: skip
-def test_presets_are_read_as_they_were_written(tmp_path_factory, presets):
-    assume(all(name.isprintable() and name == name.strip() for name in presets))
-    file = tmp_path_factory.mktemp("presets") / "presets.yaml"
-    file.write_text(presets_text(presets), encoding="utf-8", newline="")
-    assert read_presets(file) == presets
-    assert Presets(file).by_name == presets
+    st.dictionaries(
+        st.sampled_from(["a.x", "b.patience", "b.place"]),
+        TEXTS | st.sampled_from(["null", "~", "12 s", "-0.5", "010", "1:30", "yes", "x "]),
+        min_size=1,
+    ),
+)
+def test_a_preset_is_read_as_it_was_written(name, values):
+    assume(not name_problem(name))
+    read = read_preset(Source("presets/x.yaml", preset_text(name, values)))
+    assert (read.name, read.values) == (name, values)
 
 
 @given(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 import signal
@@ -23,7 +22,6 @@ from bt_agents.host.tuning.history import (
     TuningChange,
     TuningRevision,
 )
-from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
 from bt_agents_core.errors import BtAgentsError, Refused
 from faulty_disk import Disk
 
@@ -347,123 +345,3 @@ def test_a_file_that_cannot_be_opened_is_named(tmp_path):
         opened(tmp_path / "file" / "tunings.sqlite")
     with pytest.raises(BtAgentsError, match="cannot be opened"):
         opened(tmp_path)
-
-
-PRESETS = {
-    "morning": {"a.patience": "12 s", "a.place": 'say "hi": #1'},
-    "care home": {"b.loud": "true"},
-}
-
-
-def test_presets_are_kept_in_a_file_that_people_can_read(tmp_path):
-    file = tmp_path / "presets.yaml"
-    presets = Presets(file)
-    for name, values in PRESETS.items():
-        presets.save(name, values)
-    assert file.read_text() == (
-        "format: 1\n"
-        "presets:\n"
-        '  "care home":\n'
-        '    b.loud: "true"\n'
-        '  "morning":\n'
-        '    a.patience: "12 s"\n'
-        "    a.place: 'say \"hi\": #1'\n"
-    )
-    again = Presets(file)
-    assert again.by_name == PRESETS
-    assert list(again.by_name) == ["care home", "morning"]
-    again.forget("morning")
-    assert list(Presets(file).by_name) == ["care home"]
-    again.forget("care home")
-    assert Presets(file).by_name == {}
-
-
-def test_two_hosts_with_one_folder_keep_the_presets_of_both(tmp_path):
-    file = tmp_path / "presets.yaml"
-    one, other = Presets(file), Presets(file)
-    one.save("morning", {"a.patience": "12 s"})
-    other.save("evening", {"b.patience": "3 s"})
-    one.forget("evening")
-    other.save("night", {"b.loud": "false"})
-    assert list(Presets(file).by_name) == list(other.by_name) == ["morning", "night"]
-
-
-def test_what_an_author_writes_while_the_host_runs_is_not_overwritten(tmp_path):
-    file = tmp_path / "presets.yaml"
-    presets = Presets(file)
-    file.write_text("format: 1\npresets:\n  early: {a.patience: 12 s}\n")
-    presets.save("late", {"a.patience": "3 s"})
-    assert list(read_presets(file)) == ["early", "late"]
-    file.write_text("format: 1\npresets: [\n")
-    with pytest.raises(Refused, match="BROKEN_PRESETS"):
-        presets.save("later", {})
-    assert file.read_text() == "format: 1\npresets: [\n"
-
-
-def test_presets_are_refused_while_somebody_else_holds_their_folder(tmp_path):
-    file = tmp_path / "presets.yaml"
-    folder = os.open(tmp_path, os.O_RDONLY)
-    try:
-        fcntl.flock(folder, fcntl.LOCK_EX)
-        with pytest.raises(Refused, match=r"NOT_KEPT: .*presets.yaml cannot be written"):
-            Presets(file).save("morning", {})
-    finally:
-        os.close(folder)
-    assert not file.exists()
-
-
-def test_an_empty_file_of_presets_holds_none(tmp_path):
-    file = tmp_path / "presets.yaml"
-    file.touch()
-    presets = Presets(file)
-    assert (presets.by_name, presets.problem) == ({}, "")
-
-
-def test_an_author_may_write_presets_by_hand(tmp_path):
-    file = tmp_path / "presets.yaml"
-    file.write_text("format: 1\npresets:\n  early: {a.patience: 12 s}  # for Mrs Smith\n")
-    assert read_presets(file) == {"early": {"a.patience": "12 s"}}
-
-
-def test_a_broken_file_of_presets_is_named_and_never_overwritten(tmp_path):
-    file = tmp_path / "presets.yaml"
-    file.write_text("format: 1\npresets:\n  x: [1]\n")
-    presets = Presets(file)
-    assert f"{file}:3:6" in presets.problem
-    for act in (lambda: presets.save("y", {}), lambda: presets.get("x")):
-        with pytest.raises(Refused, match=r"BROKEN_PRESETS: .*mend it or move it away"):
-            act()
-    assert file.read_text().endswith("x: [1]\n")
-
-
-@pytest.mark.parametrize("name", ["", " x", "x\n", "x" * 61, "\x00", "a\u2028b"])
-def test_a_preset_needs_a_name_that_people_can_read(name):
-    with pytest.raises(Refused, match="NOT_A_NAME: a preset cannot be called"):
-        Presets(None).save(name, {})
-
-
-def test_an_unknown_preset_is_refused_with_the_nearest():
-    presets = Presets(None)
-    with pytest.raises(Refused, match="UNKNOWN_PRESET: no preset 'x'; 'bt-agents preset save"):
-        presets.get("x")
-    presets.save("morning", {})
-    with pytest.raises(Refused, match="did you mean 'morning'"):
-        presets.forget("mornin")
-
-
-def test_presets_are_bounded():
-    presets = Presets(None)
-    for number in range(100):
-        presets.save(f"p{number}", {})
-    with pytest.raises(Refused, match="TOO_MANY: 101 presets"):
-        presets.save("one more", {})
-    with pytest.raises(Refused, match="TOO_MANY: 100 presets with 10001 values"):
-        presets.save("p0", {f"a.x{number}": "1" for number in range(10_001)})
-    assert presets.by_name["p0"] == {}
-
-
-def test_ten_thousand_values_of_presets_can_be_read_again(tmp_path):
-    file = tmp_path / "presets.yaml"
-    values = {f"agent_{number}.patience": "12 s" for number in range(10_000)}
-    file.write_text(presets_text({"all": values}))
-    assert Presets(file).by_name == {"all": values}

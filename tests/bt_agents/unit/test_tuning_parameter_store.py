@@ -31,12 +31,16 @@ class Host:
     """A store with the parameters of one agent, as a start of the host makes it."""
 
     def __init__(
-        self, file: Path | None = None, parameters: tuple[TunableParameter, ...] = PARAMETERS
+        self,
+        file: Path | None = None,
+        parameters: tuple[TunableParameter, ...] = PARAMETERS,
+        *,
+        presets: Path = Path("nowhere"),
     ) -> None:
         self.told: list[str] = []
         disk = Disk()
         log = ChangeLog(file, disk, self.told.append) if file is not None else None
-        self.store = ParameterStore(log, Presets(None), disk, lambda: 1.0, self.told.append)
+        self.store = ParameterStore(log, Presets(presets), disk, lambda: 1.0, self.told.append)
         starts = {parameter: self.store.start(parameter) for parameter in parameters}
         for parameter, (value, _why) in starts.items():
             self.store.add(parameter, value)
@@ -222,8 +226,8 @@ def test_names_and_values_have_to_fit(names, texts, code):
         Host().store.read(names, texts)
 
 
-def test_a_preset_brings_back_tuned_values_and_those_of_the_files():
-    store = Host().store
+def test_a_preset_brings_back_tuned_values_and_those_of_the_files(tmp_path):
+    store = Host(presets=tmp_path).store
     assert store.save("evening", ["a"])[0] == 3
     store.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
     assert store.save("morning", [])[0] == 3
@@ -231,11 +235,11 @@ def test_a_preset_brings_back_tuned_values_and_those_of_the_files():
         {"a.patience": 8.0, "a.attempts": 2, "a.learning_rate": 0.2},
         [],
     )
-    assert store.presets.get("morning")["a.patience"] == "12 s"
+    assert store.presets.get("morning").values["a.patience"] == "12 s"
 
 
-def test_a_preset_leaves_out_what_is_gone_and_refuses_what_does_not_fit():
-    store = Host().store
+def test_a_preset_leaves_out_what_is_gone_and_refuses_what_does_not_fit(tmp_path):
+    store = Host(presets=tmp_path).store
     store.presets.save("old", {"a.patience": "12 s", "b.rate": "1"})
     assert store.preset("old") == ({"a.patience": 12.0}, ["b.rate"])
     store.presets.save("bad", {"a.patience": "12 s", "a.attempts": "9"})

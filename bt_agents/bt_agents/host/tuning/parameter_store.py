@@ -281,14 +281,14 @@ class ParameterStore:
         preset = self.presets.get(name)
         values = {
             key: self._parameters[key].read(text)
-            for key, text in preset.items()
+            for key, text in preset.values.items()
             if key in self._parameters
         }
         if not values:
             raise Refused(
                 "NOTHING_LEFT", f"preset {quote(name)} has no value of an agent that is here"
             )
-        return values, [one for one in preset if one not in self._parameters]
+        return values, [one for one in preset.values if one not in self._parameters]
 
     def save(self, name: str, agents: Collection[str]) -> tuple[int, Job[None]]:
         """Save the tunables and learning rates of agents (of all, if empty) as a preset.

@@ -28,6 +28,7 @@ from bt_agents.host.tuning.tunable import (
 from bt_agents.host.tuning.tune_service import TuneServer
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.file_watch import PERIOD_S
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros.parameters import describe
@@ -35,9 +36,6 @@ from bt_agents_ros.timers import FuturePoller, steady_timer
 
 ROS_PARAMETER = "ros parameter"
 """Author of a change without a name."""
-
-PRESETS = "presets.yaml"
-"""Name of the presets file, in the folder of the tunings file."""
 
 _PUBLISHED_AFTER_S = 0.05
 
@@ -47,8 +45,13 @@ class TunableParameters:
 
     ``ros2 param``, the service ``~/tune`` and reloaded files all use
     ``set_parameters_atomically``: values are checked and logged before they count, and take effect
-    together between two ticks. ``changed`` is called shortly after a change of learning rates.
-    The file ``tunings`` keeps tuned values across restarts; an empty name keeps them in memory.
+    together between two ticks.
+
+    Args:
+        presets: Folder of the presets.
+        changed: Called shortly after a change of learning rates, or of :attr:`preset_problems`.
+        set_rate: Sets the ticks per second.
+        tunings: File that keeps tuned values across restarts; an empty name keeps them in memory.
 
     Attributes:
         left_out: Name of a parameter → why the value given at the start is ignored.
@@ -58,6 +61,7 @@ class TunableParameters:
         self,
         node: Node,
         registry: AgentRegistry,
+        presets: Path,
         changed: Callable[[], None],
         *,
         set_rate: Callable[[float], None] = lambda _hertz: None,
@@ -69,6 +73,9 @@ class TunableParameters:
         self._set_rate = set_rate
         self._disk = WorkerThread("tunings")
         self._poller = FuturePoller(node)
+        self._presets = Presets(presets)
+        self._shown_presets = self._presets.by_name
+        self._preset_job = self._disk.submit(self._presets.refresh)
         self._store = self._open(tunings)
         self.left_out: dict[str, str] = {}
         self._cause = TuningCause(author=ROS_PARAMETER)
@@ -78,6 +85,8 @@ class TunableParameters:
         self._infos_due = True
         self._flush_due = False
         self._publish_timer = steady_timer(node, _PUBLISHED_AFTER_S, self._publish)
+        self._report_presets({})
+        steady_timer(node, PERIOD_S, self._poll_presets)
         self._declare_together((TICK_RATE,))
         self._set_rate(float(self._store.values[TICK_RATE.name]))
         for member in registry.members.values():
@@ -89,7 +98,6 @@ class TunableParameters:
     def _open(self, tunings: str) -> ParameterStore:
         log = self._node.get_logger()
         changes: ChangeLog | None = None
-        presets = Presets(None)
         if tunings:
             path = Path(tunings)
             try:
@@ -99,14 +107,33 @@ class TunableParameters:
             else:
                 for problem in changes.problems:
                     log.warning(problem)
-                presets = Presets(path.with_name(PRESETS))
-                if presets.problem:
-                    log.error(f"there are no presets, their file is broken:\n{presets.problem}")
-        return ParameterStore(changes, presets, self._disk, time.time, log.error)
+        return ParameterStore(changes, self._presets, self._disk, time.time, log.error)
 
     def __contains__(self, name: str) -> bool:
         """Return whether a parameter of the node is a tunable."""
         return self._store.has(name)
+
+    @property
+    def preset_problems(self) -> Iterable[str]:
+        """Problems of the files of presets, in words of one line."""
+        return (problem.splitlines()[0] for problem in self._presets.problems.values())
+
+    def _poll_presets(self) -> None:
+        if self._preset_job.done():
+            self._preset_job = self._disk.submit(self._presets.refresh)
+        presets, problems = self._presets.by_name, self._presets.problems
+        if presets is self._shown_presets and problems is self._shown_problems:
+            return
+        known, self._shown_presets = self._shown_problems, presets
+        self._report_presets(known)
+        self._publish_soon()
+
+    def _report_presets(self, known: Mapping[Path, str]) -> None:
+        self._shown_problems = self._presets.problems
+        for path, problem in self._shown_problems.items():
+            if known.get(path) != problem:
+                self._node.get_logger().error(f"preset left out:\n{problem}")
+        self._cards_due = self._cards_due or known != self._shown_problems
 
     def add(self, member: HostedAgent) -> None:
         """Declare the parameters of an agent, with previously tuned values."""

@@ -107,8 +107,8 @@ class TuneServer:
                 undo=self._format_next(TuningAction.UNDO),
                 redo=self._format_next(TuningAction.REDO),
                 presets=[
-                    Preset(name=name, names=list(values), values=list(values.values()))
-                    for name, values in self._store.presets.by_name.items()
+                    Preset(name=one.name, names=list(one.values), values=list(one.values.values()))
+                    for one in self._store.presets.by_name.values()
                 ],
             )
         )
