@@ -61,7 +61,7 @@ class StateFolder:
     @property
     def tunings(self) -> Path:
         """File of the tunings."""
-        return self.path / "tunings.sqlite"
+        return self.path / "tunings.json"
 
     @property
     def open_goals(self) -> Path:

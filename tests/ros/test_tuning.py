@@ -448,7 +448,7 @@ def test_a_tuning_that_goes_wrong_in_another_way_is_answered(
 
 @pytest.fixture
 def file(tmp_path: Path) -> str:
-    return str(tmp_path / "state" / "tunings.sqlite")
+    return str(tmp_path / "state" / "tunings.json")
 
 
 @pytest.fixture

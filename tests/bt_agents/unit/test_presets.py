@@ -164,7 +164,9 @@ def test_a_disk_that_takes_nothing_leaves_no_file(folder, monkeypatch):
 
     monkeypatch.setattr(presets_module, "write_atomically", full)
     presets = Presets(folder)
-    with pytest.raises(Refused, match=r"NOT_KEPT: .*morning\.yaml cannot be written: No space"):
+    with pytest.raises(
+        Refused, match=r"STORAGE_FULL: .*morning\.yaml cannot be written: No space"
+    ):
         presets.save("morning", VALUES)
     assert (dict(presets.by_name), list(folder.iterdir())) == ({}, [])
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents.host.tuning.change_log import ChangeLog
-from bt_agents.host.tuning.history import MOST_SHOWN, TuningAction, TuningCause
+from bt_agents.host.tuning.history import MOST_REVISIONS, TuningAction, TuningCause
 from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, checked_line
 from bt_agents.host.tuning.presets import Presets
 from bt_agents.host.tuning.tunable import TICK_RATE, TunableParameter, parameters_of
@@ -39,7 +39,7 @@ class Host:
     ) -> None:
         self.told: list[str] = []
         disk = Disk()
-        log = ChangeLog(file, disk, self.told.append) if file is not None else None
+        log = ChangeLog(file, disk) if file is not None else None
         self.store = ParameterStore(log, Presets(presets), disk, lambda: 1.0, self.told.append)
         starts = {parameter: self.store.start(parameter) for parameter in parameters}
         for parameter, (value, _why) in starts.items():
@@ -99,7 +99,7 @@ def test_a_revision_that_is_forgotten_or_of_another_start_counts_as_changed():
     store = Host().store
     with pytest.raises(Refused, match="revision 7 is not known here any more"):
         store.check_unchanged({"a.patience"}, 7)
-    for number in range(MOST_SHOWN + 1):
+    for number in range(MOST_REVISIONS + 1):
         store.record({"a.attempts": 3 + number % 2}, ANNA)
     with pytest.raises(Refused, match="revision 0 is not known here any more"):
         store.check_unchanged({"a.patience"}, 0)
@@ -107,10 +107,10 @@ def test_a_revision_that_is_forgotten_or_of_another_start_counts_as_changed():
 
 
 def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):
-    first = Host(tmp_path / "t.sqlite")
+    first = Host(tmp_path / "t.json")
     first.store.record({"a.patience": 12.0}, ANNA)
     first.store.close()
-    again = Host(tmp_path / "t.sqlite")
+    again = Host(tmp_path / "t.json")
     launched = again.store.parameter("a.patience")
     again.store.remove("a.patience")
     again.store.add(launched, 8.0)
@@ -119,16 +119,16 @@ def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
         again.undo()
     again.store.close()
-    assert Host(tmp_path / "t.sqlite").store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
+    assert Host(tmp_path / "t.json").store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
 
 
 def test_a_restart_brings_back_the_values_and_what_can_be_undone(tmp_path):
-    first = Host(tmp_path / "t.sqlite")
+    first = Host(tmp_path / "t.json")
     first.store.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
     first.store.record({"a.attempts": 4}, ANNA)
     first.undo()
     first.store.close()
-    again = Host(tmp_path / "t.sqlite")
+    again = Host(tmp_path / "t.json")
     assert again.store.values["a.patience"] == 12.0
     assert again.store.values["tick_rate"] == 30.0
     assert again.store.values["a.attempts"] == 2
@@ -155,31 +155,32 @@ def _changed(**changes: object) -> tuple[TunableParameter, ...]:
 def test_a_file_that_has_changed_meanwhile_overrules_what_was_tuned(
     tmp_path, parameters, value, why
 ):
-    first = Host(tmp_path / "t.sqlite")
+    first = Host(tmp_path / "t.json")
     first.store.record({"a.patience": 12.0}, ANNA)
     first.store.close()
-    again = Host(tmp_path / "t.sqlite", parameters)
+    again = Host(tmp_path / "t.json", parameters)
     assert again.store.values["a.patience"] == value
-    [*_, (revision, change)] = again.store.history.shown
+    revision = again.store.history.shown[-1]
+    [change] = revision.changes
     assert revision.cause.author == FILE
     assert why in revision.cause.reason
     assert (change.before, change.after) == (12.0, value)
     again.store.close()
-    third = Host(tmp_path / "t.sqlite", parameters)
+    third = Host(tmp_path / "t.json", parameters)
     assert third.store.values["a.patience"] == value
     assert third.store.history.revision == 2
 
 
 def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
-    first = Host(tmp_path / "t.sqlite")
+    first = Host(tmp_path / "t.json")
     first.store.record({"a.patience": 12.0}, ANNA)
     first.store.close()
-    without = Host(tmp_path / "t.sqlite", (TICK_RATE,))
+    without = Host(tmp_path / "t.json", (TICK_RATE,))
     with pytest.raises(Refused, match=r"revision 1 cannot be: its value of a\.patience is not"):
         without.store.find(TuningAction.UNDO, ())
     without.store.record({"tick_rate": 30.0}, ANNA)
     without.store.close()
-    again = Host(tmp_path / "t.sqlite")
+    again = Host(tmp_path / "t.json")
     assert again.store.values["a.patience"] == 12.0
 
 
@@ -262,12 +263,12 @@ def test_an_unknown_agent_is_refused_with_the_nearest():
 
 
 def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, monkeypatch):
-    host = Host(tmp_path / "t.sqlite")
+    host = Host(tmp_path / "t.json")
 
     def full(*_arguments: object) -> None:
         raise Refused("NOT_KEPT", "the disk is full")
 
-    monkeypatch.setattr(ChangeLog, "append", full)
+    monkeypatch.setattr(ChangeLog, "write", full)
     with pytest.raises(Refused, match="NOT_KEPT"):
         host.store.record({"a.patience": 12.0}, ANNA)
     assert host.store.values["a.patience"] == 8.0
@@ -304,7 +305,7 @@ def test_an_empty_text_is_shown_in_quotes():
 
 
 def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):
-    file = tmp_path / "t.sqlite"
+    file = tmp_path / "t.json"
     first = Host(file)
     first.store.record({"a.patience": 12.0}, ANNA)
     [kept] = [one for one in _changed(default=12.0) if one.name == "a.patience"]
@@ -317,7 +318,7 @@ def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):
 
 
 def test_the_same_is_noticed_at_a_start(tmp_path):
-    file = tmp_path / "t.sqlite"
+    file = tmp_path / "t.json"
     first = Host(file)
     first.store.record({"a.patience": 12.0}, ANNA)
     first.store.close()

@@ -9,7 +9,6 @@ from concurrent.futures import Future as Job
 
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import (
-    MOST_SHOWN,
     FoundRevision,
     TuningAction,
     TuningCause,
@@ -89,8 +88,8 @@ class ParameterStore:
         self._of_agents.setdefault(parameter.agent, {})[parameter.name] = parameter
         override = self.history.overrides.get(parameter.name)
         if override is not None and same(override.value, parameter.default):
-            del self.history.overrides[parameter.name]
-            self._write_log(lambda log: log.clear(parameter.name), must_be_stored=False)
+            kept = self.history.without_override(parameter.name)
+            self._keep(kept, must_be_stored=False)
 
     def add(self, parameter: TunableParameter, value: Setting) -> None:
         """Add a parameter with its value."""
@@ -178,7 +177,8 @@ class ParameterStore:
         Raises:
             Refused: ``CHANGED_MEANWHILE``, with who changed it last.
         """
-        for revision, change in reversed(self.history.shown):
+        shown = self.history.shown
+        for revision, change in ((one, o) for one in reversed(shown) for o in one.changes):
             if change.name in names and revision.number > seen:
                 before, after = (
                     self.format_value(change.name, one) for one in (change.before, change.after)
@@ -190,8 +190,7 @@ class ParameterStore:
                     f"after revision {seen}; look at it, and set it again",
                 )
         newest = self.history.revision
-        shown = len(self.history.shown) < MOST_SHOWN or self.history.shown[0][0].number <= seen
-        if seen > newest or not shown:
+        if seen > newest or (shown and seen < shown[0].number - 1):
             raise Refused(
                 "CHANGED_MEANWHILE",
                 f"revision {seen} is not known here any more, the last one is {newest}; look at "
@@ -209,7 +208,7 @@ class ParameterStore:
             The revision; None if nothing differs and nothing is undone.
 
         Raises:
-            Refused: ``NOT_KEPT``; nothing is changed.
+            Refused: As in :meth:`ChangeLog.write`; nothing is changed.
         """
         changes = tuple(
             TuningChange(name=name, before=self.values[name], after=value)
@@ -247,21 +246,21 @@ class ParameterStore:
             number=self.history.revision + 1, stamp=self._now(), cause=cause, changes=changes
         )
         defaults = {change.name: self._parameters[change.name].default for change in changes}
-        self._write_log(lambda log: log.append(revision, defaults), must_be_stored=must_be_stored)
-        self.history.add(revision, defaults)
+        history = self.history.with_revision(revision, defaults)
+        self._keep(history, must_be_stored=must_be_stored)
         for change in changes:
             self.values[change.name] = change.after
         return revision
 
-    def _write_log(self, write: Callable[[ChangeLog], None], *, must_be_stored: bool) -> None:
-        if self._log is None:
-            return
-        try:
-            write(self._log)
-        except Refused as refused:
-            if must_be_stored:
-                raise
-            self._report(refused.reason)
+    def _keep(self, history: TuningHistory, *, must_be_stored: bool) -> None:
+        if self._log is not None:
+            try:
+                self._log.write(history)
+            except Refused as refused:
+                if must_be_stored:
+                    raise
+                self._report(refused.reason)
+        self.history = history
 
     def find(self, action: TuningAction, agents: Collection[str]) -> FoundRevision:
         """Return what to undo or redo next; see :meth:`TuningHistory.find`.

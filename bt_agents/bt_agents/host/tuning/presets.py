@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from bt_agents.host.tuning.change_log import not_kept
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.file_watch import Stamp, poll
@@ -114,8 +115,8 @@ class Presets:
         """Save values, by agent and tunable, under a name; replace an existing preset.
 
         Raises:
-            Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``FILE_TAKEN`` or ``NOT_KEPT``; nothing is
-                changed.
+            Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``FILE_TAKEN``, ``STORAGE_FULL`` or
+                ``NOT_KEPT``; nothing is changed.
         """
         check_name(name)
         self.refresh()
@@ -138,7 +139,7 @@ class Presets:
         try:
             _write(path, preset_text(name, values))
         except OSError as error:
-            raise _not_kept(path, error) from error
+            raise not_kept(path, error) from error
         self.refresh()
 
     def forget(self, name: str) -> None:
@@ -154,7 +155,7 @@ class Presets:
         try:
             path.unlink()
         except OSError as error:
-            raise _not_kept(path, error) from error
+            raise not_kept(path, error) from error
         self.refresh()
 
     def _check_writable(self) -> None:
@@ -193,9 +194,3 @@ def _write(path: Path, text: str) -> None:
         if is_new:
             path.unlink(missing_ok=True)
         raise
-
-
-def _not_kept(path: Path, error: OSError) -> Refused:
-    return Refused(
-        "NOT_KEPT", f"{path} cannot be written: {error.strerror or error}; nothing is changed"
-    )

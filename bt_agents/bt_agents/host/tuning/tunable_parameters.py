@@ -99,14 +99,13 @@ class TunableParameters:
         log = self._node.get_logger()
         changes: ChangeLog | None = None
         if tunings:
-            path = Path(tunings)
             try:
-                changes = ChangeLog(path, self._disk, log.error)
+                changes = ChangeLog(Path(tunings), self._disk)
             except BtAgentsError as error:
                 log.error(f"what is tuned now is lost with this host: {error}")
             else:
-                for problem in changes.problems:
-                    log.warning(problem)
+                if changes.problem:
+                    log.warning(changes.problem)
         return ParameterStore(changes, self._presets, self._disk, time.time, log.error)
 
     def __contains__(self, name: str) -> bool:

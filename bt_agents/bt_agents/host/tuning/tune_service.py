@@ -31,6 +31,7 @@ SOMEBODY = "somebody"
 """Author of a request without a name."""
 
 _LONGEST_AUTHOR = 60
+_MOST_SHOWN = 100
 _KINDS = {
     getattr(TunableInfo, one.name): one for one in TunableKind if hasattr(TunableInfo, one.name)
 }
@@ -92,7 +93,8 @@ class TuneServer:
     def publish_tunings(self) -> None:
         """Publish the last changes, the next undo and redo, and the presets."""
         history = self._store.history
-        shown = {(r.number, c.name): (r, c) for r, c in history.shown}
+        changes = [(one, change) for one in history.shown for change in one.changes]
+        shown = {(r.number, c.name): (r, c) for r, c in changes[-_MOST_SHOWN:]}
         self._shown = {
             key: self._shown.get(key) or self._message(*one) for key, one in shown.items()
         }
