@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
@@ -240,6 +241,22 @@ def test_one_bad_value_of_a_set_changes_nothing_and_says_why(
     assert {name: p.value for name, p in host._parameters.items()} == before
     assert host.member("b").tunables["patience"] == 8.0
     assert tuner.undo().code == "NOTHING_TO_UNDO"
+
+
+def test_tunables_are_set_without_other_parameters(host: Host, tuner: Tuner) -> None:
+    result = tuner.parameters(a__patience=12.0, use_sim_time=False)
+    assert result.reason.startswith("NOT_TOGETHER: a.patience is tuned with a parameter that")
+    assert host.member().tunables["patience"] == host.value("a.patience") == 8.0
+
+
+def test_what_the_service_sets_is_a_parameter_event(ros: Any, host: Host, tuner: Tuner) -> None:
+    seen = ros.collect(ParameterEvent, "/parameter_events", qos.EVENTS)
+    ros.until(lambda: host.count_subscribers("/parameter_events"))
+    tuner.set(a__patience="12")
+    ros.until(lambda: seen)
+    [changed] = seen[-1].changed_parameters
+    assert (seen[-1].node, changed.name) == ("/agents", "a.patience")
+    assert changed.value.double_value == host.value("a.patience") == 12.0
 
 
 def test_zero_can_be_set_where_steps_go_through_it(host: Host, tuner: Tuner) -> None:
@@ -584,7 +601,7 @@ def test_a_swap_fills_a_new_mapping_and_leaves_the_old_one_to_the_tree_that_runs
 ) -> None:
     tuner.set(a__patience="12")
     running = host.member().tunables
-    host.member().tunables = {}
+    host.member().tunables = dict(running)
     retuned(host, HEAD.replace("default: 2,", "default: 3,"))
     assert running["attempts"] == 2
     assert host.member().tunables["attempts"] == 3
