@@ -60,8 +60,8 @@ class StateFolder:
 
     @property
     def tunings(self) -> Path:
-        """File of the tunings; the file of the presets is next to it."""
-        return self.path / "tunings.sqlite"
+        """File of the tunings."""
+        return self.path / "tunings.json"
 
     @property
     def open_goals(self) -> Path:

@@ -34,20 +34,19 @@ def test_every_file_of_a_session_is_private_while_it_runs_and_after(
     up.until("starts")
     ask("feedback", "positive", "--reason", "kind")
     ask("tune", "attentive_guide.patience=9")
-    ask("preset", "save", "morning")
     ask("veto", "silent_text")
     assert "scene layer: " in ask("forget", "anna", "--yes", "--state", str(kept))
     shared = {path: mode for path, mode in modes(kept).items() if mode not in (0o700, 0o600)}
     assert shared == {}
     names = {path.name for path in modes(kept)}
-    assert {"ledger.sqlite-wal", "tunings.sqlite-wal", "agents.log"} <= names
+    assert {"ledger.sqlite-wal", "tunings.json.lock", "agents.log"} <= names
     assert up.stop()[0] == 0
     found = modes(kept)
     assert {mode for path, mode in found.items() if path.is_dir()} == {0o700}
     assert {mode for path, mode in found.items() if path.is_file()} == {0o600}
     names = {path.name for path in found}
     assert {
-        "ledger.sqlite", "tunings.sqlite", "presets.yaml", "orders.json", "people.json",
+        "ledger.sqlite", "tunings.json", "orders.json", "people.json",
         "trees-folder", "journal", "agents.log",
     } <= names  # fmt: skip
 

@@ -61,6 +61,9 @@ def test_an_author_tunes_a_running_system_and_keeps_the_result(
     assert "preset 'care home' has 4 values already; replace it?" in ask(*again, code=1)
     assert "keeps 4 values" in ask(*again, "--replace")
     assert "care home" in ask("preset")
+    preset = (trees / "presets" / "care_home.yaml").read_text()
+    assert "  attentive_guide:\n" in preset
+    assert "    patience: 12 s\n" in preset
     assert re.search(r"attentive_guide\.patience +12 s", ask("preset", "show", "care home"))
     assert "no preset 'night'" in ask("preset", "apply", "night", code=1)
     undone = ask("tune", "--undo")

@@ -279,7 +279,7 @@ class Soak:
         )
         host = components.host(
             self._trees(OTHER_HOST),
-            tunings=str(state / "other" / "tunings.sqlite"),
+            tunings=str(state / "other" / "tunings.json"),
             open_goals=str(state / "other" / "open-goals"),
         )
         self._supervisor = Supervisor(self.folder / "logs")

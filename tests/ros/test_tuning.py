@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
@@ -47,13 +48,19 @@ def spec(name: str = "a", head: str = HEAD) -> AgentSpec:
 class Host(BaseNode):
     """The tuning of a host, and nothing else of it."""
 
-    def __init__(self, *specs: AgentSpec, tunings: str = "", **node_kwargs: Any) -> None:
+    def __init__(
+        self,
+        *specs: AgentSpec,
+        tunings: str = "",
+        presets: Path = Path("nowhere"),
+        **node_kwargs: Any,
+    ) -> None:
         super().__init__("agents", **node_kwargs)
         self.registry = AgentRegistry(SPACE, specs or (spec("a"), spec("b")))
         self.rates: list[float] = []
         self.cards = 0
         self.tunables = TunableParameters(
-            self, self.registry, self._card, set_rate=self.rates.append, tunings=tunings
+            self, self.registry, presets, self._card, set_rate=self.rates.append, tunings=tunings
         )
 
     def _card(self) -> None:
@@ -71,8 +78,8 @@ class Host(BaseNode):
 
 
 @pytest.fixture
-def host(ros: Any) -> Host:
-    return ros.add(Host())  # type: ignore[no-any-return]
+def host(ros: Any, tmp_path: Path) -> Host:
+    return ros.add(Host(presets=tmp_path / "presets"))  # type: ignore[no-any-return]
 
 
 class Tuner:
@@ -236,6 +243,22 @@ def test_one_bad_value_of_a_set_changes_nothing_and_says_why(
     assert tuner.undo().code == "NOTHING_TO_UNDO"
 
 
+def test_tunables_are_set_without_other_parameters(host: Host, tuner: Tuner) -> None:
+    result = tuner.parameters(a__patience=12.0, use_sim_time=False)
+    assert result.reason.startswith("NOT_TOGETHER: a.patience is tuned with a parameter that")
+    assert host.member().tunables["patience"] == host.value("a.patience") == 8.0
+
+
+def test_what_the_service_sets_is_a_parameter_event(ros: Any, host: Host, tuner: Tuner) -> None:
+    seen = ros.collect(ParameterEvent, "/parameter_events", qos.EVENTS)
+    ros.until(lambda: host.count_subscribers("/parameter_events"))
+    tuner.set(a__patience="12")
+    ros.until(lambda: seen)
+    [changed] = seen[-1].changed_parameters
+    assert (seen[-1].node, changed.name) == ("/agents", "a.patience")
+    assert changed.value.double_value == host.value("a.patience") == 12.0
+
+
 def test_zero_can_be_set_where_steps_go_through_it(host: Host, tuner: Tuner) -> None:
     assert tuner.parameters(a__tilt=0.1).successful
     assert tuner.parameters(a__tilt=0.0).successful
@@ -331,12 +354,29 @@ def test_a_preset_is_saved_applied_and_forgotten(ros: Any, host: Host, tuner: Tu
     ros.until(lambda: seen and seen[-1].presets)
     [preset] = seen[-1].presets
     assert dict(zip(preset.names, preset.values, strict=True))["a.patience"] == "12 s"
+    assert host.cards == 0
     tuner.undo()
     applied = tuner.ask(Tune.Request.APPLY, preset="care home", author="anna")
     assert applied.message.endswith("a.patience: 8 s → 12 s, a.loud: true → false (revision 3)")
     assert [t.reason for t in applied.tunings] == ["preset 'care home'"] * 2
     assert tuner.ask(Tune.Request.FORGET, preset="care home").accepted
     ros.until(lambda: not seen[-1].presets)
+
+
+def test_presets_that_authors_write_are_listed(
+    ros: Any, host: Host, tuner: Tuner, tmp_path: Path
+) -> None:
+    seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
+    (tmp_path / "presets").mkdir()
+    file = tmp_path / "presets" / "morning.yaml"
+    file.write_text("format: 1\npreset: morning\nvalues:\n  a: {patience: 12 s}\n")
+    ros.until(lambda: seen and [one.name for one in seen[-1].presets] == ["morning"])
+    assert tuner.ask(Tune.Request.APPLY, preset="morning").accepted
+    assert host.value("a.patience") == 12.0
+    file.write_text("format: 1\n")
+    ros.until(lambda: not seen[-1].presets and host.cards == 1)
+    [problem] = host.tunables.preset_problems
+    assert problem.startswith(f"{file}:1:1")
 
 
 class SlowDisk:
@@ -425,18 +465,19 @@ def test_a_tuning_that_goes_wrong_in_another_way_is_answered(
 
 @pytest.fixture
 def file(tmp_path: Path) -> str:
-    return str(tmp_path / "state" / "tunings.sqlite")
+    return str(tmp_path / "state" / "tunings.json")
 
 
 @pytest.fixture
-def restarted(ros: Any, file: str) -> Callable[..., Host]:
+def restarted(ros: Any, file: str, tmp_path: Path) -> Callable[..., Host]:
     """Start a host on the same file, instead of the one before."""
     hosts: list[Host] = []
 
     def restart(*specs: AgentSpec, **node_kwargs: Any) -> Host:
         if hosts:
             ros.remove(hosts.pop())
-        hosts.append(ros.add(Host(*specs, tunings=file, **node_kwargs)))
+        presets = tmp_path / "presets"
+        hosts.append(ros.add(Host(*specs, tunings=file, presets=presets, **node_kwargs)))
         return hosts[0]
 
     return restart
@@ -560,7 +601,7 @@ def test_a_swap_fills_a_new_mapping_and_leaves_the_old_one_to_the_tree_that_runs
 ) -> None:
     tuner.set(a__patience="12")
     running = host.member().tunables
-    host.member().tunables = {}
+    host.member().tunables = dict(running)
     retuned(host, HEAD.replace("default: 2,", "default: 3,"))
     assert running["attempts"] == 2
     assert host.member().tunables["attempts"] == 3

@@ -30,7 +30,7 @@ class HostedAgent:
         revision: Ledger revision of the profile; 0 for the profile in the file.
         layers: Profile and ledger revision for a person or a place, by ``person/anna``.
         learning_rate: Learning rate, 0..1.
-        tunables: Current values by name; a running tree reads the same mapping.
+        tunables: Current values by name; a running tree reads this mapping.
         agent_id: Id from the market; 0 while not registered.
         refusal: Why the market refused it; empty if it did not.
         removal_reason: Why it is being removed and no longer bids; empty if it stays.
@@ -42,7 +42,7 @@ class HostedAgent:
     revision: int = 0
     layers: dict[str, tuple[Vector, int]] = field(default_factory=dict)
     learning_rate: float
-    tunables: dict[str, Plain] = field(default_factory=dict)
+    tunables: dict[str, bool | int | float | str] = field(default_factory=dict)
     agent_id: int = 0
     refusal: str = ""
     removal_reason: str = ""

@@ -33,6 +33,7 @@ from bt_agents_interfaces.msg import Bids, CallForBids, Heartbeat
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_language.files.folder_reader import Trees as TreesFolder
 from bt_agents_language.files.folder_reader import binding_problems, read_trees
+from bt_agents_language.files.preset_reader import PRESETS_FOLDER
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.bid_encoding import BidEncoder
@@ -167,6 +168,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         self._tunables = TunableParameters(
             self,
             self.registry,
+            folder.folder / PRESETS_FOLDER,
             self._host_card.card,
             set_rate=self._runs.set_rate,
             tunings=configuration.tunings,
@@ -244,6 +246,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         trees = self._versions.trees
         yield from binding_problems(trees.symbols.skills, trees.robot)
         yield from self._tunables.left_out.values()
+        yield from self._tunables.preset_problems
         yield from self._runs.environment.graph_problems.messages.values()
 
     def _judge(self) -> tuple[PartHealth, ...]:

@@ -14,6 +14,7 @@ from bt_agents_language.diagnostics.collection import merged
 from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents_language.files.market_reader import MARKET_FILE, read_market, unknown_agents
+from bt_agents_language.files.preset_reader import PRESETS_FOLDER, read_preset, unknown_values
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
@@ -56,7 +57,7 @@ def check_folder(
 
     Args:
         folder: Holds ``scene.yaml``, ``market.yaml``, ``skills``, ``libraries``, ``agents``,
-            ``scripts``, ``texts`` and, in ``scenes``, scene files of other robots.
+            ``scripts``, ``texts``, ``presets`` and, in ``scenes``, scene files of other robots.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         only: Files or folders to which the result is limited; broken scenes and skills are always
             reported, because everything needs them.
@@ -84,7 +85,7 @@ class _FolderCheck:
         others = yaml_files(folder / "scenes")
         dependent = [
             path
-            for name in ("libraries", "agents", "scripts", FOLDER)
+            for name in ("libraries", "agents", "scripts", FOLDER, PRESETS_FOLDER)
             for path in yaml_files(folder / name, tests=True)
         ]
         if (folder / MARKET_FILE).exists():
@@ -164,6 +165,8 @@ class _FolderCheck:
                     read_script(path, trees.scene.space)
                 elif path.parent.name == FOLDER:
                     read_texts(path)
+                elif path.parent.name == PRESETS_FOLDER:
+                    self._add_preset(trees, path)
             except ReadError as error:
                 self._add(error.diagnostics)
         if self._only is None and not (trees.agents or trees.broken):
@@ -209,6 +212,11 @@ class _FolderCheck:
         self._add(warning for rule in rules for warning in rule.warnings)
         if not trees.broken:
             self._add(unknown_agents(rules, [agent.name for agent in trees.agents]))
+
+    def _add_preset(self, trees: Trees, path: Path) -> None:
+        preset = read_preset(path)
+        if not trees.broken:
+            self._add(unknown_values(preset, trees.agents))
 
     def _add_library(self, symbols: SymbolTable, path: Path) -> None:
         if symbols.libraries is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Core schema of YAML 1.2: values of plain scalars, and quoting of texts."""
+"""Core schema of YAML 1.2: values of plain scalars, and texts as scalars."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ _BOOLEANS = {
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_PLAIN = re.compile(r"(?!(?:null|Null|NULL)$)-?[A-Za-z0-9](?:[\w ./-]*[\w./-])?")
 _OTHER_BASE = re.compile(r"0o[0-7]{1,20}|0x[0-9a-fA-F]{1,15}")
 
 
@@ -85,6 +86,11 @@ def quoted(text: str) -> str:
         if "'" not in text:
             return f"'{text}'"
     return json.dumps(text, ensure_ascii=False)
+
+
+def as_scalar(text: str) -> str:
+    """Return a text as a scalar: without quotes where it can mean nothing else."""
+    return text if _PLAIN.fullmatch(text) else quoted(text)
 
 
 def value_type(scalar: Scalar) -> type:

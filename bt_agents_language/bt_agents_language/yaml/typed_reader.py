@@ -63,6 +63,7 @@ _FILES = {
     "rules": ("a market.yaml", "put it beside scene.yaml"),
     "rounds": ("an experiment", "name another file"),
     "texts": ("a file of texts", "put it under texts/"),
+    "preset": ("a preset", "put it under presets/"),
 }
 """Key that only one kind of file has → that kind, and where it belongs."""
 

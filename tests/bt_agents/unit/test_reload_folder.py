@@ -304,12 +304,13 @@ def test_two_files_may_swap_their_names(folder):
     }
 
 
-def test_tests_scripts_and_hidden_folders_are_nobodys_news(folder):
+def test_tests_scripts_presets_and_hidden_files_change_nothing(folder):
     watch = FolderWatch(read_trees(folder))
     settled(watch)
     (folder / "agents" / "ann.test.yaml").write_text("[")
-    (folder / "scripts").mkdir()
-    (folder / "scripts" / "a.yaml").write_text("[")
+    for name in ("scripts", "presets"):
+        (folder / name).mkdir()
+        (folder / name / "a.yaml").write_text("[")
     (folder / ".git").mkdir()
     (folder / ".git" / "a.yaml").write_text("[")
     assert settled(watch) is None

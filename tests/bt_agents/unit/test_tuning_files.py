@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The files of tuning: what is written is on the disk, and what is broken in them is named."""
+"""The file of tunings: what is written survives, and what is damaged is set aside."""
 
 from __future__ import annotations
 
-import fcntl
+import json
 import os
 import re
 import signal
-import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -15,20 +14,21 @@ from pathlib import Path
 import pytest
 
 from bt_agents.host.tuning import change_log
-from bt_agents.host.tuning.change_log import ChangeLog
+from bt_agents.host.tuning.change_log import ChangeLog, read_history
 from bt_agents.host.tuning.history import (
     Override,
     TuningAction,
     TuningCause,
     TuningChange,
+    TuningHistory,
     TuningRevision,
 )
-from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
+from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import BtAgentsError, Refused
 from faulty_disk import Disk
 
 
-def revision(number: int, before: float, after: float, *, of: int = 0) -> TuningRevision:
+def revision(number: int, before: Setting, after: Setting, *, of: int = 0) -> TuningRevision:
     action = TuningAction.UNDO if of else TuningAction.SET
     return TuningRevision(
         number=number,
@@ -38,243 +38,58 @@ def revision(number: int, before: float, after: float, *, of: int = 0) -> Tuning
     )
 
 
+def history(*revisions: TuningRevision, default: Setting = 8.0) -> TuningHistory:
+    found = TuningHistory()
+    for one in revisions:
+        found = found.with_revision(one, {"a.x": default})
+    return found
+
+
+def tuned(value: Setting) -> TuningHistory:
+    return history(revision(1, 8.0, value))
+
+
+def in_force(path: Path) -> Setting:
+    return read_history(path).overrides["a.x"].value
+
+
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    return tmp_path / "state" / "tunings.sqlite"
+    return tmp_path / "state" / "tunings.json"
 
 
-def opened(path: Path, disk: Disk | None = None, reports: list[str] | None = None) -> ChangeLog:
-    report = reports.append if reports is not None else pytest.fail
-    return ChangeLog(path, disk or Disk(), report)
-
-
-def reopened(path: Path) -> ChangeLog:
-    log = opened(path)
-    log.close()
-    return log
+def files(path: Path) -> list[str]:
+    return sorted(one.name for one in path.parent.iterdir())
 
 
 def test_what_was_written_is_there_after_a_restart(path):
-    log = opened(path)
-    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    log.append(revision(2, 12.0, 8.0, of=1), {"a.x": 8.0})
-    log.append(revision(3, 8.0, 10.0), {"a.x": 8.0})
+    log = ChangeLog(path, Disk())
+    written = history(revision(1, 8.0, 12.0), revision(2, 12.0, 8.0, of=1), revision(3, 8.0, 10.0))
+    log.write(written)
     log.close()
-    again = reopened(path)
-    assert again.problems == []
+    again = ChangeLog(path, Disk())
+    assert (again.problem, again.history) == ("", written)
     assert again.history.overrides == {"a.x": Override(value=10.0, default=8.0)}
-    assert list(again.history.undoable) == [revision(3, 8.0, 10.0)]
-    assert again.history.revision == 3
-    assert [one.number for one, _ in again.history.shown] == [1, 2, 3]
-    assert list(path.parent.iterdir()) == [path]
-
-
-def test_a_value_that_is_as_in_the_file_again_is_not_kept(path):
-    log = opened(path)
-    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    log.append(revision(2, 12.0, 8.0), {"a.x": 8.0})
-    log.append(revision(3, 8.0, 9.0), {"a.x": 8.0})
-    log.clear("a.x")
-    log.close()
-    assert reopened(path).history.overrides == {}
+    again.close()
+    assert files(path) == ["tunings.json", "tunings.json.lock"]
 
 
 @pytest.mark.parametrize("value", [True, 1, 1.0, "1.0 s", "it's «1»\n", 2**63 - 1, 1e300])
 def test_a_value_keeps_its_type(path, value):
-    log = opened(path)
-    change = TuningChange(name="a.x", before="", after=value)
-    cause = TuningCause(author="anna")
-    log.append(TuningRevision(number=1, stamp=1.0, cause=cause, changes=(change,)), {"a.x": ""})
+    log = ChangeLog(path, Disk())
+    log.write(history(revision(1, "", value), default=""))
     log.close()
-    found = reopened(path).history.overrides["a.x"].value
+    found = in_force(path)
     assert (found, type(found)) == (value, type(value))
-
-
-@pytest.mark.parametrize(
-    ("damage", "words"),
-    [
-        (lambda path: path.write_bytes(b"garbage" * 1000), "file is not a database"),
-        (lambda path: path.write_text('{"revision": 1}\n' * 100), "file is not a database"),
-        (lambda path: _overwrite(path, 1024, b"\xff" * 3000), "malformed|Page|Tree"),
-        (lambda path: os.truncate(path, path.stat().st_size - 1024), "malformed|Page|Tree"),
-        (
-            lambda path: _sql(path, "DROP TABLE overrides; CREATE TABLE overrides (x)"),
-            "no such column",
-        ),
-    ],
-    ids=["bytes", "text", "overwritten", "cut off", "other table"],
-)
-def test_a_damaged_file_is_set_aside_with_a_warning_and_a_new_one_begins(path, damage, words):
-    log = opened(path)
-    for number in range(1, 51):
-        log.append(revision(number, number - 1.0, float(number)), {"a.x": 0.0})
-    log.close()
-    damage(path)
-    before = path.read_bytes()
-    again = opened(path)
-    [problem] = again.problems
-    assert problem.startswith(f"{path} is damaged: ")
-    assert re.search(words, problem)
-    assert problem.endswith("everything stands as the files of the agents say")
-    [aside] = path.parent.glob("*.damaged-*")
-    assert aside.read_bytes() == before
-    assert again.history.overrides == {}
-    again.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    again.close()
-    last = reopened(path)
-    assert last.problems == []
-    assert last.history.overrides["a.x"].value == 12.0
-
-
-@pytest.mark.parametrize(
-    "other", ["PRAGMA user_version = 9", "PRAGMA application_id = 7"], ids=["newer", "foreign"]
-)
-def test_a_file_of_another_program_or_version_is_left_alone(path, other):
-    reopened(path)
-    _sql(path, other)
-    before = path.read_bytes()
-    with pytest.raises(BtAgentsError, match="is no file of tunings of format 1; move it away"):
-        opened(path)
-    assert path.read_bytes() == before
-    assert list(path.parent.iterdir()) == [path]
-
-
-def _overwrite(path: Path, offset: int, content: bytes) -> None:
-    with path.open("r+b") as file:
-        file.seek(offset)
-        file.write(content)
-
-
-def _sql(path: Path, text: str) -> None:
-    db = sqlite3.connect(path)
-    db.executescript(text)
-    db.close()
-
-
-def test_a_torn_write_is_dropped_and_what_was_before_it_is_used(path):
-    log = opened(path)
-    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    whole = path.with_name("tunings.sqlite-wal").stat().st_size
-    log.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    copy = path.parent / "copy" / path.name
-    copy.parent.mkdir()
-    for suffix in ("", "-wal"):
-        Path(f"{copy}{suffix}").write_bytes(Path(f"{path}{suffix}").read_bytes())
-    log.close()
-    os.truncate(f"{copy}-wal", whole + 700)
-    again = opened(copy)
-    assert again.problems == []
-    assert again.history.overrides["a.x"].value == 12.0
-    again.append(revision(2, 12.0, 7.0), {"a.x": 8.0})
-    again.close()
-    assert reopened(copy).history.overrides["a.x"].value == 7.0
-
-
-@pytest.mark.parametrize(
-    ("column", "content", "words"),
-    [
-        ("changes", "garbage", "no JSON"),
-        ("changes", "[" * 100_000, "no JSON"),
-        ("changes", "{}", "no list of changes"),
-        ("changes", '[["a.x", 1]]', "no list of changes"),
-        ("changes", '[["a.x", 1, []]]', r"\[\] is no number, text, true or false"),
-        ("changes", '[["a.x", 1, NaN]]', "a number is not finite"),
-        ("changes", f'[["a.x", 1, {2**63}]]', "more than 64 bits"),
-        ("action", "unset", "'unset' is not a valid TuningAction"),
-    ],
-)
-def test_a_row_that_cannot_be_read_is_left_out_with_its_number_and_the_rest_is_used(
-    path, column, content, words
-):
-    log = opened(path)
-    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    log.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    log.close()
-    db = sqlite3.connect(path)
-    db.execute(f"UPDATE revisions SET {column} = ? WHERE number = 1", (content,))
-    db.commit()
-    db.close()
-    again = reopened(path)
-    [problem] = again.problems
-    assert problem.startswith(f"{path}: revision 1: ")
-    assert re.search(words, problem)
-    assert problem.endswith("; it is left out")
-    assert again.history.overrides["a.x"].value == 9.0
-    assert [one.number for one in again.history.undoable] == [2]
-
-
-def test_many_rows_that_cannot_be_read_are_reported_in_a_few_lines(path):
-    log = opened(path)
-    for number in range(1, 101):
-        log.append(revision(number, number - 1.0, float(number)), {"a.x": 0.0})
-    log.close()
-    _sql(path, "UPDATE revisions SET changes = 'x'; UPDATE overrides SET value = 'x'")
-    assert len(reopened(path).problems) == 21
-
-
-def test_a_long_log_is_compacted_and_says_the_same(path, monkeypatch):
-    monkeypatch.setattr(change_log, "MOST_CHANGES", 2500)
-    log = opened(path)
-    for number in range(1, 2501):
-        one = revision(number, number - 1.0, float(number))
-        log.append(one, {"a.x": 0.0})
-        log.history.add(one, {"a.x": 0.0})
-    assert Path(f"{path}-wal").stat().st_size == 0
-    log.append(revision(2501, 2500.0, 2501.0), {"a.x": 0.0})
-    log.close()
-    db = sqlite3.connect(path)
-    assert db.execute("SELECT count(*) FROM revisions").fetchone() == (1001,)
-    db.close()
-    again = reopened(path)
-    assert again.problems == []
-    assert again.history.overrides["a.x"].value == 2501.0
-    numbers = [one.number for one in again.history.undoable]
-    assert numbers == list(range(1502, 2502))
-    assert len(again.history.shown) == 100
-
-
-def test_a_log_that_cannot_be_compacted_stays_and_is_reported(path, monkeypatch):
-    monkeypatch.setattr(change_log, "MOST_CHANGES", 2)
-    reports: list[str] = []
-    disk = Disk(at_once=False)
-    log = opened(path, disk, reports)
-    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    log.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    log._db.execute("PRAGMA query_only = ON")
-    disk.turn()
-    log._db.execute("PRAGMA query_only = OFF")
-    [report] = reports
-    assert "the file of tunings grows, it cannot be compacted: NOT_KEPT" in report
-    disk.at_once = True
-    log.close()
-    assert reopened(path).history.overrides["a.x"].value == 9.0
-
-
-def test_a_disk_that_takes_nothing_refuses_and_leaves_the_log_as_it_was(path):
-    log = opened(path)
-    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    [pages] = log._db.execute("PRAGMA page_count").fetchone()
-    log._db.execute(f"PRAGMA max_page_count = {pages}")
-    long = TuningCause(author="anna", reason="x" * 5000)
-    change = TuningChange(name="a.x", before=12.0, after=9.0)
-    full = TuningRevision(number=2, stamp=1.0, cause=long, changes=(change,))
-    with pytest.raises(Refused, match=r"NOT_KEPT: .*database or disk is full; nothing is changed"):
-        log.append(full, {"a.x": 8.0})
-    log._db.execute("PRAGMA max_page_count = 1000000")
-    log.append(full, {"a.x": 8.0})
-    log.close()
-    again = reopened(path)
-    assert again.problems == []
-    assert list(again.history.undoable) == [revision(1, 8.0, 12.0), full]
 
 
 def test_a_change_outlives_a_process_that_is_killed(path):
     program = (
         "import os, signal, sys\n"
         "from pathlib import Path\n"
-        "from test_tuning_files import opened, revision\n"
-        "log = opened(Path(sys.argv[1]))\n"
-        "log.append(revision(1, 8.0, 12.0), {'a.x': 8.0})\n"
+        "from test_tuning_files import ChangeLog, Disk, tuned\n"
+        "log = ChangeLog(Path(sys.argv[1]), Disk(at_once=False))\n"
+        "log.write(tuned(12.0))\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     folders = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "harness")]
@@ -285,185 +100,153 @@ def test_a_change_outlives_a_process_that_is_killed(path):
         check=False,
     )
     assert killed.returncode == -signal.SIGKILL
-    assert reopened(path).history.overrides["a.x"].value == 12.0
+    again = ChangeLog(path, Disk())
+    assert again.history.overrides["a.x"].value == 12.0
+    again.close()
 
 
-@pytest.fixture
-def flushed(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
-    """What the write-ahead log had in it at each flush."""
-    seen: list[bytes] = []
-    monkeypatch.setattr(os, "fdatasync", lambda file: seen.append(os.pread(file, 10**7, 0)))
-    return seen
+@pytest.mark.parametrize("torn", [b"", b'{"format":1,"revi', b"\0" * 500])
+def test_a_power_cut_takes_only_what_was_not_flushed(path, torn):
+    disk = Disk()
+    log = ChangeLog(path, disk)
+    log.write(tuned(12.0))
+    log.flush()
+    disk.at_once = False
+    log.write(tuned(9.0))
+    assert in_force(path) == 9.0
+    path.with_name("tunings.json.new").write_bytes(torn)
+    assert in_force(path) == 12.0
+    disk.at_once = True
+    log.close()
 
 
-def test_a_change_is_written_at_once_and_only_the_disk_waits_for_itself(path, flushed):
+def test_a_write_waits_for_no_disk(path, monkeypatch):
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", synced.append)
     disk = Disk(at_once=False)
-    log = opened(path, disk)
-    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    written = Path(f"{path}-wal").read_bytes()
-    assert "too «fast»".encode() in written
+    log = ChangeLog(path, disk)
+    log.write(tuned(12.0))
     job = log.flush()
-    assert (flushed, job.done()) == ([], False)
+    assert (synced, job.done(), path.exists()) == ([], False, False)
     disk.turn()
-    assert job.done()
-    assert flushed == [written]
+    assert (len(synced), job.done(), path.exists()) == (2, True, True)
     disk.at_once = True
     log.close()
 
 
-def test_what_comes_before_a_flush_starts_shares_it_and_nothing_new_needs_none(path, flushed):
+def test_writes_before_a_flush_starts_share_it(path):
     disk = Disk(at_once=False)
-    log = opened(path, disk)
+    log = ChangeLog(path, disk)
     jobs = []
-    for number in range(1, 41):
-        log.append(revision(number, number - 1.0, float(number)), {"a.x": 0.0})
+    for value in range(40):
+        log.write(tuned(float(value)))
         jobs.append(log.flush())
+    assert len(disk.jobs) == len({*map(id, jobs)}) == 1
     disk.turn()
-    assert len(set(map(id, jobs))) == 1
-    for number in range(40):
-        log.clear(f"a.x{number}")
     assert log.flush() is jobs[0]
-    assert len(flushed) == 1
-    log.append(revision(41, 40.0, 41.0), {"a.x": 0.0})
+    log.write(tuned(41.0))
     assert log.flush() is not jobs[0]
-    disk.turn()
-    assert len(flushed) == 2
     disk.at_once = True
+    disk.turn()
     log.close()
+    assert in_force(path) == 41.0
+
+
+def test_a_history_written_during_a_flush_is_flushed_next(path, monkeypatch):
+    disk = Disk(at_once=False)
+    log = ChangeLog(path, disk)
+    log.write(tuned(12.0))
+    log.flush()
+    sync = os.fsync
+
+    def write_meanwhile(file: int) -> None:
+        monkeypatch.setattr(os, "fsync", sync)
+        log.write(tuned(9.0))
+
+    monkeypatch.setattr(os, "fsync", write_meanwhile)
+    disk.turn()
+    assert files(path) == ["tunings.json.lock", "tunings.json.new"]
+    log.flush()
+    disk.at_once = True
+    disk.turn()
+    assert files(path) == ["tunings.json", "tunings.json.lock"]
+    log.close()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"garbage", "no JSON"),
+        (b"\xff\xfe", "no JSON"),
+        (b"[" * 100_000, "no JSON"),
+        (b"[]", "no JSON with a format"),
+        (b'{"format": 1}', "KeyError: 'revisions'"),
+        (b"9" * 2000, "more than 1000 bytes"),
+    ],
+    ids=["text", "bytes", "deep", "list", "empty", "large"],
+)
+def test_a_damaged_file_is_set_aside_with_a_warning(path, content, words, monkeypatch):
+    monkeypatch.setattr(change_log, "MOST_BYTES", 1000 if len(content) == 2000 else 10**6)
+    path.parent.mkdir()
+    path.write_bytes(content)
+    log = ChangeLog(path, Disk())
+    assert log.problem.startswith(f"{path} is damaged: ")
+    assert re.search(words, log.problem)
+    assert log.problem.endswith("everything stands as the files of the agents say")
+    [aside] = path.parent.glob("*.damaged-*")
+    assert aside.read_bytes() == content
+    assert log.history == TuningHistory()
+    log.write(tuned(12.0))
+    log.close()
+    assert in_force(path) == 12.0
+
+
+@pytest.mark.parametrize("value", [[], None, float("nan"), 2**63])
+def test_a_value_that_no_parameter_has_is_damage(path, value):
+    log = ChangeLog(path, Disk())
+    log.write(tuned(12.0))
+    log.close()
+    content = json.loads(path.read_text())
+    content["revisions"][0][-1][0][1] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(ValueError, match=r"is no number|not finite|64 bits"):
+        read_history(path)
+
+
+def test_a_file_of_another_format_is_left_alone(path):
+    path.parent.mkdir()
+    path.write_text('{"format": 9}')
+    with pytest.raises(BtAgentsError, match="is no file of tunings of format 1; move it away"):
+        ChangeLog(path, Disk())
+    assert path.read_text() == '{"format": 9}'
+
+
+@pytest.mark.parametrize(("number", "code"), [(28, "STORAGE_FULL"), (5, "NOT_KEPT")])
+def test_a_disk_that_takes_nothing_refuses(path, monkeypatch, number, code):
+    log = ChangeLog(path, Disk())
+    log.write(tuned(12.0))
+
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise OSError(number, "the disk is full")
+
+    monkeypatch.setattr(change_log, "write_atomically", fail)
+    with pytest.raises(Refused, match=f"{code}: .*cannot be written: the disk is full; nothing"):
+        log.write(tuned(9.0))
+    log.close()
+    assert in_force(path) == 12.0
 
 
 def test_two_hosts_cannot_have_the_same_file(path):
-    first = opened(path)
-    first.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    first = ChangeLog(path, Disk())
     with pytest.raises(BtAgentsError, match="in use by another host; give each host a file"):
-        opened(path)
+        ChangeLog(path, Disk())
     first.close()
-    assert reopened(path).problems == []
+    ChangeLog(path, Disk()).close()
 
 
 def test_a_file_that_cannot_be_opened_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(BtAgentsError, match="cannot be opened"):
-        opened(tmp_path / "file" / "tunings.sqlite")
-    with pytest.raises(BtAgentsError, match="cannot be opened"):
-        opened(tmp_path)
-
-
-PRESETS = {
-    "morning": {"a.patience": "12 s", "a.place": 'say "hi": #1'},
-    "care home": {"b.loud": "true"},
-}
-
-
-def test_presets_are_kept_in_a_file_that_people_can_read(tmp_path):
-    file = tmp_path / "presets.yaml"
-    presets = Presets(file)
-    for name, values in PRESETS.items():
-        presets.save(name, values)
-    assert file.read_text() == (
-        "format: 1\n"
-        "presets:\n"
-        '  "care home":\n'
-        '    b.loud: "true"\n'
-        '  "morning":\n'
-        '    a.patience: "12 s"\n'
-        "    a.place: 'say \"hi\": #1'\n"
-    )
-    again = Presets(file)
-    assert again.by_name == PRESETS
-    assert list(again.by_name) == ["care home", "morning"]
-    again.forget("morning")
-    assert list(Presets(file).by_name) == ["care home"]
-    again.forget("care home")
-    assert Presets(file).by_name == {}
-
-
-def test_two_hosts_with_one_folder_keep_the_presets_of_both(tmp_path):
-    file = tmp_path / "presets.yaml"
-    one, other = Presets(file), Presets(file)
-    one.save("morning", {"a.patience": "12 s"})
-    other.save("evening", {"b.patience": "3 s"})
-    one.forget("evening")
-    other.save("night", {"b.loud": "false"})
-    assert list(Presets(file).by_name) == list(other.by_name) == ["morning", "night"]
-
-
-def test_what_an_author_writes_while_the_host_runs_is_not_overwritten(tmp_path):
-    file = tmp_path / "presets.yaml"
-    presets = Presets(file)
-    file.write_text("format: 1\npresets:\n  early: {a.patience: 12 s}\n")
-    presets.save("late", {"a.patience": "3 s"})
-    assert list(read_presets(file)) == ["early", "late"]
-    file.write_text("format: 1\npresets: [\n")
-    with pytest.raises(Refused, match="BROKEN_PRESETS"):
-        presets.save("later", {})
-    assert file.read_text() == "format: 1\npresets: [\n"
-
-
-def test_presets_are_refused_while_somebody_else_holds_their_folder(tmp_path):
-    file = tmp_path / "presets.yaml"
-    folder = os.open(tmp_path, os.O_RDONLY)
-    try:
-        fcntl.flock(folder, fcntl.LOCK_EX)
-        with pytest.raises(Refused, match=r"NOT_KEPT: .*presets.yaml cannot be written"):
-            Presets(file).save("morning", {})
-    finally:
-        os.close(folder)
-    assert not file.exists()
-
-
-def test_an_empty_file_of_presets_holds_none(tmp_path):
-    file = tmp_path / "presets.yaml"
-    file.touch()
-    presets = Presets(file)
-    assert (presets.by_name, presets.problem) == ({}, "")
-
-
-def test_an_author_may_write_presets_by_hand(tmp_path):
-    file = tmp_path / "presets.yaml"
-    file.write_text("format: 1\npresets:\n  early: {a.patience: 12 s}  # for Mrs Smith\n")
-    assert read_presets(file) == {"early": {"a.patience": "12 s"}}
-
-
-def test_a_broken_file_of_presets_is_named_and_never_overwritten(tmp_path):
-    file = tmp_path / "presets.yaml"
-    file.write_text("format: 1\npresets:\n  x: [1]\n")
-    presets = Presets(file)
-    assert f"{file}:3:6" in presets.problem
-    for act in (lambda: presets.save("y", {}), lambda: presets.get("x")):
-        with pytest.raises(Refused, match=r"BROKEN_PRESETS: .*mend it or move it away"):
-            act()
-    assert file.read_text().endswith("x: [1]\n")
-
-
-@pytest.mark.parametrize("name", ["", " x", "x\n", "x" * 61, "\x00", "a\u2028b"])
-def test_a_preset_needs_a_name_that_people_can_read(name):
-    with pytest.raises(Refused, match="NOT_A_NAME: a preset cannot be called"):
-        Presets(None).save(name, {})
-
-
-def test_an_unknown_preset_is_refused_with_the_nearest():
-    presets = Presets(None)
-    with pytest.raises(Refused, match="UNKNOWN_PRESET: no preset 'x'; 'bt-agents preset save"):
-        presets.get("x")
-    presets.save("morning", {})
-    with pytest.raises(Refused, match="did you mean 'morning'"):
-        presets.forget("mornin")
-
-
-def test_presets_are_bounded():
-    presets = Presets(None)
-    for number in range(100):
-        presets.save(f"p{number}", {})
-    with pytest.raises(Refused, match="TOO_MANY: 101 presets"):
-        presets.save("one more", {})
-    with pytest.raises(Refused, match="TOO_MANY: 100 presets with 10001 values"):
-        presets.save("p0", {f"a.x{number}": "1" for number in range(10_001)})
-    assert presets.by_name["p0"] == {}
-
-
-def test_ten_thousand_values_of_presets_can_be_read_again(tmp_path):
-    file = tmp_path / "presets.yaml"
-    values = {f"agent_{number}.patience": "12 s" for number in range(10_000)}
-    file.write_text(presets_text({"all": values}))
-    assert Presets(file).by_name == {"all": values}
+    (tmp_path / "folder.json").mkdir()
+    for path in (tmp_path / "file" / "tunings.json", tmp_path / "folder.json"):
+        with pytest.raises(BtAgentsError, match="cannot be opened"):
+            ChangeLog(path, Disk())

@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.host.tuning.history import (
-    MOST_SHOWN,
-    MOST_UNDONE,
+    MOST_CHANGES,
+    MOST_REVISIONS,
     TuningAction,
     TuningCause,
     TuningChange,
@@ -50,9 +50,8 @@ class Desk:
             for name, value in values.items()
         )
         number = self.history.revision + 1
-        self.history.add(
-            TuningRevision(number=number, stamp=0.0, cause=cause, changes=changes), {}
-        )
+        revision = TuningRevision(number=number, stamp=0.0, cause=cause, changes=changes)
+        self.history = self.history.with_revision(revision, dict.fromkeys(values, 0))
         self.values |= values
 
 
@@ -66,7 +65,9 @@ def test_an_undo_gives_back_what_was_and_is_a_revision_itself():
     assert desk.undo() == 1
     assert desk.values == {"a.x": 1}
     assert desk.history.revision == 2
-    assert [(r.number, c.before, c.after) for r, c in desk.history.shown] == [(1, 1, 2), (2, 2, 1)]
+    assert [(r.number, c.before, c.after) for r in desk.history.shown for c in r.changes] == [
+        (1, 1, 2), (2, 2, 1),
+    ]  # fmt: skip
 
 
 def test_a_redo_makes_it_again_and_it_can_be_undone_again():
@@ -139,10 +140,10 @@ def test_what_is_not_possible_any_more_is_passed_over_and_named():
 
 
 def test_the_tick_rate_belongs_to_no_agent():
-    history = TuningHistory()
     change = TuningChange(name="tick_rate", before=20.0, after=30.0)
-    history.add(
-        TuningRevision(number=1, stamp=0.0, cause=TuningCause(author="x"), changes=(change,)), {}
+    history = TuningHistory().with_revision(
+        TuningRevision(number=1, stamp=0.0, cause=TuningCause(author="x"), changes=(change,)),
+        {"tick_rate": 20.0},
     )
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
         history.find(TuningAction.UNDO, ["tick_rate"], lambda _n, _v: True)
@@ -154,18 +155,18 @@ def test_ten_thousand_changes_leave_a_bounded_history():
     for value in range(1, 10_001):
         desk.set(a_x=value)
     assert desk.history.revision == 10_000
-    assert len(desk.history.undoable) == MOST_UNDONE
-    assert len(desk.history.shown) == MOST_SHOWN
-    for _ in range(MOST_UNDONE):
+    assert len(desk.history.undoable) == len(desk.history.shown) == MOST_REVISIONS
+    for _ in range(MOST_REVISIONS):
         desk.undo()
-    assert desk.values == {"a.x": 10_000 - MOST_UNDONE}
+    assert desk.values == {"a.x": 10_000 - MOST_REVISIONS}
     with pytest.raises(Refused):
         desk.undo()
 
 
-def test_an_undo_of_an_unknown_revision_is_refused_and_changes_nothing():
-    history = TuningHistory()
-    cause = TuningCause(author="x", action=TuningAction.UNDO, of=7)
-    with pytest.raises(Refused, match="UNKNOWN_REVISION: revision 7"):
-        history.add(TuningRevision(number=1, stamp=0.0, cause=cause, changes=()), {})
-    assert history.revision == 0
+def test_large_revisions_are_bounded_but_the_last_is_whole():
+    desk = Desk(**{f"a_x{number}": 0 for number in range(MOST_CHANGES + 1)})
+    desk.set(a_x1=1)
+    desk.set(**{f"a_x{number}": 2 for number in range(MOST_CHANGES + 1)})
+    assert [one.number for one in desk.history.undoable] == [2]
+    desk.set(a_x1=3)
+    assert [one.number for one in desk.history.undoable] == [3]

@@ -8,15 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents.host.tuning.change_log import ChangeLog
-from bt_agents.host.tuning.history import MOST_SHOWN, TuningAction, TuningCause
+from bt_agents.host.tuning.history import MOST_REVISIONS, TuningAction, TuningCause
 from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, checked_line
 from bt_agents.host.tuning.presets import Presets
 from bt_agents.host.tuning.tunable import TICK_RATE, TunableParameter, parameters_of
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
 from faulty_disk import Disk
-from tree_harness import agent
+from tree_harness import SPACE, agent
 
 HEAD = """
 tunables:
@@ -31,12 +32,26 @@ class Host:
     """A store with the parameters of one agent, as a start of the host makes it."""
 
     def __init__(
-        self, file: Path | None = None, parameters: tuple[TunableParameter, ...] = PARAMETERS
+        self,
+        file: Path | None = None,
+        parameters: tuple[TunableParameter, ...] = PARAMETERS,
+        *,
+        presets: Path = Path("nowhere"),
     ) -> None:
         self.told: list[str] = []
         disk = Disk()
-        log = ChangeLog(file, disk, self.told.append) if file is not None else None
-        self.store = ParameterStore(log, Presets(None), disk, lambda: 1.0, self.told.append)
+        log = ChangeLog(file, disk) if file is not None else None
+        self.changed: list[str] = []
+        self.registry = AgentRegistry(SPACE, [agent("wait: 0 s", HEAD)])
+        self.store = ParameterStore(
+            self.registry.members,
+            log,
+            Presets(presets),
+            disk,
+            lambda: 1.0,
+            self.told.append,
+            lambda parameters: self.changed.extend(one.name for one in parameters),
+        )
         starts = {parameter: self.store.start(parameter) for parameter in parameters}
         for parameter, (value, _why) in starts.items():
             self.store.add(parameter, value)
@@ -44,37 +59,55 @@ class Host:
 
     def undo(self, *agents: str) -> None:
         found, values = self.store.find(TuningAction.UNDO, agents)
-        self.store.record(
+        self.store.set(
             values, TuningCause(author="anna", action=TuningAction.UNDO, of=found.number)
         )
 
 
 def test_values_set_together_share_a_revision_with_author_and_reason():
     store = Host().store
-    revision = store.record({"a.patience": 12.0, "a.attempts": 3, "tick_rate": 20.0}, ANNA)
+    revision = store.set({"a.patience": 12.0, "a.attempts": 3, "tick_rate": 20.0}, ANNA)
     assert revision is not None
     assert (revision.number, revision.cause) == (1, ANNA)
     assert store.format_changes(revision.changes) == "a.patience: 8 s → 12 s, a.attempts: 2 → 3"
 
 
+def test_values_count_for_the_agent_at_once():
+    host = Host()
+    member = host.registry.members["a"]
+    tunables = member.tunables
+    host.store.set({"a.patience": 12.0, "a.learning_rate": 0.5, "tick_rate": 30.0}, ANNA)
+    assert (tunables["patience"], member.learning_rate) == (12.0, 0.5)
+    assert member.tunables is tunables
+    assert host.changed == ["a.patience", "a.learning_rate", "tick_rate"]
+
+
+def test_one_impossible_value_of_a_set_changes_nothing():
+    host = Host()
+    with pytest.raises(Refused, match=r"OUT_OF_RANGE: a\.attempts is 9"):
+        host.store.set({"a.patience": 12.0, "a.attempts": 9}, ANNA)
+    assert host.registry.members["a"].tunables == {"patience": 8.0, "attempts": 2}
+    assert (host.changed, host.store.history.revision) == ([], 0)
+
+
 def test_the_same_value_again_is_no_revision():
     store = Host().store
-    assert store.record({"a.patience": 8.0}, ANNA) is None
+    assert store.set({"a.patience": 8.0}, ANNA) is None
     assert store.history.revision == 0
 
 
 def test_a_value_that_was_not_changed_after_what_its_author_saw_may_be_set():
     store = Host().store
     store.check_unchanged({"a.patience"}, 0)
-    store.record({"a.patience": 12.0}, ANNA)
-    store.record({"a.attempts": 3}, ANNA)
+    store.set({"a.patience": 12.0}, ANNA)
+    store.set({"a.attempts": 3}, ANNA)
     store.check_unchanged({"a.patience"}, 1)
     store.check_unchanged({"tick_rate"}, 0)
 
 
 def test_a_value_that_was_changed_meanwhile_is_refused_with_who_changed_it():
     store = Host().store
-    store.record({"a.patience": 12.0}, ANNA)
+    store.set({"a.patience": 12.0}, ANNA)
     with pytest.raises(Refused, match="CHANGED_MEANWHILE") as refused:
         store.check_unchanged({"a.attempts", "a.patience"}, 0)
     assert refused.value.reason == (
@@ -85,7 +118,7 @@ def test_a_value_that_was_changed_meanwhile_is_refused_with_who_changed_it():
 
 def test_an_undo_is_a_change_that_others_have_to_see():
     host = Host()
-    host.store.record({"a.patience": 12.0}, ANNA)
+    host.store.set({"a.patience": 12.0}, ANNA)
     host.undo()
     with pytest.raises(Refused, match="CHANGED_MEANWHILE"):
         host.store.check_unchanged({"a.patience"}, 1)
@@ -95,41 +128,41 @@ def test_a_revision_that_is_forgotten_or_of_another_start_counts_as_changed():
     store = Host().store
     with pytest.raises(Refused, match="revision 7 is not known here any more"):
         store.check_unchanged({"a.patience"}, 7)
-    for number in range(MOST_SHOWN + 1):
-        store.record({"a.attempts": 3 + number % 2}, ANNA)
+    for number in range(MOST_REVISIONS + 1):
+        store.set({"a.attempts": 3 + number % 2}, ANNA)
     with pytest.raises(Refused, match="revision 0 is not known here any more"):
         store.check_unchanged({"a.patience"}, 0)
     store.check_unchanged({"a.patience"}, store.history.revision)
 
 
 def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):
-    first = Host(tmp_path / "t.sqlite")
-    first.store.record({"a.patience": 12.0}, ANNA)
+    first = Host(tmp_path / "t.json")
+    first.store.set({"a.patience": 12.0}, ANNA)
     first.store.close()
-    again = Host(tmp_path / "t.sqlite")
+    again = Host(tmp_path / "t.json")
     launched = again.store.parameter("a.patience")
     again.store.remove("a.patience")
     again.store.add(launched, 8.0)
     again.undo()
-    assert again.store.values["a.patience"] == 8.0
+    assert again.store.value("a.patience") == 8.0
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
         again.undo()
     again.store.close()
-    assert Host(tmp_path / "t.sqlite").store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
+    assert Host(tmp_path / "t.json").store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
 
 
 def test_a_restart_brings_back_the_values_and_what_can_be_undone(tmp_path):
-    first = Host(tmp_path / "t.sqlite")
-    first.store.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
-    first.store.record({"a.attempts": 4}, ANNA)
+    first = Host(tmp_path / "t.json")
+    first.store.set({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
+    first.store.set({"a.attempts": 4}, ANNA)
     first.undo()
     first.store.close()
-    again = Host(tmp_path / "t.sqlite")
-    assert again.store.values["a.patience"] == 12.0
-    assert again.store.values["tick_rate"] == 30.0
-    assert again.store.values["a.attempts"] == 2
+    again = Host(tmp_path / "t.json")
+    assert again.store.value("a.patience") == 12.0
+    assert again.store.value("tick_rate") == 30.0
+    assert again.store.value("a.attempts") == 2
     again.undo()
-    assert again.store.values["a.patience"] == 8.0
+    assert again.store.value("a.patience") == 8.0
     assert again.store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0, "tick_rate": 30.0}
     again.store.close()
 
@@ -151,32 +184,33 @@ def _changed(**changes: object) -> tuple[TunableParameter, ...]:
 def test_a_file_that_has_changed_meanwhile_overrules_what_was_tuned(
     tmp_path, parameters, value, why
 ):
-    first = Host(tmp_path / "t.sqlite")
-    first.store.record({"a.patience": 12.0}, ANNA)
+    first = Host(tmp_path / "t.json")
+    first.store.set({"a.patience": 12.0}, ANNA)
     first.store.close()
-    again = Host(tmp_path / "t.sqlite", parameters)
-    assert again.store.values["a.patience"] == value
-    [*_, (revision, change)] = again.store.history.shown
+    again = Host(tmp_path / "t.json", parameters)
+    assert again.store.value("a.patience") == value
+    revision = again.store.history.shown[-1]
+    [change] = revision.changes
     assert revision.cause.author == FILE
     assert why in revision.cause.reason
     assert (change.before, change.after) == (12.0, value)
     again.store.close()
-    third = Host(tmp_path / "t.sqlite", parameters)
-    assert third.store.values["a.patience"] == value
+    third = Host(tmp_path / "t.json", parameters)
+    assert third.store.value("a.patience") == value
     assert third.store.history.revision == 2
 
 
 def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
-    first = Host(tmp_path / "t.sqlite")
-    first.store.record({"a.patience": 12.0}, ANNA)
+    first = Host(tmp_path / "t.json")
+    first.store.set({"a.patience": 12.0}, ANNA)
     first.store.close()
-    without = Host(tmp_path / "t.sqlite", (TICK_RATE,))
+    without = Host(tmp_path / "t.json", (TICK_RATE,))
     with pytest.raises(Refused, match=r"revision 1 cannot be: its value of a\.patience is not"):
         without.store.find(TuningAction.UNDO, ())
-    without.store.record({"tick_rate": 30.0}, ANNA)
+    without.store.set({"tick_rate": 30.0}, ANNA)
     without.store.close()
-    again = Host(tmp_path / "t.sqlite")
-    assert again.store.values["a.patience"] == 12.0
+    again = Host(tmp_path / "t.json")
+    assert again.store.value("a.patience") == 12.0
 
 
 @pytest.mark.parametrize(
@@ -190,7 +224,7 @@ def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
 )
 def test_a_changed_default_wins_and_other_changes_keep_the_value_where_they_can(changes, value):
     store = Host().store
-    store.record({"a.patience": 12.0}, ANNA)
+    store.set({"a.patience": 12.0}, ANNA)
     [parameter] = [one for one in _changed(**changes) if one.name == "a.patience"]
     assert store.replace(parameter) == value
 
@@ -222,20 +256,20 @@ def test_names_and_values_have_to_fit(names, texts, code):
         Host().store.read(names, texts)
 
 
-def test_a_preset_brings_back_tuned_values_and_those_of_the_files():
-    store = Host().store
+def test_a_preset_brings_back_tuned_values_and_those_of_the_files(tmp_path):
+    store = Host(presets=tmp_path).store
     assert store.save("evening", ["a"])[0] == 3
-    store.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
+    store.set({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
     assert store.save("morning", [])[0] == 3
     assert store.preset("evening") == (
         {"a.patience": 8.0, "a.attempts": 2, "a.learning_rate": 0.2},
         [],
     )
-    assert store.presets.get("morning")["a.patience"] == "12 s"
+    assert store.presets.get("morning").values["a.patience"] == "12 s"
 
 
-def test_a_preset_leaves_out_what_is_gone_and_refuses_what_does_not_fit():
-    store = Host().store
+def test_a_preset_leaves_out_what_is_gone_and_refuses_what_does_not_fit(tmp_path):
+    store = Host(presets=tmp_path).store
     store.presets.save("old", {"a.patience": "12 s", "b.rate": "1"})
     assert store.preset("old") == ({"a.patience": 12.0}, ["b.rate"])
     store.presets.save("bad", {"a.patience": "12 s", "a.attempts": "9"})
@@ -258,18 +292,18 @@ def test_an_unknown_agent_is_refused_with_the_nearest():
 
 
 def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, monkeypatch):
-    host = Host(tmp_path / "t.sqlite")
+    host = Host(tmp_path / "t.json")
 
     def full(*_arguments: object) -> None:
         raise Refused("NOT_KEPT", "the disk is full")
 
-    monkeypatch.setattr(ChangeLog, "append", full)
+    monkeypatch.setattr(ChangeLog, "write", full)
     with pytest.raises(Refused, match="NOT_KEPT"):
-        host.store.record({"a.patience": 12.0}, ANNA)
-    assert host.store.values["a.patience"] == 8.0
+        host.store.set({"a.patience": 12.0}, ANNA)
+    assert host.store.value("a.patience") == 8.0
     assert host.store.history.revision == 0
-    host.store.record({"a.patience": 12.0}, TuningCause(author=FILE), must_be_stored=False)
-    assert host.store.values["a.patience"] == 12.0
+    host.store.set({"a.patience": 12.0}, TuningCause(author=FILE), must_be_stored=False)
+    assert host.store.value("a.patience") == 12.0
     assert host.told == ["the disk is full"]
 
 
@@ -294,30 +328,30 @@ def test_an_empty_text_is_shown_in_quotes():
         PARAMETERS[0], name="a.place", key="place", type=FieldType.TEXT, default="dock"
     )
     store = Host(None, (parameter,)).store
-    revision = store.record({"a.place": ""}, ANNA)
+    revision = store.set({"a.place": ""}, ANNA)
     assert revision is not None
     assert store.format_changes(revision.changes) == "a.place: dock → ''"
 
 
 def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):
-    file = tmp_path / "t.sqlite"
+    file = tmp_path / "t.json"
     first = Host(file)
-    first.store.record({"a.patience": 12.0}, ANNA)
+    first.store.set({"a.patience": 12.0}, ANNA)
     [kept] = [one for one in _changed(default=12.0) if one.name == "a.patience"]
     assert first.store.replace(kept) == 12.0
     first.store.close()
     again = Host(file, _changed(default=12.0))
     assert again.store.history.revision == 1
     again.store.close()
-    assert Host(file).store.values["a.patience"] == 8.0
+    assert Host(file).store.value("a.patience") == 8.0
 
 
 def test_the_same_is_noticed_at_a_start(tmp_path):
-    file = tmp_path / "t.sqlite"
+    file = tmp_path / "t.json"
     first = Host(file)
-    first.store.record({"a.patience": 12.0}, ANNA)
+    first.store.set({"a.patience": 12.0}, ANNA)
     first.store.close()
     again = Host(file, _changed(default=12.0))
     assert again.store.history.revision == 1
     again.store.close()
-    assert Host(file).store.values["a.patience"] == 8.0
+    assert Host(file).store.value("a.patience") == 8.0

@@ -33,6 +33,7 @@ from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.preset_reader import read_preset
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
@@ -91,6 +92,7 @@ FILES: Mapping[str, list[bytes]] = {
     "market": shipped("market.yaml") + valid_files("markets"),
     "script": shipped("scripts/*.yaml") + valid_files("scripts"),
     "texts": [b"format: 1\ntexts:\n  hello: Hallo ${who}.\n  bye: {one_of: [Ade., Bis bald.]}\n"],
+    "preset": valid_files("presets"),
     "test": TESTS,
 }
 
@@ -112,6 +114,7 @@ READERS: Mapping[str, Callable[[Path], object]] = {
     "market": lambda path: read_market(path, SPACE),
     "script": lambda path: read_script(path, SPACE),
     "texts": read_texts,
+    "preset": read_preset,
     "test": lambda path: read_test(path, AGENTS, SYMBOLS),
 }
 
@@ -511,7 +514,7 @@ HALF_TYPED: list[Any] = [
 ]  # fmt: skip
 MUTATIONS = {
     "agent": 11_000, "library": 2_000, "test": 3_000, "scene": 2_000, "skills": 1_000,
-    "market": 400, "script": 400, "texts": 200,
+    "market": 400, "script": 400, "texts": 200, "preset": 200,
 }  # fmt: skip
 """How many changes of the files of each kind are tried, 20,000 together."""
 

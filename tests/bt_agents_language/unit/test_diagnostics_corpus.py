@@ -21,6 +21,7 @@ from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.preset_reader import read_preset
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
@@ -67,6 +68,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "scenes": read_scene,
     "markets": lambda path: read_market(path, SPACE),
     "scripts": lambda path: read_script(path, SPACE),
+    "presets": read_preset,
     "experiments": lambda path: read_experiment(path, SPACE),
     "imports": read_import,
 }

@@ -43,6 +43,7 @@ KIND_OF_FOLDER = {
     "libraries": "library",
     "markets": "market",
     "scripts": "script",
+    "presets": "preset",
     "scenes": "scene",
     "experiments": "experiment",
     "tests": "test",

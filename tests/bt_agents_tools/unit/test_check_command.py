@@ -96,14 +96,25 @@ def test_everything_in_the_folder_is_looked_at(trees):
     )
     write("libraries/manners.yaml", "format: 1\nsubtrees: {greet: {tree: {sya: A.}}}\n")
     write("scripts/morning.yaml", "format: 1\nvisits: [{label: a, person: maybe}]\n")
+    write("presets/morning.yaml", "format: 1\npreset: morning\nvalues: {one: 12 s}\n")
     assert sorted(found()) == [
         "trees/agents/one.test.yaml:2 unknown-agent",
         "trees/agents/two.yaml:4 unknown-node",
         "trees/libraries/manners.yaml:2 unknown-node",
+        "trees/presets/morning.yaml:3 wrong-type",
         "trees/scripts/morning.yaml:2 wrong-type",
     ]
     write("scripts/noon.yaml", "format: 1\nvisits:\n  - label: Gate #4\n")
     assert "trees/scripts/noon.yaml:3 cut-text" in found()
+
+
+def test_unknown_values_of_a_preset_are_warnings(trees):
+    head = "format: 1\npreset: morning\nvalues:\n"
+    write("presets/morning.yaml", f"{head}  onne: {{x: 1}}\n  one: {{learning_rate: 0, y: 1}}\n")
+    assert found() == [
+        "trees/presets/morning.yaml:4 unknown-in-preset",
+        "trees/presets/morning.yaml:5 unknown-in-preset",
+    ]
 
 
 def test_a_path_may_be_a_file_or_folder_in_a_trees_folder(trees):

@@ -21,6 +21,7 @@ from bt_agents_language.files.experiment_reader import EXPERIMENT, read_experime
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.preset_reader import PRESET, read_preset
 from bt_agents_language.files.scene_reader import SCENE
 from bt_agents_language.files.script_reader import SCRIPT, read_script
 from bt_agents_language.files.skills_reader import read_skills
@@ -111,6 +112,9 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
     if "texts" in keys:
         assert read_texts(Source(document, text)).texts
         return
+    if "preset" in keys:
+        assert read_preset(Source(document, text)).values
+        return
     if "visits" in keys:
         assert read_script(Source(document, text), SPACE).visits
         return
@@ -170,7 +174,13 @@ def _check_test(text: str, document: str) -> None:
 
 @pytest.mark.parametrize(
     ("document", "kind"),
-    [("scene", SCENE), ("visitors", SCRIPT), ("experiments", EXPERIMENT), ("experiments", SWEEP)],
+    [
+        ("scene", SCENE),
+        ("visitors", SCRIPT),
+        ("tuning", PRESET),
+        ("experiments", EXPERIMENT),
+        ("experiments", SWEEP),
+    ],
 )
 def test_the_page_of_a_kind_of_file_names_every_key(document: str, kind: FileKind) -> None:
     page = (ROOT / "docs" / f"{document}.md").read_text()

@@ -21,6 +21,7 @@ from bt_agents_language.files.folder_reader import (
     text_of,
 )
 from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.preset_reader import PRESETS_FOLDER
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.texts_reader import FolderTexts
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
@@ -98,7 +99,7 @@ class Rereading:
         texts = dict(self._before.trees.texts)
         for path in self._changed:
             first = path.relative_to(self._folder).parts[0]
-            if first in ("agents", "scripts", "scenes", "scene.yaml"):
+            if first in ("agents", "scripts", "scenes", PRESETS_FOLDER, "scene.yaml"):
                 continue
             if path in self._listed:
                 texts[path] = text_of(path)

@@ -3,19 +3,18 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from bt_agents.host.tuning.tunable import Setting
+from bt_agents.host.tuning.tunable import Setting, same
 from bt_agents_core.errors import Refused
 
-MOST_UNDONE = 1000
-"""Most changes that can be undone; older ones stay in force."""
+MOST_REVISIONS = 100
+"""Most revisions that can be undone, and most that are shown; older ones stay in force."""
 
-MOST_SHOWN = 100
-"""Most changes of single values that are shown."""
+MOST_CHANGES = 10_000
+"""Most changes of these revisions, unless the last one has more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,63 +73,64 @@ class Override:
     default: Setting
 
 
+@dataclass(frozen=True, kw_only=True)
 class TuningHistory:
-    """Undo stack, redo stack, last changes to show, and overrides of a host.
+    """Undo stack, redo stack, last revisions, and overrides of a host.
 
     Attributes:
-        revision: Number of the last revision; 0 for none.
         undoable: Revisions that can be undone, oldest first.
         redoable: Revisions that can be redone, the one undone first at the front.
-        shown: The last changes of single values, oldest first.
+        shown: The last revisions, oldest first.
         overrides: Name → tuned value that differs from its file, including values of agents that
             are currently absent.
     """
 
-    def __init__(
-        self,
-        revision: int = 0,
-        undoable: Iterable[TuningRevision] = (),
-        redoable: Iterable[TuningRevision] = (),
-        shown: Iterable[TuningRevision] = (),
-    ) -> None:
-        self.revision = revision
-        self.undoable = deque(undoable, MOST_UNDONE)
-        self.redoable = deque(redoable, MOST_UNDONE)
-        self.shown: deque[tuple[TuningRevision, TuningChange]] = deque(maxlen=MOST_SHOWN)
-        self.overrides: dict[str, Override] = {}
-        for one in shown:
-            self._show(one)
+    undoable: tuple[TuningRevision, ...] = ()
+    redoable: tuple[TuningRevision, ...] = ()
+    shown: tuple[TuningRevision, ...] = ()
+    overrides: Mapping[str, Override] = field(default_factory=dict)
 
-    def add(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
-        """Add a revision that has come into force.
+    @property
+    def revision(self) -> int:
+        """Number of the last revision; 0 for none."""
+        return self.shown[-1].number if self.shown else 0
+
+    def with_revision(
+        self, revision: TuningRevision, defaults: Mapping[str, Setting]
+    ) -> TuningHistory:
+        """Return the history after a revision that has come into force.
 
         Args:
             revision: The changes.
-            defaults: Defaults in the files, for each changed value that must survive a restart.
-
-        Raises:
-            Refused: ``UNKNOWN_REVISION``; it undoes or redoes an impossible revision. Nothing is
-                changed.
+            defaults: Default in the file for each changed value.
         """
+        undoable, redoable = [*self.undoable], [*self.redoable]
         match revision.cause.action:
             case TuningAction.SET:
-                self.undoable.append(revision)
-                self.redoable.clear()
+                undoable.append(revision)
+                redoable.clear()
             case TuningAction.UNDO:
-                self.redoable.append(_taken(self.undoable, revision.cause.of))
+                _move(revision.cause.of, undoable, redoable)
             case TuningAction.REDO:
-                self.undoable.append(_taken(self.redoable, revision.cause.of))
-        self.revision = max(self.revision, revision.number)
-        self._show(revision)
+                _move(revision.cause.of, redoable, undoable)
+        overrides = dict(self.overrides)
         for change in revision.changes:
-            default = defaults.get(change.name)
-            if default == change.after:
-                self.overrides.pop(change.name, None)
-            elif default is not None:
-                self.overrides[change.name] = Override(value=change.after, default=default)
+            default = defaults[change.name]
+            if same(default, change.after):
+                overrides.pop(change.name, None)
+            else:
+                overrides[change.name] = Override(value=change.after, default=default)
+        return TuningHistory(
+            undoable=_last(undoable),
+            redoable=tuple(redoable),
+            shown=_last([*self.shown, revision]),
+            overrides=overrides,
+        )
 
-    def _show(self, revision: TuningRevision) -> None:
-        self.shown.extend((revision, change) for change in revision.changes)
+    def without_override(self, name: str) -> TuningHistory:
+        """Return the history without the override of a value that its file has taken over."""
+        overrides = {key: one for key, one in self.overrides.items() if key != name}
+        return replace(self, overrides=overrides)
 
     def find(
         self,
@@ -181,9 +181,18 @@ def agent_of(name: str) -> str:
     return agent if dot else ""
 
 
-def _taken(revisions: deque[TuningRevision], number: int) -> TuningRevision:
-    for revision in reversed(revisions):
-        if revision.number == number:
-            revisions.remove(revision)
-            return revision
-    raise Refused("UNKNOWN_REVISION", f"revision {number} cannot be taken back or made again")
+def _last(revisions: Sequence[TuningRevision]) -> tuple[TuningRevision, ...]:
+    """Return the last revisions, as many as are kept."""
+    start, changes = len(revisions), 0
+    for revision in reversed(revisions[-MOST_REVISIONS:]):
+        changes += len(revision.changes)
+        if changes > MOST_CHANGES and start < len(revisions):
+            break
+        start -= 1
+    return tuple(revisions[start:])
+
+
+def _move(number: int, source: list[TuningRevision], target: list[TuningRevision]) -> None:
+    [found] = [revision for revision in source if revision.number == number]
+    source.remove(found)
+    target.append(found)

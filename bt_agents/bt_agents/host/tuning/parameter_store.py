@@ -7,9 +7,9 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from concurrent.futures import Future as Job
 
+from bt_agents.host.agent_registry import HostedAgent
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import (
-    MOST_SHOWN,
     FoundRevision,
     TuningAction,
     TuningCause,
@@ -19,7 +19,14 @@ from bt_agents.host.tuning.history import (
     agent_of,
 )
 from bt_agents.host.tuning.presets import Presets, check_name
-from bt_agents.host.tuning.tunable import Setting, TunableParameter, same, shown_value
+from bt_agents.host.tuning.tunable import (
+    TICK_RATE,
+    Setting,
+    TunableKind,
+    TunableParameter,
+    same,
+    shown_value,
+)
 from bt_agents_core.errors import Refused
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -34,26 +41,30 @@ _FEW = 8
 class ParameterStore:
     """Tunable parameters; checks and logs each change before it takes effect.
 
+    The values of an agent are those of its :class:`HostedAgent`, from which its tree reads them.
+
     Args:
+        members: The agents of the host by name.
         log: Log of the changes, written before they count; None for none.
         presets: The named presets; only ``disk`` changes them.
         disk: Executor with a single thread for the disk.
         now: Returns the time [s since 1970].
         report: Logs a line of the host.
-
-    Attributes:
-        values: Current value of each parameter, by name.
+        changed: Called with the parameters whose values have changed, once for all of them.
     """
 
     def __init__(
         self,
+        members: Mapping[str, HostedAgent],
         log: ChangeLog | None,
         presets: Presets,
         disk: Executor,
         now: Callable[[], float],
         report: Callable[[str], None],
+        changed: Callable[[Collection[TunableParameter]], None],
     ) -> None:
-        self.values: dict[str, Setting] = {}
+        self._members = members
+        self._tick_rate: Setting = TICK_RATE.default
         self.presets = presets
         self._parameters: dict[str, TunableParameter] = {}
         self._of_agents: dict[str, dict[str, TunableParameter]] = {}
@@ -62,6 +73,7 @@ class ParameterStore:
         self.history = log.history if log is not None else TuningHistory()
         self._now = now
         self._report = report
+        self._changed = changed
 
     def start(self, parameter: TunableParameter) -> tuple[Setting, str]:
         """Return the initial value of a new parameter, and why it is not the tuned one, if so."""
@@ -89,18 +101,19 @@ class ParameterStore:
         self._of_agents.setdefault(parameter.agent, {})[parameter.name] = parameter
         override = self.history.overrides.get(parameter.name)
         if override is not None and same(override.value, parameter.default):
-            del self.history.overrides[parameter.name]
-            self._write_log(lambda log: log.clear(parameter.name), must_be_stored=False)
+            kept = self.history.without_override(parameter.name)
+            self._keep(kept, must_be_stored=False)
 
     def add(self, parameter: TunableParameter, value: Setting) -> None:
         """Add a parameter with its value."""
         self._put(parameter)
-        self.values[parameter.name] = value
+        self._assign(parameter, value)
 
     def remove(self, name: str) -> None:
         """Remove a parameter; its history and override stay in case it returns."""
         parameter = self._parameters.pop(name)
-        del self.values[name]
+        if parameter.kind is TunableKind.TUNABLE and parameter.agent in self._members:
+            del self._members[parameter.agent].tunables[parameter.key]
         del self._of_agents[parameter.agent][name]
         if not self._of_agents[parameter.agent]:
             del self._of_agents[parameter.agent]
@@ -111,7 +124,7 @@ class ParameterStore:
         A changed default is deliberate, so it becomes the value; otherwise the current value stays
         if it is possible.
         """
-        old, value = self._parameters[parameter.name], self.values[parameter.name]
+        old, value = self._parameters[parameter.name], self.value(parameter.name)
         self._put(parameter)
         if not same(old.default, parameter.default):
             return parameter.default
@@ -120,14 +133,24 @@ class ParameterStore:
         except Refused:
             return parameter.default
 
-    def check(self, values: Mapping[str, Setting]) -> None:
-        """Check values to be set together.
+    def value(self, name: str) -> Setting:
+        """Return the current value of a parameter."""
+        parameter = self._parameters[name]
+        match parameter.kind:
+            case TunableKind.TUNABLE:
+                return self._members[parameter.agent].tunables[parameter.key]
+            case TunableKind.LEARNING_RATE:
+                return self._members[parameter.agent].learning_rate
+        return self._tick_rate
 
-        Raises:
-            Refused: ``UNKNOWN_PARAMETER``, or as in :meth:`TunableParameter.check`.
-        """
-        for name, value in values.items():
-            self.parameter(name).check(value)
+    def _assign(self, parameter: TunableParameter, value: Setting) -> None:
+        match parameter.kind:
+            case TunableKind.TUNABLE:
+                self._members[parameter.agent].tunables[parameter.key] = value
+            case TunableKind.LEARNING_RATE:
+                self._members[parameter.agent].learning_rate = float(value)
+            case TunableKind.TICK_RATE:
+                self._tick_rate = value
 
     def parameter(self, name: str) -> TunableParameter:
         """Return the parameter of this name.
@@ -178,7 +201,8 @@ class ParameterStore:
         Raises:
             Refused: ``CHANGED_MEANWHILE``, with who changed it last.
         """
-        for revision, change in reversed(self.history.shown):
+        shown = self.history.shown
+        for revision, change in ((one, o) for one in reversed(shown) for o in one.changes):
             if change.name in names and revision.number > seen:
                 before, after = (
                     self.format_value(change.name, one) for one in (change.before, change.after)
@@ -190,18 +214,17 @@ class ParameterStore:
                     f"after revision {seen}; look at it, and set it again",
                 )
         newest = self.history.revision
-        shown = len(self.history.shown) < MOST_SHOWN or self.history.shown[0][0].number <= seen
-        if seen > newest or not shown:
+        if seen > newest or (shown and seen < shown[0].number - 1):
             raise Refused(
                 "CHANGED_MEANWHILE",
                 f"revision {seen} is not known here any more, the last one is {newest}; look at "
                 "the values, and set them again",
             )
 
-    def record(
+    def set(
         self, values: Mapping[str, Setting], cause: TuningCause, *, must_be_stored: bool = True
     ) -> TuningRevision | None:
-        """Log checked values and put them into force, so that they survive the end of the process.
+        """Set values together or not at all; they survive the end of the process.
 
         Values that need not be stored also come into force if they cannot be written.
 
@@ -209,12 +232,15 @@ class ParameterStore:
             The revision; None if nothing differs and nothing is undone.
 
         Raises:
-            Refused: ``NOT_KEPT``; nothing is changed.
+            Refused: ``UNKNOWN_PARAMETER``, or as in :meth:`TunableParameter.check` and
+                :meth:`ChangeLog.write`; nothing is changed.
         """
+        for name, value in values.items():
+            self.parameter(name).check(value)
         changes = tuple(
-            TuningChange(name=name, before=self.values[name], after=value)
+            TuningChange(name=name, before=self.value(name), after=value)
             for name, value in values.items()
-            if self.values[name] != value
+            if self.value(name) != value
         )
         if not changes and cause.action is TuningAction.SET:
             return None
@@ -231,7 +257,7 @@ class ParameterStore:
         """Record that files have overruled tuned values; ``reasons`` are by name."""
         changes = tuple(
             TuningChange(
-                name=name, before=self.history.overrides[name].value, after=self.values[name]
+                name=name, before=self.history.overrides[name].value, after=self.value(name)
             )
             for name in reasons
         )
@@ -247,21 +273,23 @@ class ParameterStore:
             number=self.history.revision + 1, stamp=self._now(), cause=cause, changes=changes
         )
         defaults = {change.name: self._parameters[change.name].default for change in changes}
-        self._write_log(lambda log: log.append(revision, defaults), must_be_stored=must_be_stored)
-        self.history.add(revision, defaults)
-        for change in changes:
-            self.values[change.name] = change.after
+        history = self.history.with_revision(revision, defaults)
+        self._keep(history, must_be_stored=must_be_stored)
+        changed = [self._parameters[change.name] for change in changes]
+        for parameter, change in zip(changed, changes, strict=True):
+            self._assign(parameter, change.after)
+        self._changed(changed)
         return revision
 
-    def _write_log(self, write: Callable[[ChangeLog], None], *, must_be_stored: bool) -> None:
-        if self._log is None:
-            return
-        try:
-            write(self._log)
-        except Refused as refused:
-            if must_be_stored:
-                raise
-            self._report(refused.reason)
+    def _keep(self, history: TuningHistory, *, must_be_stored: bool) -> None:
+        if self._log is not None:
+            try:
+                self._log.write(history)
+            except Refused as refused:
+                if must_be_stored:
+                    raise
+                self._report(refused.reason)
+        self.history = history
 
     def find(self, action: TuningAction, agents: Collection[str]) -> FoundRevision:
         """Return what to undo or redo next; see :meth:`TuningHistory.find`.
@@ -281,14 +309,14 @@ class ParameterStore:
         preset = self.presets.get(name)
         values = {
             key: self._parameters[key].read(text)
-            for key, text in preset.items()
+            for key, text in preset.values.items()
             if key in self._parameters
         }
         if not values:
             raise Refused(
                 "NOTHING_LEFT", f"preset {quote(name)} has no value of an agent that is here"
             )
-        return values, [one for one in preset if one not in self._parameters]
+        return values, [one for one in preset.values if one not in self._parameters]
 
     def save(self, name: str, agents: Collection[str]) -> tuple[int, Job[None]]:
         """Save the tunables and learning rates of agents (of all, if empty) as a preset.
@@ -304,7 +332,7 @@ class ParameterStore:
         check_name(name)
         wanted = self._known(agents)
         values = {
-            parameter.name: parameter.format(self.values[parameter.name])
+            parameter.name: parameter.format(self.value(parameter.name))
             for parameter in self._parameters.values()
             if parameter.agent and (not wanted or parameter.agent in wanted)
         }

@@ -1,238 +1,196 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Presets: named sets of values that are applied together, in a readable YAML file."""
+"""Presets of a trees folder: named sets of values, each in a YAML file of its own."""
 
 from __future__ import annotations
 
-import fcntl
-import os
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
+from bt_agents.host.tuning.change_log import not_kept
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import ReadError, Refused
-from bt_agents_core.private_files import make_private_file
+from bt_agents_core.file_watch import Stamp, poll
 from bt_agents_core.text import quote
+from bt_agents_core.trees_folder import is_installed
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_language.yaml.field_tables import FIELDS, FieldDecl, KeyTable
-from bt_agents_language.yaml.scalars import quoted
-from bt_agents_language.yaml.source import read_source
-from bt_agents_language.yaml.typed_reader import TypedReader
-
-LONGEST_NAME = 60
-"""Most characters of the name of a preset."""
+from bt_agents_language.files.folder_reader import yaml_files
+from bt_agents_language.files.preset_reader import (
+    Preset,
+    name_problem,
+    preset_file,
+    preset_text,
+    read_preset,
+)
 
 MOST_PRESETS = 100
 
 MOST_VALUES = 10_000
-"""Most values of all presets together; a file with this many can still be read."""
-
-_LOCKED_S = 1.0
-"""How long a change waits for another process that changes presets in the folder [s]."""
-
-_LOCK_AGAIN_S = 0.01
-
-_PRESETS = KeyTable(
-    what="a file of presets", fields=(FieldDecl("presets", FIELDS, required=True),)
-)
-
-Preset = Mapping[str, str]
-"""ROS parameter of the host → value as an author writes it."""
+"""Most values of all presets together."""
 
 
 class Presets:
-    """Presets of a host, stored on disk before they count; in memory without a file.
+    """Presets of a trees folder; a broken file affects no other preset.
 
-    One thread may change them while others read them. Changes of the file by other writers, such
-    as a host with the same folder, are read before the next change.
+    One thread may change them while others read :attr:`by_name` and :attr:`problems`. Files that
+    authors or other hosts have changed are read by :meth:`refresh`, and before each change; a
+    change replaces both mappings.
+
+    Args:
+        folder: Folder of the files, which may be missing.
 
     Attributes:
-        problem: What is wrong with the file; empty if it can be used.
         by_name: The presets in alphabetical order.
+        problems: File → what is wrong with it, so that it is left out.
     """
 
-    def __init__(self, file: Path | None) -> None:
-        self.problem = ""
-        self._file = file
+    def __init__(self, folder: Path) -> None:
         self.by_name: Mapping[str, Preset] = {}
-        self._read: _Written | None = None
-        self._take_in()
+        self.problems: Mapping[Path, str] = {}
+        self._folder = folder
+        self._stamps: Mapping[str, Stamp] = {}
+        self._read: dict[Path, Preset | ReadError] = {}
+        self._files: dict[str, Path] = {}
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Read the files that have changed."""
+        try:
+            paths = yaml_files(self._folder)
+        except OSError as error:
+            unreadable = f"{self._folder} cannot be read ({error.strerror}); its presets stay"
+            if self.problems != {self._folder: unreadable}:
+                self.problems = {self._folder: unreadable}
+            return
+        stamps = poll(paths, ())
+        if stamps == self._stamps:
+            return
+        self._read = {
+            path: self._read[path]
+            if path in self._read and stamps.get(str(path)) == self._stamps.get(str(path))
+            else _read(path)
+            for path in paths
+        }
+        self._stamps = stamps
+        self._arrange()
+
+    def _arrange(self) -> None:
+        """Assign each name to one file, within the limits."""
+        presets: dict[str, Preset] = {}
+        files: dict[str, Path] = {}
+        problems: dict[Path, str] = {}
+        values = 0
+        for path, found in self._read.items():
+            if isinstance(found, ReadError):
+                problems[path] = found.report
+            elif found.name in files:
+                first = files[found.name].name
+                problems[path] = f"{path}: {first} holds the preset {quote(found.name)} already"
+            elif len(presets) == MOST_PRESETS or values + len(found.values) > MOST_VALUES:
+                problems[path] = (
+                    f"{path}: left out, because a host takes at most {MOST_PRESETS} presets with "
+                    f"{MOST_VALUES} values"
+                )
+            else:
+                presets[found.name], files[found.name] = found, path
+                values += len(found.values)
+        self._files = files
+        self.problems = problems
+        self.by_name = dict(sorted(presets.items()))
 
     def get(self, name: str) -> Preset:
         """Return a preset.
 
         Raises:
-            Refused: ``UNKNOWN_PRESET``, or ``BROKEN_PRESETS``.
+            Refused: ``UNKNOWN_PRESET``.
         """
         presets = self.by_name
         if name not in presets:
-            self._refuse_broken()
             hint = did_you_mean(name, presets) or "'bt-agents preset save NAME' makes one"
-            raise Refused("UNKNOWN_PRESET", f"no preset {quote(name)}; {hint}")
+            broken = ", ".join(path.name for path in self.problems)
+            more = f"; left out because of problems: {broken}" if broken else ""
+            raise Refused("UNKNOWN_PRESET", f"no preset {quote(name)}; {hint}{more}")
         return presets[name]
 
-    def save(self, name: str, values: Preset) -> None:
-        """Save values under a name, replacing an existing preset.
+    def save(self, name: str, values: Mapping[str, str]) -> None:
+        """Save values, by agent and tunable, under a name; replace an existing preset.
 
         Raises:
-            Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``BROKEN_PRESETS`` or ``NOT_KEPT``; nothing is
-                changed.
+            Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``FILE_TAKEN``, ``STORAGE_FULL`` or
+                ``NOT_KEPT``; nothing is changed.
         """
         check_name(name)
-        with self._locked():
-            self._refuse_broken()
-            presets = {**self.by_name, name: dict(values)}
-            many = sum(map(len, presets.values()))
-            if len(presets) > MOST_PRESETS or many > MOST_VALUES:
-                raise Refused(
-                    "TOO_MANY",
-                    f"{len(presets)} presets with {many} values, expected at most {MOST_PRESETS} "
-                    f"with {MOST_VALUES}; forget one, or save fewer agents",
-                )
-            self._write(presets)
+        self.refresh()
+        others = [preset for preset in self.by_name.values() if preset.name != name]
+        many = len(values) + sum(len(preset.values) for preset in others)
+        if len(others) + 1 > MOST_PRESETS or many > MOST_VALUES:
+            raise Refused(
+                "TOO_MANY",
+                f"{len(others) + 1} presets with {many} values, expected at most {MOST_PRESETS} "
+                f"with {MOST_VALUES}; forget one, or save fewer agents",
+            )
+        path = self._files.get(name) or self._folder / preset_file(name)
+        if name not in self._files and path in self._read:
+            raise Refused(
+                "FILE_TAKEN",
+                f"{path} holds another preset, or is broken; choose another name, or mend, rename "
+                "or delete the file",
+            )
+        self._check_writable()
+        try:
+            _write(path, preset_text(name, values))
+        except OSError as error:
+            raise not_kept(path, error) from error
+        self.refresh()
 
     def forget(self, name: str) -> None:
-        """Remove a preset.
+        """Delete the file of a preset.
 
         Raises:
-            Refused: As in :meth:`get` and :meth:`save`; nothing is changed.
+            Refused: ``UNKNOWN_PRESET`` or ``NOT_KEPT``; nothing is changed.
         """
-        with self._locked():
-            self.get(name)
-            self._refuse_broken()
-            self._write({one: values for one, values in self.by_name.items() if one != name})
-
-    @contextmanager
-    def _locked(self) -> Iterator[None]:
-        """Lock the folder of the file against other writers, and read their changes."""
-        if self._file is None:
-            yield
-            return
+        self.refresh()
+        self.get(name)
+        self._check_writable()
+        path = self._files[name]
         try:
-            folder = os.open(self._file.parent, os.O_RDONLY)
+            path.unlink()
         except OSError as error:
-            raise self._not_kept(error) from error
-        try:
-            self._lock(folder)
-            self._take_in()
-            yield
-        finally:
-            os.close(folder)
+            raise not_kept(path, error) from error
+        self.refresh()
 
-    def _lock(self, folder: int) -> None:
-        until = time.monotonic() + _LOCKED_S
-        while True:
-            try:
-                return fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                if time.monotonic() >= until:
-                    raise self._not_kept(error) from error
-            time.sleep(_LOCK_AGAIN_S)
-
-    def _take_in(self) -> None:
-        """Read the file, unless it is unchanged since the last reading or writing."""
-        found = _written(self._file)
-        if found == self._read:
-            return
-        self._read = found
-        self.problem = ""
-        presets: Mapping[str, Preset] = {}
-        if self._file is not None and found is not None and found.size:
-            try:
-                presets = read_presets(self._file)
-            except ReadError as error:
-                self.problem = error.report
-        self.by_name = dict(sorted(presets.items()))
-
-    def _refuse_broken(self) -> None:
-        if self.problem:
-            first = self.problem.splitlines()[0]
+    def _check_writable(self) -> None:
+        if is_installed(self._folder):
             raise Refused(
-                "BROKEN_PRESETS",
-                f"the file of the presets is broken; mend it or move it away, then restart the "
-                f"host: {first}",
+                "NOT_KEPT",
+                f"{self._folder} belongs to the installation, where no presets are saved or "
+                "forgotten; start the system with a copy of the trees folder",
             )
 
-    def _write(self, presets: dict[str, Preset]) -> None:
-        if self._file is not None:
-            try:
-                make_private_file(self._file)
-                write_atomically(self._file, presets_text(presets))
-            except OSError as error:
-                raise self._not_kept(error) from error
-            self._read = _written(self._file)
-        self.by_name = dict(sorted(presets.items()))
 
-    def _not_kept(self, error: OSError) -> Refused:
-        return Refused(
-            "NOT_KEPT",
-            f"{self._file} cannot be written: {error.strerror or error}; nothing is changed",
-        )
-
-
-class _Written(NamedTuple):
-    """State of a file; each atomic write changes it."""
-
-    number: int
-    time_ns: int
-    size: int
-
-
-def _written(file: Path | None) -> _Written | None:
-    """Return the state of a file; None without one."""
-    if file is None:
-        return None
-    try:
-        found = file.stat()
-    except OSError:
-        return None
-    return _Written(found.st_ino, found.st_mtime_ns, found.st_size)
-
-
-def check_name(name: str) -> str:
-    """Check the name of a preset and return it.
+def check_name(name: str) -> None:
+    """Check the name of a preset.
 
     Raises:
         Refused: ``NOT_A_NAME``.
     """
-    if not 0 < len(name) <= LONGEST_NAME or not name.isprintable() or name != name.strip():
-        raise Refused(
-            "NOT_A_NAME",
-            f"a preset cannot be called {quote(name)}; expected 1 to {LONGEST_NAME} visible "
-            "characters in one line, for example 'morning' or 'care home'",
-        )
-    return name
+    if problem := name_problem(name):
+        raise Refused("NOT_A_NAME", problem)
 
 
-def presets_text(presets: Mapping[str, Preset]) -> str:
-    """Return the text of a file of presets."""
-    lines = ["format: 1\n", "presets:\n" if presets else "presets: {}\n"]
-    for name in sorted(presets):
-        lines.append(f"  {quoted(name)}:{'' if presets[name] else ' {}'}\n")
-        lines += [f"    {key}: {quoted(value)}\n" for key, value in presets[name].items()]
-    return "".join(lines)
+def _read(path: Path) -> Preset | ReadError:
+    try:
+        return read_preset(path)
+    except ReadError as error:
+        return error
 
 
-def read_presets(path: Path) -> Mapping[str, Preset]:
-    """Return the presets of a file.
-
-    Raises:
-        ReadError: The file has problems; the error lists all of them.
-    """
-    reading = TypedReader(read_source(path))
-    fields = reading.file(_PRESETS)
-    presets: dict[str, dict[str, str]] = {}
-    for entry in fields.entries("presets", "names and values"):
-        name = entry.key.text
-        try:
-            check_name(name)
-        except Refused as refused:
-            reading.error("out-of-range", entry.key, refused.reason)
-        presets[name] = {}
-        for one in reading.entries(entry.value, f"preset {quote(name)}", "values"):
-            what = f"the value of {quote(one.key.text)}"
-            presets[name][one.key.text] = reading.text(one.value, what, empty=True) or ""
-    reading.problems.raise_if_any()
-    return presets
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(exist_ok=True)
+    is_new = not path.exists()
+    path.touch()
+    try:
+        write_atomically(path, text)
+    except BaseException:
+        if is_new:
+            path.unlink(missing_ok=True)
+        raise

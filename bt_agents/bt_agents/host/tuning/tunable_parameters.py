@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tunable parameters of a host as ROS parameters, applied atomically between two ticks."""
+"""Tunable parameters of a host as ROS parameters: declared, set, and shown as they change."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,6 +28,7 @@ from bt_agents.host.tuning.tunable import (
 from bt_agents.host.tuning.tune_service import TuneServer
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.file_watch import PERIOD_S
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros.parameters import describe
@@ -36,19 +37,20 @@ from bt_agents_ros.timers import FuturePoller, steady_timer
 ROS_PARAMETER = "ros parameter"
 """Author of a change without a name."""
 
-PRESETS = "presets.yaml"
-"""Name of the presets file, in the folder of the tunings file."""
-
 _PUBLISHED_AFTER_S = 0.05
 
 
 class TunableParameters:
-    """Declares all tunables as ROS parameters; the only path by which they change.
+    """Shows all tunables as ROS parameters, a view of the :class:`ParameterStore`.
 
-    ``ros2 param``, the service ``~/tune`` and reloaded files all use
-    ``set_parameters_atomically``: values are checked and logged before they count, and take effect
-    together between two ticks. ``changed`` is called shortly after a change of learning rates.
-    The file ``tunings`` keeps tuned values across restarts; an empty name keeps them in memory.
+    ``ros2 param``, the service ``~/tune`` and reloaded files all set values in the store, where
+    they take effect together between two ticks.
+
+    Args:
+        presets: Folder of the presets.
+        changed: Called shortly after a change of learning rates, or of :attr:`preset_problems`.
+        set_rate: Sets the ticks per second.
+        tunings: File that keeps tuned values across restarts; an empty name keeps them in memory.
 
     Attributes:
         left_out: Name of a parameter → why the value given at the start is ignored.
@@ -58,6 +60,7 @@ class TunableParameters:
         self,
         node: Node,
         registry: AgentRegistry,
+        presets: Path,
         changed: Callable[[], None],
         *,
         set_rate: Callable[[float], None] = lambda _hertz: None,
@@ -69,49 +72,74 @@ class TunableParameters:
         self._set_rate = set_rate
         self._disk = WorkerThread("tunings")
         self._poller = FuturePoller(node)
+        self._presets = Presets(presets)
+        self._shown_presets = self._presets.by_name
+        self._preset_job = self._disk.submit(self._presets.refresh)
         self._store = self._open(tunings)
         self.left_out: dict[str, str] = {}
-        self._cause = TuningCause(author=ROS_PARAMETER)
-        self._recorded: TuningRevision | None = None
-        self._refusal: Refused | None = None
         self._cards_due = False
         self._infos_due = True
         self._flush_due = False
         self._publish_timer = steady_timer(node, _PUBLISHED_AFTER_S, self._publish)
+        self._report_presets({})
+        steady_timer(node, PERIOD_S, self._poll_presets)
         self._declare_together((TICK_RATE,))
-        self._set_rate(float(self._store.values[TICK_RATE.name]))
+        self._set_rate(float(self._store.value(TICK_RATE.name)))
         for member in registry.members.values():
             self.add(member)
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._apply)
-        self._server = TuneServer(node, self._store, self.set, self._poller)
+        node.add_on_set_parameters_callback(self._set)
+        self._server = TuneServer(node, self._store, self._show, self._poller)
 
     def _open(self, tunings: str) -> ParameterStore:
         log = self._node.get_logger()
         changes: ChangeLog | None = None
-        presets = Presets(None)
         if tunings:
-            path = Path(tunings)
             try:
-                changes = ChangeLog(path, self._disk, log.error)
+                changes = ChangeLog(Path(tunings), self._disk)
             except BtAgentsError as error:
                 log.error(f"what is tuned now is lost with this host: {error}")
             else:
-                for problem in changes.problems:
-                    log.warning(problem)
-                presets = Presets(path.with_name(PRESETS))
-                if presets.problem:
-                    log.error(f"there are no presets, their file is broken:\n{presets.problem}")
-        return ParameterStore(changes, presets, self._disk, time.time, log.error)
+                if changes.problem:
+                    log.warning(changes.problem)
+        return ParameterStore(
+            self._registry.members,
+            changes,
+            self._presets,
+            self._disk,
+            time.time,
+            log.error,
+            self._on_change,
+        )
 
     def __contains__(self, name: str) -> bool:
         """Return whether a parameter of the node is a tunable."""
         return self._store.has(name)
 
+    @property
+    def preset_problems(self) -> Iterable[str]:
+        """Problems of the files of presets, in words of one line."""
+        return (problem.splitlines()[0] for problem in self._presets.problems.values())
+
+    def _poll_presets(self) -> None:
+        if self._preset_job.done():
+            self._preset_job = self._disk.submit(self._presets.refresh)
+        presets, problems = self._presets.by_name, self._presets.problems
+        if presets is self._shown_presets and problems is self._shown_problems:
+            return
+        known, self._shown_presets = self._shown_problems, presets
+        self._report_presets(known)
+        self._publish_soon()
+
+    def _report_presets(self, known: Mapping[Path, str]) -> None:
+        self._shown_problems = self._presets.problems
+        for path, problem in self._shown_problems.items():
+            if known.get(path) != problem:
+                self._node.get_logger().error(f"preset left out:\n{problem}")
+        self._cards_due = self._cards_due or known != self._shown_problems
+
     def add(self, member: HostedAgent) -> None:
         """Declare the parameters of an agent, with previously tuned values."""
         self._declare_together(parameters_of(member.spec))
-        self._copy_values(member)
         self._infos_due = True
         self._publish_soon()
 
@@ -123,7 +151,7 @@ class TunableParameters:
         self._publish_soon()
 
     def replace(self, member: HostedAgent, spec: AgentSpec) -> None:
-        """Replace the file of an agent by another version; its tunables stay the same object.
+        """Replace the file of an agent by another version; its tunables stay the same mapping.
 
         A changed default becomes the value, as a revision by "file". Other values stay if the new
         file allows them. The profile follows the file until something has been learned.
@@ -134,46 +162,26 @@ class TunableParameters:
             if name not in new or new[name].type is not parameter.type:
                 self._undeclare(parameter)
         self._declare_together([one for name, one in new.items() if not self._store.has(name)])
-        wanted: dict[str, Setting] = {}
-        for name, parameter in new.items():
-            if name not in old or old[name].type is not parameter.type or old[name] == parameter:
-                continue
-            value = self._store.replace(parameter)
+        changed = [
+            one
+            for name, one in new.items()
+            if name in old and old[name].type is one.type and old[name] != one
+        ]
+        values = {parameter.name: self._store.replace(parameter) for parameter in changed}
+        cause = TuningCause(author=FILE, reason=f"{spec.file} has changed")
+        revision = self._store.set(values, cause, must_be_stored=False)
+        for parameter in changed:
+            value = Parameter(parameter.name, value=values[parameter.name])
             self._node.set_descriptor(
-                name, _descriptor(parameter), Parameter(name, value=value).get_parameter_value()
+                parameter.name, _descriptor(parameter), value.get_parameter_value()
             )
-            wanted[name] = value
-        if wanted:
-            try:
-                self.set(wanted, TuningCause(author=FILE, reason=f"{spec.file} has changed"))
-            except Refused as refused:
-                self._node.get_logger().error(
-                    f"{spec.file} has changed, but its defaults are not in force: {refused}"
-                )
+        if revision is not None:
+            self._show(revision)
         member.spec = spec
         if member.revision == 0 and spec.profile != member.profile:
             member.profile = spec.profile
-        self._copy_values(member)
         self._infos_due = True
         self._publish_soon()
-
-    def set(self, values: Mapping[str, Setting], cause: TuningCause) -> TuningRevision | None:
-        """Set values together or not at all; return the revision, None if nothing changes.
-
-        Raises:
-            Refused: A value was refused; nothing is set.
-        """
-        self._store.check(values)
-        self._cause, self._recorded, self._refusal = cause, None, None
-        try:
-            result = self._node.set_parameters_atomically(
-                [Parameter(name, value=value) for name, value in values.items()]
-            )
-        finally:
-            self._cause = TuningCause(author=ROS_PARAMETER)
-        if not result.successful:
-            raise self._refusal or Refused("REFUSED", result.reason)
-        return self._recorded
 
     def close(self) -> None:
         """Release the file."""
@@ -190,7 +198,6 @@ class TunableParameters:
                 reasons[parameter.name] = why
         revision = self._store.overrule(reasons)
         if revision is not None:
-            self._flush_due = True
             self._node.get_logger().warning(
                 f"tuned before, but not in force: {self._store.format_changes(revision.changes)}: "
                 f"{revision.cause.reason}"
@@ -223,49 +230,43 @@ class TunableParameters:
         self._node.undeclare_parameter(parameter.name)
         self._store.remove(parameter.name)
 
-    def _copy_values(self, member: HostedAgent) -> None:
-        """Copy the values of its parameters to a member; the mapping stays the same object."""
-        own = self._store.of(member.spec.name)
-        values = {
-            one.key: self._store.values[one.name] for one in own if one.kind is TunableKind.TUNABLE
-        }
-        member.tunables.clear()
-        member.tunables.update(values)
-        rate = self._store.values[f"{member.spec.name}.learning_rate"]
-        member.learning_rate = float(rate)
-
-    def _check(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
-        """Check and record parameters to be set."""
+    def _set(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
+        """Set values that come as ROS parameters."""
         values = {p.name: p.value for p in parameters if self._store.has(p.name)}
         if not values:
             return SetParametersResult(successful=True)
         try:
-            self._store.check(values)
-            self._recorded = self._store.record(
-                values, self._cause, must_be_stored=self._cause.author != FILE
-            )
+            if len(values) < len(parameters):
+                # Another callback may still refuse the others.
+                raise Refused(
+                    "NOT_TOGETHER",
+                    f"{next(iter(values))} is tuned with a parameter that is no tunable; set them "
+                    "one after the other",
+                )
+            self._store.set(values, TuningCause(author=ROS_PARAMETER))
         except Refused as refused:
-            self._refusal = refused
             return SetParametersResult(successful=False, reason=str(refused))
-        self._flush_due = True
         return SetParametersResult(successful=True)
 
-    def _apply(self, parameters: list[Parameter[Any]]) -> None:
-        for one in parameters:
-            if not self._store.has(one.name):
-                continue
-            parameter = self._store.parameter(one.name)
-            value = one.value
-            member = self._registry.members.get(parameter.agent)
-            if parameter.kind is TunableKind.TICK_RATE:
-                self._set_rate(float(value))
-            elif member is None:
-                continue
-            elif parameter.kind is TunableKind.TUNABLE:
-                member.tunables[parameter.key] = value
-            else:
-                self._cards_due = self._cards_due or member.learning_rate != value
-                member.learning_rate = float(value)
+    def _show(self, revision: TuningRevision) -> None:
+        """Show changed values as ROS parameters, which rclpy would check again."""
+        node = self._node
+        parameters = [Parameter(one.name, value=one.after) for one in revision.changes]
+        node._parameters |= {one.name: one for one in parameters}
+        node._parameter_event_publisher.publish(
+            ParameterEvent(
+                stamp=node.get_clock().now().to_msg(),
+                node=node.get_fully_qualified_name(),
+                changed_parameters=[one.to_parameter_msg() for one in parameters],
+            )
+        )
+
+    def _on_change(self, parameters: Collection[TunableParameter]) -> None:
+        kinds = {parameter.kind for parameter in parameters}
+        if TunableKind.TICK_RATE in kinds:
+            self._set_rate(float(self._store.value(TICK_RATE.name)))
+        self._cards_due = self._cards_due or TunableKind.LEARNING_RATE in kinds
+        self._flush_due = True
         self._publish_soon()
 
     def _publish_soon(self) -> None:

@@ -31,14 +31,13 @@ SOMEBODY = "somebody"
 """Author of a request without a name."""
 
 _LONGEST_AUTHOR = 60
+_MOST_SHOWN = 100
 _KINDS = {
     getattr(TunableInfo, one.name): one for one in TunableKind if hasattr(TunableInfo, one.name)
 }
 _TYPES = {
     getattr(TunableInfo, one.name): one for one in FieldType if hasattr(TunableInfo, one.name)
 }
-
-SetTogether = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,15 +52,20 @@ class _ActionResult:
 class TuneServer:
     """Serves ``~/tune`` and publishes ``~/tunings`` and ``~/tunables``.
 
-    Values are set together, all or none; disk jobs are polled.
+    Values are set together, all or none; ``show`` is called with each change. Disk jobs are
+    polled.
     """
 
     def __init__(
-        self, node: Node, store: ParameterStore, set_together: SetTogether, poller: FuturePoller
+        self,
+        node: Node,
+        store: ParameterStore,
+        show: Callable[[TuningRevision], None],
+        poller: FuturePoller,
     ) -> None:
         self._node = node
         self._store = store
-        self._set_together = set_together
+        self._show = show
         self._poller = poller
         self._shown: dict[tuple[int, str], Tuning] = {}
         self._tunings = node.create_publisher(Tunings, "~/tunings", qos.FACT)
@@ -92,7 +96,8 @@ class TuneServer:
     def publish_tunings(self) -> None:
         """Publish the last changes, the next undo and redo, and the presets."""
         history = self._store.history
-        shown = {(r.number, c.name): (r, c) for r, c in history.shown}
+        changes = [(one, change) for one in history.shown for change in one.changes]
+        shown = {(r.number, c.name): (r, c) for r, c in changes[-_MOST_SHOWN:]}
         self._shown = {
             key: self._shown.get(key) or self._message(*one) for key, one in shown.items()
         }
@@ -107,8 +112,8 @@ class TuneServer:
                 undo=self._format_next(TuningAction.UNDO),
                 redo=self._format_next(TuningAction.REDO),
                 presets=[
-                    Preset(name=name, names=list(values), values=list(values.values()))
-                    for name, values in self._store.presets.by_name.items()
+                    Preset(name=one.name, names=list(one.values), values=list(one.values.values()))
+                    for one in self._store.presets.by_name.values()
                 ],
             )
         )
@@ -119,7 +124,7 @@ class TuneServer:
         except Refused:
             return ""
         changes = (
-            TuningChange(name=name, before=self._store.values[name], after=value)
+            TuningChange(name=name, before=self._store.value(name), after=value)
             for name, value in values.items()
         )
         return f"{self._store.format_changes(changes)} (revision {revision.number})"
@@ -198,8 +203,16 @@ class TuneServer:
         values = self._store.read(request.names, request.values)
         if request.compare:
             self._store.check_unchanged(values.keys(), request.seen)
-        revision = self._set_together(values, TuningCause(author=author, reason=reason))
+        revision = self._set_values(values, TuningCause(author=author, reason=reason))
         return _ActionResult(message=self._summary(revision), revision=revision)
+
+    def _set_values(
+        self, values: Mapping[str, Setting], cause: TuningCause
+    ) -> TuningRevision | None:
+        revision = self._store.set(values, cause)
+        if revision is not None:
+            self._show(revision)
+        return revision
 
     def _step(self, action: TuningAction, request: Any, author: str, reason: str) -> _ActionResult:
         old, values = self._store.find(action, request.agents)
@@ -209,14 +222,14 @@ class TuneServer:
             action=action,
             of=old.number,
         )
-        revision = self._set_together(values, cause)
+        revision = self._set_values(values, cause)
         message = f"{action.value} of revision {old.number}: {self._summary(revision)}"
         return _ActionResult(message=message, revision=revision)
 
     def _apply(self, request: Any, author: str, reason: str) -> _ActionResult:
         values, gone = self._store.preset(request.preset)
         name = f"preset {quote(request.preset)}"
-        revision = self._set_together(values, TuningCause(author=author, reason=reason or name))
+        revision = self._set_values(values, TuningCause(author=author, reason=reason or name))
         left_out = f"; left out, as it is not here any more: {', '.join(gone)}" if gone else ""
         return _ActionResult(
             message=f"{name}: {self._summary(revision)}{left_out}", revision=revision

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bt_agents.host.tuning.change_log import read_changes
+from bt_agents.host.tuning.change_log import read_history
 from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_language.expression.quantities import QuantityError, number
@@ -259,11 +259,15 @@ def _history(agent: str, state: str, form: TableForm) -> None:
         else:
             return
     kept = kept_state(state)
-    if not kept.tunings.is_file():
-        raise BtAgentsError(f"nothing was tuned in {kept.trees} yet: there is no {kept.tunings}")
+    try:
+        history = read_history(kept.tunings)
+    except (OSError, ValueError) as error:
+        raise BtAgentsError(f"{kept.tunings} cannot be read: {error}") from None
+    if not history.revision:
+        raise BtAgentsError(f"nothing was tuned in {kept.trees} yet: {kept.tunings} has no change")
     rows = [
         (one.number, one.stamp, change.name, change.before, change.after, *by)
-        for one in read_changes(kept.tunings)
+        for one in history.shown
         for change in one.changes
         for by in [(one.cause.author, one.cause.reason)]
         if not agent or change.name.startswith(f"{agent}.")
