@@ -11,7 +11,7 @@ from functools import cached_property
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_core.stop_cause import StopCause, StoppedBy
-from marketplace_node.hosts.effects import Effect, RunGoal
+from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.outcomes import RunEventKind, RunOutcome
 from marketplace_node.round.decision import Decision, UndecidedRule
 

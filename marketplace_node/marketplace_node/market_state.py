@@ -12,8 +12,8 @@ from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import Alarm, PublishAuction, StoreOverrides
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.hosts.effects import Effect, RunGoal
-from marketplace_node.hosts.host_watch import HostWatch
+from marketplace_node.hosts.host_effects import Effect, RunGoal
+from marketplace_node.hosts.host_availability import HostAvailability
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.round.decision import Decision, Terms, UndecidedRule
@@ -50,7 +50,7 @@ class MarketState:
         self.settings = settings
         self.overrides = OperatorOverrides()
         self.effects: list[Effect] = []
-        self.hosts = HostWatch(epoch, space.names, settings, new_key, self.effects)
+        self.hosts = HostAvailability(epoch, space.names, settings, new_key, self.effects)
         self.record = MarketStatistics()
         self.rounds = 0
         self.previews = 0

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from marketplace_node import node
 from marketplace_node.effects import AnnounceRun, SceneEnded
-from marketplace_node.hosts.effects import Effect
+from marketplace_node.hosts.host_effects import Effect
 from marketplace_node.outcomes import RunEventKind
 
 DIES_WHILE = "DIES_WHILE"

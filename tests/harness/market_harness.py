@@ -21,7 +21,7 @@ from marketplace_node.effects import (
     SendGoal,
     StatusChanged,
 )
-from marketplace_node.hosts.effects import Effect, RunGoal
+from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.registry import AWARD_KEY_BYTES, Registration, RegistrationAnswer
 from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.market import Market

@@ -65,7 +65,7 @@ from marketplace_node.effects import (
     StatusChanged,
     StoreOverrides,
 )
-from marketplace_node.hosts.effects import CancelAll, CancelGoal, Effect, RunGoal
+from marketplace_node.hosts.host_effects import CancelAll, CancelGoal, Effect, RunGoal
 from marketplace_node.hosts.registry import Registration
 from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes

@@ -22,7 +22,7 @@ from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import MEMORY
 from feedback_node.simulated_feedback import SimulatedFeedback
 from marketplace_node.effects import Collect, OpenCall, PublishAuction, SendGoal
-from marketplace_node.hosts.effects import Effect
+from marketplace_node.hosts.host_effects import Effect
 from marketplace_node.hosts.registry import Registration
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market

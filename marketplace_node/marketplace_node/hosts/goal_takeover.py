@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bt_agents_core.open_goals import OpenGoal, name_goals
-from marketplace_node.hosts.effects import CancelOpenGoals
+from marketplace_node.hosts.host_effects import CancelOpenGoals
 
 MOST_STARTS = 200
 """Most starts of hosts that are tracked; the oldest that never registered makes room."""

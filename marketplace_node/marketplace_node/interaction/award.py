@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from bt_agents_core.scene import Scene
 from bt_agents_core.stop_cause import StopCause, StoppedBy
 from marketplace_node.effects import AnnounceRun
-from marketplace_node.hosts.effects import RunGoal
+from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.outcomes import RunEventKind, RunOutcome
 
 STOPPED = "STOPPED"

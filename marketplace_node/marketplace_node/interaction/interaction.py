@@ -11,7 +11,7 @@ from functools import partial
 from bt_agents_core.scene import Scene, follow_up_id
 from marketplace_node.effects import Collect, SceneEnded, SendGoal, State
 from marketplace_node.explanation.reason import reason_of
-from marketplace_node.hosts.effects import CancelGoal, RunGoal
+from marketplace_node.hosts.host_effects import CancelGoal, RunGoal
 from marketplace_node.interaction.award import Award, RunEnd, StopRequest
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.stored_scenes import StoredRun

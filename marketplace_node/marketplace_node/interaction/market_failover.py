@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from bt_agents_core.scene import AGAIN, Scene, origin_id
 from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, SceneEnded
-from marketplace_node.hosts.effects import RunGoal
+from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.interaction.stored_scenes import StoredRun, StoredScene
 from marketplace_node.market_state import MarketState

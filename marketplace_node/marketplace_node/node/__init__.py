@@ -56,7 +56,7 @@ from marketplace_node.effects import (
     StoreOverrides,
 )
 from marketplace_node.formatting import shown
-from marketplace_node.hosts.effects import (
+from marketplace_node.hosts.host_effects import (
     CancelAll,
     CancelGoal,
     CancelOpenGoals,

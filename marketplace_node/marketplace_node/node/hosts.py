@@ -27,7 +27,7 @@ from bt_agents_ros.workarounds.sender_identity import (
     create_identified_subscription,
 )
 from marketplace_node.effects import Execute, SendGoal
-from marketplace_node.hosts.effects import RunGoal
+from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market

@@ -38,7 +38,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.explanation.reason import calculation
 from marketplace_node.formatting import shown
-from marketplace_node.hosts.effects import RunGoal
+from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.hosts.registry import Registration
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand

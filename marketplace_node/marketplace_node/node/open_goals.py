@@ -15,7 +15,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.goal_cancellation import GoalCanceller, open_goals_from_msg
 from marketplace_node.effects import Execute, Note
 from marketplace_node.formatting import shown
-from marketplace_node.hosts.effects import CancelOpenGoals
+from marketplace_node.hosts.host_effects import CancelOpenGoals
 from marketplace_node.market import Market
 
 

@@ -11,7 +11,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import Driver
 from marketplace_node.effects import AnnounceRun, Collect, OpenCall, SendGoal, State
-from marketplace_node.hosts.effects import CancelGoal, Effect, RunGoal
+from marketplace_node.hosts.host_effects import CancelGoal, Effect, RunGoal
 from marketplace_node.outcomes import RunEventKind
 
 AGENTS = {"/a": ("ann", "abe"), "/b": ("bob", "bea"), "/c": ("cat", "cem")}

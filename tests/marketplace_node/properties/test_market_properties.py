@@ -22,7 +22,7 @@ from marketplace_node.effects import (
     SendGoal,
     State,
 )
-from marketplace_node.hosts.effects import CancelGoal, CancelOpenGoals, Effect, RunGoal
+from marketplace_node.hosts.host_effects import CancelGoal, CancelOpenGoals, Effect, RunGoal
 from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators import MOST_PREVIEWS

@@ -20,7 +20,7 @@ from marketplace_node.effects import (
     State,
     StatusChanged,
 )
-from marketplace_node.hosts.effects import CancelAll, CancelGoal, Connect
+from marketplace_node.hosts.host_effects import CancelAll, CancelGoal, Connect
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy
 from marketplace_node.settings import RANGES, Settings

@@ -11,7 +11,7 @@ from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import AnnounceRun as Announced
 from marketplace_node.effects import Note, SceneEnded, State
-from marketplace_node.hosts.effects import CancelGoal
+from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.outcomes import RunEventKind
 
 

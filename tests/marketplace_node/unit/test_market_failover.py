@@ -10,7 +10,7 @@ import pytest
 from bt_agents_core.stop_cause import StopCause
 from market_harness import GUIDE, Driver, scene
 from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, SceneEnded, State
-from marketplace_node.hosts.effects import RunGoal
+from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.outcomes import RunOutcome
 
 

@@ -10,7 +10,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
 from marketplace_node.effects import AnnounceEarlierRun, AnnounceRun, EarlierRun, SceneEnded, State
-from marketplace_node.hosts.effects import RunGoal
+from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S
 from marketplace_node.interaction.scene_admission import ROUNDS_IN_VAIN
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes, read_scenes

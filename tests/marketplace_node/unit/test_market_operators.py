@@ -11,7 +11,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver, scene
 from marketplace_node.effects import AnnounceRun, SendGoal, State, StoreOverrides
-from marketplace_node.hosts.effects import CancelGoal
+from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.operator_overrides import OperatorAction
 from marketplace_node.outcomes import AuctionOutcome
 

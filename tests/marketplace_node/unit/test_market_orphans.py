@@ -7,7 +7,7 @@ import pytest
 
 from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import SendGoal, State
-from marketplace_node.hosts.effects import CancelAll, CancelGoal
+from marketplace_node.hosts.host_effects import CancelAll, CancelGoal
 
 A, B = "/a", "/b"
 

@@ -11,7 +11,7 @@ import pytest
 from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import AnnounceRun, Collect, OpenCall, PublishAuction, State
-from marketplace_node.hosts.effects import CancelGoal
+from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy
 from marketplace_node.settings import Settings

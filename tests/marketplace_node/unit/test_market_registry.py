@@ -9,7 +9,7 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, registration
-from marketplace_node.hosts.effects import Disconnect
+from marketplace_node.hosts.host_effects import Disconnect
 from marketplace_node.hosts.registry import FIRST_HEARTBEAT_S, MOST_AGENTS, MOST_HOSTS, Registry
 
 

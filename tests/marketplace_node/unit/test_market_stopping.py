@@ -8,7 +8,7 @@ import pytest
 from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, Driver, scene
 from marketplace_node.effects import AnnounceRun, Collect, SendGoal, State
-from marketplace_node.hosts.effects import CancelGoal
+from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy
 

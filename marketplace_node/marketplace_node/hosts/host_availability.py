@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Host watch: which hosts may be asked, which runs they still have, what lost hosts leave open."""
+"""Host availability: hosts that may be asked, runs they still have, what lost hosts leave."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from bt_agents_core.health import PartHealth
 from bt_agents_core.open_goals import OpenGoal
 from marketplace_node.health import hosts_health
-from marketplace_node.hosts.effects import (
+from marketplace_node.hosts.host_effects import (
     CancelAll,
     CancelGoal,
     Connect,
@@ -47,7 +47,7 @@ class _OrphanRun:
     cancelled_at: float | None = None
 
 
-class HostWatch:
+class HostAvailability:
     """Registered hosts with their leases, orphans and open goals.
 
     Args:
