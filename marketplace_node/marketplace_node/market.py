@@ -25,8 +25,8 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.health import queue_health
-from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.goal_takeover import StoredGoals
+from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.registry import Registration, RegistrationAnswer
 from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
 from marketplace_node.interaction.interaction import (

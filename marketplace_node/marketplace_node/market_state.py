@@ -12,8 +12,8 @@ from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import Alarm, PublishAuction, StoreOverrides
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.host_availability import HostAvailability
+from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.round.decision import Decision, Terms, UndecidedRule

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from bt_agents_core.health import PartHealth
 from bt_agents_core.open_goals import OpenGoal
 from marketplace_node.health import hosts_health
+from marketplace_node.hosts.goal_takeover import GoalTakeover
 from marketplace_node.hosts.host_effects import (
     CancelAll,
     CancelGoal,
@@ -17,7 +18,6 @@ from marketplace_node.hosts.host_effects import (
     Effect,
     RunGoal,
 )
-from marketplace_node.hosts.goal_takeover import GoalTakeover
 from marketplace_node.hosts.registry import HostEntry, Registration, RegistrationAnswer, Registry
 from marketplace_node.settings import Settings
 

@@ -18,8 +18,8 @@ from bt_agents_core.person_facts import facts
 from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, finite_or_none
 from bt_agents_core.stop_cause import StoppedBy
 from marketplace_node.effects import EarlierRun, SceneEnded
-from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.goal_takeover import StoredGoals
+from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.outcomes import RunOutcome
 
 _PLAIN: Mapping[str, type] = {

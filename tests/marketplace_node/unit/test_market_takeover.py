@@ -8,8 +8,8 @@ import pytest
 from bt_agents_core.open_goals import OpenGoal
 from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import Alarm, AnnounceRun, SendGoal, State
-from marketplace_node.hosts.host_effects import CancelOpenGoals
 from marketplace_node.hosts.goal_takeover import MOST_STARTS, GoalTakeover, StoredGoals
+from marketplace_node.hosts.host_effects import CancelOpenGoals
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 
 A, B = "/a", "/b"
