@@ -380,8 +380,7 @@ class SceneSpace:
 
         Raises:
             Refused: ``EMPTY``, ``UNKNOWN_PARAMETER``, ``DUPLICATE_PARAMETER``, ``WRONG_LENGTH``,
-                ``ORIGIN_MISMATCH``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``BAD_STD`` or
-                ``BAD_CONFIDENCE``.
+                ``ORIGIN_MISMATCH``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.
         """
         found: dict[str, SceneValue] = {}
         for value in values:
@@ -485,12 +484,12 @@ def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> f
 def _check_certainty(value: SceneValue) -> None:
     if not 0.0 <= value.std < math.inf:
         raise Refused(
-            "BAD_STD",
+            "OUT_OF_RANGE",
             f"scene: the standard deviation of {value.name} is {value.std:g}, expected 0 or more",
         )
     if not 0.0 <= value.confidence <= 1.0:
         raise Refused(
-            "BAD_CONFIDENCE",
+            "OUT_OF_RANGE",
             f"scene: the confidence in {value.name} is {value.confidence:g}, expected 0 to 1",
         )
 

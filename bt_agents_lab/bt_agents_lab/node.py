@@ -161,7 +161,7 @@ class JournalNode(BaseNode):
                 case Record.Request.BOOKMARK:
                     response.message = self._control.mark(**told)
                 case other:
-                    raise Refused("BAD_ACTION", f"the action is {other}, expected 0, 1 or 2")
+                    raise Refused("UNKNOWN_ACTION", f"the action is {other}, expected 0, 1 or 2")
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
         else:

@@ -90,7 +90,7 @@ class RobotNode(BaseNode):
             describe("whether texts are spoken aloud", choices=("auto", "off"), read_only=True),
         )
         if wanted not in ("auto", "off"):
-            raise Refused("UNKNOWN_VOICE", f"parameter voice is '{wanted}', expected auto or off")
+            raise Refused("UNKNOWN_CHOICE", f"parameter voice is '{wanted}', expected auto or off")
         if voice is None and wanted == "auto":
             voice = Voice(warn=self.get_logger().warning)
         self._voice = voice
@@ -223,7 +223,7 @@ class RobotNode(BaseNode):
     async def _execute(self, kind: Any, make_act: Callable[[Any], Act], goal: Any) -> Any:
         try:
             if self._stopping:
-                raise Refused("STOPPING", "the robot is being switched off")
+                raise Refused("SHUTTING_DOWN", "the robot is being switched off")
             if len(self._performed) >= MOST_ACTS:
                 raise Refused("BUSY", f"the robot does {MOST_ACTS} things already; cancel some")
             self._check_run(goal.request.run)

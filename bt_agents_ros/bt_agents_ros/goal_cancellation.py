@@ -201,18 +201,18 @@ def open_goals_from_msg(message: OpenGoals) -> tuple[OpenGoal, ...]:
     """Return the goals that a host has open.
 
     Raises:
-        Refused: ``LONG_NAME``, ``TOO_MANY_GOALS`` or ``BAD_GOAL``.
+        Refused: ``TOO_LONG``, ``TOO_MANY`` or ``BAD_GOAL``.
     """
     for name in (message.host, message.host_instance, message.heartbeat):
         if len(name) > LONGEST_NAME:
             raise Refused(
-                "LONG_NAME",
+                "TOO_LONG",
                 f"a host, its start or its heartbeat has a name of {len(name)} characters, "
                 f"expected {LONGEST_NAME} at most",
             )
     if len(message.goals) > MOST_OPEN_GOALS:
         raise Refused(
-            "TOO_MANY_GOALS",
+            "TOO_MANY",
             f"a host names {len(message.goals)} open goals, expected {MOST_OPEN_GOALS} at most",
         )
     return tuple(

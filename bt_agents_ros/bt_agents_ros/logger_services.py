@@ -57,7 +57,7 @@ class LoggerServices:
 
     def _check(self, name: str, level: int) -> None:
         if level not in _LEVELS:
-            raise Refused("UNKNOWN_LEVEL", f"level {level}, expected one of {_LEVELS}")
+            raise Refused("UNKNOWN_CHOICE", f"level {level}, expected one of {_LEVELS}")
         if name == self._name or name in _OF_ROS or name in self._children:
             return
         shown = ellipsize(printable_line(name))

@@ -171,7 +171,7 @@ def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]
     found = digest_of(edits)
     if digest and digest != found:
         raise Refused(
-            "CHANGED",
+            "CHANGED_MEANWHILE",
             "the values or the files have changed since the change was shown; look at it again",
         )
     if not edits:

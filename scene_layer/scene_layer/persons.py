@@ -45,7 +45,7 @@ def check_id(person_id: object) -> str:
     """Check the id of a person from a tracker and return it as a text; 7 becomes ``"7"``.
 
     Raises:
-        Refused: ``NOT_A_TEXT``, ``EMPTY``, ``TOO_LONG`` or ``BAD_ID``.
+        Refused: ``NOT_A_TEXT``, ``EMPTY``, ``TOO_LONG`` or ``BAD_TEXT``.
     """
     what = "id of a person"
     if isinstance(person_id, Integral) and not isinstance(person_id, bool):
@@ -63,7 +63,8 @@ def check_id(person_id: object) -> str:
         )
     if not person_id.isprintable() or person_id != person_id.strip():
         raise Refused(
-            "BAD_ID", f"{what}: {person_id!r}, expected no control characters and no outer spaces"
+            "BAD_TEXT",
+            f"{what}: {person_id!r}, expected no control characters and no outer spaces",
         )
     return person_id
 
@@ -124,7 +125,7 @@ class Persons:
             try:
                 person = check_id(one)
                 if person in found:
-                    raise Refused("DUPLICATE_PERSON", f"id of a person: {person!r} stands twice")
+                    raise Refused("DUPLICATE", f"id of a person: {person!r} stands twice")
             except Refused as problem:
                 refused = self._refuse(problem)
                 continue

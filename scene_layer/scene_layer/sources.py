@@ -87,8 +87,7 @@ class Sources:
 
         Raises:
             Refused: ``NOT_A_NUMBER``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``UNKNOWN_WORD``,
-                ``BAD_CONFIDENCE``, ``BAD_STD``, ``NOT_COMPUTABLE``, ``NOT_A_TEXT``, ``TOO_LONG``
-                or ``UNKNOWN_FIELD``.
+                ``NOT_COMPUTABLE``, ``NOT_A_TEXT``, ``TOO_LONG`` or ``UNKNOWN_FIELD``.
         """
         of = (source, person if source.per_person else "")
         try:
@@ -284,7 +283,7 @@ def _confidence(source: SourceSpec, message: Message) -> float:
             raise _NotMeasuredError
         return min(float(raw), 1.0)
     raise Refused(
-        "BAD_CONFIDENCE",
+        "OUT_OF_RANGE",
         f"reading of {source.topic}: the confidence {source.confidence.text} is {described(raw)}, "
         "expected 0 to 1",
     )
@@ -297,7 +296,7 @@ def _std(source: SourceSpec, message: Message) -> float:
     if isinstance(raw, int | float) and 0.0 <= raw <= LARGEST_STD:
         return float(raw)
     raise Refused(
-        "BAD_STD",
+        "OUT_OF_RANGE",
         f"reading of {source.topic}: the standard deviation {source.std.text} is "
         f"{described(raw)}, expected 0 or more",
     )

@@ -28,14 +28,7 @@ pytestmark = pytest.mark.e2e
 KILLS = 120
 FLIPS = 500
 PARTS = ("", "-wal", "-shm", ".lock")
-NAMED = {
-    "LEDGER_CORRUPT",
-    "LEDGER_CUT_OFF",
-    "LEDGER_FOREIGN",
-    "LEDGER_NEWER",
-    "LEDGER_OLD",
-    "LEDGER_UNREADABLE",
-}
+NAMED = {"LEDGER_CORRUPT", "LEDGER_CUT_OFF", "LEDGER_FOREIGN", "OTHER_FORMAT", "LEDGER_UNREADABLE"}
 
 # Forks a writer for each line that it reads, so that none of them has to start Python.
 WRITER = """

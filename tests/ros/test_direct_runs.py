@@ -206,7 +206,7 @@ def test_the_goals_of_the_page_can_be_sent() -> None:
 def test_any_other_market_is_refused_at_the_start(tmp_path: Path) -> None:
     rclpy.init(args=["--ros-args", "-p", "market:=plaza"], domain_id=0)
     try:
-        with pytest.raises(Refused, match="UNKNOWN_MARKET: the parameter 'market' is 'plaza'"):
+        with pytest.raises(Refused, match="UNKNOWN_CHOICE: the parameter 'market' is 'plaza'"):
             make_node()
     finally:
         rclpy.try_shutdown()

@@ -174,9 +174,9 @@ def test_a_cancel_is_sent_again_until_the_end() -> None:
     [
         (OpenGoals(goals=[OpenGoalMsg(action="/say")]), "BAD_GOAL"),
         (OpenGoals(goals=[OpenGoalMsg(action="say", goal_id=[1] * 16)]), "BAD_GOAL"),
-        (OpenGoals(goals=[OpenGoalMsg()] * (MOST_OPEN_GOALS + 1)), "TOO_MANY_GOALS"),
-        (OpenGoals(host="/" + "h" * 1000), "LONG_NAME"),
-        (OpenGoals(heartbeat="/" + "h" * 1000), "LONG_NAME"),
+        (OpenGoals(goals=[OpenGoalMsg()] * (MOST_OPEN_GOALS + 1)), "TOO_MANY"),
+        (OpenGoals(host="/" + "h" * 1000), "TOO_LONG"),
+        (OpenGoals(heartbeat="/" + "h" * 1000), "TOO_LONG"),
     ],
 )
 def test_a_list_that_makes_no_sense_is_refused(message: OpenGoals, code: str) -> None:

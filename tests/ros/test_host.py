@@ -332,7 +332,7 @@ def test_one_tree_at_a_time_and_only_for_this_instance_and_a_known_agent(
     for wrong, code in (
         ({"host_instance": "another"}, "WRONG_INSTANCE"),
         ({"agent": "nobody"}, "UNKNOWN_AGENT"),
-        ({"agent_id": 99}, "UNREGISTERED"),
+        ({"agent_id": 99}, "WRONG_ID"),
         ({"scene": bad_scene}, "NOT_FINITE"),
     ):
         assert market.refusal(market.goal(host, **wrong)) == code
@@ -356,7 +356,7 @@ def test_a_stopping_host_cancels_its_run_and_takes_no_more(
     ros.until(host.stopped)
     assert mouth.cancelled == 1
     assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED
-    assert market.refusal(market.goal(host, agent="quick")) == "STOPPING"
+    assert market.refusal(market.goal(host, agent="quick")) == "SHUTTING_DOWN"
 
 
 def set_parameter(ros: Any, name: str, value: Any) -> Any:

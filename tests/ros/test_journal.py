@@ -139,7 +139,7 @@ def test_a_recording_is_begun_marked_and_ended_over_its_service(town: Town) -> N
     assert ask(action=Record.Request.BOOKMARK, label="odd", author="anna").accepted
     ros.until(lambda: states[-1].bookmarks == 1)
     assert ask(action=Record.Request.START, label="a" * 201).code == "TOO_LARGE"
-    assert ask(action=9).code == "BAD_ACTION"
+    assert ask(action=9).code == "UNKNOWN_ACTION"
     ros.remove(journal)
 
     newest = sorted(town.files.glob("*.mcap"))[-1]

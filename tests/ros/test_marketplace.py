@@ -270,7 +270,7 @@ def test_hostile_registrations_are_refused_and_a_good_one_is_taken(stage: Stage)
         ({"host": ""}, "BAD_NAME"),
         ({"run_action": "no such name"}, "BAD_NAME"),
         ({"heartbeat": "/" + "x" * 10_000}, "BAD_NAME"),
-        ({"host_instance": ""}, "NO_INSTANCE"),
+        ({"host_instance": ""}, "EMPTY"),
         ({"parameters": []}, "OTHER_PARAMETERS"),
         ({"heartbeat": "/bt_agents/scene"}, "UNREACHABLE"),
     ):

@@ -162,7 +162,7 @@ def test_only_loggers_of_the_node_and_of_ros_get_levels(ros: Any) -> None:
         ros, **{"levelled.part": 20, "rcl": 20, "somebody": 20, "levelledtoo": 20, "levelled": 25}
     )
     assert [reason.partition(":")[0] for reason in reasons] == [
-        *("", "", "UNKNOWN_LOGGER", "UNKNOWN_LOGGER", "UNKNOWN_LEVEL")
+        *("", "", "UNKNOWN_LOGGER", "UNKNOWN_LOGGER", "UNKNOWN_CHOICE")
     ]
 
 

@@ -314,7 +314,7 @@ def test_a_person_who_is_named_by_hand_is_one_whom_the_robot_knows(ros):
     assert (second.visits, [one.value for one in second.remembered]) == (2, [tea])
     for refused, code in (
         (named("anna", Analyze.Request.ABSENT), "NAMED_NOBODY"),
-        (named("a\nb"), "BAD_ID"),
+        (named("a\nb"), "BAD_TEXT"),
         (ros.call(layer.client, Analyze.Request(name="anna")), "NAMED_NOBODY"),
     ):
         assert (refused.accepted, refused.code) == (False, code)

@@ -190,7 +190,7 @@ def test_values_for_no_scene_at_all_are_refused_and_forgotten(ros):
     layer = Layer(ros)
     for given in ({"names": ["age"], "values": [1.0]}, {"person": Analyze.Request.PRESENT}):
         answer = layer.analyze(**given, announce=False)
-        assert (answer.accepted, answer.code) == (False, "NOTHING_RUNS")
+        assert (answer.accepted, answer.code) == (False, "NOT_RUNNING")
         assert "bt-agents trigger" in answer.message
     answer = layer.analyze(announce=False)
     assert (answer.accepted, plain(answer.scene)) == (True, {})
@@ -206,7 +206,7 @@ def test_values_for_no_scene_at_all_are_refused_and_forgotten(ros):
         ({"names": [], "values": [1.0]}, "WRONG_LENGTH"),
         ({"names": ["mood"], "values": [9.0]}, "OUT_OF_RANGE"),
         ({"names": ["mood", "mood"], "values": [1.0, 2.0]}, "DUPLICATE_PARAMETER"),
-        ({"names": ["mood"], "values": [1.0], "person": 7}, "UNKNOWN_PERSON"),
+        ({"names": ["mood"], "values": [1.0], "person": 7}, "UNKNOWN_CHOICE"),
     ],
 )
 def test_a_hostile_analysis_changes_nothing(ros, request_fields, code):

@@ -313,12 +313,12 @@ def test_who_does_not_say_what_was_seen_sets_a_value_whoever_changed_it(
         ({"action": 0, "names": ["a.patience"], "values": ["nan"]}, "NOT_A_VALUE"),
         ({"action": 0, "names": ["a.rate"], "values": ["0.93"]}, "OFF_STEP"),
         ({"action": 0, "names": ["a.rate"] * 2, "values": ["1", "1"]}, "DUPLICATE"),
-        ({"action": 0, "author": "x" * 61}, "NOT_WORDS"),
-        ({"action": 0, "reason": "two\nlines"}, "NOT_WORDS"),
+        ({"action": 0, "author": "x" * 61}, "BAD_TEXT"),
+        ({"action": 0, "reason": "two\nlines"}, "BAD_TEXT"),
         ({"action": 1, "agents": ["c"]}, "UNKNOWN_AGENT"),
         ({"action": 2}, "NOTHING_TO_REDO"),
         ({"action": 3, "preset": "x"}, "UNKNOWN_PRESET"),
-        ({"action": 4, "preset": ""}, "NOT_A_NAME"),
+        ({"action": 4, "preset": ""}, "BAD_NAME"),
         ({"action": 5, "preset": "x"}, "UNKNOWN_PRESET"),
     ],
 )
@@ -448,7 +448,7 @@ def test_a_sync_that_fails_is_said_in_the_answer(
     assert answer.accepted
     assert "a power cut may undo it: [Errno 5] Input/output error" in answer.message
     assert host.value("a.patience") == 12.0
-    assert tuner.ask(Tune.Request.SAVE, preset="slow").code == "NOT_KEPT"
+    assert tuner.ask(Tune.Request.SAVE, preset="slow").code == "CANNOT_WRITE"
 
 
 def test_a_tuning_that_goes_wrong_in_another_way_is_answered(

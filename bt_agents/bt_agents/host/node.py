@@ -114,7 +114,7 @@ class HostNode(ManagedNode[HostConfiguration]):
     def configure(self, values: Mapping[str, str]) -> HostConfiguration:
         if values["market"] not in ("", "none"):
             raise Refused(
-                "UNKNOWN_MARKET",
+                "UNKNOWN_CHOICE",
                 f"the parameter 'market' is '{values['market']}', expected 'none', or nothing for "
                 "the marketplace of this namespace",
             )
@@ -459,7 +459,7 @@ def make_node() -> HostNode:
     """Create the node with the agents of the folder given by its parameter.
 
     Raises:
-        Refused: ``UNKNOWN_MARKET``.
+        Refused: ``UNKNOWN_CHOICE``.
         BtAgentsError: The folder does not exist, or its scene or skills are broken.
     """
     return make_managed(HostNode)

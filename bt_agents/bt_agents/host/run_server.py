@@ -370,9 +370,9 @@ class RunServer:
 
     def _check(self, goal: Any) -> Scene:
         if self._shutting_down:
-            raise Refused("STOPPING", "this host is being stopped")
+            raise Refused("SHUTTING_DOWN", "this host is being stopped")
         if self._withdrawing:
-            raise Refused("REFUSED", "the market has refused this host, so it takes no goals")
+            raise Refused("UNREGISTERED", "the market has refused this host, so it takes no goals")
         if self.busy:
             raise Refused("BUSY", f"{self.goal.agent} is running; one tree at a time")
         return self._check_award(goal) if self._market else self._check_direct(goal)
@@ -395,7 +395,7 @@ class RunServer:
         member = self._registry.member(goal.agent)
         if not member.agent_id or member.agent_id != goal.agent_id:
             raise Refused(
-                "UNREGISTERED", f"{goal.agent} has the id {member.agent_id}, not {goal.agent_id}"
+                "WRONG_ID", f"{goal.agent} has the id {member.agent_id}, not {goal.agent_id}"
             )
         return scene_from_msg(goal.scene, self._registry.space)
 

@@ -51,8 +51,8 @@ def write_defaults(
 
     Raises:
         ReadError: The file is broken.
-        Refused: ``UNKNOWN_PARAMETER``: the file has no such value; ``CHANGED``: its default
-            differs from the one that the robot read; ``CANNOT_WRITE``.
+        Refused: ``UNKNOWN_PARAMETER``: the file has no such value; ``CHANGED_MEANWHILE``:
+            its default differs from the one that the robot read; ``CANNOT_WRITE``.
     """
 
     def parameters(text: str) -> dict[str, TunableParameter]:
@@ -76,7 +76,7 @@ def _check_unchanged(source: Source, tuned: ParameterState, here: TunableParamet
         )
     if here.default != robot.default:
         raise Refused(
-            "CHANGED",
+            "CHANGED_MEANWHILE",
             f"{source.file} says {here.format(here.default)} for {robot.name}, but the robot has "
             f"read {robot.format(robot.default)} there: the file has changed meanwhile; "
             "'bt-agents reload' brings the robot up to date",

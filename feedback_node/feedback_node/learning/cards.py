@@ -113,7 +113,7 @@ def read_card(
         The agents that can learn, and the problems of the others in words.
 
     Raises:
-        Refused: ``BAD_NAME`` without the full name of a host, ``FOREIGN_PARAMETERS`` if its
+        Refused: ``BAD_NAME`` without the full name of a host, ``OTHER_PARAMETERS`` if its
             profiles have other parameters.
     """
     if not card.host.startswith("/"):
@@ -123,7 +123,7 @@ def read_card(
         )
     if card.parameters != space.names:
         raise Refused(
-            "FOREIGN_PARAMETERS",
+            "OTHER_PARAMETERS",
             f"card of {card.host}: its profiles are made of {_list(card.parameters)}, here they "
             f"are {_list(space.names)}; start both from the same scene.yaml",
         )

@@ -94,15 +94,15 @@ def step(
     the weight of the source (0 or more) and the drift.
 
     Raises:
-        Refused: ``NO_OPINION`` or ``NO_SCENE`` if all of ``target`` is NaN, ``BAD_RATE``,
-            ``BAD_WEIGHT``, or as in :meth:`SceneSpace.vector`.
+        Refused: ``NO_OPINION`` or ``NO_SCENE`` if all of ``target`` is NaN, ``OUT_OF_RANGE``,
+            or as in :meth:`SceneSpace.vector`.
     """
     before = space.vector(profile, what="profile")
     wanted = _target(kind, target, space)
     check_rate(rate)
     if not 0.0 <= weight < math.inf:
         raise Refused(
-            "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
+            "OUT_OF_RANGE", f"feedback: weight {weight:g} of its source, expected a number from 0"
         )
     of_rule = updates.in_order(rule, space)
     at_once = kind is FeedbackKind.SET
@@ -177,10 +177,12 @@ def check_rate(rate: float, *, what: str = "feedback") -> None:
     """Check that a learning rate is finite and in 0..1.
 
     Raises:
-        Refused: ``BAD_RATE``.
+        Refused: ``OUT_OF_RANGE``.
     """
     if not 0.0 <= rate <= 1.0:
-        raise Refused("BAD_RATE", f"{what}: learning rate {rate:g}, expected a number from 0 to 1")
+        raise Refused(
+            "OUT_OF_RANGE", f"{what}: learning rate {rate:g}, expected a number from 0 to 1"
+        )
 
 
 def _target(kind: FeedbackKind, target: Vector, space: SceneSpace) -> Vector:

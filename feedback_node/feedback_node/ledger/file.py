@@ -146,7 +146,7 @@ def inspect(path: str) -> LedgerCheck:
 
     Raises:
         LedgerError: It is no ledger of this format: ``LEDGER_UNREADABLE``, ``LEDGER_FOREIGN``,
-            ``LEDGER_NEWER``, ``LEDGER_OLD``, or ``LEDGER_CORRUPT`` if it is no database at all.
+            ``OTHER_FORMAT``, or ``LEDGER_CORRUPT`` if it is no database at all.
     """
     # Read first, because a writer may continue. The lock is next to the file, not next to a link.
     recorded = _recorded_in(_lock_of(Path(path).resolve()))
@@ -215,7 +215,7 @@ def _is_ledger(database: sqlite3.Connection, path: str) -> bool:
         )
     if (found := integer(database, "user_version")) != FORMAT:
         raise LedgerError(
-            "LEDGER_NEWER" if found > FORMAT else "LEDGER_OLD",
+            "OTHER_FORMAT",
             f"{path}: format {found}, this program knows {FORMAT} only; use the version that has "
             "written it, or move the file away, with its -wal, -shm and .lock, to start with the "
             "profiles of the agents' files",

@@ -209,7 +209,7 @@ class FleetDocuments:
             raise Refused("OWN_STEP", f"{what}: it is of this robot, whose ledger has it")
         if step.layer.startswith(f"{PERSON}/") and not persons:
             raise Refused(
-                "PERSON_LAYER",
+                "NOT_SHARED",
                 f"{what}: what is learned for persons stays at its robot, unless the scene.yaml "
                 "of this one says 'share_persons: true'",
             )
@@ -366,13 +366,13 @@ def refusals_of(answer: str) -> Sequence[Mapping[str, Any]]:
     """Return the refused steps in the answer of the feedback node.
 
     Raises:
-        Refused: ``BAD_ANSWER``; the answer is from a version that knows no steps.
+        Refused: ``OTHER_VERSION``; the answer is from a version that knows no steps.
     """
     try:
         found: Sequence[Mapping[str, Any]] = json.loads(answer)["refused"]
     except (ValueError, KeyError, TypeError):
         raise Refused(
-            "BAD_ANSWER",
+            "OTHER_VERSION",
             "the feedback node does not know what a fleet is; install the same version of "
             "bt-agents for it",
         ) from None

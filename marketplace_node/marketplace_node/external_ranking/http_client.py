@@ -41,7 +41,7 @@ class HttpClient:
     ) -> Future[_T]:
         """Send a POST request; return a future with the result of ``read``.
 
-        The future raises ``Refused`` (``UNREACHABLE`` or ``TOO_LATE``, whose texts contain no
+        The future raises ``Refused`` (``UNREACHABLE`` or ``NO_ANSWER``, whose texts contain no
         headers) and every exception that ``read`` raises.
 
         Args:
@@ -97,7 +97,7 @@ async def _post(
             return response.status, bytes(answer[: most + 1])
     except TimeoutError:
         raise Refused(
-            "TOO_LATE", f"{parts.hostname} did not answer within {limit_s:.2g} s"
+            "NO_ANSWER", f"{parts.hostname} did not answer within {limit_s:.2g} s"
         ) from None
     except (aiohttp.ClientError, OSError, ValueError) as error:
         port = parts.port or (443 if parts.scheme == "https" else 80)

@@ -52,7 +52,7 @@ class Endpoint:
         """Check the address, the model and the key.
 
         Raises:
-            Refused: ``BAD_URL``, ``NO_MODEL``, ``BAD_KEY``, or ``INSECURE`` for a key that would
+            Refused: ``BAD_ADDRESS``, ``EMPTY``, ``BAD_KEY``, or ``INSECURE`` for a key that would
                 leave the machine unencrypted.
         """
         try:
@@ -63,12 +63,12 @@ class Endpoint:
             known = False
         if not known or parts.query or parts.fragment or parts.username is not None:
             raise Refused(
-                "BAD_URL",
+                "BAD_ADDRESS",
                 f"base_url is '{shown(self.base_url)}', expected an address like "
                 "http://127.0.0.1:11434/v1",
             )
         if not self.model:
-            raise Refused("NO_MODEL", "model is empty, expected the name of a model of the server")
+            raise Refused("EMPTY", "model is empty, expected the name of a model of the server")
         if self.key and not _HEADER.fullmatch(self.key):
             raise Refused("BAD_KEY", "the key has characters that no HTTP header may have")
         if self.key and parts.scheme == "http" and parts.hostname not in _LOCAL:
@@ -134,8 +134,8 @@ def answer(status: int, body: bytes, bidders: Sequence[str]) -> External:
     """Return the ranking in the HTTP response of a server, whatever the server sent.
 
     Raises:
-        Refused: ``HTTP_ERROR``, ``TOO_LONG``, ``NOT_JSON``, ``NO_ANSWER``, ``NO_RANKING``,
-            ``EMPTY``, ``UNKNOWN_AGENT`` or ``DUPLICATE``.
+        Refused: ``HTTP_ERROR``, ``TOO_LONG``, ``NOT_JSON``, ``NO_RANKING``, ``EMPTY``,
+            ``UNKNOWN_AGENT`` or ``DUPLICATE``.
     """
     if len(body) > MOST_BYTES:
         raise Refused("TOO_LONG", f"the answer has more than {MOST_BYTES} bytes")
@@ -205,7 +205,9 @@ def _content(parsed: Any) -> str:
     except (KeyError, IndexError, TypeError):
         text = None
     if not isinstance(text, str):
-        raise Refused("NO_ANSWER", "the server's answer has no text at choices[0].message.content")
+        raise Refused(
+            "NO_RANKING", "the server's answer has no text at choices[0].message.content"
+        )
     return text
 
 

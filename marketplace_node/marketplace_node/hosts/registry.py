@@ -298,7 +298,7 @@ class Registry:
             )
         if not registration.instance:
             raise Refused(
-                "NO_INSTANCE", "host_instance is empty; give every start of the host another one"
+                "EMPTY", "host_instance is empty; give every start of the host another one"
             )
         if registration.parameters != self._parameters:
             raise Refused(

@@ -185,7 +185,7 @@ class Auction:
         """Return the bid in one row of an answer of the right lengths.
 
         Raises:
-            Refused: ``EXCLUDED``, ``WRONG_ID``, ``BAD_WEIGHT``, or as in
+            Refused: ``EXCLUDED``, ``WRONG_ID``, ``OUT_OF_RANGE``, or as in
                 :meth:`SceneSpace.vector`.
         """
         agent, agent_id, width = bids.agents[row], bids.agent_ids[row], len(self._space)
@@ -201,7 +201,7 @@ class Auction:
         for name, weight in zip(self._space.names, weights, strict=False):
             if not (math.isfinite(weight) and 0.0 <= weight <= MAX_WEIGHT):
                 raise Refused(
-                    "BAD_WEIGHT",
+                    "OUT_OF_RANGE",
                     f"bid of {agent}: the weight of {name} is {weight:g}, expected 0 to "
                     f"{MAX_WEIGHT:g}",
                 )

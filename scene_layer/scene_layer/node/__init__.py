@@ -261,13 +261,13 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         try:
             values = check_given(self._spec.space, request.names, request.values)
             if request.person not in _PERSON:
-                raise Refused("UNKNOWN_PERSON", f"person is {request.person}, expected 0, 1 or 2")
+                raise Refused("UNKNOWN_CHOICE", f"person is {request.person}, expected 0, 1 or 2")
             person = _PERSON[request.person]
             name = _check_name(request)
             gives = bool(values) or person is not None
             if gives and not request.announce and not self._present_id():
                 raise Refused(
-                    "NOTHING_RUNS",
+                    "NOT_RUNNING",
                     "no agent is running and no scene is waiting, so there is nothing to change; "
                     "to start an encounter: bt-agents trigger",
                 )

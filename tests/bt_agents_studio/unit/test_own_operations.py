@@ -153,7 +153,7 @@ def test_what_is_kept_is_shown_first_and_then_written_as_it_was_shown(trees: Pat
         assert file.read_text() == AGENT
         one.caller.hosts = tuned(trees, 25.0)
         changed = await ask(one, "keep", digest=record["digest"])
-        assert (changed["accepted"], changed["code"]) == (False, "CHANGED")
+        assert (changed["accepted"], changed["code"]) == (False, "CHANGED_MEANWHILE")
         assert file.read_text() == AGENT
         one.caller.hosts = tuned(trees, 20.0)
         done = await ask(one, "keep", digest=record["digest"])

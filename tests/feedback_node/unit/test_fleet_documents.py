@@ -63,7 +63,7 @@ def test_a_document_that_makes_no_sense_is_refused_as_a_whole(robots, fields):
         ({"agent": "nobody"}, "UNKNOWN_AGENT"),
         ({"agent": "x" * 201}, "BAD_STEP"),
         ({"agent": "a\nb"}, "BAD_STEP"),
-        ({"layer": "person/anna"}, "PERSON_LAYER"),
+        ({"layer": "person/anna"}, "NOT_SHARED"),
         ({"layer": "cellar"}, "BAD_LAYER"),
         ({"base": "0" * 16}, "OTHER_BASE"),
         ({"base": "zz"}, "BAD_STEP"),
@@ -151,5 +151,5 @@ def test_an_undo_is_one_for_the_fleet(robots):
 
 def test_an_answer_of_a_version_without_fleets_is_refused_by_name():
     for answer in ("", "[]", '{"format": 1}'):
-        with pytest.raises(Refused, match="BAD_ANSWER"):
+        with pytest.raises(Refused, match="OTHER_VERSION"):
             refusals_of(answer)

@@ -192,7 +192,7 @@ def test_a_scene_without_any_known_value_teaches_nothing(feedback):
 def test_a_rate_outside_0_to_1_is_refused(rate):
     with pytest.raises(Refused) as refusal:
         direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), rate)
-    assert refusal.value.code == "BAD_RATE"
+    assert refusal.value.code == "OUT_OF_RANGE"
 
 
 @pytest.mark.parametrize(("rate", "cycles"), [(0.05, 92), (0.2, 22), (0.5, 7)])
@@ -232,7 +232,7 @@ def test_a_button_outweighs_a_mood_rule_unless_the_agent_says_otherwise():
 
 @pytest.mark.parametrize("weight", [-0.1, NAN, math.inf])
 def test_a_weight_that_is_none_is_refused(weight):
-    with pytest.raises(Refused, match="BAD_WEIGHT"):
+    with pytest.raises(Refused, match="OUT_OF_RANGE"):
         direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), 0.2, weight=weight)
 
 

@@ -64,8 +64,8 @@ def teach(known: Profiles, agent: str = "guide", feedback_id: str = "f1") -> Pro
         (replace(GUIDE, profile=(4.0,)), "WRONG_LENGTH"),
         (replace(GUIDE, profile=(4.0, NAN)), "NOT_FINITE"),
         (replace(GUIDE, profile=(4.0, 7.0)), "OUT_OF_RANGE"),
-        (replace(GUIDE, learning_rate=NAN), "BAD_RATE"),
-        (replace(GUIDE, learning_rate=1.5), "BAD_RATE"),
+        (replace(GUIDE, learning_rate=NAN), "OUT_OF_RANGE"),
+        (replace(GUIDE, learning_rate=1.5), "OUT_OF_RANGE"),
     ],
 )
 def test_a_bad_entry_of_a_card_is_named_and_spoils_no_other(entry, code):
@@ -91,7 +91,7 @@ def test_a_rule_that_cannot_be_read_is_skipped_and_the_agent_keeps_the_others():
 
 @pytest.mark.parametrize("parameters", [(), ("age",), ("mood", "age"), ("age", "stress")])
 def test_a_card_with_other_parameters_is_refused(parameters):
-    with pytest.raises(Refused, match="FOREIGN_PARAMETERS"):
+    with pytest.raises(Refused, match="OTHER_PARAMETERS"):
         read_card(replace(card(GUIDE), parameters=parameters), SPACE)
 
 

@@ -265,8 +265,8 @@ def test_a_damaged_page_is_noticed_at_the_start(tmp_path):
     assert path.read_bytes() == bytes(content)
 
 
-@pytest.mark.parametrize(("number", "code"), [(2, "LEDGER_OLD"), (4, "LEDGER_NEWER")])
-def test_another_format_is_left_alone(tmp_path, number, code):
+@pytest.mark.parametrize("number", [2, 4])
+def test_another_format_is_left_alone(tmp_path, number):
     path = tmp_path / "ledger.sqlite"
     Ledger(path).close()
     with closing(sqlite3.connect(path)) as database:
@@ -274,7 +274,7 @@ def test_another_format_is_left_alone(tmp_path, number, code):
     before = path.read_bytes()
     with pytest.raises(LedgerError, match=f"format {number}, this program knows 3 only") as error:
         Ledger(path)
-    assert error.value.code == code
+    assert error.value.code == "OTHER_FORMAT"
     assert path.read_bytes() == before
 
 

@@ -190,7 +190,7 @@ def test_what_was_forgotten_before_a_recovery_does_not_stand_in_the_way_of_what_
         ("text", "LEDGER_CORRUPT"),
         ("folder", "LEDGER_UNREADABLE"),
         ("foreign", "LEDGER_FOREIGN"),
-        ("old", "LEDGER_OLD"),
+        ("old", "OTHER_FORMAT"),
     ],
 )
 def test_what_is_no_ledger_is_said_to_be_none(tmp_path, kind, code):

@@ -177,7 +177,7 @@ def test_bad_agent_names_are_refused_one_by_one(registry: Registry, name: str) -
         ({"heartbeat": "/9"}, "BAD_NAME"),
         ({"heartbeat": "/x\n"}, "BAD_NAME"),
         ({"heartbeat": "/" + "x" * 300}, "BAD_NAME"),
-        ({"instance": ""}, "NO_INSTANCE"),
+        ({"instance": ""}, "EMPTY"),
         ({"parameters": ()}, "OTHER_PARAMETERS"),
         ({"parameters": ("familiarity", "age", "mood")}, "OTHER_PARAMETERS"),
     ],

@@ -67,9 +67,9 @@ def test_vectors_and_weights_may_come_in_any_kind_of_sequence(kind: Any) -> None
 @pytest.mark.parametrize(
     ("weights", "refused"),
     [
-        ((1.0, math.nan, 1.0, 1.0, 1.0, 1.0), (GUIDE, "BAD_WEIGHT")),
-        ((1.0, 1.0, 1.0, 1.0, 1.0, -1.0), (EXPRESS, "BAD_WEIGHT")),
-        ((1.0, 1.0, 1.0, 1.0, 1.0, 1001.0), (EXPRESS, "BAD_WEIGHT")),
+        ((1.0, math.nan, 1.0, 1.0, 1.0, 1.0), (GUIDE, "OUT_OF_RANGE")),
+        ((1.0, 1.0, 1.0, 1.0, 1.0, -1.0), (EXPRESS, "OUT_OF_RANGE")),
+        ((1.0, 1.0, 1.0, 1.0, 1.0, 1001.0), (EXPRESS, "OUT_OF_RANGE")),
         ((1.0, 1.0, 1.0), ("", "WRONG_LENGTH")),
     ],
 )

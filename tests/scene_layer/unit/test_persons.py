@@ -252,10 +252,10 @@ def test_whoever_is_tracked_goes_before_those_who_are_not():
         (True, "NOT_A_TEXT"),
         ([], "NOT_A_TEXT"),
         (None, "NOT_A_TEXT"),
-        ("a\nb", "BAD_ID"),
-        ("a\x00b", "BAD_ID"),
-        (" a", "BAD_ID"),
-        ("\u202eanna", "BAD_ID"),
+        ("a\nb", "BAD_TEXT"),
+        ("a\x00b", "BAD_TEXT"),
+        (" a", "BAD_TEXT"),
+        ("\u202eanna", "BAD_TEXT"),
     ],
 )
 def test_a_hostile_id_is_refused_by_name_and_the_others_count(hostile, code):
@@ -280,7 +280,7 @@ def test_an_id_that_stands_twice_is_one_person():
     crowd = persons()
     problem = crowd.receive_ids(["a", "b", "a"], 0.0)
     assert problem is not None
-    assert problem.code == "DUPLICATE_PERSON"
+    assert problem.code == "DUPLICATE"
     crowd.update({}, 0.0)
     assert crowd.tracked == ("a", "b")
 

@@ -235,14 +235,14 @@ def test_without_confidence_nothing_was_measured():
 def test_a_confidence_outside_of_0_to_1_is_refused(sure):
     with pytest.raises(Refused, match="expected 0 to 1") as refused:
         after(topic("data", "confidence: sure"), {"data": 2.0, "sure": sure})
-    assert refused.value.code == "BAD_CONFIDENCE"
+    assert refused.value.code == "OUT_OF_RANGE"
 
 
 @pytest.mark.parametrize("std", [-0.1, math.nan, math.inf, "small", None])
 def test_a_standard_deviation_below_0_is_refused(std):
     with pytest.raises(Refused, match="expected 0 or more") as refused:
         after(topic("data", "std: doubt"), {"data": 2.0, "doubt": std})
-    assert refused.value.code == "BAD_STD"
+    assert refused.value.code == "OUT_OF_RANGE"
 
 
 def test_a_standard_deviation_is_mapped_with_the_reading():

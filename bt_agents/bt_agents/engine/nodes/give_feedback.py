@@ -53,7 +53,7 @@ class GiveFeedback(Leaf):
         given = self.fields.value("values") if "values" in self.fields else None
         if not isinstance(given, Mapping) or not given:
             raise Refused(
-                "NO_VALUES",
+                "EMPTY",
                 f"{_DIRECT} has no values, expected at least one scene parameter with the "
                 "value that the profile moves to; write values: {age: 4}",
             )

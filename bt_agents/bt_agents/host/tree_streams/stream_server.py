@@ -329,7 +329,7 @@ class TreeStreams:
         try:
             return self._node.create_publisher(kind, topic, qos.FACT)
         except Exception as error:
-            raise Refused("NO_PUBLISHER", f"{topic} cannot be published: {error}") from None
+            raise Refused("UNUSABLE_TOPIC", f"{topic} cannot be published: {error}") from None
 
     def _drop(self, streams: dict[str, Any], topic: str) -> bool:
         """Close a stream; return whether there was one."""
@@ -346,7 +346,7 @@ class TreeStreams:
             return str(expand_topic_name(topic, node.get_name(), node.get_namespace()))
         except (NameValidationException, ValueError) as error:
             raise Refused(
-                "INVALID_TOPIC", f"'{topic}' cannot be the name of a topic: {error}"
+                "UNUSABLE_TOPIC", f"'{topic}' cannot be the name of a topic: {error}"
             ) from None
 
     @contextmanager

@@ -195,7 +195,7 @@ class TuneServer:
         """
         error = await self._error_of(job)
         if not job.done():
-            raise Refused("NOT_KEPT", f"the preset is {error}; look at the presets in a while")
+            raise Refused("CANNOT_WRITE", f"the preset is {error}; look at the presets in a while")
         job.result()
         self.publish_tunings()
 
