@@ -10,6 +10,7 @@ from pathlib import Path
 
 from patterns_page import patterns_page
 from protocol_types import protocol_types
+from refusals_table import refusals_table
 from ros_reference import ros_reference
 
 from bt_agents_groot.catalogue import with_table
@@ -37,7 +38,7 @@ def _groot_page() -> str:
 
 GENERATED: Mapping[str, Callable[[], str]] = {
     "bt_agents_studio/frontend/src/protocol.ts": protocol_types,
-    "docs/errors.md": codes_page,
+    "docs/errors.md": lambda: codes_page() + refusals_table(ROOT),
     "docs/groot.md": _groot_page,
     "docs/nodes.md": lambda: reference_page(shipped()),
     "docs/patterns.md": lambda: patterns_page(ROOT / "trees"),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.diagnostic import Diagnostic
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize
 
 
@@ -15,9 +16,6 @@ class NodeMustEnd(BtAgentsError):
     """Reason for a node to end; unlike other exceptions of a callback, it ends the process."""
 
 
-STORAGE_FULL = "STORAGE_FULL"
-"""Code of a refusal because the disk is full; the same input succeeds once there is room."""
-
 LONGEST_REASON = 500
 """Longest reason in characters; texts from outside may have any length."""
 
@@ -26,8 +24,23 @@ class Refused(BtAgentsError):
     """Refusal of an input; nothing has changed.
 
     Attributes:
-        code: Stable name of the reason in upper case, for example ``NOT_FINITE``.
+        code: Kind of the refusal, for programs.
         reason: The same in words: what was found, what was expected, how to fix it.
+    """
+
+    def __init__(self, code: RefusalCode, reason: str) -> None:
+        reason = ellipsize(reason, LONGEST_REASON)
+        super().__init__(f"{code}: {reason}")
+        self.code = code
+        self.reason = reason
+
+
+class RefusedElsewhere(BtAgentsError):
+    """Refusal by another process, passed on as it was received.
+
+    Attributes:
+        code: As received; a process of another version may have codes of its own.
+        reason: As received, shortened.
     """
 
     def __init__(self, code: str, reason: str) -> None:

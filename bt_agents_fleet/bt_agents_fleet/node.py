@@ -8,7 +8,7 @@ import os
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.errors import BtAgentsError, RefusedElsewhere
 from bt_agents_interfaces.srv import ManageProfiles
 from bt_agents_ros import qos
 from bt_agents_ros.log_files import NO_LOG_FILE
@@ -39,7 +39,7 @@ class FeedbackClient:
 
         Raises:
             BtAgentsError: There is no answer.
-            Refused: The feedback node does not accept it.
+            RefusedElsewhere: The feedback node does not accept it.
         """
         if not self._spinner.spin_until(self._client.service_is_ready, _FIND_S):
             raise BtAgentsError("the feedback node is away; what the others have learned waits")
@@ -52,7 +52,7 @@ class FeedbackClient:
             raise BtAgentsError(f"the feedback node has not answered for {_ANSWER_S:g} s")
         answer = future.result()
         if not answer.accepted:
-            raise Refused(answer.code or "REFUSED", answer.message)
+            raise RefusedElsewhere(answer.code, answer.message)
         return str(answer.document)
 
     def close(self) -> None:

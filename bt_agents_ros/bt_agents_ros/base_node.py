@@ -13,6 +13,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_ros.logger_services import LoggerServices
 from bt_agents_ros.qos_overrides import create_overridden
 from bt_agents_ros.workarounds.local_endpoints import LocalNode
@@ -79,7 +80,7 @@ class BaseNode(LocalNode):
             if isinstance(value, float) and not math.isfinite(value):
                 return SetParametersResult(
                     successful=False,
-                    reason=f"NOT_FINITE: parameter '{parameter.name}' is {value}, "
+                    reason=f"{RefusalCode.NOT_FINITE}: parameter '{parameter.name}' is {value}, "
                     "expected a finite number",
                 )
         return SetParametersResult(successful=True)

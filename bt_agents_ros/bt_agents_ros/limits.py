@@ -13,9 +13,6 @@ from collections.abc import Mapping
 KIB = 1024
 MIB = 1024 * KIB
 
-TOO_LARGE = "TOO_LARGE"
-"""Code for a message or request that is too large."""
-
 MESSAGE_BYTES = 256 * KIB
 """Most bytes of a serialized message of ``bt_agents_interfaces``, and of any request."""
 

@@ -13,7 +13,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from bt_agents_core.delivery_queue import DeliveryQueue
-from bt_agents_core.errors import STORAGE_FULL
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_ros.timers import steady_timer
 
 ANSWER_S = 2.0
@@ -130,7 +130,7 @@ class Outbox:
     def _on_response(self, request: _Request, future: Any) -> None:
         if future.exception() is not None or future.result() is None:
             return
-        if future.result().code == STORAGE_FULL:
+        if future.result().code == RefusalCode.STORAGE_FULL:
             self._warn_late("has no room on its disk")
             return
         if not self._queue.acknowledge(request):

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.liveness import SLOW_NETWORK
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_ros.qos_overrides import PREFIX as QOS_OVERRIDES
 from bt_agents_ros.signals import check_interrupt
@@ -131,7 +132,7 @@ def report_unknown(node: Node, *others: Node) -> None:
         known = difflib.get_close_matches(name, node.list_parameters([], 0).names, n=1)
         near = f"did you mean '{known[0]}'?" if known else "'ros2 param list' shows what it has"
         node.get_logger().warning(
-            f"UNKNOWN_PARAMETER: {node.get_name()} has no parameter "
+            f"{RefusalCode.UNKNOWN_PARAMETER}: {node.get_name()} has no parameter "
             f"'{ellipsize(printable_line(name))}', so its value counts for nothing; {near}"
         )
 

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_ros import limits
 from bt_agents_ros.types import resolved, slots_of
 
@@ -42,7 +43,7 @@ def check_bytes(kind: Any, size: int) -> None:
     largest = largest_bytes(kind)
     if size > largest:
         raise Refused(
-            limits.TOO_LARGE, f"{kind.__name__} has {size} bytes, expected at most {largest}"
+            RefusalCode.TOO_LARGE, f"{kind.__name__} has {size} bytes, expected at most {largest}"
         )
 
 
@@ -99,7 +100,7 @@ def check_content(message: Any) -> int:
     content, largest = _content(message, kind), largest_bytes(kind)
     if content > largest:
         raise Refused(
-            limits.TOO_LARGE,
+            RefusalCode.TOO_LARGE,
             f"{kind.__name__} has {content} characters and entries, expected at most {largest}",
         )
     return content
@@ -190,7 +191,7 @@ def _content(message: Any, kind: Any) -> int:
 
 def _too_large(kind: Any, field: str, found: int, what: str, expected: int) -> Refused:
     return Refused(
-        limits.TOO_LARGE,
+        RefusalCode.TOO_LARGE,
         f"{kind.__name__}.{field} has {found} {what}, expected at most {expected}",
     )
 

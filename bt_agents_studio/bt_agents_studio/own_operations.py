@@ -10,7 +10,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
 
-from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.errors import BtAgentsError, Refused, RefusedElsewhere
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.projection import round_record
 from bt_agents_studio.records import DryRunRecord, KeepRecord, SceneMapRecord
 from bt_agents_studio.scene_map import ASKED, Axis, MapBid, computed_map, is_computed, map_record
@@ -73,12 +74,12 @@ class OwnOperations:
         try:
             async with asyncio.timeout(LIMIT_S):
                 return await self._done[name](**fields)
-        except Refused as refused:
+        except (Refused, RefusedElsewhere) as refused:
             return _answer(False, refused.code, refused.reason)
         except BtAgentsError as error:
             return _answer(False, "", str(error))
         except TimeoutError:
-            return _answer(False, "NO_ANSWER", f"it took longer than {LIMIT_S:g} s")
+            return _answer(False, RefusalCode.NO_ANSWER, f"it took longer than {LIMIT_S:g} s")
 
     def close(self) -> None:
         """Begin nothing more."""
@@ -154,7 +155,7 @@ class OwnOperations:
     async def _preview(self, scene: Mapping[str, float]) -> Any:
         answer = await asyncio.wrap_future(self._caller.preview(scene, _PREVIEW_S))
         if not answer.accepted:
-            raise Refused(str(answer.code), str(answer.message))
+            raise RefusedElsewhere(str(answer.code), str(answer.message))
         return answer.auction
 
     async def _keep(self, profile: bool = False, digest: str = "") -> Mapping[str, object]:

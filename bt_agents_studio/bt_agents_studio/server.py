@@ -19,6 +19,7 @@ from urllib.parse import quote
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.access import (
     ALL_ROLES,
     LARGEST_BODY,
@@ -69,19 +70,19 @@ _END_S = 1.0
 _SOCKET = "/api/socket"
 _PAGE = Path(__file__).parent / "page"
 _STATUSES = {
-    "NO_SESSION": 401,
-    "BAD_TOKEN": 403,
-    "FORBIDDEN": 403,
-    "NO_KEY": 403,
-    "NO_BODY": 408,
-    "FOREIGN_HOST": 421,
-    "FOREIGN_ORIGIN": 403,
-    "NO_ORIGIN": 403,
-    "NOT_JSON": 415,
-    "NO_ANSWER": 504,
-    "TOO_MANY_CLIENTS": 503,
-    "NOT_FOUND": 404,
-    "NO_JOURNAL": 404,
+    RefusalCode.NO_SESSION: 401,
+    RefusalCode.BAD_TOKEN: 403,
+    RefusalCode.FORBIDDEN: 403,
+    RefusalCode.NO_KEY: 403,
+    RefusalCode.NO_BODY: 408,
+    RefusalCode.FOREIGN_HOST: 421,
+    RefusalCode.FOREIGN_ORIGIN: 403,
+    RefusalCode.NO_ORIGIN: 403,
+    RefusalCode.NOT_JSON: 415,
+    RefusalCode.NO_ANSWER: 504,
+    RefusalCode.TOO_MANY_CLIENTS: 503,
+    RefusalCode.NOT_FOUND: 404,
+    RefusalCode.NO_JOURNAL: 404,
 }
 _BAD_REQUEST = 400
 

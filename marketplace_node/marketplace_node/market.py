@@ -11,6 +11,7 @@ from typing import TypeAlias
 from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
 from bt_agents_core.open_goals import OpenGoal
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, SceneSpace, scene_name
 from bt_agents_core.text import join_first
 from bt_agents_language.files.market_reader import MarketRule
@@ -28,7 +29,7 @@ from marketplace_node.health import queue_health
 from marketplace_node.hosts.goal_takeover import StoredGoals
 from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.registry import Registration, RegistrationAnswer
-from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
+from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.interaction.interaction import (
     FEEDBACK_DEFERRED,
     NO_BIDS,
@@ -128,11 +129,11 @@ class Market:
     def shut_down(self, reason: str, now: float) -> list[Effect]:
         """Take no more scenes, end the queued ones and stop the running tree."""
         self._admission.close(reason, now)
-        self._previews.give_up(SHUTTING_DOWN, reason)
+        self._previews.give_up(RefusalCode.SHUTTING_DOWN, reason)
         self._ask_again(math.inf)
         self._inherited.close(reason)
         if self._interaction is not None:
-            self._interaction.stop(StopRequest(reason=reason, code=SHUTTING_DOWN), now)
+            self._interaction.stop(StopRequest(reason=reason, code=RefusalCode.SHUTTING_DOWN), now)
         return self._settle(now)
 
     def scene(self, scene: Scene, now: float) -> list[Effect]:
@@ -342,7 +343,7 @@ class Market:
             Refused: ``NO_SCENE``, ``SHUTTING_DOWN``, ``UNKNOWN_STRATEGY`` or ``BUSY``.
         """
         if self._admission.closed_reason:
-            raise Refused(SHUTTING_DOWN, self._admission.closed_reason)
+            raise Refused(RefusalCode.SHUTTING_DOWN, self._admission.closed_reason)
         number = self._previews.ask(self._operator_commands.scene(scene), strategy, now)
         return number, self._settle(now)
 

@@ -9,13 +9,10 @@ from enum import IntEnum
 from typing import Any
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.round.decision import RefusedBid, RoundKind
-
-VETOED = "VETOED"
-NOT_PINNED = "NOT_PINNED"
-NOT_AWARDED = "NOT_AWARDED"
 
 
 class OperatorAction(IntEnum):
@@ -120,7 +117,7 @@ class OperatorOverrides:
             Refused: ``NOT_PINNED``.
         """
         if self._pin is None:
-            raise Refused(NOT_PINNED, "no agent is pinned; all may bid")
+            raise Refused(RefusalCode.NOT_PINNED, "no agent is pinned; all may bid")
         agent, self._pin = self._pin.agent, None
         return f"{agent} is not pinned any more: all agents may bid from the next round on"
 
@@ -151,7 +148,7 @@ class OperatorOverrides:
         self._check_not_vetoed(command.agent)
         if self.pinned not in ("", command.agent):
             raise Refused(
-                NOT_PINNED,
+                RefusalCode.NOT_PINNED,
                 f"only {self.pinned} may bid, as it is pinned; unpin it before another agent is "
                 "given a run",
             )
@@ -202,15 +199,18 @@ class OperatorOverrides:
 
     def _exclusions(self, agent: str, award: _ActiveOverride | None) -> Iterator[tuple[str, str]]:
         if agent in self._vetoes:
-            yield VETOED, self._vetoes[agent]
+            yield RefusalCode.VETOED, self._vetoes[agent]
         elif award is not None and award.agent != agent:
-            yield NOT_AWARDED, award.text
+            yield RefusalCode.NOT_AWARDED, award.text
         elif self._pin is not None and self._pin.agent != agent:
-            yield NOT_PINNED, self._pin.text
+            yield RefusalCode.NOT_PINNED, self._pin.text
 
     def _check_not_vetoed(self, agent: str) -> None:
         if agent in self._vetoes:
-            raise Refused(VETOED, f"'{agent}' may not bid ({self._vetoes[agent]}); allow it first")
+            raise Refused(
+                RefusalCode.VETOED,
+                f"'{agent}' may not bid ({self._vetoes[agent]}); allow it first",
+            )
 
 
 def _checked_text(value: object) -> str:

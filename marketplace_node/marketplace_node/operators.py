@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, awarded_id, unawarded_id
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -17,7 +18,7 @@ from marketplace_node.interaction.interaction import Interaction
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import MarketState
-from marketplace_node.operator_overrides import VETOED, OperatorAction, OperatorCommand
+from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.settings import check_strategy
 
 MOST_PREVIEWS = 8
@@ -80,7 +81,7 @@ class OperatorCommands:
             reason=f"{command.who} vetoes it{command.because}",
             by=StoppedBy.OPERATOR,
             again=True,
-            code=VETOED,
+            code=RefusalCode.VETOED,
         )
         _, message = interaction.stop(stop, now)
         return f"; {message}" + ("" if stopping else ", and asking the others")
@@ -147,7 +148,7 @@ class Previews:
                     PreviewEnded(number=preview.number, outcome=outcome)
                 )
 
-    def give_up(self, code: str, reason: str) -> None:
+    def give_up(self, code: RefusalCode, reason: str) -> None:
         """End all previews without an outcome."""
         for preview in self.open_rounds:
             self._market_state.effects.append(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from bt_agents.engine.scope import ValueSource, evaluate, explain_false, is_true
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace, check_value
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import Expression
@@ -62,7 +63,7 @@ class NodeFields:
         Raises:
             Refused: ``NOT_A_NUMBER``; it is no finite number of at least 0. Else as :meth:`value`.
         """
-        return self._from_zero(name, "NOT_A_NUMBER", "a number from 0 on")
+        return self._from_zero(name, RefusalCode.NOT_A_NUMBER, "a number from 0 on")
 
     def seconds(self, name: str) -> float:
         """Return a duration [s]; 0 if the field is missing.
@@ -73,7 +74,7 @@ class NodeFields:
         """
         if name not in self.spec.fields:
             return 0.0
-        return self._from_zero(name, "NOT_A_DURATION", "a time such as '5 s'")
+        return self._from_zero(name, RefusalCode.NOT_A_DURATION, "a time such as '5 s'")
 
     def count(self, name: str) -> int | None:
         """Return an integer of at least 1; None for ``forever``.
@@ -91,7 +92,7 @@ class NodeFields:
             )
         return int(number)
 
-    def _from_zero(self, name: str, code: str, expected: str) -> float:
+    def _from_zero(self, name: str, code: RefusalCode, expected: str) -> float:
         value = self.value(name)
         number = finite(value)
         if number is None or number < 0:

@@ -12,16 +12,17 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
-from bt_agents_core.errors import STORAGE_FULL, Refused
+from bt_agents_core.errors import Refused
 from bt_agents_core.private_files import make_private_folder
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, Write
 
 MOST_WAITING = 32_000_000
 """Most bytes that wait in memory while writing fails; then the newest messages are dropped."""
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-_FULL = (STORAGE_FULL, "there is room")
-_FAILED = ("STORAGE_FAILED", "it can be written again")
+_FULL = (RefusalCode.STORAGE_FULL, "there is room")
+_FAILED = (RefusalCode.STORAGE_FAILED, "it can be written again")
 _NAME = re.compile(r"journal-(\d{4}-\d\d-\d\d)(?:_(\d{3,}))?\.mcap")
 
 

@@ -13,6 +13,7 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.local_time import local_time
 from bt_agents_core.profile_layers import EVERYBODY, layers_of
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, SceneSpace, Vector, scene_name
 from bt_agents_lab.replay.recording_index import (
     NO_TEXTS,
@@ -26,7 +27,6 @@ from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
 from feedback_node.learning.learning_step import Evidence, requested, step
-from marketplace_node.operator_overrides import NOT_AWARDED, NOT_PINNED, VETOED
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import AcceptedBid, ClosedBy, Terms
 from marketplace_node.round.ranking import decide
@@ -447,8 +447,13 @@ def _left_out(one: Round, agent: str) -> bool:
     if one.pinned:
         return agent != one.pinned
     # If an operator awarded the run, absent agents could not bid either.
-    return NOT_AWARDED in refused.values() and agent not in bidders | refused.keys()
+    return RefusalCode.NOT_AWARDED in refused.values() and agent not in bidders | refused.keys()
 
 
-_EXCLUDED = ("EXCLUDED", VETOED, NOT_PINNED, NOT_AWARDED)
+_EXCLUDED = (
+    RefusalCode.EXCLUDED,
+    RefusalCode.VETOED,
+    RefusalCode.NOT_PINNED,
+    RefusalCode.NOT_AWARDED,
+)
 """Codes of refusals that do not depend on what an agent bids."""

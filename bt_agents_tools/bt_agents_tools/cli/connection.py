@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.errors import BtAgentsError, RefusedElsewhere
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.trees_choice import say_trees_of_system
@@ -100,13 +100,13 @@ def accepted(answer: Any, who: str) -> Any:
 
     Raises:
         BtAgentsError: There is no answer, or a refusal without a code.
-        Refused: The answer is a refusal with a code.
+        RefusedElsewhere: The answer is a refusal with a code.
     """
     if answer is None:
         raise BtAgentsError(f"{who} does not answer; look at 'bt-agents status'")
     if not answer.accepted:
         code = getattr(answer, "code", "")
-        raise Refused(code, answer.message) if code else BtAgentsError(answer.message)
+        raise RefusedElsewhere(code, answer.message) if code else BtAgentsError(answer.message)
     return answer
 
 

@@ -8,10 +8,11 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from bt_agents_core.errors import STORAGE_FULL, Refused
+from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.mood import Addressee
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
@@ -226,7 +227,7 @@ class FeedbackController:
             try:
                 outcomes.append(RuleOutcome(change=self._record(one)))
             except Refused as refusal:
-                if refusal.code == STORAGE_FULL:
+                if refusal.code == RefusalCode.STORAGE_FULL:
                     break
                 outcomes.append(
                     RuleOutcome(problem=f"{one.run.agent}: {one.fired.reason}: {refusal}")
@@ -365,7 +366,7 @@ class FeedbackController:
             return RuleOutcome(change=self._record(pending), stop=stop)
         except Refused as refusal:
             problem = f"{run.agent}: {fired.reason}, but {refusal}"
-            if refusal.code == STORAGE_FULL:
+            if refusal.code == RefusalCode.STORAGE_FULL:
                 problem += "; it is tried again until there is room"
                 if len(self._pending) == MOST_PENDING:
                     lost = self._pending[0]

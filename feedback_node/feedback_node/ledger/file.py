@@ -13,16 +13,14 @@ from operator import methodcaller
 from pathlib import Path
 from urllib.parse import quote
 
-from bt_agents_core.errors import STORAGE_FULL, Refused
+from bt_agents_core.errors import Refused
 from bt_agents_core.private_files import make_private_database, make_private_folder, open_private
+from bt_agents_core.refusal_codes import RefusalCode
 from feedback_node.ledger.check import LedgerCheck, check, is_out_of_reach
 from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 
 MEMORY = ":memory:"
 """Path of a ledger in memory, which is lost when it is closed."""
-
-CUT_OFF = "LEDGER_CUT_OFF"
-"""Error code of a ledger that has lost its end."""
 
 _LOCK_WAIT_S = 0.5
 _MOST_PROBLEMS = 3
@@ -125,7 +123,8 @@ def open_database(path: str) -> sqlite3.Connection:
             raise damaged(path, found.problems)
         if found.lost:
             raise LedgerError(
-                CUT_OFF, f"{path}: {found.lost}. Nothing was changed. {repair_of_cut_off(path)}"
+                RefusalCode.LEDGER_CUT_OFF,
+                f"{path}: {found.lost}. Nothing was changed. {repair_of_cut_off(path)}",
             )
     try:
         if path != MEMORY:
@@ -297,7 +296,7 @@ def failed(path: str, error: Exception) -> LedgerError:
     """Return the error for a change that was not recorded."""
     if is_full(error):
         return LedgerError(
-            STORAGE_FULL,
+            RefusalCode.STORAGE_FULL,
             f"{path}: {error}: the disk takes no more, nothing was recorded; make room, what is "
             "given after that is recorded again",
         )

@@ -12,6 +12,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FLEET as FLEET_SOURCE
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import PERSON
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Vector
 from feedback_node.learning.cards import Agent
 from feedback_node.learning.fleet_steps import (
@@ -51,7 +52,7 @@ MOST_AGENTS = 1000
 SAME = 1e-9
 """Largest difference of the values of two equal profiles."""
 
-LATER = ("UNKNOWN_AGENT", "OTHER_BASE")
+LATER = (RefusalCode.UNKNOWN_AGENT, RefusalCode.OTHER_BASE)
 """Codes of refusals that may be temporary: the agent is unknown, or its file differs."""
 
 

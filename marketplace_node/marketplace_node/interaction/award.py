@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene
 from bt_agents_core.stop_cause import StopCause, StoppedBy
 from marketplace_node.effects import AnnounceRun
@@ -12,7 +13,6 @@ from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.outcomes import RunEventKind, RunOutcome
 
 STOPPED = "STOPPED"
-SHUTTING_DOWN = "SHUTTING_DOWN"
 PREEMPTED = "PREEMPTED"
 
 
@@ -38,7 +38,7 @@ class StopRequest:
     @property
     def hurries(self) -> bool:
         """True when the next step does not wait for the feedback on the stopped run."""
-        return self.code in (PREEMPTED, SHUTTING_DOWN)
+        return self.code in (PREEMPTED, RefusalCode.SHUTTING_DOWN)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, follow_up_id
 from marketplace_node.effects import Collect, SceneEnded, SendGoal, State
 from marketplace_node.explanation.reason import reason_of
@@ -16,7 +17,6 @@ from marketplace_node.interaction.award import Award, RunEnd, StopRequest
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.stored_scenes import StoredRun
 from marketplace_node.market_state import MarketState
-from marketplace_node.operator_overrides import VETOED
 from marketplace_node.outcomes import AuctionOutcome, RunEventKind, RunOutcome
 from marketplace_node.round.decision import ClosedBy, Decision
 
@@ -233,7 +233,7 @@ class Interaction:
             award.stop = replace(award.stop, again=award.stop.again and stop.again)
             return True, f"{award.goal.agent} is being stopped already"
         # Without a run there is nothing to ask again, unless a veto demands another agent.
-        may_follow_up = award.accepted or stop.code == VETOED
+        may_follow_up = award.accepted or stop.code == RefusalCode.VETOED
         award.stop = stop if may_follow_up else replace(stop, again=False)
         self._enter(State.CANCELLING, self.due)
         self._market_state.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))

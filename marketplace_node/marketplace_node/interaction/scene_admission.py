@@ -8,10 +8,11 @@ from collections import deque
 from collections.abc import Callable, Iterable
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene
 from bt_agents_core.stop_cause import StoppedBy
 from marketplace_node.effects import SceneEnded, State
-from marketplace_node.interaction.award import PREEMPTED, SHUTTING_DOWN, STOPPED, StopRequest
+from marketplace_node.interaction.award import PREEMPTED, STOPPED, StopRequest
 from marketplace_node.interaction.interaction import Interaction, QueuedScene
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.preemption import PreemptionRound
@@ -210,7 +211,7 @@ class SceneAdmission:
         """End all queued scenes, and from now on every new one."""
         self.closed_reason = reason
         self._give_up_preemption(reason, now)
-        self._refuse_all(SHUTTING_DOWN, reason)
+        self._refuse_all(RefusalCode.SHUTTING_DOWN, reason)
 
     def forget(self, reason: str, now: float) -> str:
         """End all queued scenes on request; return a part of the answer in words."""
@@ -245,7 +246,7 @@ class SceneAdmission:
 
     def _check(self, scene: Scene, interaction: Interaction | None) -> None:
         if self.closed_reason:
-            raise Refused(SHUTTING_DOWN, self.closed_reason)
+            raise Refused(RefusalCode.SHUTTING_DOWN, self.closed_reason)
         if self.knows(scene.scene_id):
             raise Refused(
                 "DUPLICATE",
@@ -295,7 +296,7 @@ class SceneAdmission:
             interaction.stop(stop, now)
         elif no_room:
             self._queue.remove(waiting)
-            self.refuse(waiting.scene.scene_id, "QUEUE_FULL", reason, waiting.round)
+            self.refuse(waiting.scene.scene_id, RefusalCode.QUEUE_FULL, reason, waiting.round)
         return True
 
     def _full(self) -> str:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import MAX_WEIGHT, SceneSpace
 from marketplace_node.formatting import shown
 from marketplace_node.hosts.registry import HostEntry
@@ -78,7 +79,7 @@ class Auction:
             try:
                 self._check_agent(agent, entry, named)
                 reason = reason or "gives no reason"
-                self._record(bids, agent, RoundKind.DECLINED, "DECLINED", reason, unmet)
+                self._record(bids, agent, RoundKind.DECLINED, RefusalCode.DECLINED, reason, unmet)
             except Refused as refused:
                 self._refuse(bids, agent, refused)
             named.add(agent)
@@ -86,7 +87,7 @@ class Auction:
             reason = f"{entry.host} says nothing about it"
             for agent in entry.agents:
                 if agent not in named and agent not in self._may_be_silent:
-                    self._record(bids, agent, RoundKind.REFUSED, "NO_ANSWER", reason)
+                    self._record(bids, agent, RoundKind.REFUSED, RefusalCode.NO_ANSWER, reason)
 
     def close(
         self,

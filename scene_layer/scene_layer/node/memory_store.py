@@ -13,8 +13,9 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents_core.errors import STORAGE_FULL, BtAgentsError
+from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.profile_layers import PERSON, PLACE
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.srv import ManageProfiles
@@ -141,7 +142,7 @@ class MemoryStore:
             return response
         trouble = await self._ended(self._save())
         response.accepted = not trouble
-        response.code = STORAGE_FULL if trouble else ""
+        response.code = RefusalCode.STORAGE_FULL if trouble else ""
         response.message = (
             f"{layer[:_SHOWN]} is forgotten" if found else f"nothing was known of {layer[:_SHOWN]}"
         ) + (f", but its file still has it, which is tried again: {trouble}" if trouble else "")

@@ -113,6 +113,7 @@ def test_the_version_is_told_without_loading_any_command() -> None:
             "bt_agents_core.errors",
             "bt_agents_core.gc_pause",
             "bt_agents_core.optional_packages",
+            "bt_agents_core.refusal_codes",
             "bt_agents_core.text",
             "bt_agents_ros.signals",
             "bt_agents_tools.cli",

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.reference.codes import codes
 from bt_agents_language.reference.file_pages import file_words
 from bt_agents_language.reference.node_pages import node_pages
@@ -59,6 +60,11 @@ def test_a_code_is_explained_by_its_meaning_and_two_examples():
 @pytest.mark.parametrize("word", ["error[tab]", "error[tab]:", "tab", " tab:"])
 def test_a_code_may_be_copied_from_a_report(word):
     assert page(word).startswith("error[tab]")
+
+
+def test_refusal_is_explained_by_its_sentence():
+    sentence = RefusalCode.NOT_PAUSED.sentence
+    assert explained("NOT_PAUSED:") == f"NOT_PAUSED  a refusal at run time\n\n{sentence}"
 
 
 def test_a_skill_is_explained_by_its_fields_and_what_it_gives():
@@ -129,7 +135,7 @@ def test_a_library_with_errors_explains_nothing(tmp_path):
 
 def test_without_a_word_all_are_listed():
     text = explained().split()
-    assert {"sequence", "say", "retry", "greet", "units", "unknown-node"} <= set(text)
+    assert {"sequence", "say", "retry", "greet", "units", "unknown-node", "BUSY"} <= set(text)
     assert {*installed_kinds()} <= set(text)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from bt_agents_core.errors import Refused
+from bt_agents_core.errors import Refused, RefusedElsewhere
 from bt_agents_tools.cli.commands import profile as command
 from bt_agents_tools.cli.main import bt_agents
 from feedback_node.ledger.rows import RevisionCause
@@ -122,7 +122,7 @@ def test_forgetting_asks_first_and_tells_the_scene_layer_as_well(room):
         f"ledger: no layer '{ANNA}'; there are: none",
     )
     room.scene_layer = None
-    assert isinstance(room.run("forget", ANNA, "--yes").exception, Refused)
+    assert isinstance(room.run("forget", ANNA, "--yes").exception, RefusedElsewhere)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from enum import Enum
 
 from bt_agents.host.tuning.tunable import Setting, same
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 MOST_REVISIONS = 100
 """Most revisions that can be undone, and most that are shown; older ones stay in force."""
@@ -172,7 +173,8 @@ class TuningHistory:
             passed |= values.keys()
         what = action.value
         whose = f" of {', '.join(sorted(agents))}" if agents else ""
-        raise Refused(f"NOTHING_TO_{what.upper()}", f"no change{whose} to {what}{obstacle}")
+        code = RefusalCode.NOTHING_TO_UNDO if undo else RefusalCode.NOTHING_TO_REDO
+        raise Refused(code, f"no change{whose} to {what}{obstacle}")
 
 
 def agent_of(name: str) -> str:

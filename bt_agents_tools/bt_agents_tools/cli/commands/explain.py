@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import nearest
@@ -59,11 +60,11 @@ Part = Text | Table | Padding
 @click.argument("word", metavar="[WORD|CODE]", required=False, default="")
 @click.option("--dir", "directory", default="", help="The trees folder whose words count.")
 def explain(word: str, directory: str) -> None:
-    """Explain a word of the language or a code of an error; without one, list them all.
+    """Explain a word of the language or a code of an error or refusal; without one, list all.
 
     WORD is a node, a skill, a decorator, a kind of file, a key of a file or node, a subtree of a
     library, or one of units, expressions and names. CODE stands in brackets in a report of
-    'bt-agents check': error[unknown-node].
+    'bt-agents check', such as error[unknown-node], or begins a refusal, such as BUSY.
     """
     console = Console(highlight=False)
     symbols = _symbols(directory)
@@ -105,7 +106,8 @@ def explanation(word: str, symbols: SymbolTable) -> Iterable[Part]:
     nodes = node_pages(symbols)
     names = [one.key for one in nodes] + [*TOPICS] + [one.name for _, one in subtrees]
     keys = [*file_words(installed_kinds()), *(field.name for one in nodes for field in one.fields)]
-    near = next(filter(None, (nearest(plain, of) for of in (names, keys, codes()))), None)
+    known = (names, keys, codes(), RefusalCode.__members__)
+    near = next(filter(None, (nearest(plain, of) for of in known)), None)
     hint = f"did you mean '{near}'?" if near else "'bt-agents explain' lists all"
     raise BtAgentsError(f"there is no word or code {quote(plain)}; {hint}")
 
@@ -116,6 +118,8 @@ def _pages(
     """Yield all pages of a word: a node may have the same name as a key of a file or node."""
     if word in codes():
         yield _code(codes()[word])
+    if word in RefusalCode.__members__:
+        yield _refusal(RefusalCode(word))
     page = node_page(word, symbols)
     if page is not None:
         yield _node(page)
@@ -173,6 +177,11 @@ def _code(code: Code) -> Iterable[Part]:
     yield _example(code.wrong, language)
     yield Text("\nRight:", style="green")
     yield _example(code.right, language)
+
+
+def _refusal(code: RefusalCode) -> Iterable[Part]:
+    yield Text.assemble((code, "bold red"), "  a refusal at run time")
+    yield Text(f"\n{code.sentence}\n")
 
 
 def _node(page: NodePage) -> Iterable[Part]:
@@ -286,6 +295,7 @@ def _overview(symbols: SymbolTable) -> Table:
     table.add_row("about values", Text("  ".join(TOPICS)))
     table.add_row("about packages", Text("plugin"))
     table.add_row("code", Text("  ".join(codes())))
+    table.add_row("refusal", Text("  ".join(RefusalCode)))
     for problem in installed_plugins().without(symbols.skills).problems:
         table.add_row("left out", Text(problem, style="yellow"))
     return table

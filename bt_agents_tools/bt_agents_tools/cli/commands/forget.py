@@ -11,10 +11,11 @@ from typing import Any
 
 import click
 
-from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.errors import BtAgentsError, Refused, RefusedElsewhere
 from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.person_mention import PersonMention
 from bt_agents_core.profile_layers import PERSON, checked_layer
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.state_folder import StateFolder
 from bt_agents_core.text import join_first
 from bt_agents_tools.cli.commands.tune import user
@@ -22,9 +23,6 @@ from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.formatting import counted
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
 from bt_agents_tools.launcher.log_files import erase_lines, log_home
-
-_FORGOTTEN_CODES = ("UNKNOWN_LAYER",)
-"""Codes of answers that report nothing to forget."""
 
 
 @click.command()
@@ -81,10 +79,13 @@ def _ask_system(layer: str, author: str) -> tuple[bool, bool]:
         if answer is None:
             click.echo(f"{node}: not done: it does not answer; try again", err=True)
             left = True
-        elif answer.accepted or answer.code in _FORGOTTEN_CODES:
+        elif answer.accepted or answer.code == RefusalCode.UNKNOWN_LAYER:
+            # Without such a layer there is nothing to forget.
             click.echo(f"{node}: {answer.message}")
         else:
-            click.echo(f"{node}: not done: {Refused(answer.code, answer.message)}", err=True)
+            click.echo(
+                f"{node}: not done: {RefusedElsewhere(answer.code, answer.message)}", err=True
+            )
             left = True
     return True, left
 

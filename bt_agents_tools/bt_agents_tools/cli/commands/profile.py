@@ -15,6 +15,7 @@ import click
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.state_folder import StateFolder
 from bt_agents_core.text import format_known
 from bt_agents_language.expression.quantities import QuantityError, quantity
@@ -251,7 +252,7 @@ def check(file: Path | None, state: str) -> None:
 
     A feedback node may have it open. The exit code is 1 when something is wrong.
     """
-    from feedback_node.ledger.file import CUT_OFF, inspect, repair_of_cut_off
+    from feedback_node.ledger.file import inspect, repair_of_cut_off
 
     file = file or _with_ledger(state).ledger
     report = inspect(str(file))
@@ -261,13 +262,16 @@ def check(file: Path | None, state: str) -> None:
     click.echo(f"{file}: {good}")
     if report.problems:
         for problem in report.problems[:_MAX_PROBLEMS]:
-            click.echo(f"LEDGER_CORRUPT: {problem}", err=True)
+            click.echo(f"{RefusalCode.LEDGER_CORRUPT}: {problem}", err=True)
         if (more := len(report.problems) - _MAX_PROBLEMS) > 0:
             click.echo(f"and {counted(more, 'problem')} more", err=True)
         advice = f"'bt-agents profile recover {file} NEW' copies the good ones into a new file"
         click.echo(advice, err=True)
     elif report.lost:
-        click.echo(f"{CUT_OFF}: {report.lost}\n{repair_of_cut_off(str(file))}", err=True)
+        click.echo(
+            f"{RefusalCode.LEDGER_CUT_OFF}: {report.lost}\n{repair_of_cut_off(str(file))}",
+            err=True,
+        )
     if report.problems or report.lost:
         sys.exit(1)
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bt_agents_core.errors import Refused
+from bt_agents_core.errors import RefusedElsewhere
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_tools.cli.assignments import Assignments, assignments, columns
 from bt_agents_tools.cli.connection import accepted, connect
 from bt_agents_tools.cli.decisions import SOON_S, admission_text, headline, names_of_scenes
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _DECIDE_LIMIT_S = 5.0
-_REFUSED = ("BUSY", "QUEUE_FULL", "SHUTTING_DOWN")
+_REFUSED = (RefusalCode.BUSY, RefusalCode.QUEUE_FULL, RefusalCode.SHUTTING_DOWN)
 
 
 @click.command()
@@ -72,7 +73,7 @@ def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bo
             click.echo(f"round {auction.round}: {headline(auction)}")
             click.echo(scene_names.with_names(auction.reason))
         if end() is not None and end().code in _REFUSED:
-            raise Refused(end().code, scene_names.with_names(end().message))
+            raise RefusedElsewhere(end().code, scene_names.with_names(end().message))
         if not known:
             state = scene_names.with_names(observer.market.message)
             click.echo(
