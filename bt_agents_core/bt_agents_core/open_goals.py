@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 from bt_agents_core.text import printable_line
 
@@ -44,13 +45,13 @@ class OpenGoal:
         if not is_full_name(self.action):
             found = printable_line(self.action[:LONGEST_NAME])
             raise Refused(
-                "BAD_GOAL",
+                RefusalCode.BAD_GOAL,
                 f"the action of a goal is '{found}', expected a fully qualified name of at most "
                 f"{LONGEST_NAME} characters such as /drive",
             )
         if len(self.goal_id) != _ID_BYTES or not any(self.goal_id):
             raise Refused(
-                "BAD_GOAL",
+                RefusalCode.BAD_GOAL,
                 f"the id of a goal of {self.action} is '{self.goal_id[:_ID_BYTES].hex()}', "
                 f"expected {_ID_BYTES} bytes that are not all zero",
             )

@@ -10,6 +10,7 @@ from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.refusal_codes import RefusalCode
 
 Fact = bool | float | str
 """A remembered value about a person."""
@@ -50,7 +51,7 @@ def fact(key: str, value: object, wanted: FieldType | None = None) -> Fact:
     """
     if not _KEY.fullmatch(key):
         raise Refused(
-            "BAD_KEY",
+            RefusalCode.BAD_KEY,
             f"{key[:64]!r} is no name of something remembered; expected small letters, digits "
             "and '_', a letter first, 64 at most",
         )
@@ -59,14 +60,15 @@ def fact(key: str, value: object, wanted: FieldType | None = None) -> Fact:
     expected = [_TYPES[wanted]] if wanted is not None else [*_TYPES.values()]
     if isinstance(value, (bool, float, str)) and type(value) in [kind for kind, _ in expected]:
         if isinstance(value, float) and not math.isfinite(value):
-            raise Refused("BAD_VALUE", f"{key} is {value}, expected a finite number")
+            raise Refused(RefusalCode.BAD_VALUE, f"{key} is {value}, expected a finite number")
         if isinstance(value, str) and len(value) > LONGEST_FACT:
             raise Refused(
-                "BAD_VALUE", f"{key} has {len(value)} characters, expected {LONGEST_FACT} at most"
+                RefusalCode.BAD_VALUE,
+                f"{key} has {len(value)} characters, expected {LONGEST_FACT} at most",
             )
         return value
     words = ", ".join(text for _, text in expected)
-    raise Refused("BAD_VALUE", f"{key} is {_shown(value)}, expected {words}")
+    raise Refused(RefusalCode.BAD_VALUE, f"{key} is {_shown(value)}, expected {words}")
 
 
 def has_type(value: Fact, wanted: FieldType) -> bool:
@@ -85,9 +87,11 @@ def facts(given: Iterable[tuple[str, object]]) -> dict[str, Fact]:
         if value is None:
             continue
         if key in found:
-            raise Refused("DUPLICATE_KEY", f"'{key}' is remembered twice, expected once")
+            raise Refused(RefusalCode.DUPLICATE_KEY, f"'{key}' is remembered twice, expected once")
         if len(found) == MOST_FACTS:
-            raise Refused("TOO_MANY", f"more than {MOST_FACTS} values are remembered of a person")
+            raise Refused(
+                RefusalCode.TOO_MANY, f"more than {MOST_FACTS} values are remembered of a person"
+            )
         found[key] = fact(key, value)
     return found
 
@@ -111,7 +115,9 @@ def values_of(messages: Sequence[Any]) -> list[tuple[str, object]]:
         Refused: ``TOO_MANY``, or ``BAD_VALUE`` for a list.
     """
     if len(messages) > MOST_FACTS:
-        raise Refused("TOO_MANY", f"{len(messages)} values of a person, expected {MOST_FACTS}")
+        raise Refused(
+            RefusalCode.TOO_MANY, f"{len(messages)} values of a person, expected {MOST_FACTS}"
+        )
     return [(one.key, _value_of(one)) for one in messages]
 
 
@@ -120,7 +126,8 @@ def _value_of(message: Any) -> object:
         return None
     if message.value.type not in _VALUE_FIELDS:
         raise Refused(
-            "BAD_VALUE", f"{message.key[:64]!r} is a list, expected a number, a text or a boolean"
+            RefusalCode.BAD_VALUE,
+            f"{message.key[:64]!r} is a list, expected a number, a text or a boolean",
         )
     return getattr(message.value, _VALUE_FIELDS[message.value.type][0])
 

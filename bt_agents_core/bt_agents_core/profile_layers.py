@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene
 
 EVERYBODY = ""
@@ -29,11 +30,12 @@ def checked_layer(layer: str) -> str:
     kind, slash, name = layer.partition("/")
     if not layer.isprintable():
         raise Refused(
-            "BAD_LAYER", f"{layer[:80]!a} is no layer, expected no control characters in a name"
+            RefusalCode.BAD_LAYER,
+            f"{layer[:80]!a} is no layer, expected no control characters in a name",
         )
     if kind not in (PERSON, PLACE) or not slash or not name or len(layer) > LONGEST_LAYER:
         raise Refused(
-            "BAD_LAYER",
+            RefusalCode.BAD_LAYER,
             f"'{layer[:80]}' is no layer, expected person/ or place/ and a name, such as "
             "person/anna",
         )

@@ -182,8 +182,10 @@ class RefusalCode(StrEnum):
     """Something has changed since it was shown; look at it again, then repeat the change."""
     CANNOT_WRITE = "CANNOT_WRITE"
     """A file cannot be written, and nothing is changed; make room, or check its rights."""
-    BROKEN_PRESETS = "BROKEN_PRESETS"
-    """The file of the presets is broken; correct it or move it away, then restart the host."""
+    FILE_TAKEN = "FILE_TAKEN"
+    """Another preset, or a broken one, has the file; choose another name or mend the file."""
+    NOT_TOGETHER = "NOT_TOGETHER"
+    """One request sets tunables and other parameters; set them one after the other."""
     UNKNOWN_PRESET = "UNKNOWN_PRESET"
     """There is no preset of this name; choose one that the reason lists."""
     NOTHING_LEFT = "NOTHING_LEFT"
@@ -192,8 +194,6 @@ class RefusalCode(StrEnum):
     """There is no change to undo, or a later change depends on it; undo that one first."""
     NOTHING_TO_REDO = "NOTHING_TO_REDO"
     """There is no change to redo, or a later change depends on it; undo that one first."""
-    UNKNOWN_REVISION = "UNKNOWN_REVISION"
-    """This revision cannot be taken back or made again; choose one from the history."""
 
     # The market
 
@@ -352,8 +352,6 @@ class RefusalCode(StrEnum):
     """The folder has no journal or bag that can be read; choose another one."""
     BAD_RECORD = "BAD_RECORD"
     """The recording of a run cannot be replayed; the reason says which entry breaks it."""
-    BAD_PATH = "BAD_PATH"
-    """A file of the recording lies outside its folder; do not trust the recording."""
 
     # The robot, its visitors and questions
 

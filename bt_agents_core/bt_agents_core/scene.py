@@ -14,6 +14,7 @@ from typing import Any
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.person_facts import Fact
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import format_known
 
 Vector = tuple[float, ...]
@@ -301,11 +302,11 @@ class SceneSpace:
             vector = tuple(float(value) for value in values)
         except (TypeError, ValueError, OverflowError) as error:
             raise Refused(
-                "NOT_A_NUMBER", f"{_subject(what)}a value is not a number ({error})"
+                RefusalCode.NOT_A_NUMBER, f"{_subject(what)}a value is not a number ({error})"
             ) from None
         if len(vector) != len(self.parameters):
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"{_subject(what)}{len(vector)} values, expected {len(self.parameters)}: "
                 f"{', '.join(self.names)}",
             )
@@ -326,7 +327,8 @@ class SceneSpace:
         absent = [name for name in self.names if name not in values]
         if absent:
             raise Refused(
-                "WRONG_LENGTH", f"{_subject(what)}no value for {', '.join(absent)}; all are needed"
+                RefusalCode.WRONG_LENGTH,
+                f"{_subject(what)}no value for {', '.join(absent)}; all are needed",
             )
         return self.vector((values[name] for name in self.names), what=what)
 
@@ -362,12 +364,12 @@ class SceneSpace:
                 return parameter
         if name in self.left_out:
             raise Refused(
-                "UNKNOWN_PARAMETER",
+                RefusalCode.UNKNOWN_PARAMETER,
                 f"{_subject(what)}no profile has '{name}', as scene.yaml says of it "
                 f"'profile: false'; profiles have {', '.join(self.names)}",
             )
         raise Refused(
-            "UNKNOWN_PARAMETER",
+            RefusalCode.UNKNOWN_PARAMETER,
             f"{_subject(what)}no scene parameter '{name}'; there are {', '.join(self.names)}",
         )
 
@@ -386,11 +388,13 @@ class SceneSpace:
         for value in values:
             parameter = self.parameter(value.name, what="scene")
             if value.name in found:
-                raise Refused("DUPLICATE_PARAMETER", f"scene: '{value.name}' stands twice")
+                raise Refused(
+                    RefusalCode.DUPLICATE_PARAMETER, f"scene: '{value.name}' stands twice"
+                )
             if value.origin is Origin.MISSING:
                 if not math.isnan(value.value):
                     raise Refused(
-                        "ORIGIN_MISMATCH",
+                        RefusalCode.ORIGIN_MISMATCH,
                         f"scene: '{value.name}' is marked missing but has the value "
                         f"{value.value:g}; a missing value is NaN",
                     )
@@ -400,11 +404,11 @@ class SceneSpace:
                 _check_certainty(value)
             found[value.name] = value
         if not found:
-            raise Refused("EMPTY", f"scene: no values; expected {', '.join(self.names)}")
+            raise Refused(RefusalCode.EMPTY, f"scene: no values; expected {', '.join(self.names)}")
         absent = [name for name in self.names if name not in found]
         if absent:
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"scene: no entry for {', '.join(absent)}; mark what is not known as missing",
             )
         return tuple(found[name] for name in self.names)
@@ -468,13 +472,13 @@ def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> f
     """Return ``value`` if it is in range; else refuse it: ``NOT_FINITE``, ``OUT_OF_RANGE``."""
     if not math.isfinite(value):
         raise Refused(
-            "NOT_FINITE",
+            RefusalCode.NOT_FINITE,
             f"{_subject(what)}{parameter.name} is {value}, expected a number between "
             f"{parameter.minimum:g} and {parameter.maximum:g}",
         )
     if not parameter.minimum <= value <= parameter.maximum:
         raise Refused(
-            "OUT_OF_RANGE",
+            RefusalCode.OUT_OF_RANGE,
             f"{_subject(what)}{parameter.name} is {value:g}, expected "
             f"{parameter.minimum:g} to {parameter.maximum:g}",
         )
@@ -484,12 +488,12 @@ def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> f
 def _check_certainty(value: SceneValue) -> None:
     if not 0.0 <= value.std < math.inf:
         raise Refused(
-            "OUT_OF_RANGE",
+            RefusalCode.OUT_OF_RANGE,
             f"scene: the standard deviation of {value.name} is {value.std:g}, expected 0 or more",
         )
     if not 0.0 <= value.confidence <= 1.0:
         raise Refused(
-            "OUT_OF_RANGE",
+            RefusalCode.OUT_OF_RANGE,
             f"scene: the confidence in {value.name} is {value.confidence:g}, expected 0 to 1",
         )
 

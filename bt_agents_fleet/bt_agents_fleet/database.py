@@ -18,6 +18,7 @@ import psycopg
 from psycopg.conninfo import conninfo_to_dict, make_conninfo
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import printable_line
 from bt_agents_fleet.shares import SharedLayers
 from feedback_node.learning.fleet_steps import FleetStep, StepEvent
@@ -105,13 +106,13 @@ def checked_address(address: str, certificates: str = "") -> str:
         options: dict[str, Any] = conninfo_to_dict(address)
     except psycopg.Error as error:
         raise FleetError(
-            "BAD_ADDRESS",
+            RefusalCode.BAD_ADDRESS,
             f"the address of the database: {_line(error)}; expected something like "
             "postgresql://robots@db.example/fleet",
         ) from None
     if "password" in options:
         raise FleetError(
-            "PASSWORD_IN_ADDRESS",
+            RefusalCode.PASSWORD_IN_ADDRESS,
             "the address has a password in it, which the list of processes shows to everybody; "
             "take it out, and name a file with it: --password-file",
         )
@@ -207,7 +208,7 @@ class FleetDatabase:
         with self._transaction() as connection:
             if self._position(connection, lock=True) != before:
                 raise FleetError(
-                    "ROBOT_TAKEN",
+                    RefusalCode.ROBOT_TAKEN,
                     f"somebody else pushes as '{self._robot}', too; give each robot a name of its "
                     "own, and run 'bt-agents fleet run' once",
                 )
@@ -225,7 +226,7 @@ class FleetDatabase:
                 connection.execute(_COVER, values)
             except psycopg.errors.UniqueViolation:
                 raise FleetError(
-                    "LEDGER_TAKEN",
+                    RefusalCode.LEDGER_TAKEN,
                     f"this ledger has been pushed under another name than '{self._robot}'; join "
                     "under that one, else the fleet would count its steps twice",
                 ) from None
@@ -270,7 +271,7 @@ class FleetDatabase:
         ).fetchone()
         if found is None:
             raise FleetError(
-                "NOT_JOINED",
+                RefusalCode.NOT_JOINED,
                 f"the database knows no robot '{self._robot}'; 'bt-agents fleet join' adds it",
             )
         number, checksum, ledger, shares = found
@@ -423,7 +424,7 @@ def _check_version(connection: psycopg.Connection[Any]) -> None:
         raise _newer(found)
     if found < known:
         raise FleetError(
-            "SCHEMA_OLD",
+            RefusalCode.SCHEMA_OLD,
             f"the tables are of version {found}, expected {known}; 'bt-agents fleet join' brings "
             "them up to date",
         )
@@ -431,7 +432,7 @@ def _check_version(connection: psycopg.Connection[Any]) -> None:
 
 def _newer(found: int) -> FleetError:
     return FleetError(
-        "SCHEMA_NEWER",
+        RefusalCode.SCHEMA_NEWER,
         f"the tables are of version {found}, this program knows {len(_migrations())}; install the "
         "version of bt-agents that the rest of the fleet has",
     )
@@ -448,8 +449,8 @@ def _shut(descriptor: int) -> None:
 
 def _failed(error: Exception) -> FleetError:
     if isinstance(error, psycopg.OperationalError | OSError):
-        return FleetError("DATABASE_AWAY", f"the database of the fleet: {_line(error)}")
-    return FleetError("DATABASE_FAILED", f"the database of the fleet: {_line(error)}")
+        return FleetError(RefusalCode.DATABASE_AWAY, f"the database of the fleet: {_line(error)}")
+    return FleetError(RefusalCode.DATABASE_FAILED, f"the database of the fleet: {_line(error)}")
 
 
 def _line(error: Exception) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.private_files import open_private
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import printable_line
 from bt_agents_fleet.database import FleetDatabase, FleetError
 from bt_agents_fleet.fleet_settings import STATUS_FILE, password_of, read_settings, write_private
@@ -81,7 +82,7 @@ class FleetRun:
                 return
             except BlockingIOError:
                 waiting = Refused(
-                    "FLEET_RUNS",
+                    RefusalCode.FLEET_RUNS,
                     "another process keeps this robot up to date; this one goes on when that ends",
                 )
                 self._tell(str(waiting))

@@ -14,6 +14,7 @@ from typing import Any
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import Refused
 from bt_agents_core.private_files import make_private_file, make_private_folder
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.state_folder import FLEET_SETTINGS
 from feedback_node.learning.fleet_steps import ROBOT_NAME
 
@@ -49,7 +50,7 @@ def checked_robot(name: str) -> str:
     """
     if not ROBOT_NAME.fullmatch(name):
         raise Refused(
-            "BAD_ROBOT",
+            RefusalCode.BAD_ROBOT,
             f"the robot '{name[:80]}': expected 1 to 63 small letters, digits, '-' and '_', for "
             "example --robot robot-07",
         )
@@ -91,14 +92,17 @@ def read_settings(folder: Path) -> FleetSettings:
         settings = FleetSettings(**found)
     except FileNotFoundError:
         raise Refused(
-            "NOT_JOINED", "this robot is in no fleet; 'bt-agents fleet join ADDRESS' joins one"
+            RefusalCode.NOT_JOINED,
+            "this robot is in no fleet; 'bt-agents fleet join ADDRESS' joins one",
         ) from None
     except (OSError, ValueError, TypeError) as error:
         raise Refused(
-            "BAD_SETTINGS", f"{file}: {error}; 'bt-agents fleet join' writes it anew"
+            RefusalCode.BAD_SETTINGS, f"{file}: {error}; 'bt-agents fleet join' writes it anew"
         ) from None
     if not all(isinstance(value, str) for value in vars(settings).values()):
-        raise Refused("BAD_SETTINGS", f"{file}: expected texts; 'bt-agents fleet join' writes it")
+        raise Refused(
+            RefusalCode.BAD_SETTINGS, f"{file}: expected texts; 'bt-agents fleet join' writes it"
+        )
     checked_robot(settings.robot)
     return settings
 
@@ -116,13 +120,14 @@ def password_of(settings: FleetSettings, environment: Mapping[str, str] = os.env
         with open(file, encoding="utf-8") as opened:
             if stat.S_IMODE(os.fstat(opened.fileno()).st_mode) & 0o077:
                 raise Refused(
-                    "PASSWORD_READABLE",
+                    RefusalCode.PASSWORD_READABLE,
                     f"{file}: others may read the password; 'chmod 600 {file}' mends it",
                 )
             return opened.read(_LONGEST_PASSWORD).strip()
     except (OSError, UnicodeDecodeError) as error:
         raise Refused(
-            "PASSWORD_UNREADABLE", f"{file}: {error}; expected a file with the password alone"
+            RefusalCode.PASSWORD_UNREADABLE,
+            f"{file}: {error}; expected a file with the password alone",
         ) from None
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_fleet.database import BATCH, FleetDatabase, PushPosition, Wanted
 from bt_agents_fleet.shares import SharedLayers
@@ -158,7 +159,9 @@ class FleetSync:
 
     def _cycle(self) -> None:
         if not self._path.is_file():
-            raise Refused("NO_LEDGER", f"{self._path} is not there yet; 'bt-agents up' makes it")
+            raise Refused(
+                RefusalCode.NO_LEDGER, f"{self._path} is not there yet; 'bt-agents up' makes it"
+            )
         shares = dict(self._shares())
         if shares != self._shared:
             # Steps that are wanted now may have been skipped before.
@@ -231,7 +234,7 @@ class FleetSync:
         is_other = found and position.checksum and found != position.checksum
         if ledger.checksum(1) != position.ledger or found is None or is_other:
             raise Refused(
-                "OTHER_LEDGER",
+                RefusalCode.OTHER_LEDGER,
                 f"{self._path} is not the ledger that '{self._robot}' has pushed up to row "
                 f"{position.number}: put that one back; or move this one away too, and join under "
                 "another name with an empty one, to which the database gives back what was shared",
@@ -320,7 +323,9 @@ class FleetSync:
                 fields = {**row, "target": _target(row["target"])}
                 step = read_step(fields, self._space, now=self._wall())
                 if not is_shared(step, shares):
-                    raise Refused("NOT_SHARED", f"step {name[0]}/{name[1]}: {step.layer[:80]!a}")
+                    raise Refused(
+                        RefusalCode.NOT_SHARED, f"step {name[0]}/{name[1]}: {step.layer[:80]!a}"
+                    )
                 steps.append(step)
             except Refused as refusal:
                 self._put_aside(name, pair, refusal.code, refusal.reason)

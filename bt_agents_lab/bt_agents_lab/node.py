@@ -17,6 +17,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.health import PartHealth
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.state_folder import state_home
 from bt_agents_core.text import printable
 from bt_agents_interfaces.msg import Bookmark, HostCard, RecordingStatus
@@ -161,7 +162,9 @@ class JournalNode(BaseNode):
                 case Record.Request.BOOKMARK:
                     response.message = self._control.mark(**told)
                 case other:
-                    raise Refused("UNKNOWN_ACTION", f"the action is {other}, expected 0, 1 or 2")
+                    raise Refused(
+                        RefusalCode.UNKNOWN_ACTION, f"the action is {other}, expected 0, 1 or 2"
+                    )
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
         else:

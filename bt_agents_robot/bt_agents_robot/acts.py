@@ -9,6 +9,7 @@ from enum import IntEnum
 
 from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_robot.speech import Process, Voice, check_rate, check_text, speaking_time
 
 CLIP_S = 5.0
@@ -174,7 +175,9 @@ class Ask(Say):
         self.answer = ""
         self.choices = tuple(choice for choice in choices if choice.strip())
         if choices and not self.choices:
-            raise Refused("EMPTY", "all choices are empty; leave them out to take any answer")
+            raise Refused(
+                RefusalCode.EMPTY, "all choices are empty; leave them out to take any answer"
+            )
         self._wait_s = check_duration(wait_s, "wait_s", ANSWER_WAIT_S) / pace
         self._waiting_since: float | None = None
 
@@ -241,7 +244,7 @@ class Drive(Act):
     def __init__(self, destination: str, *, pace: float) -> None:
         place = check_text(destination, "destination")
         if place.casefold() == UNREACHABLE:
-            raise Refused("UNREACHABLE", f"there is no way to '{place}'")
+            raise Refused(RefusalCode.UNREACHABLE, f"there is no way to '{place}'")
         self.distance = DISTANCES.get(place.casefold(), OTHER_DISTANCE)
         super().__init__(place, f"drives to: {place}", self.distance / SPEED / pace)
 
@@ -257,7 +260,11 @@ def check_duration(duration_s: float, what: str, default_s: float) -> float:
         Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
     """
     if not math.isfinite(duration_s):
-        raise Refused("NOT_FINITE", f"{what} is {duration_s}, expected seconds, or 0 for usual")
+        raise Refused(
+            RefusalCode.NOT_FINITE, f"{what} is {duration_s}, expected seconds, or 0 for usual"
+        )
     if not 0 <= duration_s <= LONGEST_S:
-        raise Refused("OUT_OF_RANGE", f"{what} is {duration_s:g} s, expected 0 to {LONGEST_S:g} s")
+        raise Refused(
+            RefusalCode.OUT_OF_RANGE, f"{what} is {duration_s:g} s, expected 0 to {LONGEST_S:g} s"
+        )
     return duration_s or default_s

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.source_mapping import inverted
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from bt_agents_language.model.specs import Script, Visit
@@ -35,7 +36,7 @@ def check_visitors(spec: SceneSpec, script: Script) -> None:
     named = next((visit for visit in script.visits if visit.name), None)
     if named is not None:
         raise Refused(
-            "NAMED_VISITOR",
+            RefusalCode.NAMED_VISITOR,
             f"the visitor '{named.label}' has the name '{named.name}', which no sensor tells: "
             "scene.yaml has no 'known' under 'persons'; remove 'name', or have the scene layer "
             "play the script itself (its parameter script)",

@@ -15,6 +15,7 @@ from rclpy.task import Future
 from std_msgs.msg import Empty, String
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.run_key import RunKey
 from bt_agents_core.text import printable
@@ -90,7 +91,9 @@ class RobotNode(BaseNode):
             describe("whether texts are spoken aloud", choices=("auto", "off"), read_only=True),
         )
         if wanted not in ("auto", "off"):
-            raise Refused("UNKNOWN_CHOICE", f"parameter voice is '{wanted}', expected auto or off")
+            raise Refused(
+                RefusalCode.UNKNOWN_CHOICE, f"parameter voice is '{wanted}', expected auto or off"
+            )
         if voice is None and wanted == "auto":
             voice = Voice(warn=self.get_logger().warning)
         self._voice = voice
@@ -171,7 +174,9 @@ class RobotNode(BaseNode):
             )
         except Exception as error:
             # The name comes from outside; rclpy's errors for bad names have no common base class.
-            raise Refused("BAD_NAME", f"its heartbeat cannot be heard: {error}") from None
+            raise Refused(
+                RefusalCode.BAD_NAME, f"its heartbeat cannot be heard: {error}"
+            ) from None
 
     def _on_heartbeat(self, message: Heartbeat, _sender: str) -> None:
         self._watch.on_heartbeat(message.host, message.host_instance, time.monotonic())
@@ -183,7 +188,7 @@ class RobotNode(BaseNode):
     def _check_run(self, run: Any) -> None:
         if self._fence.is_over(RunKey.of(run)):
             raise Refused(
-                "OVER",
+                RefusalCode.OVER,
                 f"it belongs to the run of {printable(run.agent[:LONGEST_NAME])} in round "
                 f"{run.round}, from which the market has gone on; it was held up on its way",
             )
@@ -223,9 +228,11 @@ class RobotNode(BaseNode):
     async def _execute(self, kind: Any, make_act: Callable[[Any], Act], goal: Any) -> Any:
         try:
             if self._stopping:
-                raise Refused("SHUTTING_DOWN", "the robot is being switched off")
+                raise Refused(RefusalCode.SHUTTING_DOWN, "the robot is being switched off")
             if len(self._performed) >= MOST_ACTS:
-                raise Refused("BUSY", f"the robot does {MOST_ACTS} things already; cancel some")
+                raise Refused(
+                    RefusalCode.BUSY, f"the robot does {MOST_ACTS} things already; cancel some"
+                )
             self._check_run(goal.request.run)
             act = make_act(goal.request)
         except Refused as refused:
@@ -266,7 +273,8 @@ class RobotNode(BaseNode):
         for performed in self._performed:
             if isinstance(performed.act, Drive):
                 raise Refused(
-                    "BUSY", f"the robot is driving to {performed.act.text}; cancel that first"
+                    RefusalCode.BUSY,
+                    f"the robot is driving to {performed.act.text}; cancel that first",
                 )
         return Drive(request.destination, pace=self._present_pace())
 
@@ -276,7 +284,9 @@ class RobotNode(BaseNode):
     def _check_mouth(self) -> None:
         waiting = [p for p in self._performed if p.act.uses_mouth and p.act.begun_at is None]
         if len(waiting) >= MOST_WAITING:
-            raise Refused("BUSY", f"{MOST_WAITING} texts are waiting to be said; wait or cancel")
+            raise Refused(
+                RefusalCode.BUSY, f"{MOST_WAITING} texts are waiting to be said; wait or cancel"
+            )
 
     # Time
 

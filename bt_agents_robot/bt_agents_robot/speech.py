@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import Protocol
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 CHARACTERS_PER_S = 15.0
 """Speed of calm speech: about 150 words a minute."""
@@ -37,10 +38,11 @@ def check_text(text: str, what: str) -> str:
     """
     stripped = text.strip()
     if not stripped:
-        raise Refused("EMPTY", f"{what} is empty; expected words")
+        raise Refused(RefusalCode.EMPTY, f"{what} is empty; expected words")
     if len(stripped) > LONGEST_TEXT:
         raise Refused(
-            "TOO_LONG", f"{what} has {len(stripped)} characters, expected at most {LONGEST_TEXT}"
+            RefusalCode.TOO_LONG,
+            f"{what} has {len(stripped)} characters, expected at most {LONGEST_TEXT}",
         )
     return stripped
 
@@ -52,9 +54,13 @@ def check_rate(rate: float) -> float:
         Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
     """
     if not math.isfinite(rate):
-        raise Refused("NOT_FINITE", f"rate is {rate}, expected 0.5 to 2, or 0 for normal")
+        raise Refused(
+            RefusalCode.NOT_FINITE, f"rate is {rate}, expected 0.5 to 2, or 0 for normal"
+        )
     if rate != 0 and not 0.5 <= rate <= 2:
-        raise Refused("OUT_OF_RANGE", f"rate is {rate:g}, expected 0.5 to 2, or 0 for normal")
+        raise Refused(
+            RefusalCode.OUT_OF_RANGE, f"rate is {rate:g}, expected 0.5 to 2, or 0 for normal"
+        )
     return rate or 1.0
 
 

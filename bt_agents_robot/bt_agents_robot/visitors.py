@@ -16,6 +16,7 @@ from std_msgs.msg import Bool, Empty, String
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -113,7 +114,7 @@ class _Sensor:
             field_value(example, sample_reading(self._scene, source))
         except (Refused, TypeError) as error:
             raise Refused(
-                "UNKNOWN_FIELD",
+                RefusalCode.UNKNOWN_FIELD,
                 f"{source.position}: visitors cannot write {source.field.text} of {source.type}: "
                 f"{error}",
             ) from None
@@ -155,7 +156,7 @@ class _Tracker(_Sensor):
                 fill(message, nested([(self._spec.field, [item])]))
                 return item
         raise Refused(
-            "UNKNOWN_FIELD",
+            RefusalCode.UNKNOWN_FIELD,
             f"{self._spec.position}: visitors cannot write '{self._spec.field}' of "
             f"{self._spec.type}, expected a list of texts or numbers",
         )
@@ -225,7 +226,7 @@ class VisitorsNode(BaseNode):
             self._tracker = _Tracker(self, self._spec, persons.tracked, items)
             if self._tracker.numbers_persons and any(one.name for one in self._script.visits):
                 raise Refused(
-                    "NAMED_VISITOR",
+                    RefusalCode.NAMED_VISITOR,
                     f"{persons.tracked.position}: persons have numbers there, expected texts, as "
                     "a visitor of the script has a name",
                 )
@@ -479,7 +480,7 @@ def make_node() -> VisitorsNode:
     def make(values: Mapping[str, str]) -> VisitorsNode:
         spec = read_scene(find_trees(values["trees"]) / "scene.yaml")
         if not values["script"]:
-            raise Refused("EMPTY", "parameter script is empty; name a file of visits")
+            raise Refused(RefusalCode.EMPTY, "parameter script is empty; name a file of visits")
         return VisitorsNode(spec, read_script(Path(values["script"]), spec.space))
 
     script = StartParameter(name="script", description="script with the visits")

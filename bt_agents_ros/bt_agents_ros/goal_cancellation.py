@@ -19,6 +19,7 @@ from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.open_goals import MOST_OPEN_GOALS, OpenGoal
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_interfaces.msg import OpenGoals
 from bt_agents_ros import qos
@@ -206,13 +207,13 @@ def open_goals_from_msg(message: OpenGoals) -> tuple[OpenGoal, ...]:
     for name in (message.host, message.host_instance, message.heartbeat):
         if len(name) > LONGEST_NAME:
             raise Refused(
-                "TOO_LONG",
+                RefusalCode.TOO_LONG,
                 f"a host, its start or its heartbeat has a name of {len(name)} characters, "
                 f"expected {LONGEST_NAME} at most",
             )
     if len(message.goals) > MOST_OPEN_GOALS:
         raise Refused(
-            "TOO_MANY",
+            RefusalCode.TOO_MANY,
             f"a host names {len(message.goals)} open goals, expected {MOST_OPEN_GOALS} at most",
         )
     return tuple(

@@ -10,6 +10,7 @@ from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_ros.types import fill, load_type, slot_at, types_of
 
 
@@ -69,5 +70,5 @@ def _section(kind: BindingKind, type_name: str, section: str) -> Any:
     if section != "message":
         found = getattr(found, section.capitalize(), None)
     if not hasattr(found, "SLOT_TYPES"):
-        raise Refused("UNKNOWN_FIELD", f"{type_name} has no {section}")
+        raise Refused(RefusalCode.UNKNOWN_FIELD, f"{type_name} has no {section}")
     return found

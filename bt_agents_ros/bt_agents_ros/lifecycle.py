@@ -15,6 +15,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_ros import qos
 
@@ -135,7 +136,7 @@ class Lifecycle:
     def _refusal(self, what: str) -> Refused:
         names = ", ".join(f"'{label}' ({number})" for number, label in self._possible.items())
         return Refused(
-            "NO_TRANSITION",
+            RefusalCode.NO_TRANSITION,
             f"{what} does not begin in the state '{self.state}', expected {names or 'none'}",
         )
 

@@ -11,6 +11,7 @@ from rcl_interfaces.srv import GetLoggerLevels, SetLoggerLevels
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_ros import qos
 
@@ -57,16 +58,16 @@ class LoggerServices:
 
     def _check(self, name: str, level: int) -> None:
         if level not in _LEVELS:
-            raise Refused("UNKNOWN_CHOICE", f"level {level}, expected one of {_LEVELS}")
+            raise Refused(RefusalCode.UNKNOWN_CHOICE, f"level {level}, expected one of {_LEVELS}")
         if name == self._name or name in _OF_ROS or name in self._children:
             return
         shown = ellipsize(printable_line(name))
         if not name.startswith(f"{self._name}."):
             raise Refused(
-                "UNKNOWN_LOGGER",
+                RefusalCode.UNKNOWN_LOGGER,
                 f"'{shown}', expected '{self._name}', a name below it, or one of "
                 f"{', '.join(sorted(_OF_ROS))}",
             )
         if len(self._children) >= _MOST_CHILDREN:
-            raise Refused("TOO_MANY", f"{_MOST_CHILDREN} loggers have a level already")
+            raise Refused(RefusalCode.TOO_MANY, f"{_MOST_CHILDREN} loggers have a level already")
         self._children.add(name)

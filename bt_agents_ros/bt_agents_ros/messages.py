@@ -14,6 +14,7 @@ from std_msgs.msg import Header
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.person_facts import Fact, facts, message_fields, values_of
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import PersonFact
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -73,11 +74,11 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
             id, ``TOO_LONG`` and ``UNKNOWN_ORIGIN``.
     """
     if not message.scene_id:
-        raise Refused("EMPTY", "scene: no scene_id; every scene needs a unique one")
+        raise Refused(RefusalCode.EMPTY, "scene: no scene_id; every scene needs a unique one")
     for field, longest in SCENE_CHARACTERS.items():
         if len(getattr(message, field)) > longest:
             raise Refused(
-                "TOO_LONG",
+                RefusalCode.TOO_LONG,
                 f"scene: {field} has {len(getattr(message, field))} characters, expected "
                 f"{longest} at most",
             )
@@ -86,7 +87,7 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
         origin = _ORIGINS.get(value.origin)
         if origin is None:
             raise Refused(
-                "UNKNOWN_ORIGIN",
+                RefusalCode.UNKNOWN_ORIGIN,
                 f"scene: '{value.name}' has the origin {value.origin}, expected 0-5",
             )
         numbers = {field: getattr(value, field) for field in _NUMBERS}

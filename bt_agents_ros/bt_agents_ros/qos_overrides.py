@@ -16,6 +16,7 @@ from rclpy.qos_overriding_options import (
 )
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 
 PREFIX = "qos_overrides."
@@ -72,7 +73,7 @@ def create_overridden(
 
 def _refused(start: str, reason: str) -> Refused:
     text = f"parameters '{start}*': {reason}"
-    return Refused("BAD_QOS_OVERRIDE", ellipsize(printable_line(text), 400))
+    return Refused(RefusalCode.BAD_QOS_OVERRIDE, ellipsize(printable_line(text), 400))
 
 
 def _check(profile: QoSProfile) -> QosCallbackResult:

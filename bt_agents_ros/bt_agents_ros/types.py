@@ -19,6 +19,7 @@ from rosidl_parser import definition as idl
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_path import NoSuchField, NoSuchItem, is_index, is_list, value_at
 from bt_agents_core.field_types import INTERFACE_FOLDERS, BindingKind, Plain
+from bt_agents_core.refusal_codes import RefusalCode
 
 _TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
 _INTERFACE = re.compile(r"(msg|srv|action)/[^/]*")
@@ -41,25 +42,27 @@ def load_type(name: str, kind: BindingKind | None = None) -> Any:
         Refused: ``UNKNOWN_TYPE``, ``WRONG_KIND`` or ``TYPE_NOT_LOADABLE``.
     """
     if not isinstance(name, str) or not _TYPE_NAME.fullmatch(name):
-        raise Refused("UNKNOWN_TYPE", _name_problem(name, kind))
+        raise Refused(RefusalCode.UNKNOWN_TYPE, _name_problem(name, kind))
     package, folder, short = name.split("/")
     if kind is not None and folder != INTERFACE_FOLDERS[kind]:
         raise Refused(
-            "WRONG_KIND",
+            RefusalCode.WRONG_KIND,
             f"'{name}' is not the type of a ROS {kind.value}; expected a name like "
             f"{package}/{INTERFACE_FOLDERS[kind]}/{short}",
         )
     known = types_of(package)
     if not known:
-        raise Refused("UNKNOWN_TYPE", f"no ROS type '{name}': {_package_problem(name)}")
+        raise Refused(RefusalCode.UNKNOWN_TYPE, f"no ROS type '{name}': {_package_problem(name)}")
     if f"{folder}/{short}" not in known:
         suggestion = _did_you_mean(name, [f"{package}/{type_name}" for type_name in known])
-        raise Refused("UNKNOWN_TYPE", f"no ROS type '{name}' in package {package}{suggestion}")
+        raise Refused(
+            RefusalCode.UNKNOWN_TYPE, f"no ROS type '{name}' in package {package}{suggestion}"
+        )
     try:
         return getattr(importlib.import_module(f"{package}.{folder}"), short)
     except (ImportError, AttributeError) as error:
         raise Refused(
-            "TYPE_NOT_LOADABLE",
+            RefusalCode.TYPE_NOT_LOADABLE,
             f"the package {package} lists '{name}' but has no Python code for it ({error}); "
             "build or install it again",
         ) from None
@@ -95,16 +98,18 @@ def read_field(message: Any, path: str) -> Any:
         return _plain(value_at(message, path, message_field))
     except NoSuchItem as error:
         raise Refused(
-            "NO_SUCH_ITEM",
+            RefusalCode.NO_SUCH_ITEM,
             f"'{error.found}' has {len(error.value)} items, no number {error.part} (from 0)",
         ) from None
     except NoSuchField as error:
         done = error.found.split(".") if error.found else []
         if hasattr(error.value, "get_fields_and_field_types"):
             fields = error.value.get_fields_and_field_types()
-            raise Refused("UNKNOWN_FIELD", _no_field_text(error.part, done, fields)) from None
+            raise Refused(
+                RefusalCode.UNKNOWN_FIELD, _no_field_text(error.part, done, fields)
+            ) from None
         text = _no_subfield_text(error.part, done, is_list(error.value))
-        raise Refused("UNKNOWN_FIELD", text) from None
+        raise Refused(RefusalCode.UNKNOWN_FIELD, text) from None
 
 
 def message_field(value: Any, part: str) -> Any:
@@ -219,19 +224,19 @@ def slot_at(message_type: Any, path: str) -> Any:
         if hasattr(current, "SLOT_TYPES"):
             slots = slots_of(current)
             if part not in slots:
-                raise Refused("UNKNOWN_FIELD", _no_field_text(part, done, slots))
+                raise Refused(RefusalCode.UNKNOWN_FIELD, _no_field_text(part, done, slots))
             current = resolved(slots[part])
         elif isinstance(current, idl.AbstractNestedType) and is_index(part):
             size = getattr(current, "size", getattr(current, "maximum_size", math.inf))
             if int(part) >= size:
                 raise Refused(
-                    "UNKNOWN_FIELD",
+                    RefusalCode.UNKNOWN_FIELD,
                     f"'{'.'.join(done)}' has at most {size} items, no number {part} (from 0)",
                 )
             current = resolved(current.value_type)
         else:
             is_list = isinstance(current, idl.AbstractNestedType)
-            raise Refused("UNKNOWN_FIELD", _no_subfield_text(part, done, is_list))
+            raise Refused(RefusalCode.UNKNOWN_FIELD, _no_subfield_text(part, done, is_list))
         done.append(part)
     return current
 
@@ -284,7 +289,7 @@ def _assignments(message: Any, values: Any, path: str) -> Iterable[tuple[Any, st
     for name, value in values.items():
         if name not in slots:
             done = path.split(".") if path else []
-            raise Refused("UNKNOWN_FIELD", _no_field_text(str(name), done, slots))
+            raise Refused(RefusalCode.UNKNOWN_FIELD, _no_field_text(str(name), done, slots))
         here = f"{path}.{name}" if path else name
         if isinstance(slots[name], idl.NamespacedType):
             found.extend(_assignments(getattr(message, name), value, here))
@@ -317,10 +322,12 @@ def _list(slot: Any, value: Any, path: str) -> list[Any]:
         raise _wrong_type(path, "a list", value)
     items = list(value)
     if isinstance(slot, idl.Array) and len(items) != slot.size:
-        raise Refused("WRONG_LENGTH", f"'{path}' has {len(items)} items, expected {slot.size}")
+        raise Refused(
+            RefusalCode.WRONG_LENGTH, f"'{path}' has {len(items)} items, expected {slot.size}"
+        )
     if isinstance(slot, idl.BoundedSequence) and len(items) > slot.maximum_size:
         raise Refused(
-            "WRONG_LENGTH",
+            RefusalCode.WRONG_LENGTH,
             f"'{path}' has {len(items)} items, expected at most {slot.maximum_size}",
         )
     return [_converted(slot.value_type, item, f"{path}.{i}") for i, item in enumerate(items)]
@@ -332,12 +339,14 @@ def _text(slot: Any, value: Any, path: str) -> str:
     # The C code of a message would cut the text at a zero and fail at half a character.
     if "\0" in value or any("\ud800" <= character <= "\udfff" for character in value):
         raise Refused(
-            "WRONG_TYPE", f"'{path}' holds a character that ROS cannot send; expected plain text"
+            RefusalCode.WRONG_TYPE,
+            f"'{path}' holds a character that ROS cannot send; expected plain text",
         )
     limit = getattr(slot, "maximum_size", math.inf)
     if len(value) > limit:
         raise Refused(
-            "WRONG_LENGTH", f"'{path}' has {len(value)} characters, expected at most {limit}"
+            RefusalCode.WRONG_LENGTH,
+            f"'{path}' has {len(value)} characters, expected at most {limit}",
         )
     return value
 
@@ -348,7 +357,9 @@ def _float(slot: Any, value: Any, path: str) -> float:
     largest = _LARGEST_FLOAT32 if slot.typename == "float" else sys.float_info.max
     endless = isinstance(value, float) and math.isinf(value)
     if abs(value) > largest and not endless:
-        raise Refused("OUT_OF_RANGE", f"'{path}' is too large, expected at most {largest:g}")
+        raise Refused(
+            RefusalCode.OUT_OF_RANGE, f"'{path}' is too large, expected at most {largest:g}"
+        )
     return float(value)
 
 
@@ -358,14 +369,18 @@ def _integer(slot: Any, value: Any, path: str) -> int | bytes:
     octet = slot.typename == idl.OCTET_TYPE
     low, high = _integer_range("uint8" if octet else slot.typename)
     if not low <= value < high:
-        raise Refused("OUT_OF_RANGE", f"'{path}' does not fit, expected {low} to {high - 1}")
+        raise Refused(
+            RefusalCode.OUT_OF_RANGE, f"'{path}' does not fit, expected {low} to {high - 1}"
+        )
     return bytes([value]) if octet else value
 
 
 def _integer_range(typename: str) -> tuple[int, int]:
     """Return the range of ``int8`` to ``uint64``: the smallest value, and the largest plus one."""
     if typename not in idl.EXPLICIT_INTEGER_TYPES:
-        raise Refused("WRONG_TYPE", f"a field of the IDL type {typename} cannot be written")
+        raise Refused(
+            RefusalCode.WRONG_TYPE, f"a field of the IDL type {typename} cannot be written"
+        )
     bits = int(typename.rpartition("int")[2])
     return (0, 2**bits) if typename.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1))
 
@@ -377,17 +392,19 @@ def _as_seconds(message_type: Any, value: Any, path: str) -> dict[str, int] | No
     if limits is None or isinstance(value, bool) or not isinstance(value, int | float):
         return None
     if not math.isfinite(value):
-        raise Refused("NOT_FINITE", f"'{path}' is {value}, expected seconds")
+        raise Refused(RefusalCode.NOT_FINITE, f"'{path}' is {value}, expected seconds")
     low, high = limits
     if not low <= value < high - 1:
-        raise Refused("OUT_OF_RANGE", f"'{path}' is {value:g} s, expected {low} to {high - 2} s")
+        raise Refused(
+            RefusalCode.OUT_OF_RANGE, f"'{path}' is {value:g} s, expected {low} to {high - 2} s"
+        )
     whole, nanoseconds = divmod(round(value * 1e9), 1_000_000_000)
     return {"sec": whole, "nanosec": nanoseconds}
 
 
 def _wrong_type(path: str, expected: str, found: Any) -> Refused:
     where = f"'{path}'" if path else "the message"
-    return Refused("WRONG_TYPE", f"{where} is {_shown(found)}, expected {expected}")
+    return Refused(RefusalCode.WRONG_TYPE, f"{where} is {_shown(found)}, expected {expected}")
 
 
 def _shown(value: Any) -> str:

@@ -15,6 +15,7 @@ from enum import StrEnum
 from ipaddress import ip_address
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 LARGEST_BODY = 256 * 1024
 """Bytes of the body of a request."""
@@ -152,7 +153,7 @@ class AccessControl:
         ]
         if not fitting:
             raise Refused(
-                "BAD_TOKEN",
+                RefusalCode.BAD_TOKEN,
                 "this address is not, or no longer, the one of this studio; take the one that "
                 "'bt-agents studio' or 'bt-agents up' has printed",
             )
@@ -194,16 +195,20 @@ class AccessControl:
             Refused: ``FOREIGN_HOST``, ``FOREIGN_ORIGIN``, ``NO_ORIGIN`` or ``NOT_JSON``.
         """
         if request.host not in self._hosts:
-            raise Refused("FOREIGN_HOST", f"this studio is not called '{request.host[:80]}'")
+            raise Refused(
+                RefusalCode.FOREIGN_HOST, f"this studio is not called '{request.host[:80]}'"
+            )
         own = f"{self._scheme}://{request.host}"
         if request.origin and request.origin != own:
-            raise Refused("FOREIGN_ORIGIN", f"a page of '{request.origin[:80]}' may not ask this")
+            raise Refused(
+                RefusalCode.FOREIGN_ORIGIN, f"a page of '{request.origin[:80]}' may not ask this"
+            )
         if request.fetch_site not in ("", "same-origin", "none"):
-            raise Refused("FOREIGN_ORIGIN", "a page of another site may not ask this")
+            raise Refused(RefusalCode.FOREIGN_ORIGIN, "a page of another site may not ask this")
         if (request.changes or request.opens_socket) and not request.origin:
-            raise Refused("NO_ORIGIN", "a change and a WebSocket need the header Origin")
+            raise Refused(RefusalCode.NO_ORIGIN, "a change and a WebSocket need the header Origin")
         if request.method == "POST" and _media_type(request.content_type) != _JSON:
-            raise Refused("NOT_JSON", f"expected the content type {_JSON}")
+            raise Refused(RefusalCode.NOT_JSON, f"expected the content type {_JSON}")
 
     def check(self, request: WebRequest, allowed: Collection[SessionRole]) -> SessionRole:
         """Return the role of a request; it has to be one of those that are allowed.
@@ -215,7 +220,7 @@ class AccessControl:
         role = self._role(request.session)
         if role not in allowed:
             raise Refused(
-                "FORBIDDEN",
+                RefusalCode.FORBIDDEN,
                 f"this link is {_LINK_IS_FOR[role]}; for everything else, open the first address "
                 "that 'bt-agents up' or 'bt-agents studio' printed",
             )
@@ -223,7 +228,7 @@ class AccessControl:
             self.key(request.session).encode(), request.key.encode("utf-8", "replace")
         ):
             raise Refused(
-                "NO_KEY",
+                RefusalCode.NO_KEY,
                 "this page can look on only; to change something, open the first address that "
                 "'bt-agents up' or 'bt-agents studio' printed",
             )
@@ -236,7 +241,7 @@ class AccessControl:
         if role is None or now - used > SESSION_S:
             self._sessions.pop(digest, None)
             raise Refused(
-                "NO_SESSION",
+                RefusalCode.NO_SESSION,
                 "open the address that 'bt-agents studio' or 'bt-agents up' has printed",
             )
         self._sessions[digest] = (role, now)

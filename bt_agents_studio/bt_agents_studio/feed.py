@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.history import History
 from bt_agents_studio.protocol import (
     VERSION,
@@ -62,7 +63,7 @@ class Feed:
         if isinstance(message, Resume):
             if message.version != VERSION:
                 raise Refused(
-                    "OTHER_VERSION",
+                    RefusalCode.OTHER_VERSION,
                     f"the page speaks version {message.version} of the protocol, the studio "
                     f"{VERSION}; load the page anew",
                 )
@@ -71,10 +72,12 @@ class Feed:
             known = message.studio == self._studio and message.sequence <= self._store.sequence
             self._sent = message.sequence if known and message.sequence else None
         elif not self._resumed:
-            raise Refused("NOT_RESUMED", f"'{message.type}' comes after 'resume'")
+            raise Refused(RefusalCode.NOT_RESUMED, f"'{message.type}' comes after 'resume'")
         elif isinstance(message, Seek):
             if self._collections is not None:
-                raise Refused("FORBIDDEN", "this session is shown what happens now, nothing else")
+                raise Refused(
+                    RefusalCode.FORBIDDEN, "this session is shown what happens now, nothing else"
+                )
             self._seek, self._sent = message, None
         else:
             self._seek, self._sent = None, None

@@ -27,6 +27,7 @@ from bt_agents.host.tuning.tunable import profile_values
 from bt_agents.host.tuning.tune_service import info_from_msg
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import is_full_name
 from bt_agents_interfaces.msg import HostCard, OpenQuestions, Scene, SceneValue, Tunables, Tunings
 from bt_agents_ros import qos
@@ -218,7 +219,9 @@ class StudioNode(BaseNode):
         def begin() -> None:
             if len(self._waiting) >= MOST_WAITING:
                 done.set_exception(
-                    Refused("BUSY", f"{MOST_WAITING} messages are being published; try again")
+                    Refused(
+                        RefusalCode.BUSY, f"{MOST_WAITING} messages are being published; try again"
+                    )
                 )
                 return
             self._waiting.append((make(), done))
@@ -304,12 +307,12 @@ class StudioNode(BaseNode):
             if one.tunables is not None
         }
         if not hosts:
-            answer.set_exception(Refused("NO_HOST", "no host of agents is running"))
+            answer.set_exception(Refused(RefusalCode.NO_HOST, "no host of agents is running"))
             return
 
         def fail(host: str, reason: str) -> None:
             if not answer.done():
-                answer.set_exception(Refused("NO_ANSWER", f"{host}: {reason}"))
+                answer.set_exception(Refused(RefusalCode.NO_ANSWER, f"{host}: {reason}"))
 
         def read(host: str, values: Sequence[Any]) -> None:
             card, tunables = hosts[host]
@@ -367,11 +370,11 @@ class StudioNode(BaseNode):
         try:
             request = type_.Request(**fields)
         except (AssertionError, AttributeError, OverflowError) as error:
-            answer.set_exception(Refused("BAD_FIELD", str(error)))
+            answer.set_exception(Refused(RefusalCode.BAD_FIELD, str(error)))
             return
         host = service.rpartition("/")[0]
         if host.startswith("/") and host not in self._hosts:
-            answer.set_exception(Refused("UNKNOWN_HOST", f"there is no host {host}"))
+            answer.set_exception(Refused(RefusalCode.UNKNOWN_HOST, f"there is no host {host}"))
             return
         clients = self._hosts[host].clients if host in self._hosts else self._service_clients
         if service not in clients:
@@ -381,7 +384,7 @@ class StudioNode(BaseNode):
             request,
             deadline_s=limit_s,
             on_answer=answer.set_result,
-            on_failure=lambda reason: answer.set_exception(Refused("NO_ANSWER", reason)),
+            on_failure=lambda reason: answer.set_exception(Refused(RefusalCode.NO_ANSWER, reason)),
         )
 
     def _subscribe(self, topic: SystemTopic, name: str) -> Subscription[Any]:

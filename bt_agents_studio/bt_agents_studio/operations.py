@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import is_full_name
 from bt_agents_studio.access import OPERATORS, SessionRole
 
@@ -197,13 +198,15 @@ def read_request(
         Refused: ``BAD_FIELD``.
     """
     if not isinstance(body, dict):
-        raise Refused("BAD_FIELD", "expected an object")
+        raise Refused(RefusalCode.BAD_FIELD, "expected an object")
     found = dict(body)
     service = operation.service
     if "{host}" in service:
         host = _text("host", found.pop("host", ""))
         if not is_full_name(host):
-            raise Refused("BAD_FIELD", f"'host' is '{host[:80]}', expected a name such as /agents")
+            raise Refused(
+                RefusalCode.BAD_FIELD, f"'host' is '{host[:80]}', expected a name such as /agents"
+            )
         service = service.format(host=host)
     is_person = role is SessionRole.PERSON
     fields = (operation.person_fields if is_person else {}) or operation.fields
@@ -218,11 +221,11 @@ def read_fields(fields: Fields, body: object) -> dict[str, Any]:
         Refused: ``BAD_FIELD``.
     """
     if not isinstance(body, dict):
-        raise Refused("BAD_FIELD", "expected an object")
+        raise Refused(RefusalCode.BAD_FIELD, "expected an object")
     unknown = body.keys() - fields.keys()
     if unknown:
         raise Refused(
-            "BAD_FIELD",
+            RefusalCode.BAD_FIELD,
             f"'{min(map(str, unknown))[:40]}' is no field, expected {', '.join(fields)}",
         )
     return {name: _read(name, fields[name], body[name]) for name in body}
@@ -232,7 +235,9 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
     if not isinstance(kind, str):
         if not isinstance(value, str) or value not in kind:
             names = ", ".join(kind)
-            raise Refused("BAD_FIELD", f"'{name}' is '{str(value)[:40]}', expected one of {names}")
+            raise Refused(
+                RefusalCode.BAD_FIELD, f"'{name}' is '{str(value)[:40]}', expected one of {names}"
+            )
         return kind[value]
     match kind:
         case "text":
@@ -242,7 +247,7 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
         case "bool":
             if isinstance(value, bool):
                 return value
-            raise Refused("BAD_FIELD", f"'{name}' is neither true nor false")
+            raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is neither true nor false")
         case "texts":
             return [_text(name, one) for one in _list(name, value)]
         case "numbers":
@@ -253,28 +258,34 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
 
 def _text(name: str, value: object) -> str:
     if not isinstance(value, str) or len(value) > LONGEST_TEXT:
-        raise Refused("BAD_FIELD", f"'{name}' is no text of at most {LONGEST_TEXT} characters")
+        raise Refused(
+            RefusalCode.BAD_FIELD, f"'{name}' is no text of at most {LONGEST_TEXT} characters"
+        )
     try:
         value.encode()
     except UnicodeEncodeError:
-        raise Refused("BAD_FIELD", f"'{name}' holds half a character") from None
+        raise Refused(RefusalCode.BAD_FIELD, f"'{name}' holds half a character") from None
     return value
 
 
 def _count(name: str, value: object) -> int:
     number = _number(name, value)
     if not (number.is_integer() and 0 <= number < _ABOVE_COUNTS):
-        raise Refused("BAD_FIELD", f"'{name}' is no whole number from 0 to {_ABOVE_COUNTS - 1}")
+        raise Refused(
+            RefusalCode.BAD_FIELD, f"'{name}' is no whole number from 0 to {_ABOVE_COUNTS - 1}"
+        )
     return int(number)
 
 
 def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise Refused("BAD_FIELD", f"'{name}' is no finite number")
+        raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is no finite number")
     return float(value)
 
 
 def _list(name: str, value: object) -> list[Any]:
     if not isinstance(value, list) or len(value) > MOST_VALUES:
-        raise Refused("BAD_FIELD", f"'{name}' is no list of at most {MOST_VALUES} entries")
+        raise Refused(
+            RefusalCode.BAD_FIELD, f"'{name}' is no list of at most {MOST_VALUES} entries"
+        )
     return value

@@ -107,13 +107,14 @@ class OwnOperations:
         for name in (*given, across, up):
             if name not in sides:
                 raise Refused(
-                    "UNKNOWN_PARAMETER",
+                    RefusalCode.UNKNOWN_PARAMETER,
                     f"no scene parameter '{name[:40]}'; there are {', '.join(sides)}",
                 )
         scene = {name: given.get(name, math.nan) for name in sides}
         if math.isnan(scene[across]) or math.isnan(scene[up]):
             raise Refused(
-                "BAD_FIELD", f"'{across}' and '{up}' are the sides of the map, and need a value"
+                RefusalCode.BAD_FIELD,
+                f"'{across}' and '{up}' are the sides of the map, and need a value",
             )
         auction = await self._preview(scene)
         if is_computed(auction.strategy) and auction.ranking:
@@ -172,7 +173,7 @@ def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]
     found = digest_of(edits)
     if digest and digest != found:
         raise Refused(
-            "CHANGED_MEANWHILE",
+            RefusalCode.CHANGED_MEANWHILE,
             "the values or the files have changed since the change was shown; look at it again",
         )
     if not edits:

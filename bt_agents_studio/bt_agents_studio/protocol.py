@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.records import BookmarkRecord, ParameterRecord
 from bt_agents_studio.store import Change
 
@@ -161,21 +162,21 @@ def decode(text: str) -> ClientMessage:
     """
     if len(text) > LARGEST_MESSAGE:
         raise Refused(
-            "TOO_LARGE",
+            RefusalCode.TOO_LARGE,
             f"the message has {len(text)} characters, at most {LARGEST_MESSAGE} may be",
         )
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):
-        raise Refused("NOT_JSON", "the message is not JSON") from None
+        raise Refused(RefusalCode.NOT_JSON, "the message is not JSON") from None
     kind = _CLIENT_MESSAGES.get(str(found.get("type"))) if isinstance(found, dict) else None
     if kind is None:
         names = ", ".join(_CLIENT_MESSAGES)
-        raise Refused("UNKNOWN_TYPE", f"expected an object with a 'type' of {names}")
+        raise Refused(RefusalCode.UNKNOWN_TYPE, f"expected an object with a 'type' of {names}")
     fields = kind.__dataclass_fields__
     unknown = found.keys() - fields.keys() - {"type"}
     if unknown:
-        raise Refused("BAD_FIELD", f"'{kind.type}' has no field '{min(unknown)[:40]}'")
+        raise Refused(RefusalCode.BAD_FIELD, f"'{kind.type}' has no field '{min(unknown)[:40]}'")
     return kind(**{name: _checked(name, found.get(name), fields[name]) for name in _own(fields)})
 
 
@@ -194,11 +195,13 @@ def _checked(name: str, value: Any, declared: Any) -> Any:
     expected, check = _CHECKS[declared.type]
     limits = declared.metadata
     if not check(value):
-        raise Refused("BAD_FIELD", f"'{name}' is no {expected}")
+        raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is no {expected}")
     if isinstance(value, str):
         if len(value) > limits["longest"]:
-            raise Refused("BAD_FIELD", f"'{name}' is longer than {limits['longest']} characters")
+            raise Refused(
+                RefusalCode.BAD_FIELD, f"'{name}' is longer than {limits['longest']} characters"
+            )
     elif not limits["minimum"] <= value <= limits["maximum"]:
         allowed = f"{limits['minimum']} to {limits['maximum']}"
-        raise Refused("BAD_FIELD", f"'{name}' is {value}, expected {allowed}")
+        raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is {value}, expected {allowed}")
     return value

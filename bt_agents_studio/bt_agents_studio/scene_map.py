@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.records import SceneMapRecord
 from marketplace_node.strategies import STRATEGIES, Bid, RoundBids, manhattan, order
 
@@ -157,6 +158,7 @@ def side_length(bids: int, width: int) -> int:
 def _column(names: list[str], name: str) -> int:
     if name not in names:
         raise Refused(
-            "UNKNOWN_PARAMETER", f"no scene parameter '{name[:40]}'; there are {', '.join(names)}"
+            RefusalCode.UNKNOWN_PARAMETER,
+            f"no scene parameter '{name[:40]}'; there are {', '.join(names)}",
         )
     return names.index(name)

@@ -235,7 +235,9 @@ class Server:
         self._access.check(_described(request), OBSERVERS)
         file = self._studio.journal_file(request.match_info["name"])
         if file.is_dir():
-            raise Refused("NO_FILE", f"'{file.name}' is a bag, a folder of files; copy it instead")
+            raise Refused(
+                RefusalCode.NO_FILE, f"'{file.name}' is a bag, a folder of files; copy it instead"
+            )
         headers = {
             "Content-Type": "application/octet-stream",
             "Content-Disposition": f'attachment; filename="{quote(file.name)}"',
@@ -249,7 +251,9 @@ class Server:
             return _json(await self._own.do(name, read_fields(own.fields, await _body(request))))
         operation = OPERATIONS.get(name)
         if operation is None:
-            raise Refused("NOT_FOUND", f"no operation '{name[:40]}'; there are {_names()}")
+            raise Refused(
+                RefusalCode.NOT_FOUND, f"no operation '{name[:40]}'; there are {_names()}"
+            )
         role = self._access.check(_described(request), operation.roles)
         service, fields = read_request(operation, await _body(request), role)
         future = self._caller.call(operation.kind, service, fields, LIMIT_S)
@@ -269,7 +273,7 @@ class Server:
             None if "." in path or path.startswith("api/") else self._files.get("index.html")
         )
         if found is None:
-            raise Refused("NOT_FOUND", f"there is no '/{path[:80]}' here")
+            raise Refused(RefusalCode.NOT_FOUND, f"there is no '/{path[:80]}' here")
         kind, data, packed = found
         headers = {"Vary": "Accept-Encoding"}
         if "gzip" in request.headers.get("Accept-Encoding", ""):
@@ -282,7 +286,7 @@ class Server:
         role = self._access.check(described, ALL_ROLES)
         if sum(one is role for one, _ in self._clients.values()) >= MOST_CLIENTS:
             raise Refused(
-                "TOO_MANY_CLIENTS",
+                RefusalCode.TOO_MANY_CLIENTS,
                 f"{MOST_CLIENTS} pages of the role {role} are open, no more may be; close one of "
                 "them",
             )
@@ -386,13 +390,15 @@ async def _body(request: web.Request) -> object:
         async with asyncio.timeout(WAIT_S):
             await request.read()
     except TimeoutError:
-        raise Refused("NO_BODY", f"the body did not come within {WAIT_S:g} s") from None
+        raise Refused(RefusalCode.NO_BODY, f"the body did not come within {WAIT_S:g} s") from None
     except (ConnectionError, RuntimeError, web.RequestPayloadError):
-        raise Refused("NO_BODY", "the body ended too early, or is packed in another way") from None
+        raise Refused(
+            RefusalCode.NO_BODY, "the body ended too early, or is packed in another way"
+        ) from None
     try:
         return json.loads(await request.text())
     except (ValueError, RecursionError, LookupError):
-        raise Refused("BAD_FIELD", "the body is not JSON") from None
+        raise Refused(RefusalCode.BAD_FIELD, "the body is not JSON") from None
 
 
 def _json(value: object, status: int = 200) -> web.Response:

@@ -13,6 +13,7 @@ from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.optional_packages import journal_needs
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.history import History
 from bt_agents_studio.projection import Projection, is_in_use
@@ -160,7 +161,7 @@ class Studio:
             Refused: ``NO_JOURNAL``.
         """
         if self._journal is None or name not in [one for one, _ in self.journals()]:
-            raise Refused("NO_JOURNAL", f"there is no journal '{name[:80]}'")
+            raise Refused(RefusalCode.NO_JOURNAL, f"there is no journal '{name[:80]}'")
         return self._journal / name
 
     def recorded(self, source: str, at_s: float) -> History:
@@ -186,7 +187,7 @@ class Studio:
         if key not in self._journals:
             if size > _LARGEST_JOURNAL:
                 raise Refused(
-                    "TOO_LARGE",
+                    RefusalCode.TOO_LARGE,
                     f"'{source}' has {size} bytes, at most {_LARGEST_JOURNAL} are shown",
                 )
             self._journals[key] = read_journal(file, self._mood, self._namespace)
@@ -226,7 +227,7 @@ def read_journal(file: Path, mood: str, namespace: str = "") -> History:
     try:
         from bt_agents_lab.recorder.reading import JournalReader
     except ModuleNotFoundError as error:
-        raise Refused("UNREADABLE", journal_needs(error.name)) from None
+        raise Refused(RefusalCode.UNREADABLE, journal_needs(error.name)) from None
     history = History(span_s=float("inf"), most_bytes=_MOST_RECORDED_BYTES)
     moment = 0.0
 
@@ -244,7 +245,7 @@ def read_journal(file: Path, mood: str, namespace: str = "") -> History:
                 # Of an earlier format, of other types, or damaged: what can be read is shown.
                 continue
     except BtAgentsError as error:
-        raise Refused("UNREADABLE", str(error)) from None
+        raise Refused(RefusalCode.UNREADABLE, str(error)) from None
     return history
 
 

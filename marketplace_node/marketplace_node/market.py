@@ -465,7 +465,7 @@ class Market:
             ends = tuple(
                 replace(effect, epoch=effect.epoch or self.epoch)
                 for effect in effects
-                if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE"
+                if isinstance(effect, SceneEnded) and effect.code != RefusalCode.DUPLICATE
             )
             run_ends = tuple(run for effect in effects if (run := self._run_end(effect)))
             self._has_stored_ends = bool(ends or run_ends)
@@ -482,7 +482,7 @@ class Market:
             )
             effects.insert(0, store)
         for effect in effects:
-            if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE":
+            if isinstance(effect, SceneEnded) and effect.code != RefusalCode.DUPLICATE:
                 self._market_state.overrides.forget(effect.scene_id)
         if status != self._status:
             self._status = status

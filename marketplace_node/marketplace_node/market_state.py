@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Mapping
 from functools import partial
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import Alarm, PublishAuction, StoreOverrides
@@ -190,7 +191,7 @@ class MarketState:
             self.overrides.restore(stored)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise Refused(
-                "MALFORMED",
+                RefusalCode.MALFORMED,
                 "the stored pins, vetoes and counts cannot be read, so none counts; set pins and "
                 "vetoes again",
             ) from None

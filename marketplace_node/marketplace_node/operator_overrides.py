@@ -135,7 +135,7 @@ class OperatorOverrides:
         """
         if command.agent not in self._vetoes:
             vetoed = f"vetoed: {', '.join(self.vetoed)}" if self._vetoes else "nobody is"
-            raise Refused("NOT_VETOED", f"'{command.agent}' is not vetoed; {vetoed}")
+            raise Refused(RefusalCode.NOT_VETOED, f"'{command.agent}' is not vetoed; {vetoed}")
         del self._vetoes[command.agent]
         return f"{command.agent} may bid again from the next round on"
 

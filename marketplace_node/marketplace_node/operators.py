@@ -47,7 +47,9 @@ class OperatorCommands:
         agents = self._market_state.hosts.registry.agents
         if command.agent not in agents:
             hint = did_you_mean(command.agent, agents) or "no host is there"
-            raise Refused("UNKNOWN_AGENT", f"no agent '{command.agent}' is registered; {hint}")
+            raise Refused(
+                RefusalCode.UNKNOWN_AGENT, f"no agent '{command.agent}' is registered; {hint}"
+            )
         match command.action:
             case OperatorAction.PIN:
                 return overrides.pin(command) + _runs_on(command.agent, interaction)
@@ -65,7 +67,8 @@ class OperatorCommands:
         found = scene or self._market_state.last_scene
         if found is None:
             raise Refused(
-                "NO_SCENE", "there has been no scene yet; name one, or ask after the first"
+                RefusalCode.NO_SCENE,
+                "there has been no scene yet; name one, or ask after the first",
             )
         return found
 
@@ -129,7 +132,7 @@ class Previews:
         check_strategy(strategy)
         if len(self.open_rounds) >= MOST_PREVIEWS:
             raise Refused(
-                "BUSY",
+                RefusalCode.BUSY,
                 f"{MOST_PREVIEWS} previews are under way, and more may not be; ask again later",
             )
         preview = OpenRound(self._market_state, scene, now, preview=strategy)

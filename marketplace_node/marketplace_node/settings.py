@@ -10,6 +10,7 @@ from typing import Final
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.open_goals import TAKEOVER_S
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.diagnostics.collection import did_you_mean
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS, Option
 
@@ -77,7 +78,7 @@ class Settings:
             check_strategy(self.shadow_strategy, "shadow_strategy")
         if self.shadow_strategy == EXTERNAL:
             raise Refused(
-                "NO_SHADOW",
+                RefusalCode.NO_SHADOW,
                 f"shadow_strategy: '{EXTERNAL}' cannot be the shadow, as a round would wait for "
                 "its answer; make it the strategy, and the other one the shadow",
             )
@@ -104,7 +105,7 @@ class Settings:
             option = known.get(name)
             if option is None:
                 raise Refused(
-                    "UNKNOWN_OPTION",
+                    RefusalCode.UNKNOWN_OPTION,
                     f"no option '{name}'; {did_you_mean(name, known) or 'see the strategies'}",
                 )
             _check_range(name, value, option.minimum, option.maximum, "")
@@ -125,17 +126,21 @@ def check_strategy(name: str, what: str = "strategy") -> None:
     """
     if name not in STRATEGIES:
         raise Refused(
-            "UNKNOWN_STRATEGY", f"{what}: '{name}', expected one of {', '.join(STRATEGIES)}"
+            RefusalCode.UNKNOWN_STRATEGY,
+            f"{what}: '{name}', expected one of {', '.join(STRATEGIES)}",
         )
 
 
 def _check_choice(name: str, found: str, choices: tuple[str, ...]) -> None:
     if found not in choices:
-        raise Refused("UNKNOWN_CHOICE", f"{name}: '{found}', expected one of {', '.join(choices)}")
+        raise Refused(
+            RefusalCode.UNKNOWN_CHOICE, f"{name}: '{found}', expected one of {', '.join(choices)}"
+        )
 
 
 def _check_range(name: str, found: float, least: float, most: float, unit: str) -> None:
     if not (math.isfinite(found) and least <= found <= most):
         raise Refused(
-            "OUT_OF_RANGE", f"{name}: {found:g}{unit}, expected {least:g} to {most:g}{unit}"
+            RefusalCode.OUT_OF_RANGE,
+            f"{name}: {found:g}{unit}, expected {least:g} to {most:g}{unit}",
         )

@@ -14,6 +14,7 @@ from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.person_facts import Fact, fact, facts, has_type
 from bt_agents_core.private_files import make_private_file, make_private_folder
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 
 MOST_KNOWN = 1000
@@ -231,18 +232,21 @@ class Memory:
         """
         if person not in self._persons or (person in self._visits and person not in known):
             raise Refused(
-                "UNKNOWN_PERSON",
+                RefusalCode.UNKNOWN_PERSON,
                 f"{_shown(person)} is not known by name, expected somebody who is",
             )
         if person in self._shunned:
-            raise Refused("FORGOTTEN", f"{person} is to be forgotten until the next visit")
+            raise Refused(
+                RefusalCode.FORGOTTEN, f"{person} is to be forgotten until the next visit"
+            )
         changed = dict(self._persons[person].facts)
         for key, value in given:
             wanted = self._space.remembers.get(key)
             if wanted is None:
                 known_keys = ", ".join(self._space.remembers) or "nothing"
                 raise Refused(
-                    "BAD_KEY", f"{_shown(key)} is not remembered; scene.yaml declares {known_keys}"
+                    RefusalCode.BAD_KEY,
+                    f"{_shown(key)} is not remembered; scene.yaml declares {known_keys}",
                 )
             if value is None:
                 changed.pop(key, None)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from numbers import Integral
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.model.scene_specs import AddresseeRule, MissingRule, PersonsSpec, SceneSpec
 from scene_layer.memory import Memory
 from scene_layer.sources import Sources
@@ -52,18 +53,21 @@ def check_id(person_id: object) -> str:
         return str(int(person_id))
     if not isinstance(person_id, str):
         raise Refused(
-            "NOT_A_TEXT",
+            RefusalCode.NOT_A_TEXT,
             f"{what}: a {type(person_id).__name__}, expected a text or a whole number",
         )
     if not person_id:
-        raise Refused("EMPTY", f"{what}: empty, expected a name; the tracker must give one")
+        raise Refused(
+            RefusalCode.EMPTY, f"{what}: empty, expected a name; the tracker must give one"
+        )
     if len(person_id) > LONGEST_ID:
         raise Refused(
-            "TOO_LONG", f"{what}: {len(person_id)} characters, expected {LONGEST_ID} at most"
+            RefusalCode.TOO_LONG,
+            f"{what}: {len(person_id)} characters, expected {LONGEST_ID} at most",
         )
     if not person_id.isprintable() or person_id != person_id.strip():
         raise Refused(
-            "BAD_TEXT",
+            RefusalCode.BAD_TEXT,
             f"{what}: {person_id!r}, expected no control characters and no outer spaces",
         )
     return person_id
@@ -125,7 +129,9 @@ class Persons:
             try:
                 person = check_id(one)
                 if person in found:
-                    raise Refused("DUPLICATE", f"id of a person: {person!r} stands twice")
+                    raise Refused(
+                        RefusalCode.DUPLICATE, f"id of a person: {person!r} stands twice"
+                    )
             except Refused as problem:
                 refused = self._refuse(problem)
                 continue
@@ -135,7 +141,7 @@ class Persons:
         if len(ordered) > MOST_PERSONS:
             refused = self._refuse(
                 Refused(
-                    "TOO_MANY",
+                    RefusalCode.TOO_MANY,
                     f"{len(ordered)} persons at once, expected {MOST_PERSONS} at most; "
                     "the others are left out",
                 )

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, check_value, first_id
 from bt_agents_language.model.scene_specs import MissingRule, SceneSpec
 from scene_layer.fusion import Reading
@@ -30,14 +31,14 @@ def check_given(
     """
     if len(names) != len(values):
         raise Refused(
-            "WRONG_LENGTH",
+            RefusalCode.WRONG_LENGTH,
             f"given values: {len(names)} names and {len(values)} values; expected as many",
         )
     given: dict[str, float] = {}
     for name, value in zip(names, values, strict=True):
         parameter = space.parameter(name, what="given values")
         if name in given:
-            raise Refused("DUPLICATE_PARAMETER", f"given values: '{name}' stands twice")
+            raise Refused(RefusalCode.DUPLICATE_PARAMETER, f"given values: '{name}' stands twice")
         given[name] = check_value(parameter, value, what="given values")
     return given
 

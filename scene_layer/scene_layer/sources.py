@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import check_value
 from bt_agents_core.source_mapping import mapped, mapped_std
 from bt_agents_language.expression.expression_values import EvaluationError, described
@@ -209,14 +210,14 @@ class Sources:
         what = f"reading of {source.topic}"
         if not isinstance(raw, str):
             raise Refused(
-                "NOT_A_TEXT",
+                RefusalCode.NOT_A_TEXT,
                 f"{what}: {source.field.text} is a {type(raw).__name__}, expected a text; name "
                 "another field in scene.yaml",
             )
         text = raw.strip()
         if len(text) > LONGEST_TEXT or not text.isprintable():
             raise Refused(
-                "TOO_LONG",
+                RefusalCode.TOO_LONG,
                 f"{what}: {source.field.text} has {len(text)} characters, expected at most "
                 f"{LONGEST_TEXT}, all of them printable",
             )
@@ -265,12 +266,13 @@ def _evaluated(source: SourceSpec, expression: Expression, message: Message) -> 
     except MissingValue:
         raise _NotMeasuredError from None
     except Refused as refused:
-        if refused.code == "NO_SUCH_ITEM":
+        if refused.code == RefusalCode.NO_SUCH_ITEM:
             raise _NotMeasuredError from None
         raise
     except EvaluationError as error:
         raise Refused(
-            "NOT_COMPUTABLE", f"reading of {source.topic}: {expression.text}: {error.message}"
+            RefusalCode.NOT_COMPUTABLE,
+            f"reading of {source.topic}: {expression.text}: {error.message}",
         ) from None
 
 
@@ -283,7 +285,7 @@ def _confidence(source: SourceSpec, message: Message) -> float:
             raise _NotMeasuredError
         return min(float(raw), 1.0)
     raise Refused(
-        "OUT_OF_RANGE",
+        RefusalCode.OUT_OF_RANGE,
         f"reading of {source.topic}: the confidence {source.confidence.text} is {described(raw)}, "
         "expected 0 to 1",
     )
@@ -296,7 +298,7 @@ def _std(source: SourceSpec, message: Message) -> float:
     if isinstance(raw, int | float) and 0.0 <= raw <= LARGEST_STD:
         return float(raw)
     raise Refused(
-        "OUT_OF_RANGE",
+        RefusalCode.OUT_OF_RANGE,
         f"reading of {source.topic}: the standard deviation {source.std.text} is "
         f"{described(raw)}, expected 0 or more",
     )
@@ -306,7 +308,7 @@ def _number(source: SourceSpec, raw: object) -> float:
     what = f"reading of {source.topic}"
     if not isinstance(raw, bool | int | float):
         raise Refused(
-            "NOT_A_NUMBER",
+            RefusalCode.NOT_A_NUMBER,
             f"{what}: {source.field.text} is a {type(raw).__name__}, "
             "expected a number or a boolean; name another field in scene.yaml",
         )
@@ -316,7 +318,8 @@ def _number(source: SourceSpec, raw: object) -> float:
         reading = math.inf
     if not math.isfinite(reading):
         raise Refused(
-            "NOT_FINITE", f"{what}: {source.field.text} is {reading}, expected a finite number"
+            RefusalCode.NOT_FINITE,
+            f"{what}: {source.field.text} is {reading}, expected a finite number",
         )
     return reading
 
@@ -329,7 +332,7 @@ def _in_table(source: SourceSpec, raw: object) -> float:
     if word == "":
         raise _NotMeasuredError
     raise Refused(
-        "UNKNOWN_WORD",
+        RefusalCode.UNKNOWN_WORD,
         f"reading of {source.topic}: {source.field.text} is {described(raw)}, expected one of "
         f"{', '.join(known for known, _ in source.table)[:200]}; add it to 'table' in scene.yaml",
     )

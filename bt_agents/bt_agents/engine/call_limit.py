@@ -12,6 +12,7 @@ from types import FrameType
 from typing import TypeVar
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 T = TypeVar("T")
 
@@ -92,4 +93,4 @@ def _interrupted(call: Callable[[], T], limit_s: float) -> T:
 
 
 def _refusal(limit_s: float) -> Refused:
-    return Refused("BLOCKED", f"blocked for more than {limit_s:g} s")
+    return Refused(RefusalCode.BLOCKED, f"blocked for more than {limit_s:g} s")

@@ -88,7 +88,8 @@ class NodeFields:
         number = finite(value)
         if number is None or number < 1 or not number.is_integer():
             raise Refused(
-                "NOT_A_COUNT", f"'{name}' is {described(value)}, expected a whole number from 1 on"
+                RefusalCode.NOT_A_COUNT,
+                f"'{name}' is {described(value)}, expected a whole number from 1 on",
             )
         return int(number)
 
@@ -110,7 +111,7 @@ def scene_value(space: SceneSpace, name: str, value: Plain, what: str) -> float:
     number = finite(value)
     if number is None:
         raise Refused(
-            "NOT_A_NUMBER",
+            RefusalCode.NOT_A_NUMBER,
             f"{what}: {name} is {described(value)}, expected a number between "
             f"{parameter.minimum:g} and {parameter.maximum:g}",
         )

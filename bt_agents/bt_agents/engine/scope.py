@@ -13,6 +13,7 @@ from bt_agents_core.field_path import NoSuchField, item_of, value_at
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.local_time import LocalTime
 from bt_agents_core.mood import MoodStart
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
 from bt_agents_core.stop_cause import Cancellation
 from bt_agents_core.text import quote
@@ -253,12 +254,13 @@ def _value_at(value: Plain, path: str, name: str) -> Plain:
 def _parsed(text: Plain, name: str) -> Plain:
     if not isinstance(text, str) or len(text) > _LONGEST_JSON:
         raise Refused(
-            "NOT_JSON", f"'{name}' needs a JSON text of at most {_LONGEST_JSON:,} characters"
+            RefusalCode.NOT_JSON,
+            f"'{name}' needs a JSON text of at most {_LONGEST_JSON:,} characters",
         )
     try:
         return cast(Plain, json.loads(text, parse_constant=_refuse_constant))
     except (ValueError, RecursionError) as error:
-        raise Refused("NOT_JSON", f"'{name}' needs a JSON text, but: {error}") from None
+        raise Refused(RefusalCode.NOT_JSON, f"'{name}' needs a JSON text, but: {error}") from None
 
 
 def _refuse_constant(word: str) -> float:

@@ -13,6 +13,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_core.local_time import LocalTime
 from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.expressions import MissingValue
@@ -176,7 +177,7 @@ class AgentRegistry:
         """
         if name not in self.members:
             known = ", ".join(self.members) or "none"
-            raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
+            raise Refused(RefusalCode.UNKNOWN_AGENT, f"no agent '{name}' here; there are: {known}")
         return self.members[name]
 
     def apply_registration(
@@ -242,12 +243,12 @@ class AgentRegistry:
         held = member.layers.get(layer) if layer else (member.profile, member.revision)
         if held is None and len(member.layers) >= MOST_LAYERS:
             raise Refused(
-                "TOO_MANY_LAYERS",
+                RefusalCode.TOO_MANY_LAYERS,
                 f"{name} has profiles for {MOST_LAYERS} persons and places already",
             )
         if held is not None and revision < held[1] and not of_ledger:
             raise Refused(
-                "STALE_REVISION",
+                RefusalCode.STALE_REVISION,
                 f"{name} has revision {held[1]}{whose} already, {revision} is older",
             )
         if layer:

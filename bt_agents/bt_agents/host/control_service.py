@@ -8,6 +8,7 @@ from rclpy.node import Node
 from bt_agents.host.run_control import pause_text
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_interfaces.msg import Breakpoint
 from bt_agents_interfaces.msg import RunControl as RunControlMsg
@@ -66,7 +67,8 @@ class ControlService:
                 self._runs.step()
                 return self._stepped(run.agent)
         raise Refused(
-            "UNKNOWN_ACTION", f"{request.action} is no action, expected a constant of ControlRun"
+            RefusalCode.UNKNOWN_ACTION,
+            f"{request.action} is no action, expected a constant of ControlRun",
         )
 
     def _set_breakpoints(self, request: ControlRun.Request, author: str) -> str:

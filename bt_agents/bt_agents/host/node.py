@@ -27,6 +27,7 @@ from bt_agents.host.tree_streams.stream_server import DEFAULT_PERIOD, offer_tree
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
 from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Bids, CallForBids, Heartbeat
@@ -114,7 +115,7 @@ class HostNode(ManagedNode[HostConfiguration]):
     def configure(self, values: Mapping[str, str]) -> HostConfiguration:
         if values["market"] not in ("", "none"):
             raise Refused(
-                "UNKNOWN_CHOICE",
+                RefusalCode.UNKNOWN_CHOICE,
                 f"the parameter 'market' is '{values['market']}', expected 'none', or nothing for "
                 "the marketplace of this namespace",
             )
@@ -414,7 +415,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         if sender in known or not known or sender == UNKNOWN:
             return sender in known
         raise Refused(
-            "OTHER_PARTICIPANT",
+            RefusalCode.OTHER_PARTICIPANT,
             f"it is from the DDS participant {sender}, expected the feedback node, which "
             "publishes 'bt_agents/profiles'; 'bt-agents feedback' changes a profile there",
         )

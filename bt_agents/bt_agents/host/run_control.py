@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import join_quoted
 from bt_agents_language.diagnostics.collection import did_you_mean
 
@@ -74,17 +75,18 @@ class RunControl:
         """
         run = self.run
         if run is None:
-            raise Refused("NOT_RUNNING", "no tree of this host is running")
+            raise Refused(RefusalCode.NOT_RUNNING, "no tree of this host is running")
         if (epoch and epoch != run.epoch) or (round_number and round_number != run.round):
             raise Refused(
-                "OTHER_ROUND",
+                RefusalCode.OTHER_ROUND,
                 f"{run.agent} runs in round {run.round} of the market {run.epoch[:40]}, not in "
                 f"round {round_number} of {epoch[:40] or 'it'}; without a round it is the run "
                 "under way that is meant",
             )
         if not self._ticking:
             raise Refused(
-                "ENDING", f"the tree of {run.agent} has ended; its clean-up is not paused"
+                RefusalCode.ENDING,
+                f"the tree of {run.agent} has ended; its clean-up is not paused",
             )
         return run
 
@@ -95,7 +97,7 @@ class RunControl:
             Refused: ``ALREADY_PAUSED``.
         """
         if self.paused:
-            raise Refused("ALREADY_PAUSED", f"it is {self.pause_text} already")
+            raise Refused(RefusalCode.ALREADY_PAUSED, f"it is {self.pause_text} already")
         self.paused, self.paused_at, self.author = True, "", author
         self._changed()
 
@@ -116,7 +118,7 @@ class RunControl:
             Refused: ``NOT_PAUSED``.
         """
         if not self.paused:
-            raise Refused("NOT_PAUSED", "the run is not paused; pause it first")
+            raise Refused(RefusalCode.NOT_PAUSED, "the run is not paused; pause it first")
 
     def on_tick(self, held: Sequence[str]) -> bool:
         """Handle the nodes that a tick held; return whether that pauses the run."""
@@ -139,13 +141,14 @@ class RunControl:
         if unknown:
             hint = did_you_mean(unknown[0], nodes) or f"'bt-agents breakpoint {agent}' lists them"
             raise Refused(
-                "UNKNOWN_NODE", f"the tree of {agent} has no node {join_quoted(unknown)}; {hint}"
+                RefusalCode.UNKNOWN_NODE,
+                f"the tree of {agent} has no node {join_quoted(unknown)}; {hint}",
             )
         others = {name: kept for name, kept in self.breakpoints.items() if name != agent}
         count = sum(map(len, others.values())) + len(set(paths))
         if count > MOST_BREAKPOINTS:
             raise Refused(
-                "TOO_MANY",
+                RefusalCode.TOO_MANY,
                 f"this host would have {count} breakpoints, at most {MOST_BREAKPOINTS} may be",
             )
         if paths:

@@ -26,6 +26,7 @@ from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.run_control import ControlledRun, RunControl
 from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import Scene
 from bt_agents_core.stop_cause import Cancellation, StopCause, stopper
@@ -260,7 +261,8 @@ class RunServer:
         self.control.check_paused()
         if self._hold_off_s(time.monotonic()):
             raise Refused(
-                "HELD_UP", "this host was held up, and the market may have gone on; ask again"
+                RefusalCode.HELD_UP,
+                "this host was held up, and the market may have gone on; ask again",
             )
         self.environment.clock.advance(self._period_s)
         self._stepping = True
@@ -370,32 +372,37 @@ class RunServer:
 
     def _check(self, goal: Any) -> Scene:
         if self._shutting_down:
-            raise Refused("SHUTTING_DOWN", "this host is being stopped")
+            raise Refused(RefusalCode.SHUTTING_DOWN, "this host is being stopped")
         if self._withdrawing:
-            raise Refused("UNREGISTERED", "the market has refused this host, so it takes no goals")
+            raise Refused(
+                RefusalCode.UNREGISTERED, "the market has refused this host, so it takes no goals"
+            )
         if self.busy:
-            raise Refused("BUSY", f"{self.goal.agent} is running; one tree at a time")
+            raise Refused(RefusalCode.BUSY, f"{self.goal.agent} is running; one tree at a time")
         return self._check_award(goal) if self._market else self._check_direct(goal)
 
     def _check_award(self, goal: Any) -> Scene:
         if goal.host_instance != self._instance:
             raise Refused(
-                "WRONG_INSTANCE",
+                RefusalCode.WRONG_INSTANCE,
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
             )
         if not hmac.compare_digest(bytes(goal.award_key), self._award_key):
             raise Refused(
-                "NOT_THE_MARKET",
+                RefusalCode.NOT_THE_MARKET,
                 "it has not the award key of the market that has registered this host, which "
                 "alone sends it goals; 'bt-agents trigger' announces a scene there, and "
                 "'bt-agents award' names the agent for it",
             )
         if self._award_monitor.is_over(RunKey.of(goal)):
-            raise Refused("OVER", f"the market has gone on from round {goal.round} already")
+            raise Refused(
+                RefusalCode.OVER, f"the market has gone on from round {goal.round} already"
+            )
         member = self._registry.member(goal.agent)
         if not member.agent_id or member.agent_id != goal.agent_id:
             raise Refused(
-                "WRONG_ID", f"{goal.agent} has the id {member.agent_id}, not {goal.agent_id}"
+                RefusalCode.WRONG_ID,
+                f"{goal.agent} has the id {member.agent_id}, not {goal.agent_id}",
             )
         return scene_from_msg(goal.scene, self._registry.space)
 
@@ -403,10 +410,10 @@ class RunServer:
         """Check a goal without a market; missing fields of its scene mean an unknown person."""
         if not goal.agent:
             known = ", ".join(self._registry.members) or "none"
-            raise Refused("EMPTY", f"the goal names no agent; there are: {known}")
+            raise Refused(RefusalCode.EMPTY, f"the goal names no agent; there are: {known}")
         obstacle = self._registry.member(goal.agent).obstacle
         if obstacle:
-            raise Refused("UNAVAILABLE", f"{goal.agent} cannot run: {obstacle}")
+            raise Refused(RefusalCode.UNAVAILABLE, f"{goal.agent} cannot run: {obstacle}")
         return partial_scene_from_msg(goal.scene, self._registry.space)
 
     def _complete(self, goal: Any) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import join_first, quote
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.source import read_source
@@ -72,7 +73,7 @@ def recorded_files(path: Path) -> RecordedFiles:
         found = replace(found, paths=tuple(one for one in inside if one.name.endswith(_ENDINGS)))
     if not found.paths:
         nothing = f"there is no journal and no bag in the folder {path}"
-        raise Refused("NO_RECORDING", "; ".join([nothing, *found.problems]))
+        raise Refused(RefusalCode.NO_RECORDING, "; ".join([nothing, *found.problems]))
     return found
 
 
@@ -136,7 +137,7 @@ def _text(node: Node | None, key: str) -> str:
 
 def _sqlite(folder: Path) -> Refused:
     return Refused(
-        "SQLITE_BAG",
+        RefusalCode.SQLITE_BAG,
         f"{folder} is a bag in SQLite, expected MCAP; put 'output_bags: [{{uri: NEW, storage_id: "
         "mcap, all_topics: true}]' into a file out.yaml, and convert it with "
         f"'ros2 bag convert -i {folder} -o out.yaml'",

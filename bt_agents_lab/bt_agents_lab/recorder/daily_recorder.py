@@ -254,6 +254,7 @@ def lock_folder(folder: Path) -> int:
     except OSError:
         os.close(lock)
         raise Refused(
-            "IN_USE", f"another journal writes into {folder}; end it, or name another folder"
+            RefusalCode.IN_USE,
+            f"another journal writes into {folder}; end it, or name another folder",
         ) from None
     return lock

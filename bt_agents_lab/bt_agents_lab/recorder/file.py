@@ -17,6 +17,7 @@ from mcap.writer import Writer
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.private_files import make_private_folder, open_private
+from bt_agents_core.refusal_codes import RefusalCode
 
 PROGRAM = "bt-agents"
 """Prefix of the writer's name in the header of each journal, of any format."""
@@ -189,7 +190,7 @@ def definition(type_name: str, lookup: Lookup) -> str:
         text = known(name)
         if text is None or len(text) > _LONGEST:
             raise Refused(
-                "NO_DEFINITION",
+                RefusalCode.NO_DEFINITION,
                 f"there is no definition of {name}, which {type_name} needs; is its package "
                 "installed with its msg files?",
             )

@@ -23,6 +23,7 @@ from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
 
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import join_first
 from bt_agents_lab.recorder.bag import COMPRESSED, RecordedFiles, recorded_files
 from bt_agents_lab.recorder.file import LIBRARY, PROGRAM
@@ -264,7 +265,7 @@ class JournalReader:
         """
         if library.startswith(PROGRAM):
             raise Refused(
-                "OTHER_FORMAT",
+                RefusalCode.OTHER_FORMAT,
                 f"{path} is a journal of the format {library[:40]!a}, this version reads "
                 f"'{LIBRARY}'; read it with the version that recorded it, or move it away",
             )
@@ -284,7 +285,7 @@ class JournalReader:
         names = join_first(sorted(namespaces))
         if self._namespace not in namespaces:
             raise Refused(
-                "SEVERAL_SYSTEMS",
+                RefusalCode.SEVERAL_SYSTEMS,
                 f"the systems of the namespaces {names} were recorded together, expected one in "
                 f"{self._namespace}; set ROS_NAMESPACE to the one to read",
             )

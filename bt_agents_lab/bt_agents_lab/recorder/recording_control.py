@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder
 
@@ -81,7 +82,7 @@ class RecordingControl:
         """
         if self.state.is_recording:
             raise Refused(
-                "RECORDING_ALREADY",
+                RefusalCode.RECORDING_ALREADY,
                 f"{self._named()} is being recorded; stop it before another one begins",
             )
         now_ns = self._now_ns()
@@ -89,7 +90,7 @@ class RecordingControl:
             self._recorder.start(now_ns)
         except OSError as error:
             raise Refused(
-                "CANNOT_WRITE",
+                RefusalCode.CANNOT_WRITE,
                 f"no recording can be begun ({error.strerror or error}); make room, or look at "
                 "the rights of the folder",
             ) from None
@@ -125,7 +126,7 @@ class RecordingControl:
         self._check_recording()
         if self.state.bookmarks >= MOST_BOOKMARKS:
             raise Refused(
-                "TOO_MANY",
+                RefusalCode.TOO_MANY,
                 f"{self._named()} has {MOST_BOOKMARKS} bookmarks, no more may be; begin another "
                 "recording",
             )
@@ -143,7 +144,7 @@ class RecordingControl:
     def _check_recording(self) -> None:
         if not self.state.is_recording:
             raise Refused(
-                "NOT_RECORDING",
+                RefusalCode.NOT_RECORDING,
                 "nothing is recorded now; 'bt-agents record start' begins a recording",
             )
 

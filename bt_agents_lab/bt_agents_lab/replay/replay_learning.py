@@ -11,6 +11,7 @@ from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RecordedFeedback
@@ -144,7 +145,7 @@ def _again(
     feedback = recorded.feedback
     if list(feedback.parameters) != list(space.names):
         raise Refused(
-            "BAD_RECORD",
+            RefusalCode.BAD_RECORD,
             f"it has the parameters {', '.join(feedback.parameters)}, expected "
             f"{', '.join(space.names)}",
         )

@@ -7,6 +7,7 @@ import math
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import ValueKind
@@ -210,4 +211,4 @@ def _restored_condition(text: str, rule: str, space: SceneSpace) -> Expression:
 
 
 def _bad_rule(rule: str, problem: str) -> Refused:
-    return Refused("BAD_RULE", f"rule '{rule}': {problem}")
+    return Refused(RefusalCode.BAD_RULE, f"rule '{rule}': {problem}")

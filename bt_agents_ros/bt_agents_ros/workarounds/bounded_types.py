@@ -20,6 +20,7 @@ from rclpy.type_support import check_for_type_support
 from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_ros.size_check import (
     check_bytes,
     check_content,
@@ -106,7 +107,7 @@ def bounded_by(kind: Any, size: Size | None) -> Any:
         except Refused as refused:
             return refused
         except BaseException as error:
-            return Refused("MALFORMED", f"{kind.__name__} cannot be read: {error!r}")
+            return Refused(RefusalCode.MALFORMED, f"{kind.__name__} cannot be read: {error!r}")
 
     convert = CONVERT(checked)
     stand_in = type(

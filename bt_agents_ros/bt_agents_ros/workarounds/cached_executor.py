@@ -31,6 +31,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_ros.limits import MIB
 from bt_agents_ros.local_bus import LocalBus, LocalQueue
 from bt_agents_ros.size_check import RefusalLog, check_bytes, may_exceed
@@ -463,7 +464,7 @@ def _deserialized(kind: Any, message: bytes) -> Any:
     except Exception as error:
         # rclpy's exceptions for bad bytes have no common base class.
         raise Refused(
-            "MALFORMED", f"{len(message)} bytes are no {kind.__name__}: {error}"
+            RefusalCode.MALFORMED, f"{len(message)} bytes are no {kind.__name__}: {error}"
         ) from None
     if isinstance(made, Refused):
         raise made

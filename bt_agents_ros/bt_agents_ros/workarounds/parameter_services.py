@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 _LONGEST_NAME = 80
 
@@ -36,7 +37,9 @@ def _set_together(node: Node, messages: Sequence[Any]) -> SetParametersResult:
         return SetParametersResult(successful=False, reason=str(refused))
     except Exception as error:
         node.get_logger().error(f"parameters could not be set:\n{traceback.format_exc()}")
-        reason = str(Refused("FAILED", f"{type(error).__name__}: {error}; the log says more"))
+        reason = str(
+            Refused(RefusalCode.FAILED, f"{type(error).__name__}: {error}; the log says more")
+        )
         return SetParametersResult(successful=False, reason=reason)
 
 
@@ -44,7 +47,7 @@ def _parameter(node: Node, message: Any) -> Parameter[Any]:
     name = message.name[:_LONGEST_NAME]
     if not node.has_parameter(message.name):
         raise Refused(
-            "UNKNOWN_PARAMETER",
+            RefusalCode.UNKNOWN_PARAMETER,
             f"there is no parameter '{name}'; `ros2 param list {node.get_fully_qualified_name()}` "
             "shows those that there are",
         )
@@ -52,7 +55,7 @@ def _parameter(node: Node, message: Any) -> Parameter[Any]:
         return Parameter.from_parameter_msg(message)
     except ValueError:
         raise Refused(
-            "UNKNOWN_TYPE",
+            RefusalCode.UNKNOWN_TYPE,
             f"parameter '{name}' is sent with type {message.value.type}, expected one of "
             "rcl_interfaces/msg/ParameterType: 1 bool, 2 integer, 3 double, 4 string, 5-9 arrays",
         ) from None

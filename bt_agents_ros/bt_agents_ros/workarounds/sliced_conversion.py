@@ -19,6 +19,7 @@ from rclpy.type_support import check_for_type_support
 from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_ros.size_check import check_fields
 from bt_agents_ros.types import slots_of
 from bt_agents_ros.workarounds.bounded_types import (
@@ -100,7 +101,8 @@ class _Structure:
             # rclpy's exceptions for bad bytes have no common base class.
             self._destroy()
             raise Refused(
-                "MALFORMED", f"{len(self._message)} bytes are no {self._kind.__name__}: {error}"
+                RefusalCode.MALFORMED,
+                f"{len(self._message)} bytes are no {self._kind.__name__}: {error}",
             ) from None
         return self._address
 
@@ -157,7 +159,9 @@ class _Converter:
         try:
             made = converter_of(kind)(address)
         except Exception as error:
-            raise Refused("MALFORMED", f"{kind.__name__} cannot be read: {error!r}") from None
+            raise Refused(
+                RefusalCode.MALFORMED, f"{kind.__name__} cannot be read: {error!r}"
+            ) from None
         finally:
             for part, count, _ in without:
                 count_at(address + part.offset + part.of.offset).value = count

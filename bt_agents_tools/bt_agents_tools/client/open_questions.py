@@ -8,6 +8,7 @@ from typing import Any
 
 from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 
 def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:
@@ -18,7 +19,7 @@ def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:
     """
     if not questions:
         raise Refused(
-            "NO_QUESTION",
+            RefusalCode.NO_QUESTION,
             f"'{words}' answers nothing, the robot asks nothing now; 'bt-agents answer' shows a "
             "question as long as it is open",
         )
@@ -26,7 +27,7 @@ def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:
         if taken := counted_answer(words, question.choices):
             return question, taken
     found = "; ".join(map(question_text, questions))
-    raise Refused("NOT_A_CHOICE", f"'{words}' is no answer; {found}")
+    raise Refused(RefusalCode.NOT_A_CHOICE, f"'{words}' is no answer; {found}")
 
 
 def question_text(question: Any) -> str:
@@ -37,4 +38,6 @@ def question_text(question: Any) -> str:
 
 def not_taken(words: str) -> Refused:
     """Return the refusal of an answer that no node has taken."""
-    return Refused("NOT_TAKEN", f"the robot has not taken '{words}'; it asks no more, or is busy")
+    return Refused(
+        RefusalCode.NOT_TAKEN, f"the robot has not taken '{words}'; it asks no more, or is busy"
+    )

@@ -14,6 +14,7 @@ from rclpy.qos import ReliabilityPolicy
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros import qos
 from bt_agents_ros.system_topics import TOPICS
@@ -70,13 +71,15 @@ def heard_message(heard: Mapping[str, str], topic: str, texts: Sequence[str]) ->
     """
     if topic not in heard:
         hint = did_you_mean(topic, sorted(heard)) or "a tree listens while its wait_for runs"
-        raise Refused("NOBODY_LISTENS", f"nobody listens to '{topic}' now; {hint}")
+        raise Refused(RefusalCode.NOBODY_LISTENS, f"nobody listens to '{topic}' now; {hint}")
     return typed_message(heard[topic], texts)
 
 
 def not_taken(topic: str) -> Refused:
     """Return the refusal of a message that has reached no listener."""
-    return Refused("NOT_TAKEN", f"nobody has taken the message on {topic}; the tree has gone on")
+    return Refused(
+        RefusalCode.NOT_TAKEN, f"nobody has taken the message on {topic}; the tree has gone on"
+    )
 
 
 def typed_message(type_name: str, texts: Sequence[str]) -> Any:
@@ -94,7 +97,8 @@ def typed_message(type_name: str, texts: Sequence[str]) -> Any:
         if not equals:
             example = f"'{names[0]}=…'" if names else "no value, as it has no fields"
             raise Refused(
-                "NO_ASSIGNMENT", f"'{text}' for a {type_name}, expected {example}; it has {names}"
+                RefusalCode.NO_ASSIGNMENT,
+                f"'{text}' for a {type_name}, expected {example}; it has {names}",
             )
         plain = _plain(value, read_field(message, path))
         for part in reversed(path.split(".")):

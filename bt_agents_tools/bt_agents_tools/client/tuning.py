@@ -16,6 +16,7 @@ from bt_agents.host.tuning.tunable import TunableParameter, profile_values
 from bt_agents.host.tuning.tune_service import SOMEBODY, info_from_msg
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import TUNING, FeedbackKind
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.limits import MOST_PARAMETERS
@@ -87,7 +88,7 @@ def set_profile(
     for name in values:
         if names and name not in names:
             raise Refused(
-                "UNKNOWN_PARAMETER",
+                RefusalCode.UNKNOWN_PARAMETER,
                 f"{quote(agent)} has no {quote(f'profile.{name}')}; {did_you_mean(name, names)}",
             )
     return observer.ask(

@@ -16,6 +16,7 @@ from bt_agents.host.tuning.tunable import (
     profile_values,
 )
 from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.expression.quantities import QuantityError
@@ -72,11 +73,12 @@ def _check_unchanged(source: Source, tuned: ParameterState, here: TunableParamet
     robot = tuned.parameter
     if here is None:
         raise Refused(
-            "UNKNOWN_PARAMETER", f"{source.file} has no '{robot.key}' any more; nothing is written"
+            RefusalCode.UNKNOWN_PARAMETER,
+            f"{source.file} has no '{robot.key}' any more; nothing is written",
         )
     if here.default != robot.default:
         raise Refused(
-            "CHANGED_MEANWHILE",
+            RefusalCode.CHANGED_MEANWHILE,
             f"{source.file} says {here.format(here.default)} for {robot.name}, but the robot has "
             f"read {robot.format(robot.default)} there: the file has changed meanwhile; "
             "'bt-agents reload' brings the robot up to date",
@@ -99,7 +101,7 @@ def _with_value(
         if same_type and _has_default(changed, tuned.value) and after == others:
             return text
     raise Refused(
-        "CANNOT_WRITE",
+        RefusalCode.CANNOT_WRITE,
         f"{source.file}: {parameter.name} cannot be changed to {parameter.format(tuned.value)} "
         "without changing anything else; write it yourself",
     )

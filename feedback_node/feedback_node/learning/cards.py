@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import MAX_WEIGHT, SceneSpace, Vector
 from bt_agents_language.files.learning_reader import LAYERS, MAX_ANNEAL, MAX_WINDOW
 from bt_agents_language.model.mood_rule import MoodRule
@@ -118,12 +119,12 @@ def read_card(
     """
     if not card.host.startswith("/"):
         raise Refused(
-            "BAD_NAME",
+            RefusalCode.BAD_NAME,
             f"card of '{card.host}': expected the fully qualified name of the host, like /agents",
         )
     if card.parameters != space.names:
         raise Refused(
-            "OTHER_PARAMETERS",
+            RefusalCode.OTHER_PARAMETERS,
             f"card of {card.host}: its profiles are made of {_list(card.parameters)}, here they "
             f"are {_list(space.names)}; start both from the same scene.yaml",
         )
@@ -134,7 +135,8 @@ def read_card(
         try:
             if not entry.name or entry.name in agents:
                 raise Refused(
-                    "BAD_NAME", f"{what}: expected a name that no other agent of the host has"
+                    RefusalCode.BAD_NAME,
+                    f"{what}: expected a name that no other agent of the host has",
                 )
             if entry.name in known and known[entry.name].matches(entry, card.host):
                 agents[entry.name] = replace(known[entry.name], entry=entry)
@@ -222,7 +224,7 @@ def _within(value: float, low: float, high: float, of: str, what: str) -> float:
 
 
 def _invalid_learning(what: str, text: str) -> Refused:
-    return Refused("BAD_LEARNING", f"{what}: {text}")
+    return Refused(RefusalCode.BAD_LEARNING, f"{what}: {text}")
 
 
 def _list(names: tuple[str, ...]) -> str:

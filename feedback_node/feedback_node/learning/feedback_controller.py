@@ -254,7 +254,7 @@ class FeedbackController:
             kind = FeedbackKind(given.kind)
         except ValueError:
             raise Refused(
-                "UNKNOWN_KIND",
+                RefusalCode.UNKNOWN_KIND,
                 f"feedback: kind {given.kind}, expected 0 (direct), 1 (positive), 2 (negative) "
                 f"or 3 (set)",
             ) from None
@@ -290,7 +290,7 @@ class FeedbackController:
         """
         if not run.epoch or not run.round:
             raise Refused(
-                "NO_RUN",
+                RefusalCode.NO_RUN,
                 f"feedback: epoch '{run.epoch}' and round {run.round} name no run; "
                 f"both come from the award",
             )
@@ -402,13 +402,13 @@ class FeedbackController:
     def _scene(self, given: FeedbackRequest, agent: str, run: AnnouncedRun | None) -> Vector:
         if given.values:
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"feedback: {len(given.values)} values, expected none: positive and negative "
                 f"feedback take those of the scene; use DIRECT or SET to name a profile",
             )
         if run is None:
             raise Refused(
-                "NO_SCENE",
+                RefusalCode.NO_SCENE,
                 f"feedback: '{agent}' has not run yet, so there is no scene to move towards or "
                 f"away from; give DIRECT feedback",
             )
@@ -424,7 +424,8 @@ class FeedbackController:
         run = self._runs.last()
         if run is None:
             raise Refused(
-                "NO_AGENT", "feedback: no agent is named and none has run yet; name the agent"
+                RefusalCode.NO_AGENT,
+                "feedback: no agent is named and none has run yet; name the agent",
             )
         return run.agent
 
@@ -441,7 +442,7 @@ def _same(given: FeedbackRequest, known: ProfileChange) -> ProfileChange:
     other_kind = known.revision.cause.cause != FORGOTTEN and given.kind != kind
     if (given.agent and given.agent != agent) or other_kind:
         raise Refused(
-            "FEEDBACK_ID_TAKEN",
+            RefusalCode.FEEDBACK_ID_TAKEN,
             f"feedback: the id '{given.feedback_id}' belongs to other feedback (kind {kind} for "
             f"{agent}); every feedback needs its own id, or none",
         )

@@ -17,6 +17,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FLEET as FLEET_SOURCE
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import checked_layer
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import MAX_WEIGHT, SceneSpace, Vector
 from feedback_node.learning import updates
 from feedback_node.learning.cards import Agent
@@ -232,7 +233,7 @@ def read_step(fields: Any, space: SceneSpace, *, now: float) -> FleetStep:
         raise _invalid(what, "its changes or its arrival are no count")
     if stamp > now + LATEST_S:
         raise Refused(
-            "FROM_THE_FUTURE",
+            RefusalCode.FROM_THE_FUTURE,
             f"step {what}: made {stamp - now:.0f} s from now, expected {LATEST_S:g} s at most; "
             "look at the clocks of both robots",
         )
@@ -372,4 +373,4 @@ def _is_number(value: Any) -> bool:
 
 
 def _invalid(what: str, found: str) -> Refused:
-    return Refused("BAD_STEP", f"step{f' {what}' if what else ''}: {found}")
+    return Refused(RefusalCode.BAD_STEP, f"step{f' {what}' if what else ''}: {found}")

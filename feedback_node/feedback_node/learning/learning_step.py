@@ -16,6 +16,7 @@ from statistics import median
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import MISSING, SceneSpace, Vector
 from feedback_node.learning import updates
 
@@ -102,7 +103,8 @@ def step(
     check_rate(rate)
     if not 0.0 <= weight < math.inf:
         raise Refused(
-            "OUT_OF_RANGE", f"feedback: weight {weight:g} of its source, expected a number from 0"
+            RefusalCode.OUT_OF_RANGE,
+            f"feedback: weight {weight:g} of its source, expected a number from 0",
         )
     of_rule = updates.in_order(rule, space)
     at_once = kind is FeedbackKind.SET
@@ -181,7 +183,8 @@ def check_rate(rate: float, *, what: str = "feedback") -> None:
     """
     if not 0.0 <= rate <= 1.0:
         raise Refused(
-            "OUT_OF_RANGE", f"{what}: learning rate {rate:g}, expected a number from 0 to 1"
+            RefusalCode.OUT_OF_RANGE,
+            f"{what}: learning rate {rate:g}, expected a number from 0 to 1",
         )
 
 
@@ -192,12 +195,12 @@ def _target(kind: FeedbackKind, target: Vector, space: SceneSpace) -> Vector:
         return vector
     if of_scene:
         raise Refused(
-            "NO_SCENE",
+            RefusalCode.NO_SCENE,
             "scene: nothing of it was measured or given, so there is nothing to move towards or "
             "away from; give DIRECT feedback or wait until the scene layer measures something",
         )
     raise Refused(
-        "NO_OPINION",
+        RefusalCode.NO_OPINION,
         f"feedback: every value is NaN; give a number for at least one of "
         f"{', '.join(space.names)}",
     )

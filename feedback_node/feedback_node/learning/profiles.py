@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_core.text import printable_line
 from feedback_node.announced_runs import AnnouncedRun
@@ -144,7 +145,7 @@ class Profiles:
                 self._drop(known)
                 return
         raise Refused(
-            "TOO_MANY_HOSTS",
+            RefusalCode.TOO_MANY_HOSTS,
             f"card of {host}: {len(hosts)} hosts are there, expected {MOST_HOSTS} at most; let "
             "one host have more agents",
         )
@@ -176,7 +177,7 @@ class Profiles:
         """
         if name not in self._agents:
             known = ", ".join(sorted(self._agents)) or "none yet"
-            raise Refused("UNKNOWN_AGENT", f"no agent '{name}'; known are: {known}")
+            raise Refused(RefusalCode.UNKNOWN_AGENT, f"no agent '{name}'; known are: {known}")
         return self._agents[name]
 
     @property
@@ -415,7 +416,7 @@ class Profiles:
         count = self._ledger.count_layers(name)
         if count >= MOST_LAYERS:
             raise Refused(
-                "TOO_MANY_LAYERS",
+                RefusalCode.TOO_MANY_LAYERS,
                 f"{name} has profiles of its own for {count} persons and places, expected "
                 f"{MOST_LAYERS} at most; 'bt-agents profile expire' forgets those that have not "
                 "changed for long",

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.refusal_codes import RefusalCode
 from feedback_node.ledger.erasure import FileErasure, erase_layer
 from feedback_node.ledger.file import (
     MEMORY,
@@ -165,7 +166,7 @@ class Ledger(LedgerReader):
                 if undone.cause.cause == AUTHORED:
                     start = "what its file says; edit the profile there"
                 raise Refused(
-                    "NOTHING_TO_UNDO",
+                    RefusalCode.NOTHING_TO_UNDO,
                     f"{name_of(agent, layer)}: revision {undone.revision} is {start}",
                 )
             back = self._restored(self._row(agent, layer, undone.revision - 1))
@@ -218,7 +219,7 @@ class Ledger(LedgerReader):
                 last = self.current(agent, layer) if layer else None
                 if last is None:
                     raise Refused(
-                        "UNKNOWN_LAYER",
+                        RefusalCode.UNKNOWN_LAYER,
                         f"{agent} has no layer '{layer}', so there is nothing to forget",
                     )
                 step = {"layer": hidden_layer(layer), "stamp": self._end_of(agent, layer)}

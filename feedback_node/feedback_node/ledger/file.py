@@ -57,7 +57,7 @@ class LedgerLock:
             self._file = open_private(_lock_of(path), os.O_WRONLY)
         except OSError as error:
             raise LedgerError(
-                "LEDGER_UNREADABLE",
+                RefusalCode.LEDGER_UNREADABLE,
                 f"{path}: {error.strerror}; give the parameter 'ledger' a path that can be "
                 "written",
             ) from error
@@ -66,7 +66,7 @@ class LedgerLock:
         except OSError:
             os.close(self._file)
             raise LedgerError(
-                "LEDGER_IN_USE",
+                RefusalCode.LEDGER_IN_USE,
                 f"{path}: another feedback node writes it; end that one or give this one another "
                 "path",
             ) from None
@@ -167,7 +167,7 @@ def recover(path: str, new: str) -> int:
         LedgerError: As in :func:`inspect`, or the new file cannot be written.
     """
     if Path(new).exists():
-        raise Refused("FILE_EXISTS", f"{new}: it is there already; choose another name")
+        raise Refused(RefusalCode.FILE_EXISTS, f"{new}: it is there already; choose another name")
     inspect(path)
     with closing(open_database(new)) as copy:
         try:
@@ -209,12 +209,12 @@ def _is_ledger(database: sqlite3.Connection, path: str) -> bool:
         return False
     if integer(database, "application_id") != APPLICATION:
         raise LedgerError(
-            "LEDGER_FOREIGN",
+            RefusalCode.LEDGER_FOREIGN,
             f"{path}: an SQLite file of another program; give 'ledger' another path",
         )
     if (found := integer(database, "user_version")) != FORMAT:
         raise LedgerError(
-            "OTHER_FORMAT",
+            RefusalCode.OTHER_FORMAT,
             f"{path}: format {found}, this program knows {FORMAT} only; use the version that has "
             "written it, or move the file away, with its -wal, -shm and .lock, to start with the "
             "profiles of the agents' files",
@@ -251,7 +251,7 @@ def unreadable(path: str, error: Exception) -> LedgerError:
     if is_full(error):
         return failed(path, error)
     return LedgerError(
-        "LEDGER_UNREADABLE",
+        RefusalCode.LEDGER_UNREADABLE,
         f"{path}: {error}; expected an SQLite file of this program that can be read and written",
     )
 
@@ -268,7 +268,7 @@ def damaged(path: str, problems: Sequence[str]) -> LedgerError:
     """Return the error for a file with damaged content."""
     more = len(problems) - _MOST_PROBLEMS
     found = "; ".join(problems[:_MOST_PROBLEMS]) + (f"; and {more} more" if more > 0 else "")
-    return LedgerError("LEDGER_CORRUPT", f"{path}: {found}. {_REPAIR}")
+    return LedgerError(RefusalCode.LEDGER_CORRUPT, f"{path}: {found}. {_REPAIR}")
 
 
 def unread(path: str, error: Exception) -> LedgerError:
@@ -302,11 +302,11 @@ def failed(path: str, error: Exception) -> LedgerError:
         )
     if _is_of_another_writer(error):
         return LedgerError(
-            "LEDGER_IN_USE",
+            RefusalCode.LEDGER_IN_USE,
             f"{path}: somebody else writes it, too ({error}), probably a second feedback node, as "
             f"its lock {path}.lock was removed; nothing was recorded. End both, and start one",
         )
     return LedgerError(
-        "LEDGER_FAILED",
+        RefusalCode.LEDGER_FAILED,
         f"{path}: {error}; nothing was recorded, look at the disk's space and rights",
     )

@@ -11,6 +11,7 @@ from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.refusal_codes import RefusalCode
 from feedback_node.ledger.file import damaged, unread
 from feedback_node.ledger.rows import (
     AUTHORED,
@@ -84,7 +85,9 @@ class LedgerReader:
             if row.cause.cause == AUTHORED:
                 self._authored[agent] = row.cause.target
                 return row.cause.target
-        raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
+        raise Refused(
+            RefusalCode.UNKNOWN_AGENT, f"the ledger has no agent '{agent}'; enter it first"
+        )
 
     def find_all(self, feedback_id: str) -> tuple[ProfileRevision, ...]:
         """Return all revisions that a feedback led to, in order of entry."""
@@ -180,10 +183,14 @@ class LedgerReader:
     def _last(self, agent: str, layer: str) -> ProfileRevision:
         last = self.current(agent, layer)
         if last is None and self.current(agent) is None:
-            raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
+            raise Refused(
+                RefusalCode.UNKNOWN_AGENT, f"the ledger has no agent '{agent}'; enter it first"
+            )
         if last is None:
             known = ", ".join(row.layer for row in self.layers(agent)) or "none"
-            raise Refused("UNKNOWN_LAYER", f"{agent} has no layer '{layer}'; it has: {known}")
+            raise Refused(
+                RefusalCode.UNKNOWN_LAYER, f"{agent} has no layer '{layer}'; it has: {known}"
+            )
         return last
 
     def _row(self, agent: str, layer: str, revision: int) -> ProfileRevision:

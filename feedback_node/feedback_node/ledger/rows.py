@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 FORMAT = 3
 APPLICATION = 0x62746167  # "btag"
@@ -287,15 +288,16 @@ def check_texts(**texts: str) -> None:
     for name, text in texts.items():
         if len(text) > LONGEST_TEXT:
             raise Refused(
-                "TOO_LONG",
+                RefusalCode.TOO_LONG,
                 f"feedback: {name} has {len(text)} characters, expected {LONGEST_TEXT} at most",
             )
         if not text.isprintable():
             raise Refused(
-                "BAD_TEXT", f"feedback: {name} is {text[:80]!a}, expected no control characters"
+                RefusalCode.BAD_TEXT,
+                f"feedback: {name} is {text[:80]!a}, expected no control characters",
             )
     if is_hidden(texts.get("feedback_id", "")):
         raise Refused(
-            "RESERVED_ID",
+            RefusalCode.RESERVED_ID,
             "feedback: ids that begin with 'sha256:' stand for forgotten ones; take a UUID",
         )

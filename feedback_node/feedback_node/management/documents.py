@@ -11,6 +11,7 @@ from typing import Any, TypeGuard
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import checked_layer
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from feedback_node.ledger import LedgerEntry
 from feedback_node.ledger.rows import IMPORT, ProfileRevision, RevisionCause
@@ -75,7 +76,9 @@ def read_json(text: str) -> Any:
         Refused: ``TOO_LONG`` or ``BAD_DOCUMENT``.
     """
     if len(text) > LONGEST:
-        raise Refused("TOO_LONG", f"document: {len(text)} characters, expected {LONGEST} at most")
+        raise Refused(
+            RefusalCode.TOO_LONG, f"document: {len(text)} characters, expected {LONGEST} at most"
+        )
     try:
         return json.loads(text, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
@@ -130,4 +133,4 @@ def _no_constant(name: str) -> float:
 
 
 def _invalid(found: str) -> Refused:
-    return Refused("BAD_DOCUMENT", f"document: {found}; nothing was taken in")
+    return Refused(RefusalCode.BAD_DOCUMENT, f"document: {found}; nothing was taken in")

@@ -207,10 +207,12 @@ class FleetDocuments:
     def _check(self, step: FleetStep, robot: str, persons: bool) -> None:
         what = f"step {step.robot}/{step.number}"
         if step.robot == robot:
-            raise Refused("OWN_STEP", f"{what}: it is of this robot, whose ledger has it")
+            raise Refused(
+                RefusalCode.OWN_STEP, f"{what}: it is of this robot, whose ledger has it"
+            )
         if step.layer.startswith(f"{PERSON}/") and not persons:
             raise Refused(
-                "NOT_SHARED",
+                RefusalCode.NOT_SHARED,
                 f"{what}: what is learned for persons stays at its robot, unless the scene.yaml "
                 "of this one says 'share_persons: true'",
             )
@@ -220,7 +222,7 @@ class FleetDocuments:
         base = base_of(self._ledger.authored(step.agent))
         if step.base != base:
             raise Refused(
-                "OTHER_BASE",
+                RefusalCode.OTHER_BASE,
                 f"{what}: {step.agent} was another version of its file there ({step.base}, here "
                 f"{base}); it counts once both have the same profile in their files",
             )
@@ -234,7 +236,9 @@ class FleetDocuments:
         for step in sorted(steps, key=lambda one: one.key):
             if replays.forgettings.include(step):
                 what = f"step {step.robot}/{step.number}"
-                refusal = Refused("FORGOTTEN", f"{what}: its layer was forgotten after it")
+                refusal = Refused(
+                    RefusalCode.FORGOTTEN, f"{what}: its layer was forgotten after it"
+                )
                 refusals.append(_refusal(0, step.fields(), refusal))
                 continue
             by_layer.setdefault(step.layer, []).append(step)
@@ -373,7 +377,7 @@ def refusals_of(answer: str) -> Sequence[Mapping[str, Any]]:
         found: Sequence[Mapping[str, Any]] = json.loads(answer)["refused"]
     except (ValueError, KeyError, TypeError):
         raise Refused(
-            "OTHER_VERSION",
+            RefusalCode.OTHER_VERSION,
             "the feedback node does not know what a fleet is; install the same version of "
             "bt-agents for it",
         ) from None
@@ -414,4 +418,4 @@ def _differs(one: Vector, other: Vector) -> bool:
 
 
 def _invalid(found: str) -> Refused:
-    return Refused("BAD_DOCUMENT", f"document: {found}; nothing was taken in")
+    return Refused(RefusalCode.BAD_DOCUMENT, f"document: {found}; nothing was taken in")

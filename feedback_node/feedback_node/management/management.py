@@ -11,6 +11,7 @@ from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
+from bt_agents_core.refusal_codes import RefusalCode
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
@@ -94,7 +95,8 @@ class Management:
             action = ManagementAction(command.action)
         except ValueError:
             raise Refused(
-                "UNKNOWN_ACTION", f"action {command.action}, expected 0 to {max(ManagementAction)}"
+                RefusalCode.UNKNOWN_ACTION,
+                f"action {command.action}, expected 0 to {max(ManagementAction)}",
             ) from None
         check_texts(agent=command.agent, author=command.author, reason=command.reason)
         if command.layer and action is not ManagementAction.EXPIRE:
@@ -139,7 +141,7 @@ class Management:
         unknown = sorted({one.agent for one in found} - set(self._ledger.agents()))
         if unknown:
             raise Refused(
-                "UNKNOWN_AGENT",
+                RefusalCode.UNKNOWN_AGENT,
                 f"document: no agent {', '.join(unknown)} here; nothing was taken in. Let the "
                 "host introduce its agents first, or take them out of the document",
             )
@@ -186,16 +188,18 @@ class Management:
             count = len(new | {row.layer for row in self._ledger.layers(agent)})
             if count > MOST_LAYERS:
                 raise Refused(
-                    "TOO_MANY_LAYERS",
+                    RefusalCode.TOO_MANY_LAYERS,
                     f"document: {agent} would have {count} layers, expected {MOST_LAYERS} at most",
                 )
 
     def _expire(self, command: ManagementCommand) -> ManagementResult:
         if not command.older_s > 0.0:
-            raise Refused("BAD_AGE", f"older than {command.older_s:g} s, expected more than 0")
+            raise Refused(
+                RefusalCode.BAD_AGE, f"older than {command.older_s:g} s, expected more than 0"
+            )
         if command.layer not in ("", PERSON, PLACE):
             raise Refused(
-                "BAD_LAYER", f"'{command.layer[:80]}', expected person, place or nothing"
+                RefusalCode.BAD_LAYER, f"'{command.layer[:80]}', expected person, place or nothing"
             )
         before = self._wall() - command.older_s
         old = [
@@ -208,7 +212,7 @@ class Management:
     def _forget(self, command: ManagementCommand) -> ManagementResult:
         if not command.layer:
             raise Refused(
-                "BAD_LAYER",
+                RefusalCode.BAD_LAYER,
                 "name the person or the place, such as person/anna; the profile for everybody is "
                 "not forgotten, 'bt-agents profile reset' brings back that of the file",
             )

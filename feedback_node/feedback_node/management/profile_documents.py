@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace, finite_or_none
 from feedback_node.learning import learning_step
 from feedback_node.learning.layers import taught
@@ -90,7 +91,7 @@ class ProfileDocuments:
             Refused: ``UNKNOWN_AGENT`` or ``UNKNOWN_LAYER``.
         """
         if not agent:
-            raise Refused("UNKNOWN_AGENT", "no agent is named; name one")
+            raise Refused(RefusalCode.UNKNOWN_AGENT, "no agent is named; name one")
         current = self._ledger.current(agent, layer)
         if current is None:
             raise self.unknown(agent, layer)
@@ -101,9 +102,9 @@ class ProfileDocuments:
         agents = self._ledger.agents()
         if agent and agent not in agents:
             known = ", ".join(agents) or "none yet"
-            return Refused("UNKNOWN_AGENT", f"no agent '{agent}'; known are: {known}")
+            return Refused(RefusalCode.UNKNOWN_AGENT, f"no agent '{agent}'; known are: {known}")
         known = ", ".join(sorted({one.layer for one in self.layers_of(agent)})) or "none"
-        return Refused("UNKNOWN_LAYER", f"no layer '{layer}'; there are: {known}")
+        return Refused(RefusalCode.UNKNOWN_LAYER, f"no layer '{layer}'; there are: {known}")
 
     def _selected(self, agent: str, layer: str) -> list[ProfileRevision]:
         names = [agent] if agent else self._ledger.agents()

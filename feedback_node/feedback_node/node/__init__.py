@@ -20,6 +20,7 @@ from rclpy.task import Future
 from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
 from bt_agents_core.log_budget import LogBudget
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.state_folder import claim_state
 from bt_agents_core.trees_folder import find_trees
@@ -393,7 +394,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
                 return teach()
             except Refused as refusal:
                 over = time.monotonic() >= self._cards_until
-                if refusal.code != "UNKNOWN_AGENT" or over:
+                if refusal.code != RefusalCode.UNKNOWN_AGENT or over:
                     raise
             card = Future()
             self._card_awaited.append(card)

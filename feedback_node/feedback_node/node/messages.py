@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import quote
@@ -47,7 +48,8 @@ def card_from_msg(message: HostCard, space: SceneSpace, sender: str = "") -> Lea
     """
     if not is_full_name(message.host):
         raise Refused(
-            "BAD_NAME", f"card of {quote(message.host)}: expected a full name like /agents"
+            RefusalCode.BAD_NAME,
+            f"card of {quote(message.host)}: expected a full name like /agents",
         )
     return LearningCard(
         host=message.host,
@@ -122,7 +124,7 @@ def run_from_msg(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -
     for field in ("epoch", "agent"):
         if len(text := getattr(message, field)) > LONGEST_NAME:
             raise Refused(
-                "TOO_LONG",
+                RefusalCode.TOO_LONG,
                 f"run: {field} has {len(text)} characters, expected {LONGEST_NAME} at most",
             )
     return AnnouncedRun(
@@ -140,7 +142,9 @@ def collected_from_msg(request: CollectFeedback.Request, space: SceneSpace) -> A
         Refused: ``UNKNOWN_OUTCOME``, or as in :func:`scene_from_msg`.
     """
     if request.outcome not in _OUTCOMES:
-        raise Refused("UNKNOWN_OUTCOME", f"feedback: outcome {request.outcome}, expected 1 to 4")
+        raise Refused(
+            RefusalCode.UNKNOWN_OUTCOME, f"feedback: outcome {request.outcome}, expected 1 to 4"
+        )
     return run_from_msg(request, space)
 
 

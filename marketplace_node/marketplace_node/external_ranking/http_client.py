@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 import aiohttp
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 _T = TypeVar("_T")
 
@@ -97,11 +98,11 @@ async def _post(
             return response.status, bytes(answer[: most + 1])
     except TimeoutError:
         raise Refused(
-            "NO_ANSWER", f"{parts.hostname} did not answer within {limit_s:.2g} s"
+            RefusalCode.NO_ANSWER, f"{parts.hostname} did not answer within {limit_s:.2g} s"
         ) from None
     except (aiohttp.ClientError, OSError, ValueError) as error:
         port = parts.port or (443 if parts.scheme == "https" else 80)
         reason = " ".join(str(error).split()) or type(error).__name__
         raise Refused(
-            "UNREACHABLE", f"{parts.hostname}:{port} cannot be asked: {reason[:200]}"
+            RefusalCode.UNREACHABLE, f"{parts.hostname}:{port} cannot be asked: {reason[:200]}"
         ) from None

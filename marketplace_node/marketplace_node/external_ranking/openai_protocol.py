@@ -12,6 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from marketplace_node.formatting import shown
 from marketplace_node.round.decision import External
@@ -63,17 +64,21 @@ class Endpoint:
             known = False
         if not known or parts.query or parts.fragment or parts.username is not None:
             raise Refused(
-                "BAD_ADDRESS",
+                RefusalCode.BAD_ADDRESS,
                 f"base_url is '{shown(self.base_url)}', expected an address like "
                 "http://127.0.0.1:11434/v1",
             )
         if not self.model:
-            raise Refused("EMPTY", "model is empty, expected the name of a model of the server")
+            raise Refused(
+                RefusalCode.EMPTY, "model is empty, expected the name of a model of the server"
+            )
         if self.key and not _HEADER.fullmatch(self.key):
-            raise Refused("BAD_KEY", "the key has characters that no HTTP header may have")
+            raise Refused(
+                RefusalCode.BAD_KEY, "the key has characters that no HTTP header may have"
+            )
         if self.key and parts.scheme == "http" and parts.hostname not in _LOCAL:
             raise Refused(
-                "INSECURE",
+                RefusalCode.INSECURE,
                 f"the key would be sent unencrypted to {parts.hostname}; use https, or a server "
                 "on this machine",
             )
@@ -138,15 +143,18 @@ def answer(status: int, body: bytes, bidders: Sequence[str]) -> External:
             ``UNKNOWN_AGENT`` or ``DUPLICATE``.
     """
     if len(body) > MOST_BYTES:
-        raise Refused("TOO_LONG", f"the answer has more than {MOST_BYTES} bytes")
+        raise Refused(RefusalCode.TOO_LONG, f"the answer has more than {MOST_BYTES} bytes")
     text = body.decode("utf-8", errors="replace")
     if status != 200:
-        raise Refused("HTTP_ERROR", f"the server answers {status}: {shown(text) or 'no words'}")
+        raise Refused(
+            RefusalCode.HTTP_ERROR, f"the server answers {status}: {shown(text) or 'no words'}"
+        )
     try:
         parsed = json.loads(text)
     except (ValueError, RecursionError):
         raise Refused(
-            "NOT_JSON", f"the server answers '{shown(text)}', expected JSON of chat completions"
+            RefusalCode.NOT_JSON,
+            f"the server answers '{shown(text)}', expected JSON of chat completions",
         ) from None
     return ranking(_content(parsed), bidders)
 
@@ -166,7 +174,7 @@ def ranking(content: str, bidders: Sequence[str]) -> External:
                 message=shown(reason) if isinstance(reason, str) else "",
             )
     raise Refused(
-        "NO_RANKING",
+        RefusalCode.NO_RANKING,
         f"the model says '{shown(content)}', expected JSON with 'ranking', a list of names",
     )
 
@@ -206,7 +214,7 @@ def _content(parsed: Any) -> str:
         text = None
     if not isinstance(text, str):
         raise Refused(
-            "NO_RANKING", "the server's answer has no text at choices[0].message.content"
+            RefusalCode.NO_RANKING, "the server's answer has no text at choices[0].message.content"
         )
     return text
 

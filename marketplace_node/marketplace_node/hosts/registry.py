@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.liveness import extended_after_stall
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 
 _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -77,7 +78,7 @@ class HostEntry:
         """
         if participant != self.participant:
             raise Refused(
-                "OTHER_PARTICIPANT",
+                RefusalCode.OTHER_PARTICIPANT,
                 f"in the name of {self.host} by the DDS participant {participant or '(unknown)'}, "
                 f"expected {self.participant or '(unknown)'}, which has registered it; a host "
                 "speaks for itself, from one process",
@@ -280,29 +281,30 @@ class Registry:
         ):
             if not is_full_name(name):
                 raise Refused(
-                    "BAD_NAME",
+                    RefusalCode.BAD_NAME,
                     f"{what} is '{name[:LONGEST_NAME]}', expected a fully qualified ROS name of "
                     f"at most {LONGEST_NAME} characters such as /agents/run",
                 )
         if registration.host not in self._entries and len(self._entries) >= MOST_HOSTS:
             raise Refused(
-                "TOO_MANY_HOSTS",
+                RefusalCode.TOO_MANY_HOSTS,
                 f"{len(self._entries)} hosts are alive, at most {MOST_HOSTS} may be; let one host "
                 "have more agents",
             )
         if len(registration.agents) > MOST_AGENTS:
             raise Refused(
-                "TOO_MANY_AGENTS",
+                RefusalCode.TOO_MANY_AGENTS,
                 f"{registration.host} has {len(registration.agents)} agents, at most "
                 f"{MOST_AGENTS} may be in one host; start more hosts",
             )
         if not registration.instance:
             raise Refused(
-                "EMPTY", "host_instance is empty; give every start of the host another one"
+                RefusalCode.EMPTY,
+                "host_instance is empty; give every start of the host another one",
             )
         if registration.parameters != self._parameters:
             raise Refused(
-                "OTHER_PARAMETERS",
+                RefusalCode.OTHER_PARAMETERS,
                 f"{registration.host} has the scene parameters "
                 f"{', '.join(registration.parameters) or '(none)'}, the market has "
                 f"{', '.join(self._parameters)}; both must read the same scene.yaml",
@@ -314,7 +316,7 @@ class Registry:
             held.check_sender(registration.participant)
         elif self.is_live(held.host, held.instance, now):
             raise Refused(
-                "HOST_EXISTS",
+                RefusalCode.HOST_EXISTS,
                 f"another {registration.host} is alive (instance {held.instance}); "
                 "start one host of a name, or give this one another name",
             )
@@ -322,12 +324,12 @@ class Registry:
     def _check_agent(self, name: str, host: str, accepted: Mapping[str, int], now: float) -> None:
         if len(name) > LONGEST_NAME or not _AGENT_NAME.fullmatch(name):
             raise Refused(
-                "BAD_NAME",
+                RefusalCode.BAD_NAME,
                 f"'{name[:LONGEST_NAME]}' is no agent name; it starts with a small letter and "
                 f"goes on with small letters, digits and _, {LONGEST_NAME} characters at most",
             )
         if name in accepted:
-            raise Refused("DUPLICATE", f"'{name}' stands twice in the list of {host}")
+            raise Refused(RefusalCode.DUPLICATE, f"'{name}' stands twice in the list of {host}")
         holder = self.agents.get(name)
         if (
             holder is not None
@@ -335,7 +337,7 @@ class Registry:
             and self.is_live(holder.host, holder.instance, now)
         ):
             raise Refused(
-                "AGENT_EXISTS",
+                RefusalCode.AGENT_EXISTS,
                 f"'{name}' is held by {holder.host}, which is alive; agent names are unique",
             )
 

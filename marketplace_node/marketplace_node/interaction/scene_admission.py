@@ -249,7 +249,7 @@ class SceneAdmission:
             raise Refused(RefusalCode.SHUTTING_DOWN, self.closed_reason)
         if self.knows(scene.scene_id):
             raise Refused(
-                "DUPLICATE",
+                RefusalCode.DUPLICATE,
                 f"scene '{scene.scene_id}' was taken before; give every scene an id of its own",
             )
         if interaction is None and not self._queue:
@@ -259,14 +259,16 @@ class SceneAdmission:
         else:
             busy = f"scene '{interaction.origin.scene_id}' is under way"
         if self._market_state.settings.on_new_scene == "reject":
-            raise Refused("BUSY", f"{busy} and on_new_scene is 'reject'")
+            raise Refused(RefusalCode.BUSY, f"{busy} and on_new_scene is 'reject'")
         if self._preempts and _running(interaction) and self._challenge is None:
             return  # its challenge opens at once; it stays queued only if that stops no run
         # Without an interaction the first scene only waits for a host, so it does not count.
         waiting = len(self._queue) - (self._challenge is not None or interaction is None)
         limit = self._market_state.settings.queue_limit
         if waiting >= limit + self._finds_room(scene):
-            raise Refused("QUEUE_FULL", f"{busy} and {waiting} wait, at most {limit} may")
+            raise Refused(
+                RefusalCode.QUEUE_FULL, f"{busy} and {waiting} wait, at most {limit} may"
+            )
 
     def _refuse_all(self, code: str, message: str) -> None:
         queued, self._queue = self._queue, []

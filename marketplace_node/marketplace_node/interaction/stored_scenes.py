@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 from bt_agents_core.errors import Refused
 from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.person_facts import facts
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, finite_or_none
 from bt_agents_core.stop_cause import StoppedBy
 from marketplace_node.effects import EarlierRun, SceneEnded
@@ -158,7 +159,7 @@ def read_scenes(text: str, space: SceneSpace) -> StoreScenes:
         )
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, Refused) as error:
         raise Refused(
-            "MALFORMED",
+            RefusalCode.MALFORMED,
             f"the stored scenes cannot be read ({error}), so those that waited have no end; "
             "announce them again",
         ) from None

@@ -14,6 +14,7 @@ from action_msgs.srv import CancelGoal
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_interfaces.action import RunAgent
@@ -133,7 +134,7 @@ class HostConnections:
             for client in made:
                 self._node.destroy_client(client)
             raise Refused(
-                "UNREACHABLE",
+                RefusalCode.UNREACHABLE,
                 f"{entry.host} cannot be reached at {entry.run_action} and {entry.heartbeat}, "
                 f"expected an action and a topic that nothing else is called: {error}",
             ) from None

@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import single_spaced
@@ -71,7 +72,7 @@ class BidDecoder:
         try:
             bids = bids_from_msg(deserialize_message(message, BidsMsg), participant)
         except Exception as error:
-            raise Refused("MALFORMED", f"bids that are no message: {error}") from None
+            raise Refused(RefusalCode.MALFORMED, f"bids that are no message: {error}") from None
         if bids.epoch == self._epoch and self._is_known(bids.host):
             self._last[bids.host] = (message, bids)
         return bids
@@ -135,14 +136,19 @@ def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> Ea
     """
     if message.event != RunMsg.ENDED:
         raise Refused(
-            "NOT_ENDED", f"event is {message.event}, expected {RunMsg.ENDED}: a run that has ended"
+            RefusalCode.NOT_ENDED,
+            f"event is {message.event}, expected {RunMsg.ENDED}: a run that has ended",
         )
     if message.outcome not in _ENDED:
-        raise Refused("UNKNOWN_OUTCOME", f"outcome is {message.outcome}, expected 1 to 4")
+        raise Refused(
+            RefusalCode.UNKNOWN_OUTCOME, f"outcome is {message.outcome}, expected 1 to 4"
+        )
     if not (message.epoch and message.round and message.agent):
-        raise Refused("EMPTY", "epoch, round or agent is empty; they name the run")
+        raise Refused(RefusalCode.EMPTY, "epoch, round or agent is empty; they name the run")
     if not math.isfinite(message.duration_s):
-        raise Refused("NOT_FINITE", f"duration_s is {message.duration_s}, expected seconds")
+        raise Refused(
+            RefusalCode.NOT_FINITE, f"duration_s is {message.duration_s}, expected seconds"
+        )
     return EarlierRun(
         epoch=message.epoch,
         goal=RunGoal(
@@ -299,7 +305,7 @@ def operator_command_from_msg(
         Refused: ``UNKNOWN_ACTION``, or as in :func:`scene_from_msg`.
     """
     if request.action not in set(OperatorAction):
-        raise Refused("UNKNOWN_ACTION", f"action is {request.action}, expected 0 to 4")
+        raise Refused(RefusalCode.UNKNOWN_ACTION, f"action is {request.action}, expected 0 to 4")
     action = OperatorAction(request.action)
     return OperatorCommand(
         action=action,

@@ -9,6 +9,7 @@ import rclpy
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_interfaces.msg import MarketHeartbeat
 from bt_agents_ros import qos
 from bt_agents_ros.signals import check_interrupt
@@ -53,7 +54,9 @@ def refuse_second_market() -> None:
             check_interrupt()
             spinner.spin_once(_POLL_S)
         if check.is_refused(now):
-            raise Refused("SECOND_MARKET", another_market_text(listener, check.alive, senders[0]))
+            raise Refused(
+                RefusalCode.SECOND_MARKET, another_market_text(listener, check.alive, senders[0])
+            )
     finally:
         spinner.close()
 

@@ -15,6 +15,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import HostCard
@@ -116,11 +117,14 @@ class SelectorNode(BaseNode):
         bidders = self._bidders(request)
         scene = scene_from_msg(request.scene, self._space)
         if len(self._requests) >= _MOST_WAITING:
-            raise Refused("BUSY", f"{len(self._requests)} questions wait for the server already")
+            raise Refused(
+                RefusalCode.BUSY, f"{len(self._requests)} questions wait for the server already"
+            )
         limit_s = request.limit_s
         if not 0.0 < limit_s <= _LONGEST_S:
             raise Refused(
-                "OUT_OF_RANGE", f"limit_s is {limit_s:g}, expected more than 0 to {_LONGEST_S:g} s"
+                RefusalCode.OUT_OF_RANGE,
+                f"limit_s is {limit_s:g}, expected more than 0 to {_LONGEST_S:g} s",
             )
         body = json.dumps(question(self._endpoint.model, self._space, scene, bidders)).encode()
         names = [bidder.name for bidder in bidders]
@@ -142,19 +146,19 @@ class SelectorNode(BaseNode):
         except Refused:
             raise
         except Exception as error:
-            raise Refused("FAILED", f"asking failed: {type(error).__name__}") from None
+            raise Refused(RefusalCode.FAILED, f"asking failed: {type(error).__name__}") from None
 
     def _bidders(self, request: SelectAgent.Request) -> list[Bidder]:
         space, count = self._space.profiles, len(request.agents)
         width = len(space)
         if len(request.vectors) != count * width or len(request.distances) != count:
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"{count} agents with {len(request.vectors)} values and "
                 f"{len(request.distances)} distances, expected {count * width} and {count}",
             )
         if not all(math.isfinite(distance) for distance in request.distances):
-            raise Refused("NOT_FINITE", "a distance is not a finite number")
+            raise Refused(RefusalCode.NOT_FINITE, "a distance is not a finite number")
         described = {
             n: text for by_agent in self.descriptions.values() for n, text in by_agent.items()
         }
@@ -192,7 +196,9 @@ def make_node() -> SelectorNode:
         variable = values["key_variable"]
         key = os.environ.get(variable, "") if variable else ""
         if variable and not key:
-            raise Refused("NO_KEY", f"the environment variable {variable} is not set or empty")
+            raise Refused(
+                RefusalCode.NO_KEY, f"the environment variable {variable} is not set or empty"
+            )
         return SelectorNode(
             space, Endpoint(base_url=values["base_url"], model=values["model"], key=key)
         )

@@ -129,19 +129,19 @@ class Auction:
         entry = self._asked.get(bids.host)
         if entry is None:
             raise Refused(
-                "UNREGISTERED",
+                RefusalCode.UNREGISTERED,
                 f"'{bids.host}' was not asked in round {self.terms.round}; a host registers first",
             )
         entry.check_sender(bids.participant)
         if bids.instance != entry.instance:
             raise Refused(
-                "WRONG_INSTANCE",
+                RefusalCode.WRONG_INSTANCE,
                 f"{bids.host} answers as instance '{bids.instance}', "
                 f"'{entry.instance}' was asked; register after every start",
             )
         if bids.host in self._answered:
             raise Refused(
-                "DUPLICATE", f"{bids.host} has answered already; the first answer counts"
+                RefusalCode.DUPLICATE, f"{bids.host} has answered already; the first answer counts"
             )
         return entry
 
@@ -149,26 +149,26 @@ class Auction:
         agents, width = len(bids.agents), len(self._space)
         if len(bids.agent_ids) != agents or len(bids.vectors) != agents * width:
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"{agents} agents with {len(bids.agent_ids)} ids and {len(bids.vectors)} values, "
                 f"expected {agents} ids and {agents * width} values: "
                 f"{', '.join(self._space.names)} of each agent",
             )
         if len(bids.weights) not in (0, agents * width):
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"{agents} agents with {len(bids.weights)} weights, expected none or "
                 f"{agents * width}: one of each parameter for each agent",
             )
         if len(bids.declined) != len(bids.decline_reasons):
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"{len(bids.declined)} agents decline with {len(bids.decline_reasons)} reasons, "
                 "expected one reason each",
             )
         if len(bids.unmet) not in (0, len(bids.declined)):
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"{len(bids.declined)} agents decline with {len(bids.unmet)} requirements that "
                 "are not met, expected none or one each",
             )
@@ -176,11 +176,11 @@ class Auction:
     def _check_agent(self, agent: str, entry: HostEntry, named: set[str]) -> None:
         if agent not in entry.agents:
             raise Refused(
-                "UNKNOWN_AGENT",
+                RefusalCode.UNKNOWN_AGENT,
                 f"{entry.host} has no registered agent '{agent}'; register after every change",
             )
         if agent in named:
-            raise Refused("DUPLICATE", f"'{agent}' is named twice; the first one counts")
+            raise Refused(RefusalCode.DUPLICATE, f"'{agent}' is named twice; the first one counts")
 
     def _checked(self, bids: Bids, row: int, entry: HostEntry) -> AcceptedBid:
         """Return the bid in one row of an answer of the right lengths.
@@ -191,10 +191,13 @@ class Auction:
         """
         agent, agent_id, width = bids.agents[row], bids.agent_ids[row], len(self._space)
         if agent in self.terms.excluded:
-            raise Refused("EXCLUDED", f"'{agent}' may not bid: {self.terms.excluded[agent]}")
+            raise Refused(
+                RefusalCode.EXCLUDED, f"'{agent}' may not bid: {self.terms.excluded[agent]}"
+            )
         if agent_id != entry.agents[agent]:
             raise Refused(
-                "WRONG_ID", f"'{agent}' bids with id {agent_id}, expected {entry.agents[agent]}"
+                RefusalCode.WRONG_ID,
+                f"'{agent}' bids with id {agent_id}, expected {entry.agents[agent]}",
             )
         cells = slice(row * width, (row + 1) * width)
         vector = self._space.vector(bids.vectors[cells], what=f"bid of {agent}")
@@ -202,7 +205,7 @@ class Auction:
         for name, weight in zip(self._space.names, weights, strict=False):
             if not (math.isfinite(weight) and 0.0 <= weight <= MAX_WEIGHT):
                 raise Refused(
-                    "OUT_OF_RANGE",
+                    RefusalCode.OUT_OF_RANGE,
                     f"bid of {agent}: the weight of {name} is {weight:g}, expected 0 to "
                     f"{MAX_WEIGHT:g}",
                 )
@@ -236,9 +239,9 @@ def check_round(bids: Bids, epoch: str, current: int) -> None:
     """
     if bids.epoch != epoch:
         raise Refused(
-            "FOREIGN_EPOCH", f"bids for the market '{bids.epoch}', this one is '{epoch}'"
+            RefusalCode.FOREIGN_EPOCH, f"bids for the market '{bids.epoch}', this one is '{epoch}'"
         )
     if bids.round != current:
         raise Refused(
-            "FOREIGN_ROUND", f"bids for round {bids.round}, the current one is {current}"
+            RefusalCode.FOREIGN_ROUND, f"bids for round {bids.round}, the current one is {current}"
         )

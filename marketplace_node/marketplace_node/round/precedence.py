@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.files.market_reader import MarketRule
@@ -63,7 +64,9 @@ def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, 
         Refused: ``EMPTY``, ``UNKNOWN_AGENT`` or ``DUPLICATE``.
     """
     if not ranking:
-        raise Refused("EMPTY", "it ranks nobody, expected the names of bidders, best first")
+        raise Refused(
+            RefusalCode.EMPTY, "it ranks nobody, expected the names of bidders, best first"
+        )
     known = set(bidders)
     named: set[str] = set()
     for agent in ranking:
@@ -72,10 +75,13 @@ def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, 
                 " …" if len(bidders) > _BIDDERS_NAMED else ""
             )
             raise Refused(
-                "UNKNOWN_AGENT", f"it ranks '{shown(agent)}', which has not bid; there are {few}"
+                RefusalCode.UNKNOWN_AGENT,
+                f"it ranks '{shown(agent)}', which has not bid; there are {few}",
             )
         if agent in named:
-            raise Refused("DUPLICATE", f"it ranks '{agent}' twice, expected each bidder once")
+            raise Refused(
+                RefusalCode.DUPLICATE, f"it ranks '{agent}' twice, expected each bidder once"
+            )
         named.add(agent)
     return tuple(ranking)
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from marketplace_node.round.counterfactual import smallest_change
 from marketplace_node.round.decision import (
@@ -85,7 +86,7 @@ def _spec(name: str) -> StrategySpec:
     spec = STRATEGIES.get(name)
     if spec is None:
         raise Refused(
-            "UNKNOWN_STRATEGY",
+            RefusalCode.UNKNOWN_STRATEGY,
             f"no strategy '{name}' is installed; there are {', '.join(STRATEGIES)}",
         )
     return spec

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from marketplace_node.formatting import shown
 from marketplace_node.round.decision import AcceptedBid, External, Terms, UndecidedRule
@@ -141,11 +142,11 @@ def scored(
         ]
     except (Exception, SystemExit) as error:
         raise Refused(
-            "STRATEGY_FAILED",
+            RefusalCode.STRATEGY_FAILED,
             f"strategy {spec.name} raised {type(error).__name__}: {shown(str(error))}",
         ) from error
     if problem := _problem(scores, given):
-        raise Refused("STRATEGY_FAILED", f"strategy {spec.name}: {problem}")
+        raise Refused(RefusalCode.STRATEGY_FAILED, f"strategy {spec.name}: {problem}")
     return scores
 
 

@@ -17,6 +17,7 @@ from std_msgs.msg import Empty
 from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
 from bt_agents_core.person_facts import values_of
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Origin, Scene, first_id
 from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
@@ -261,13 +262,15 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         try:
             values = check_given(self._spec.space, request.names, request.values)
             if request.person not in _PERSON:
-                raise Refused("UNKNOWN_CHOICE", f"person is {request.person}, expected 0, 1 or 2")
+                raise Refused(
+                    RefusalCode.UNKNOWN_CHOICE, f"person is {request.person}, expected 0, 1 or 2"
+                )
             person = _PERSON[request.person]
             name = _check_name(request)
             gives = bool(values) or person is not None
             if gives and not request.announce and not self._present_id():
                 raise Refused(
-                    "NOT_RUNNING",
+                    RefusalCode.NOT_RUNNING,
                     "no agent is running and no scene is waiting, so there is nothing to change; "
                     "to start an encounter: bt-agents trigger",
                 )
@@ -485,7 +488,7 @@ def _check_name(request: Any) -> str:
         return ""
     if not request.announce or request.person == Analyze.Request.ABSENT:
         raise Refused(
-            "NAMED_NOBODY",
+            RefusalCode.NAMED_NOBODY,
             "a name is given, expected one only where a scene with a person is announced",
         )
     return check_id(request.name)

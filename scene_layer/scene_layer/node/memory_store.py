@@ -121,7 +121,7 @@ class MemoryStore:
 
     async def _manage(self, request: Any, response: Any) -> Any:
         if request.action != ManageProfiles.Request.FORGET:
-            response.code = "UNKNOWN_ACTION"
+            response.code = RefusalCode.UNKNOWN_ACTION
             response.message = (
                 f"action {request.action}, expected {ManageProfiles.Request.FORGET} (forget): the "
                 "scene layer has no profiles, it remembers what was measured"
@@ -134,7 +134,7 @@ class MemoryStore:
         elif kind == PLACE and name:
             found = self._memory.forget(place=name)
         else:
-            response.code = "UNKNOWN_LAYER"
+            response.code = RefusalCode.UNKNOWN_LAYER
             response.message = (
                 f"no layer '{layer[:_SHOWN]}', expected person/NAME or place/NAME, for example "
                 "person/anna"

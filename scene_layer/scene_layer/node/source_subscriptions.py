@@ -17,6 +17,7 @@ from rclpy.node import Node
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_path import NoSuchItem, value_at
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.model.scene_specs import MESSAGE, SceneSpec, SourceSpec, TrackedSpec
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
@@ -118,12 +119,13 @@ class SourceSubscriptions:
             return self._node.create_subscription(kind, topic, take, profile)
         except InvalidTopicNameException as error:
             raise Refused(
-                "UNUSABLE_TOPIC", f"no topic can be called {topic[:_SHOWN]}: {str(error)[:_SHOWN]}"
+                RefusalCode.UNUSABLE_TOPIC,
+                f"no topic can be called {topic[:_SHOWN]}: {str(error)[:_SHOWN]}",
             ) from None
         except RCLError:
             # The message of rclpy is about memory, but the cause is the other type.
             raise Refused(
-                "UNUSABLE_TOPIC",
+                RefusalCode.UNUSABLE_TOPIC,
                 f"the topic {topic[:_SHOWN]} cannot be heard with the type {type_name}, expected "
                 "the same type wherever it stands in scene.yaml",
             ) from None
@@ -142,7 +144,7 @@ class SourceSubscriptions:
                 BindingKind.TOPIC, type_name, "message", path
             )
             if problem:
-                raise Refused("UNKNOWN_FIELD", f"{position}: {type_name}: {problem}")
+                raise Refused(RefusalCode.UNKNOWN_FIELD, f"{position}: {type_name}: {problem}")
 
     # Readings
 

@@ -146,7 +146,7 @@ def test_a_value_out_of_range_is_not_told(value: str, words: str) -> None:
 
 
 def test_a_scene_layer_that_refuses_a_told_value_fails_the_node() -> None:
-    refused = ScriptedReply(result={"accepted": False, "code": "NOTHING_RUNS", "message": ""})
+    refused = ScriptedReply(result={"accepted": False, "code": "NOT_RUNNING", "message": ""})
     one = stage("set: {scene.age: 4}", analyze=refused)
     assert one.tick() == "failed"
-    assert reason(one).startswith("the scene layer refuses it: NOTHING_RUNS")
+    assert reason(one).startswith("the scene layer refuses it: NOT_RUNNING")

@@ -120,7 +120,7 @@ def test_the_second_file_of_a_name_is_a_problem(folder):
 
 @pytest.mark.parametrize("name", ["", " x", "x\n", "x" * 61, "\x00", "a\u2028b", "..", "/"])
 def test_a_name_without_letters_or_of_control_characters_is_refused(folder, name):
-    with pytest.raises(Refused, match="NOT_A_NAME: a preset cannot be called"):
+    with pytest.raises(Refused, match="BAD_NAME: a preset cannot be called"):
         Presets(folder).save(name, VALUES)
     assert not folder.exists()
 
@@ -176,6 +176,6 @@ def test_the_folder_of_the_installation_takes_no_presets(tmp_path, monkeypatch):
     installed.mkdir(parents=True)
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     presets = Presets(installed / "presets")
-    with pytest.raises(Refused, match=r"NOT_KEPT: .* belongs to the installation, .* a copy"):
+    with pytest.raises(Refused, match=r"CANNOT_WRITE: .* belongs to the installation, .* a copy"):
         presets.save("morning", VALUES)
     assert list(installed.iterdir()) == []

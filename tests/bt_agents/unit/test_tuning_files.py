@@ -221,7 +221,7 @@ def test_a_file_of_another_format_is_left_alone(path):
     assert path.read_text() == '{"format": 9}'
 
 
-@pytest.mark.parametrize(("number", "code"), [(28, "STORAGE_FULL"), (5, "NOT_KEPT")])
+@pytest.mark.parametrize(("number", "code"), [(28, "STORAGE_FULL"), (5, "CANNOT_WRITE")])
 def test_a_disk_that_takes_nothing_refuses(path, monkeypatch, number, code):
     log = ChangeLog(path, Disk())
     log.write(tuned(12.0))

@@ -295,10 +295,10 @@ def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, mo
     host = Host(tmp_path / "t.json")
 
     def full(*_arguments: object) -> None:
-        raise Refused("NOT_KEPT", "the disk is full")
+        raise Refused("CANNOT_WRITE", "the disk is full")
 
     monkeypatch.setattr(ChangeLog, "write", full)
-    with pytest.raises(Refused, match="NOT_KEPT"):
+    with pytest.raises(Refused, match="CANNOT_WRITE"):
         host.store.set({"a.patience": 12.0}, ANNA)
     assert host.store.value("a.patience") == 8.0
     assert host.store.history.revision == 0
@@ -309,7 +309,7 @@ def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, mo
 
 @pytest.mark.parametrize("text", ["x" * 301, "two\nlines", "\x1b[2J"])
 def test_words_from_outside_are_one_line_that_can_be_shown(text):
-    with pytest.raises(Refused, match="NOT_WORDS: the reason is"):
+    with pytest.raises(Refused, match="BAD_TEXT: the reason is"):
         checked_line(text, "the reason")
 
 

@@ -8,6 +8,7 @@ from py_trees.behaviour import Behaviour
 from bt_agents.engine.composite import ChooseOne
 from bt_agents.engine.nodes.case import Case
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 
 class Choose(ChooseOne):
@@ -22,7 +23,7 @@ class Choose(ChooseOne):
                 self.feedback_message = f"case '{case.name}'"
                 return case
             mismatches.append(f"{case.name}: {mismatch}")
-        raise Refused("NO_CASE", f"no case fits; {'; '.join(mismatches)}")
+        raise Refused(RefusalCode.NO_CASE, f"no case fits; {'; '.join(mismatches)}")
 
 
 BEHAVIOURS = {"choose": Choose}

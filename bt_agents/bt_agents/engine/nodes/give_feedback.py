@@ -12,6 +12,7 @@ from bt_agents.engine.fields import scene_value
 from bt_agents.engine.leaf import Leaf
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.refusal_codes import RefusalCode
 
 _DIRECT = "direct feedback"
 
@@ -53,7 +54,7 @@ class GiveFeedback(Leaf):
         given = self.fields.value("values") if "values" in self.fields else None
         if not isinstance(given, Mapping) or not given:
             raise Refused(
-                "EMPTY",
+                RefusalCode.EMPTY,
                 f"{_DIRECT} has no values, expected at least one scene parameter with the "
                 "value that the profile moves to; write values: {age: 4}",
             )

@@ -20,6 +20,7 @@ from bt_agents.engine.node_errors import reason_of, with_location
 from bt_agents.engine.scope import Scope
 from bt_agents_core.errors import LONGEST_REASON, Refused
 from bt_agents_core.field_types import Plain
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.specs import NodeSpec
 
@@ -76,14 +77,14 @@ class PluginLeaf(Leaf):
         status, message = behaviour.status, behaviour.feedback_message
         if not isinstance(status, Status) or status is Status.INVALID:
             raise Refused(
-                "NO_STATUS",
+                RefusalCode.NO_STATUS,
                 f"{self.spec.kind} ended its tick as {status}, expected RUNNING, SUCCESS or "
                 "FAILURE",
             )
         self._write()
         lost = self._node.lost() if self._node is not None else ""
         if lost and status is Status.RUNNING:
-            raise Refused("LOST_GOAL", lost)
+            raise Refused(RefusalCode.LOST_GOAL, lost)
         self.feedback_message = str(message)[:LONGEST_REASON]
         return status
 
@@ -169,7 +170,7 @@ class PluginLeaf(Leaf):
                     value = self._node.plain(value)
                 if not _is_plain(value):
                     raise Refused(
-                        "NOT_PLAIN",
+                        RefusalCode.NOT_PLAIN,
                         f"{self.spec.kind} has put a {type(value).__name__} on the blackboard as "
                         f"'{key}', expected a message, or texts, numbers, lists and mappings",
                     )
@@ -186,7 +187,7 @@ class PluginLeaf(Leaf):
         made = self.spec.plugin(name=self.spec.name, **copy.deepcopy(dict(fields)))
         if not isinstance(made, Behaviour):
             raise Refused(
-                "NO_BEHAVIOUR",
+                RefusalCode.NO_BEHAVIOUR,
                 f"{self.spec.kind} made a {type(made).__name__}, expected a py_trees Behaviour",
             )
         return made
@@ -200,17 +201,19 @@ class PluginLeaf(Leaf):
         try:
             return bounded(call, self._limit_s)
         except Refused as refused:
-            if refused.code == "BLOCKED":
+            if refused.code == RefusalCode.BLOCKED:
                 self._limit_s = max(self._limit_s * BLOCKED_SHARE, _LEAST_S)
             raise
         except (Exception, KeyboardInterrupt):
             raise
         except SystemExit:
             raise Refused(
-                "EXIT", "the plug-in wanted to end the program, which it may not"
+                RefusalCode.EXIT, "the plug-in wanted to end the program, which it may not"
             ) from None
         except BaseException as error:
-            raise Refused("EXIT", f"the plug-in raised {type(error).__name__}: {error}") from None
+            raise Refused(
+                RefusalCode.EXIT, f"the plug-in raised {type(error).__name__}: {error}"
+            ) from None
 
 
 def _absolute(key: str) -> str:

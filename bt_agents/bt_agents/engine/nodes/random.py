@@ -12,6 +12,7 @@ from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.nodes.weight import Weight
 from bt_agents.engine.scope import Scope
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.model.specs import NodeSpec
 
 
@@ -49,7 +50,9 @@ class RandomChoice(ChooseOne):
             if (weight := child.fields.number("weight")) > 0:
                 weights[child] = weight
         if not weights:
-            raise Refused("NO_WEIGHT", "all weights are 0, expected at least one larger number")
+            raise Refused(
+                RefusalCode.NO_WEIGHT, "all weights are 0, expected at least one larger number"
+            )
         if not self._repeats:
             weights = self._not_had(weights)
         # Scaled, so that the sum of large weights stays finite.

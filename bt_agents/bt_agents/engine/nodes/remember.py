@@ -8,6 +8,7 @@ from py_trees.common import Status
 from bt_agents.engine.scene_layer_leaf import SceneLayerLeaf
 from bt_agents_core.errors import Refused
 from bt_agents_core.person_facts import Fact, fact, message_fields
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.nodes.remember import BINDING
 
@@ -28,7 +29,7 @@ class Remember(SceneLayerLeaf):
             who = self.scope.lookup("person.name")
         except MissingValue:
             raise Refused(
-                "NOBODY_KNOWN",
+                RefusalCode.NOBODY_KNOWN,
                 "nobody who is known by name is there, so nothing can be remembered",
             ) from None
         facts = tuple(message_fields(key, value) for key, value in self._facts.items())

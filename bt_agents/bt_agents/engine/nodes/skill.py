@@ -24,6 +24,7 @@ from bt_agents.engine.scope import (
 from bt_agents.engine.variant_picker import VariantPicker
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, join_first, quote
 from bt_agents_language.expression.expressions import Expression, MissingValue
 from bt_agents_language.model.specs import Binding, Literal, NodeSpec, Place
@@ -115,7 +116,7 @@ class SkillLeaf(Leaf):
         assert skill is not None
         if skill.binding is None:
             reason = skill.unoffered or "no robot here offers it"
-            raise Refused("NOT_OFFERED", f"'{skill.name}' cannot be done: {reason}")
+            raise Refused(RefusalCode.NOT_OFFERED, f"'{skill.name}' cannot be done: {reason}")
         return skill.binding
 
     def _succeeded(self, result: Mapping[str, Plain]) -> Status:
@@ -183,7 +184,7 @@ def _place(binding: Binding, inputs: Mapping[str, Plain]) -> Place | None:
     place = binding.places.get(name)
     if place is None:
         known = f"there are {join_first(binding.places)}" if binding.places else _NO_PLACES
-        raise Refused("UNKNOWN_PLACE", f"there is no place {quote(name)}; {known}")
+        raise Refused(RefusalCode.UNKNOWN_PLACE, f"there is no place {quote(name)}; {known}")
     return place
 
 

@@ -9,6 +9,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 
 MOST_STREAMS = 20
 """Most open streams of each of the two kinds per host."""
@@ -49,7 +50,7 @@ class SnapshotParameters:
         """
         if math.isnan(period_s) or period_s < 0.0:
             raise Refused(
-                "NOT_A_DURATION",
+                RefusalCode.NOT_A_DURATION,
                 f"the snapshot period is {period_s}, expected a number of seconds from 0 on, or "
                 "infinity for changes alone",
             )
@@ -102,7 +103,8 @@ def requested_topic(name: str) -> str:
     """
     if len(name) > LONGEST_TOPIC:
         raise Refused(
-            "TOO_LONG", f"the topic has {len(name)} characters, expected at most {LONGEST_TOPIC}"
+            RefusalCode.TOO_LONG,
+            f"the topic has {len(name)} characters, expected at most {LONGEST_TOPIC}",
         )
     return name if name.startswith(("~", "/")) else f"~/snapshot_streams/{name}"
 
@@ -115,7 +117,7 @@ def check_count(streams: int) -> None:
     """
     if streams >= MOST_STREAMS:
         raise Refused(
-            "TOO_MANY",
+            RefusalCode.TOO_MANY,
             f"there are {streams} streams, expected at most {MOST_STREAMS}; close some, or wait "
             f"{UNUSED_S:g} s, after which those without a subscriber are gone",
         )

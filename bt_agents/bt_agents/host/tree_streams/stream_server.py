@@ -30,6 +30,7 @@ from bt_agents.host.tree_streams.stream import (
 )
 from bt_agents.host.tree_streams.watched_run import WatchedRun
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_ros import qos
 from bt_agents_ros.parameters import declare_and_watch, describe
@@ -249,7 +250,7 @@ class TreeStreams:
             variables = tuple(request.variables)
             if len(variables) > MOST_VARIABLES or any(len(v) > LONGEST_TOPIC for v in variables):
                 raise Refused(
-                    "TOO_LARGE",
+                    RefusalCode.TOO_LARGE,
                     f"{len(variables)} variables, the longest of "
                     f"{max(map(len, variables))} characters; expected at most {MOST_VARIABLES} "
                     f"of {LONGEST_TOPIC} characters",
@@ -329,7 +330,9 @@ class TreeStreams:
         try:
             return self._node.create_publisher(kind, topic, qos.FACT)
         except Exception as error:
-            raise Refused("UNUSABLE_TOPIC", f"{topic} cannot be published: {error}") from None
+            raise Refused(
+                RefusalCode.UNUSABLE_TOPIC, f"{topic} cannot be published: {error}"
+            ) from None
 
     def _drop(self, streams: dict[str, Any], topic: str) -> bool:
         """Close a stream; return whether there was one."""
@@ -346,7 +349,7 @@ class TreeStreams:
             return str(expand_topic_name(topic, node.get_name(), node.get_namespace()))
         except (NameValidationException, ValueError) as error:
             raise Refused(
-                "UNUSABLE_TOPIC", f"'{topic}' cannot be the name of a topic: {error}"
+                RefusalCode.UNUSABLE_TOPIC, f"'{topic}' cannot be the name of a topic: {error}"
             ) from None
 
     @contextmanager

@@ -25,8 +25,9 @@ from bt_agents.host.tuning.history import (
 )
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.atomic_file import write_atomically
-from bt_agents_core.errors import STORAGE_FULL, BtAgentsError, Refused
+from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.private_files import make_private_file, make_private_folder, open_private
+from bt_agents_core.refusal_codes import RefusalCode
 
 FORMAT = 1
 
@@ -97,7 +98,7 @@ class ChangeLog:
         """Write a history, which then survives the process.
 
         Raises:
-            Refused: ``STORAGE_FULL`` or ``NOT_KEPT``; what was written before is still there.
+            Refused: ``STORAGE_FULL`` or ``CANNOT_WRITE``; what was written before is still there.
         """
         text = _text(history)
         try:
@@ -166,7 +167,7 @@ def not_kept(path: Path, error: OSError) -> Refused:
     """Return the refusal of a change that cannot be written."""
     full = error.errno in (errno.ENOSPC, errno.EDQUOT)
     return Refused(
-        STORAGE_FULL if full else "NOT_KEPT",
+        RefusalCode.STORAGE_FULL if full else RefusalCode.CANNOT_WRITE,
         f"{path} cannot be written: {error.strerror or error}; nothing is changed",
     )
 

@@ -28,6 +28,7 @@ from bt_agents.host.tuning.tunable import (
     shown_value,
 )
 from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 
@@ -167,13 +168,14 @@ class ParameterStore:
         if alike and not agent:
             more = f", and {len(alike) - _FEW} more" if len(alike) > _FEW else ""
             raise Refused(
-                "UNKNOWN_PARAMETER", f"whose {quote(name)}? {', '.join(alike[:_FEW])}{more}"
+                RefusalCode.UNKNOWN_PARAMETER,
+                f"whose {quote(name)}? {', '.join(alike[:_FEW])}{more}",
             )
         if agent and own:
             what = f"{quote(agent)} has no {quote(name[len(agent) + 1 :])}"
         else:
             what = f"nothing here is called {quote(name)}"
-        raise Refused("UNKNOWN_PARAMETER", f"{what}; {hint}".rstrip("; "))
+        raise Refused(RefusalCode.UNKNOWN_PARAMETER, f"{what}; {hint}".rstrip("; "))
 
     def read(self, names: Sequence[str], texts: Sequence[str]) -> Mapping[str, Setting]:
         """Return the values of texts as authors write them, by name.
@@ -184,14 +186,14 @@ class ParameterStore:
         """
         if len(names) != len(texts) or not names:
             raise Refused(
-                "WRONG_LENGTH",
+                RefusalCode.WRONG_LENGTH,
                 f"{len(names)} names and {len(texts)} values, expected as many of both, at least "
                 "one",
             )
         values: dict[str, Setting] = {}
         for name, text in zip(names, texts, strict=True):
             if name in values:
-                raise Refused("DUPLICATE", f"{name} stands twice; give it one value")
+                raise Refused(RefusalCode.DUPLICATE, f"{name} stands twice; give it one value")
             values[name] = self.parameter(name).read(text)
         return values
 
@@ -208,7 +210,7 @@ class ParameterStore:
                     self.format_value(change.name, one) for one in (change.before, change.after)
                 )
                 raise Refused(
-                    "CHANGED_MEANWHILE",
+                    RefusalCode.CHANGED_MEANWHILE,
                     f"{change.name} was changed from {before} to {after} by "
                     f"{revision.cause.author} (revision {revision.number}), expected no change "
                     f"after revision {seen}; look at it, and set it again",
@@ -216,7 +218,7 @@ class ParameterStore:
         newest = self.history.revision
         if seen > newest or (shown and seen < shown[0].number - 1):
             raise Refused(
-                "CHANGED_MEANWHILE",
+                RefusalCode.CHANGED_MEANWHILE,
                 f"revision {seen} is not known here any more, the last one is {newest}; look at "
                 "the values, and set them again",
             )
@@ -314,7 +316,8 @@ class ParameterStore:
         }
         if not values:
             raise Refused(
-                "NOTHING_LEFT", f"preset {quote(name)} has no value of an agent that is here"
+                RefusalCode.NOTHING_LEFT,
+                f"preset {quote(name)} has no value of an agent that is here",
             )
         return values, [one for one in preset.values if one not in self._parameters]
 
@@ -327,7 +330,7 @@ class ParameterStore:
             The number of values and the job that saves them, as in :meth:`Presets.save`.
 
         Raises:
-            Refused: ``NOT_A_NAME`` or ``UNKNOWN_AGENT``.
+            Refused: ``BAD_NAME`` or ``UNKNOWN_AGENT``.
         """
         check_name(name)
         wanted = self._known(agents)
@@ -350,7 +353,7 @@ class ParameterStore:
         for agent in agents:
             if agent not in self._agents:
                 hint = did_you_mean(agent, sorted(self._agents))
-                raise Refused("UNKNOWN_AGENT", f"no agent {quote(agent)} here; {hint}")
+                raise Refused(RefusalCode.UNKNOWN_AGENT, f"no agent {quote(agent)} here; {hint}")
         return set(agents)
 
     def _possible(self, name: str, value: Setting) -> bool:
@@ -385,13 +388,13 @@ def checked_line(text: str, what: str, longest: int = _LONGEST_LINE) -> str:
     """Return a text from outside, checked to be printable on one line.
 
     Raises:
-        Refused: ``NOT_WORDS``.
+        Refused: ``BAD_TEXT``.
     """
     if len(text) > longest or not text.isprintable():
         bad = next((one for one in text if not one.isprintable()), "")
         found = f", with the character {bad!r}" if bad else f", {len(text)} characters"
         raise Refused(
-            "NOT_WORDS",
+            RefusalCode.BAD_TEXT,
             f"{what} is {quote(text)}{found}; expected one line of at most {longest} visible "
             "characters",
         )

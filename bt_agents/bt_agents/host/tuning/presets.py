@@ -10,6 +10,7 @@ from bt_agents.host.tuning.change_log import not_kept
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.file_watch import Stamp, poll
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import quote
 from bt_agents_core.trees_folder import is_installed
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -108,15 +109,15 @@ class Presets:
             hint = did_you_mean(name, presets) or "'bt-agents preset save NAME' makes one"
             broken = ", ".join(path.name for path in self.problems)
             more = f"; left out because of problems: {broken}" if broken else ""
-            raise Refused("UNKNOWN_PRESET", f"no preset {quote(name)}; {hint}{more}")
+            raise Refused(RefusalCode.UNKNOWN_PRESET, f"no preset {quote(name)}; {hint}{more}")
         return presets[name]
 
     def save(self, name: str, values: Mapping[str, str]) -> None:
         """Save values, by agent and tunable, under a name; replace an existing preset.
 
         Raises:
-            Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``FILE_TAKEN``, ``STORAGE_FULL`` or
-                ``NOT_KEPT``; nothing is changed.
+            Refused: ``BAD_NAME``, ``TOO_MANY``, ``FILE_TAKEN``, ``STORAGE_FULL`` or
+                ``CANNOT_WRITE``; nothing is changed.
         """
         check_name(name)
         self.refresh()
@@ -124,14 +125,14 @@ class Presets:
         many = len(values) + sum(len(preset.values) for preset in others)
         if len(others) + 1 > MOST_PRESETS or many > MOST_VALUES:
             raise Refused(
-                "TOO_MANY",
+                RefusalCode.TOO_MANY,
                 f"{len(others) + 1} presets with {many} values, expected at most {MOST_PRESETS} "
                 f"with {MOST_VALUES}; forget one, or save fewer agents",
             )
         path = self._files.get(name) or self._folder / preset_file(name)
         if name not in self._files and path in self._read:
             raise Refused(
-                "FILE_TAKEN",
+                RefusalCode.FILE_TAKEN,
                 f"{path} holds another preset, or is broken; choose another name, or mend, rename "
                 "or delete the file",
             )
@@ -146,7 +147,7 @@ class Presets:
         """Delete the file of a preset.
 
         Raises:
-            Refused: ``UNKNOWN_PRESET`` or ``NOT_KEPT``; nothing is changed.
+            Refused: ``UNKNOWN_PRESET`` or ``CANNOT_WRITE``; nothing is changed.
         """
         self.refresh()
         self.get(name)
@@ -161,7 +162,7 @@ class Presets:
     def _check_writable(self) -> None:
         if is_installed(self._folder):
             raise Refused(
-                "NOT_KEPT",
+                RefusalCode.CANNOT_WRITE,
                 f"{self._folder} belongs to the installation, where no presets are saved or "
                 "forgotten; start the system with a copy of the trees folder",
             )
@@ -171,10 +172,10 @@ def check_name(name: str) -> None:
     """Check the name of a preset.
 
     Raises:
-        Refused: ``NOT_A_NAME``.
+        Refused: ``BAD_NAME``.
     """
     if problem := name_problem(name):
-        raise Refused("NOT_A_NAME", problem)
+        raise Refused(RefusalCode.BAD_NAME, problem)
 
 
 def _read(path: Path) -> Preset | ReadError:

@@ -10,6 +10,7 @@ from enum import Enum
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import quote
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.quantities import MAX_DURATION_S, QuantityError, format_quantity
@@ -92,7 +93,7 @@ class TunableParameter:
             return self.check(self.parse(text))
         except QuantityError as error:
             hint = f"; {error.hint}" if error.hint else ""
-            raise Refused("NOT_A_VALUE", f"{self.name}: {error.message}{hint}") from None
+            raise Refused(RefusalCode.NOT_A_VALUE, f"{self.name}: {error.message}{hint}") from None
 
     def parse(self, text: str) -> Setting:
         """Return the value of a text, whether it is possible or not.
@@ -121,7 +122,7 @@ class TunableParameter:
         wanted = _TYPES.get(self.type, float)
         if type(value) is not wanted:
             raise Refused(
-                "WRONG_TYPE",
+                RefusalCode.WRONG_TYPE,
                 f"{self.name} is {quote(str(value))}, a {type(value).__name__}; expected "
                 f"{_TYPE_WORDS[wanted]}",
             )
@@ -134,25 +135,27 @@ class TunableParameter:
     def _check_text(self, value: str) -> None:
         if len(value) > LONGEST_TEXT:
             raise Refused(
-                "NOT_A_VALUE",
+                RefusalCode.NOT_A_VALUE,
                 f"{self.name} has {len(value)} characters, expected at most {LONGEST_TEXT}",
             )
         if BAD_CHARACTER.search(value):
             raise Refused(
-                "NOT_A_VALUE", f"{self.name} has a control character, which no file can hold"
+                RefusalCode.NOT_A_VALUE,
+                f"{self.name} has a control character, which no file can hold",
             )
 
     def _check_number(self, value: float) -> None:
         if not math.isfinite(value):
             raise Refused(
-                "NOT_FINITE", f"{self.name} is {value}, expected a number{self._limits()}"
+                RefusalCode.NOT_FINITE,
+                f"{self.name} is {value}, expected a number{self._limits()}",
             )
         low, high = self.minimum, self.maximum
         if low is None and self.type is FieldType.DURATION:
             low, high = 0.0, MAX_DURATION_S
         if low is not None and high is not None and not low <= value <= high:
             raise Refused(
-                "OUT_OF_RANGE",
+                RefusalCode.OUT_OF_RANGE,
                 f"{self.name} is {format_quantity(value, self.type, _DIGITS)}, expected "
                 f"{self.format(low)} to {self.format(high)}",
             )
@@ -161,7 +164,7 @@ class TunableParameter:
         steps = (value - low) / self.step
         if abs(steps - round(steps)) > _STEP_TOLERANCE:
             raise Refused(
-                "OFF_STEP",
+                RefusalCode.OFF_STEP,
                 f"{self.name} is {format_quantity(value, self.type, _DIGITS)}, expected "
                 f"{self.format(low)} and then steps of {self.format(self.step)}; the nearest is "
                 f"{format_quantity(low + round(steps) * self.step, self.type, _DIGITS)}",

@@ -29,6 +29,7 @@ from bt_agents.host.tuning.tune_service import TuneServer
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.file_watch import PERIOD_S
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros.parameters import describe
@@ -239,7 +240,7 @@ class TunableParameters:
             if len(values) < len(parameters):
                 # Another callback may still refuse the others.
                 raise Refused(
-                    "NOT_TOGETHER",
+                    RefusalCode.NOT_TOGETHER,
                     f"{next(iter(values))} is tuned with a parameter that is no tunable; set them "
                     "one after the other",
                 )

@@ -20,6 +20,7 @@ from bt_agents.host.tuning.parameter_store import ParameterStore, checked_line
 from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import quote
 from bt_agents_interfaces.msg import Preset, TunableInfo, Tunables, Tuning, Tunings
 from bt_agents_interfaces.srv import Tune
@@ -155,7 +156,7 @@ class TuneServer:
             return response
         except Exception as error:
             self._node.get_logger().error(f"~/tune failed:\n{traceback.format_exc()}")
-            response.code = "FAILED"
+            response.code = RefusalCode.FAILED
             response.message = f"{type(error).__name__}: {error}; the log says more"
             return response
         response.accepted = True
@@ -173,7 +174,7 @@ class TuneServer:
         act = self._actions.get(request.action)
         if act is None:
             raise Refused(
-                "UNKNOWN_ACTION",
+                RefusalCode.UNKNOWN_ACTION,
                 f"action {request.action}, expected 0 (set), 1 (undo), 2 (redo), 3 (apply), "
                 "4 (save) or 5 (forget)",
             )
@@ -195,7 +196,9 @@ class TuneServer:
         """
         error = await self._error_of(job)
         if not job.done():
-            raise Refused("CANNOT_WRITE", f"the preset is {error}; look at the presets in a while")
+            raise Refused(
+                RefusalCode.CANNOT_WRITE, f"the preset is {error}; look at the presets in a while"
+            )
         job.result()
         self.publish_tunings()
 

@@ -104,7 +104,7 @@ def _from_ledger(file: Path, layer: str, author: str, runs: bool) -> str:
             ]
             delayed = ledger.forget([(agent, layer) for agent in agents], source=author)
     except Refused as refused:
-        if runs and refused.code == "LEDGER_IN_USE":
+        if runs and refused.code == RefusalCode.LEDGER_IN_USE:
             return "the feedback node has it, see above"
         raise
     if delayed:

@@ -240,7 +240,7 @@ def forget(layer: str, yes: bool, author: str) -> None:
         click.echo(f"scene layer: {from_scene_layer.message}")
         if from_scene_layer.accepted and from_ledger is not None and not from_ledger.accepted:
             click.echo(f"ledger: {from_ledger.message}")
-            sys.exit(0 if from_ledger.code == "UNKNOWN_LAYER" else 1)
+            sys.exit(0 if from_ledger.code == RefusalCode.UNKNOWN_LAYER else 1)
     click.echo(accepted(from_ledger, "the feedback node").message)
 
 
@@ -332,15 +332,19 @@ def _age(text: str) -> float:
     """Return an age [s], or refuse it with ``BAD_AGE``."""
     option = f"--older {text}"
     if text.strip().startswith("-"):
-        raise Refused("BAD_AGE", f"{option}: expected more than 0, for example 90d or 12 h")
+        raise Refused(
+            RefusalCode.BAD_AGE, f"{option}: expected more than 0, for example 90d or 12 h"
+        )
     if re.fullmatch(r"[\d.]+", text.strip()):
-        raise Refused("BAD_AGE", f"{option}: a number without a unit; write 90d, 2w or 12 h")
+        raise Refused(
+            RefusalCode.BAD_AGE, f"{option}: a number without a unit; write 90d, 2w or 12 h"
+        )
     if days := re.fullmatch(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)", text.strip()):
         return float(days[1]) * _DAY_S * (7 if days[2].startswith("w") else 1)
     try:
         return quantity(text, FieldType.DURATION)
     except QuantityError as error:
-        raise Refused("BAD_AGE", f"{option}: {error}; for example 90d or 12 h") from None
+        raise Refused(RefusalCode.BAD_AGE, f"{option}: {error}; for example 90d or 12 h") from None
 
 
 def _when(stamp: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:

@@ -51,7 +51,7 @@ def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bo
         def end() -> Any:
             # A resent scene was taken before.
             mine_ended = (one for one in ends if one.scene_id == mine)
-            return next((one for one in mine_ended if one.code != "DUPLICATE"), None)
+            return next((one for one in mine_ended if one.code != RefusalCode.DUPLICATE), None)
 
         def decided() -> bool:
             last = rounds()[-1:]

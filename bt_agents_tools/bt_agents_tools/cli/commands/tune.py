@@ -16,6 +16,7 @@ import click
 from bt_agents.host.tuning.change_log import read_history
 from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.expression.quantities import QuantityError, number
 from bt_agents_tools.cli.connection import NoSystemError, accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
@@ -143,11 +144,11 @@ def _profiles(named: Iterable[tuple[str, str]]) -> dict[str, dict[str, float]]:
             continue
         values = found.setdefault(match["agent"], {})
         if match["parameter"] in values:
-            raise Refused("DUPLICATE", f"{name} stands twice; give it one value")
+            raise Refused(RefusalCode.DUPLICATE, f"{name} stands twice; give it one value")
         try:
             values[match["parameter"]] = number(text)
         except QuantityError as error:
-            raise Refused("NOT_A_VALUE", f"{name}: {error.message}") from None
+            raise Refused(RefusalCode.NOT_A_VALUE, f"{name}: {error.message}") from None
     return found
 
 

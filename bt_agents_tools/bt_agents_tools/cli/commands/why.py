@@ -12,6 +12,7 @@ import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.optional_packages import journal_needs
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.decisions import (
@@ -66,7 +67,7 @@ def _show_running(round_number: int | None, form: TableForm) -> None:
         names = names_of_scenes(auctions)
         _print_stops(runs, found, names)
         for end in ends:
-            if end.scene_id == found.scene.scene_id and end.code != "DUPLICATE":
+            if end.scene_id == found.scene.scene_id and end.code != RefusalCode.DUPLICATE:
                 click.echo(f"the scene ended: {end_text(end, names)}")
 
 
