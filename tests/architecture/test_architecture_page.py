@@ -39,7 +39,7 @@ def asked() -> list[str]:
     return [path for line in lines for path in re.findall(r"`([^`]+)`", line)]
 
 
-def test_one_cycle_passes_so_many_files_and_each_is_named_once() -> None:
+def test_page_lists_each_file_of_cycle_once() -> None:
     numbers = [number for number, _ in steps()]
     paths = [path for _, path in steps()]
     assert numbers == list(range(1, len(numbers) + 1))
@@ -51,7 +51,7 @@ def test_one_cycle_passes_so_many_files_and_each_is_named_once() -> None:
     assert [int(number) for number in said.groups()] == [len(paths), len(asked())]
 
 
-def test_every_file_of_the_cycle_is_a_module_of_the_product() -> None:
+def test_every_cycle_file_is_a_product_module() -> None:
     packages = {package.name for package in PYTHON_PACKAGES}
     for path in (*(path for _, path in steps()), *asked()):
         assert (ROOT / path).is_file(), path
@@ -60,7 +60,7 @@ def test_every_file_of_the_cycle_is_a_module_of_the_product() -> None:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
-def test_every_path_that_a_document_names_exists(document: str) -> None:
+def test_every_documented_path_exists(document: str) -> None:
     text = (ROOT / document).read_text(encoding="utf-8")
     added = {*ADDED.findall(text)}
     paths = {
@@ -73,7 +73,7 @@ def test_every_path_that_a_document_names_exists(document: str) -> None:
         assert any(ROOT.glob(path.rstrip("/"))), f"{document}: {path}"
 
 
-def test_a_package_imports_only_packages_of_rows_below_its_own() -> None:
+def test_packages_import_only_packages_from_lower_rows() -> None:
     rows = {
         name: int(row)
         for row, name in re.findall(
@@ -87,7 +87,7 @@ def test_a_package_imports_only_packages_of_rows_below_its_own() -> None:
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/architecture.md"])
-def test_a_document_names_every_package_and_folder_of_the_checkout(document: str) -> None:
+def test_document_names_every_package_of_checkout(document: str) -> None:
     text = (ROOT / document).read_text(encoding="utf-8")
     manifests: list[Path] = sorted(ROOT.glob("*/package.xml"))
     for manifest in manifests:
@@ -95,7 +95,7 @@ def test_a_document_names_every_package_and_folder_of_the_checkout(document: str
         assert re.search(rf"`{manifest.parent.name}/?`", text), manifest.parent.name
 
 
-def test_every_script_and_test_that_contributors_are_told_to_run_exists() -> None:
+def test_every_command_in_contributing_guide_exists() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     commands = re.findall(r"^\$ ([^#\n]+)", text, re.MULTILINE)
     assert commands
@@ -103,7 +103,7 @@ def test_every_script_and_test_that_contributors_are_told_to_run_exists() -> Non
         assert (ROOT / path).exists(), path
 
 
-def test_contributors_are_told_of_every_folder_of_tests() -> None:
+def test_contributing_guide_names_every_test_folder() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     packages = {package.name for package in PYTHON_PACKAGES}
     for folder in (ROOT / "tests").iterdir():

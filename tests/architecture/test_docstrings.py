@@ -73,12 +73,12 @@ class Told:
     def hide(self) -> None: ...
 
 
-def test_a_method_of_a_protocol_needs_no_sentence_of_its_own_but_another_does():
+def test_only_methods_outside_protocols_need_their_own_docstring():
     assert list(undocumented(Told, [Shown])) == ["Told.hide"]
     assert list(undocumented(Told, [])) == ["Told.show", "Told.hide"]
 
 
-def test_every_public_method_is_documented_where_it_is_declared():
+def test_every_public_method_is_documented_at_its_declaration():
     classes = public_classes()
     protocols = [one for one in classes if getattr(one, "_is_protocol", False)]
     protocols = [one for one in protocols if members(one)]

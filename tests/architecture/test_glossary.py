@@ -14,14 +14,14 @@ ROWS = [
 ]
 
 
-def test_the_terms_stand_in_alphabetical_order_and_once():
+def test_terms_are_unique_and_alphabetical():
     terms = [term for term, _, _ in ROWS]
     assert terms == sorted(set(terms))
     assert len(terms) > 60
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0])
-def test_a_term_has_one_sentence_and_a_home(row: list[str]):
+def test_term_has_one_sentence_and_a_home(row: list[str]):
     _, meaning, where = row
     assert meaning
     assert not meaning.endswith(".")

@@ -157,7 +157,7 @@ def check_style(paths: list[str], folder: Path) -> None:
         assert result.returncode == 0, result.stdout
 
 
-def test_the_page_has_every_kind_of_addition_in_its_table() -> None:
+def test_page_lists_every_kind_of_addition() -> None:
     headings = re.findall(r"^## (.*)$", PAGE, re.MULTILINE)
     assert headings == list(MOST_FILES)
     for heading in headings:
@@ -165,12 +165,12 @@ def test_the_page_has_every_kind_of_addition_in_its_table() -> None:
 
 
 @pytest.mark.parametrize("heading", MOST_FILES)
-def test_an_addition_touches_no_more_files_than_its_kind_may(heading: str) -> None:
+def test_addition_touches_no_more_files_than_allowed(heading: str) -> None:
     assert 0 < len(touched(section(heading))) <= MOST_FILES[heading]
 
 
 @pytest.mark.parametrize("heading", MOST_FILES)
-def test_an_addition_works_as_it_is_written(heading: str, copy: Path) -> None:
+def test_addition_works_as_documented(heading: str, copy: Path) -> None:
     text = section(heading)
     make(text, copy)
     written = {path for path, _ in NEW_FILE.findall(text)} | {*touched(text)}
@@ -182,7 +182,7 @@ def test_an_addition_works_as_it_is_written(heading: str, copy: Path) -> None:
         assert not output or printed.strip() == output.strip()
 
 
-def test_a_copy_is_used_instead_of_what_is_installed(copy: Path) -> None:
+def test_copied_checkout_takes_precedence_over_installation(copy: Path) -> None:
     main = copy / "bt_agents_tools" / "bt_agents_tools" / "cli" / "main.py"
     main.write_text('def main(): print("this one")\nmain()\n')
     assert "this one" in run("$ bt-agents", copy)

@@ -51,12 +51,12 @@ def effort(**changes: Any) -> Effort:
     return Effort(random=Random(1), **changes)
 
 
-def test_the_ratio_is_that_of_the_medians_and_its_spread_that_of_the_repetitions() -> None:
+def test_ratio_uses_medians_and_spread_uses_repetitions() -> None:
     assert row().ratio == pytest.approx(1.5)
     assert row().ratios == pytest.approx([2.0, 1.5, 1.75])
 
 
-def test_nothing_is_a_ratio_of_a_floor_that_mostly_takes_no_time() -> None:
+def test_mostly_zero_floor_yields_no_ratio() -> None:
     lazy = row(floor_values=[0.0, 0.0, 4e-6])
     assert lazy.ratio is None
     assert lazy.is_met is None
@@ -73,19 +73,17 @@ def test_nothing_is_a_ratio_of_a_floor_that_mostly_takes_no_time() -> None:
         ({"floor": "", "floor_values": ()}, None),
     ],
 )
-def test_a_goal_is_met_from_one_side(changes: dict[str, Any], met: bool | None) -> None:
+def test_goal_is_met_from_one_side(changes: dict[str, Any], met: bool | None) -> None:
     assert row(**changes).is_met is met
 
 
 @pytest.mark.parametrize("changes", [{"values": []}, {"floor_values": [1e-6]}])
-def test_a_row_without_a_value_of_the_floor_for_each_of_its_own_is_refused(
-    changes: dict[str, Any],
-) -> None:
+def test_row_with_missing_floor_values_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="lacks values"):
         row(**changes)
 
 
-def test_ways_are_measured_in_turn_in_an_order_that_changes() -> None:
+def test_variants_are_measured_alternately_in_changing_order() -> None:
     called: list[str] = []
 
     def way(name: str) -> Any:
@@ -99,27 +97,27 @@ def test_ways_are_measured_in_turn_in_an_order_that_changes() -> None:
     assert all(called[int(value) - 1] == name for name in "abc" for value in found[name])
 
 
-def test_a_call_is_timed_as_often_as_it_is_said() -> None:
+def test_call_is_timed_requested_number_of_times() -> None:
     calls: list[None] = []
     assert timed(lambda: calls.append(None), 30)() > 0
     assert len(calls) == 30
 
 
-def test_a_short_effort_does_all_at_least_once() -> None:
+def test_short_effort_does_everything_at_least_once() -> None:
     assert effort(scale=0.01).times(10) == 1
     assert effort(scale=0.01).times(1000) == 10
     assert effort(scale=0.01).is_short
     assert not effort().is_short
 
 
-def test_a_row_comes_back_from_json_as_it_was() -> None:
+def test_row_survives_json_round_trip() -> None:
     one = row(pace=COLD, note="DDS")
     back = from_json(kept(one)["hops"]["rows"][0])
     assert figures.cells(back) == figures.cells(one)
     assert back.note == "DDS"
 
 
-def test_a_table_names_each_case_once_and_each_note_below() -> None:
+def test_table_names_each_case_and_note_once() -> None:
     rows = [row(note="time goes [there]"), row(side="a peer", goal=1.0, note="time goes [there]")]
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(table("hops", rows))
@@ -133,7 +131,7 @@ def test_a_table_names_each_case_once_and_each_note_below() -> None:
     assert text.count("time goes [there]") == 1
 
 
-def test_a_table_of_a_page_escapes_bars_and_marks_what_is_missed() -> None:
+def test_markdown_table_escapes_bars_and_marks_missed_goals() -> None:
     text = markdown([row(case="a|b"), row(goal=1.0, note="DDS")])
     assert "| a\\|b | ours | 3 µs | 2 … 7 | bare 2 µs | 1.5 | 1.5 … 2 | ≤ 1.5 met |" in text
     assert (
@@ -158,7 +156,7 @@ def test_values_are_written_in_a_readable_unit(
     assert figures.cells(one)[1:3] == shown
 
 
-def test_figures_replace_only_those_of_the_page() -> None:
+def test_new_figures_replace_only_old_figures_on_page() -> None:
     page = f"before\n{BEGIN}\nformer\n{END}\nafter\n"
     new = put_into(page, kept(row(), row(goal=1.0)))
     assert new.startswith("before\n")
@@ -169,32 +167,32 @@ def test_figures_replace_only_those_of_the_page() -> None:
     assert put_into(new, kept(row(), row(goal=1.0))) == new
 
 
-def test_figures_that_mean_nothing_get_into_no_page() -> None:
+def test_meaningless_figures_are_not_written_to_page() -> None:
     with pytest.raises(ValueError, match="hops"):
         put_into(f"{BEGIN}{END}", kept(row(), short=True))
     with pytest.raises(ValueError, match="no place"):
         put_into(BEGIN, kept(row()))
 
 
-def test_the_page_of_performance_has_a_place_for_figures() -> None:
+def test_performance_page_has_place_for_figures() -> None:
     page = (ROOT / "docs" / "performance.md").read_text()
     assert put_into(page, kept(row())).count(END) == 1
 
 
-def test_every_benchmark_that_is_named_exists_and_is_explained() -> None:
+def test_every_named_benchmark_exists_and_is_explained() -> None:
     page = (ROOT / "docs" / "performance.md").read_text()
     for name in bench.BENCHMARKS:
         assert importlib.util.find_spec(name) is not None, name
         assert f"`{name}`" in page, name
 
 
-def test_an_unknown_benchmark_is_refused_with_those_that_exist() -> None:
+def test_unknown_benchmark_is_refused_with_existing_names() -> None:
     result = CliRunner().invoke(bench.main, ["tikcing"])
     assert result.exit_code == 2
     assert "ticking" in result.output
 
 
-def test_figures_of_other_benchmarks_stay(tmp_path: Path) -> None:
+def test_figures_of_other_benchmarks_are_kept(tmp_path: Path) -> None:
     file = tmp_path / "figures.json"
     for name, found in (("runs", 1), ("ticking", 2), ("runs", 3)):
         bench._keep(file, name, {"rows": [found]})
@@ -234,7 +232,7 @@ GIVES_NOTHING = """
     ],
     ids=["raises", "dies", "hangs", "gives nothing"],
 )
-def test_a_benchmark_that_fails_says_why_and_keeps_its_figures(
+def test_failing_benchmark_reports_reason_and_keeps_figures(
     body: str, rows: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     head = "import os, time\nfrom pathlib import Path\nfrom measuring import Row\n\n"

@@ -34,24 +34,24 @@ def namesakes(named: Iterable[tuple[str, Path]]) -> dict[str, list[str]]:
     return {name: sorted(found) for name, found in files.items() if len(found) > 1}
 
 
-def test_the_packages_are_found():
+def test_packages_are_found():
     names = {package.name for package in packages()}
     assert names >= {"bt_agents", "bt_agents_core", "marketplace_node", "bt_agents_lab"}
 
 
-def test_no_two_modules_of_a_package_have_the_same_name():
+def test_module_names_are_unique_within_package():
     for package in packages():
         modules = ((path.stem, path) for path in package.rglob("*.py"))
         found = namesakes(one for one in modules if one[0] not in ENTRY_POINTS)
         assert found == {}, package.name
 
 
-def test_no_two_public_classes_have_the_same_name():
+def test_public_class_names_are_unique():
     paths = (path for package in packages() for path in package.rglob("*.py"))
     assert namesakes((name, path) for path in paths for name in public_classes(path)) == {}
 
 
-def test_no_comprehension_takes_a_name_that_its_function_has_from_the_module():
+def test_comprehensions_do_not_shadow_module_names_functions_use():
     """Python 3.12.0 to 3.12.3 lose the one of the module then, with an UnboundLocalError."""
     assert taken_from_module(
         "import g\ndef f(a):\n    b = {g for g in a}\n    return {g(c) for c in b}"

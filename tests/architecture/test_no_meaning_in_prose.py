@@ -120,7 +120,7 @@ def decisions(tree: ast.AST) -> Iterator[ast.expr]:
         "reason.partition(': ')[0]",
     ],
 )
-def test_what_reads_a_text_for_people_is_found(source: str) -> None:
+def test_decision_based_on_prose_is_found(source: str) -> None:
     assert list(decisions(ast.parse(source)))
 
 
@@ -128,11 +128,11 @@ def test_what_reads_a_text_for_people_is_found(source: str) -> None:
     "source",
     ["layer.startswith('person/')", "reason == ''", "name in words", "found.code == 'LATE'"],
 )
-def test_what_reads_anything_else_is_not(source: str) -> None:
+def test_other_decisions_are_not_reported(source: str) -> None:
     assert not list(decisions(ast.parse(source)))
 
 
-def test_nothing_is_decided_by_a_text_for_people() -> None:
+def test_sources_decide_nothing_based_on_prose() -> None:
     found: set[tuple[str, str]] = set()
     for manifest in ROOT.glob("*/package.xml"):
         package = manifest.parent / manifest.parent.name

@@ -171,7 +171,7 @@ def served_nodes(tree: ast.AST) -> Iterator[ast.AST]:
         (blocking, (RELOADING,)),
     ],
 )
-def test_all_sources_keep_to_it(
+def test_all_sources_follow_convention(
     offences: Callable[[ast.AST], Iterator[ast.AST]], allowed: tuple[str, ...]
 ) -> None:
     found = {
@@ -196,7 +196,7 @@ EXECUTABLES = (
 
 
 @pytest.mark.parametrize("path", EXECUTABLES)
-def test_every_executable_is_run_by_the_one_runner(path: str) -> None:
+def test_every_executable_uses_the_shared_runner(path: str) -> None:
     tree = SOURCES[path]
     imported = [
         node

@@ -60,9 +60,7 @@ def run(scheduling: Scheduling, workers: list[Worker]) -> None:
 
 
 @pytest.mark.parametrize("numbers", [(0,), (0, 1), (2, 1, 0), (4, 0, 3, 1, 2)])
-def test_each_test_is_run_once_and_those_of_processes_by_the_first_workers(
-    numbers: tuple[int, ...],
-) -> None:
+def test_each_test_runs_once_on_an_allowed_worker(numbers: tuple[int, ...]) -> None:
     scheduling, workers = scheduled(*numbers)
     run(scheduling, workers)
     assert sorted(test for worker in workers for test in worker.done) == sorted(TESTS)
@@ -73,14 +71,14 @@ def test_each_test_is_run_once_and_those_of_processes_by_the_first_workers(
             assert not any(test.startswith("tests/e2e/") for test in worker.done)
 
 
-def test_those_that_share_what_takes_long_are_run_by_one_worker() -> None:
+def test_tests_sharing_expensive_setup_run_on_one_worker() -> None:
     scheduling, workers = scheduled(0, 1, 2)
     run(scheduling, workers)
     for folder in ("tests/packaging/", "tests/e2e/test_studio.py"):
         assert sum(any(test.startswith(folder) for test in one.done) for one in workers) == 1
 
 
-def test_when_the_first_workers_have_crashed_others_run_what_is_left() -> None:
+def test_remaining_workers_take_over_tests_of_crashed_ones() -> None:
     scheduling, workers = scheduled(*range(PROCESS_WORKERS + 1))
     crashed, rest = workers[:PROCESS_WORKERS], workers[PROCESS_WORKERS:]
     items = [scheduling.remove_node(worker) for worker in crashed]  # type: ignore[arg-type]
@@ -89,7 +87,7 @@ def test_when_the_first_workers_have_crashed_others_run_what_is_left() -> None:
     assert sorted(rest[0].done) == sorted(TESTS)
 
 
-def test_a_worker_that_has_computed_all_runs_tests_of_processes() -> None:
+def test_worker_runs_process_tests_after_computing_tests() -> None:
     scheduling, workers = scheduled(*range(PROCESS_WORKERS + 1))
     run(scheduling, workers[PROCESS_WORKERS:])
     of_processes = [test.startswith("tests/e2e/") for test in workers[-1].done]

@@ -14,7 +14,7 @@ FOLDERS = TreesFolders()
 
 
 @pytest.mark.parametrize("agent", read_trees(TREES).agents, ids=lambda agent: agent.name)
-def test_an_agent_does_what_its_tests_say_and_they_cover_all_of_it(agent: AgentSpec) -> None:
+def test_shipped_agent_passes_its_tests_with_full_coverage(agent: AgentSpec) -> None:
     result = run_file(TREES / "agents" / f"{agent.name}.test.yaml", FOLDERS)
     assert result.error is None, result.error.report
     assert not [failure(case) for case in result.cases if not case.passed]

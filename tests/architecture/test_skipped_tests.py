@@ -22,13 +22,13 @@ def report(reason: str, outcome: str = "skipped") -> pytest.TestReport:
         (f"{NAMESPACES}: Operation not permitted", {"CI": "true"}, "skipped"),
     ],
 )
-def test_in_ci_a_test_is_skipped_only_for_want_of_network_namespaces(reason, environment, outcome):
+def test_ci_allows_skips_only_for_missing_network_namespaces(reason, environment, outcome):
     skipped = report(reason)
     judge(skipped, environment)
     assert skipped.outcome == outcome
 
 
-def test_the_failure_names_the_place_and_the_reason():
+def test_failure_names_skip_location_and_reason():
     skipped = report("there is no npm here")
     judge(skipped, {"CI": "true"})
     assert skipped.longrepr == "tests/test_some.py:3: skipped in CI: there is no npm here"

@@ -88,7 +88,7 @@ def assert_in_words(ended: Ended) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(all_commands()))
-def test_every_command_ends_in_words_without_home_in_ascii_and_with_closed_streams(
+def test_commands_end_cleanly_without_home_or_open_streams(
     name: str, commands: CommandServer, tmp_path: Path
 ) -> None:
     words = (name, *ARGUMENTS.get(name, ()))
@@ -106,7 +106,7 @@ def test_every_command_ends_in_words_without_home_in_ascii_and_with_closed_strea
 
 
 @pytest.mark.parametrize("name", sorted(all_commands()))
-def test_every_command_ends_in_words_when_its_output_is_full_or_nobody_reads_it(
+def test_commands_end_cleanly_on_full_or_closed_output(
     name: str, commands: CommandServer, tmp_path: Path
 ) -> None:
     with open("/dev/full", "wb") as full:
@@ -134,7 +134,7 @@ def test_every_command_ends_in_words_when_its_output_is_full_or_nobody_reads_it(
     ],
     ids=lambda words: " ".join(words[:2]) if words[0] == "experiment" else words[0],
 )
-def test_a_file_for_which_there_is_no_room_is_named(
+def test_file_without_disk_space_is_named(
     words: tuple[str, ...], commands: CommandServer, tmp_path: Path
 ) -> None:
     ended = commands.run(*words, folder=tmp_path, largest_file=0)
@@ -144,7 +144,7 @@ def test_a_file_for_which_there_is_no_room_is_named(
     assert words[-1] in ended.err or "ann" in ended.err or "schemas" in ended.err
 
 
-def test_a_closed_output_is_not_the_next_file_that_is_opened(tmp_path: Path) -> None:
+def test_closed_output_descriptor_is_not_reused_for_files(tmp_path: Path) -> None:
     new = "exec bt-agents new ann <&- >&- 2>&-"
     assert subprocess.run(["sh", "-c", new], cwd=tmp_path, timeout=HANG_S).returncode == 0
     written = (tmp_path / "trees" / "agents" / "ann.yaml").read_text(encoding="utf-8")
@@ -152,7 +152,7 @@ def test_a_closed_output_is_not_the_next_file_that_is_opened(tmp_path: Path) -> 
     assert "check" not in written.splitlines()[-1]
 
 
-def test_who_has_no_home_is_asked_for_a_place(commands: CommandServer, tmp_path: Path) -> None:
+def test_up_without_home_asks_for_state_folder(commands: CommandServer, tmp_path: Path) -> None:
     assert commands.run("up", str(TREES), folder=tmp_path) == Ended(
         code=1,
         out="",
@@ -204,7 +204,7 @@ def started(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
         "plot",
     ],
 )
-def test_ctrl_c_ends_long_work_and_its_workers_soon(
+def test_ctrl_c_quickly_ends_long_work_and_workers(
     words: tuple[str, ...], workers: int, send: Callable[[int, int], None], tmp_path: Path
 ) -> None:
     with started("experiment", *words, folder=tmp_path) as process:
@@ -223,7 +223,7 @@ def test_ctrl_c_ends_long_work_and_its_workers_soon(
 
 
 @pytest.mark.parametrize("home", ["{folder}", ""])
-def test_a_command_leaves_no_log_file_at_home_and_needs_no_home(
+def test_commands_write_no_log_file_in_home(
     home: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     runtime = tmp_path_factory.mktemp("runtime")
@@ -253,7 +253,7 @@ except KeyboardInterrupt:
 """
 
 
-def test_a_ctrl_c_that_a_library_swallows_is_raised_again() -> None:
+def test_ctrl_c_swallowed_by_library_is_raised_again() -> None:
     program = subprocess.run([sys.executable, "-c", _SWALLOWED], timeout=HANG_S, check=False)
     assert program.returncode == 7
 
@@ -270,7 +270,7 @@ with interruptible():
 """
 
 
-def test_a_ctrl_c_that_a_command_catches_is_raised_once() -> None:
+def test_ctrl_c_caught_by_command_is_raised_once() -> None:
     program = subprocess.run([sys.executable, "-c", _CAUGHT], timeout=HANG_S, check=False)
     assert program.returncode == 0
 
@@ -283,7 +283,7 @@ def is_at_work(pid: int) -> bool:
     return handles and "_multiarray_umath" in Path(f"/proc/{pid}/maps").read_text()
 
 
-def test_a_table_fits_a_narrow_terminal_and_loses_nothing(
+def test_table_fits_narrow_terminal_without_losing_text(
     commands: CommandServer, tmp_path: Path
 ) -> None:
     controller, terminal = pty.openpty()

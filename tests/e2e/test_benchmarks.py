@@ -23,7 +23,7 @@ END_S = 30.0
 
 @pytest.mark.e2e
 @pytest.mark.parametrize("name", BENCHMARKS)
-def test_a_benchmark_works(name: str, tmp_path: Path) -> None:
+def test_benchmark_runs(name: str, tmp_path: Path) -> None:
     if name == "studio":
         installed_browser()
     file = tmp_path / "figures.json"

@@ -40,7 +40,7 @@ visits:
 """
 
 
-def test_a_person_answers_presses_and_visits(
+def test_person_answers_presses_button_and_visits(
     start: Start, ask: Ask, trees: Path, tmp_path: Path
 ) -> None:
     for path in (trees / "agents").iterdir():

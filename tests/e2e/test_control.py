@@ -39,7 +39,7 @@ def until(ask: Callable[..., str], words: str, *command: str) -> str:
     return shown
 
 
-def test_a_run_is_stopped_before_a_node_stepped_and_resumed(
+def test_run_stops_at_breakpoint_steps_and_resumes(
     start: Callable[..., Program], ask: Callable[..., str], trees: Path
 ) -> None:
     for path in (trees / "agents").iterdir():

@@ -37,9 +37,7 @@ def shared_memory(pids: Iterable[int]) -> set[Path]:
     return found
 
 
-def test_the_demo_tells_the_whole_morning_and_its_journal_does_itself_again(
-    start: Start, tmp_path: Path
-) -> None:
+def test_demo_plays_whole_script_and_its_journal_replays(start: Start, tmp_path: Path) -> None:
     demo = start("demo", "--no-voice", "--journal", str(tmp_path))
     demo.until("an airport employee")
     pids = children(demo.process.pid)
@@ -114,9 +112,7 @@ def test_the_demo_tells_the_whole_morning_and_its_journal_does_itself_again(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_in_the_middle_of_a_run_ends_everything_and_kills_nothing(
-    start: Start, number: int
-) -> None:
+def test_signal_during_run_ends_all_processes_without_kill(start: Start, number: int) -> None:
     demo = start("demo", "--no-voice")
     demo.until("says|asks")
     pids = children(demo.process.pid)
@@ -130,7 +126,7 @@ def test_a_signal_in_the_middle_of_a_run_ends_everything_and_kills_nothing(
     assert not shared
 
 
-def test_killing_the_demo_leaves_no_process_behind(start: Start) -> None:
+def test_killed_demo_leaves_no_process_behind(start: Start) -> None:
     demo = start("demo", "--no-voice")
     demo.until("ready")
     pids = children(demo.process.pid)
@@ -143,9 +139,7 @@ def test_killing_the_demo_leaves_no_process_behind(start: Start) -> None:
     pytest.fail(f"still alive: {[pid for pid in pids if alive(pid)]}")
 
 
-def test_in_the_browser_demo_a_page_for_the_visitor_is_there_until_it_is_ended(
-    start: Start,
-) -> None:
+def test_browser_demo_serves_visitor_page_until_it_ends(start: Start) -> None:
     demo = start("demo", "--browser")
     demo.until("studio: http")
     address = demo.until("to be the person: http").split()[-1]

@@ -36,16 +36,16 @@ def shipped() -> list[Path]:
 
 
 @pytest.mark.parametrize("before", ["  ▮", "  sequence:\n    - ▮", "  sequence:\n    - s▮"])
-def test_where_a_node_begins_every_node_skill_and_decorator_is_offered(server, before):
+def test_node_completion_offers_nodes_skills_and_decorators(server, before):
     assert server.completions(FILE, HEAD + before).keys() >= WORDS
 
 
-def test_beside_a_node_its_modifiers_are_offered(server):
+def test_completion_beside_node_offers_its_modifiers(server):
     offered = server.completions(FILE, f"{HEAD}  sequence:\n    - say: Hello.\n      ▮")
     assert offered.keys() >= {*DECORATORS, "name"}
 
 
-def test_a_completed_node_comes_with_what_it_needs(server):
+def test_completed_node_includes_required_fields(server):
     offered = server.completions(FILE, f"{HEAD}  ▮")
     inserted = {label: item["insertText"] for label, item in offered.items()}
     assert inserted["sequence"] == "sequence:\n  - "
@@ -54,7 +54,7 @@ def test_a_completed_node_comes_with_what_it_needs(server):
     assert inserted["on_failure"] == "on_failure:\n  "
 
 
-def test_below_profile_the_scene_parameters_are_offered(server):
+def test_completion_below_profile_offers_scene_parameters(server):
     offered = server.completions(FILE, f"{TOP}profile:\n  ▮")
     assert offered.keys() >= set(SPACE.names)
     assert offered["age"]["insertText"] == "age: ${1:3}"
@@ -69,7 +69,7 @@ def test_below_profile_the_scene_parameters_are_offered(server):
         ("  ask:\n    ▮", {"text", "choices", "wait"}),
     ],
 )
-def test_what_may_stand_in_a_field_is_offered(server, before, words):
+def test_completion_offers_allowed_field_values(server, before, words):
     assert server.completions(FILE, HEAD + before).keys() >= words
 
 
@@ -82,13 +82,13 @@ def test_what_may_stand_in_a_field_is_offered(server, before, words):
         ("  ask: {text: x, ▮wait: 3 s}", ["how long to wait for the answer"]),
     ],
 )
-def test_hovering_shows_what_a_word_means(server, text, words):
+def test_hover_shows_meaning_of_word(server, text, words):
     shown = server.hover(FILE, HEAD + text)
     for word in words:
         assert word in shown
 
 
-def test_hovering_a_scene_parameter_shows_its_labels(server):
+def test_hover_on_scene_parameter_shows_its_labels(server):
     shown = server.hover(FILE, f"{TOP}profile: {{▮age: 3}}")
     assert "1 to 5" in shown
     assert "a child" in shown
@@ -111,12 +111,12 @@ def test_hovering_a_scene_parameter_shows_its_labels(server):
         ),
     ],
 )
-def test_a_slip_is_reported_once_and_where_it_is(server, tree, problems):
+def test_mistake_is_reported_once_at_its_position(server, tree, problems):
     assert server.problems(FILE, f"{HEAD}  {tree}\n") == problems
 
 
 @pytest.mark.parametrize("path", shipped(), ids=lambda path: str(path.relative_to(ROOT)))
-def test_nothing_is_wrong_with_a_shipped_file(server, path):
+def test_shipped_files_have_no_problems(server, path):
     text = path.read_text(encoding="utf-8")
     first = text.splitlines()[0]
     assert first.startswith("# yaml-language-server: $schema=")

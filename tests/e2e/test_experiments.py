@@ -15,7 +15,7 @@ pytestmark = pytest.mark.e2e
 TARGETS = {"agent_1": 1.0, "agent_3": 3.0, "agent_5": 5.0}
 
 
-def test_experiment_3_follows_the_closed_form_round_by_round(
+def test_experiment_3_matches_closed_form_each_round(
     ask: Callable[..., str], tmp_path: Path
 ) -> None:
     table = tmp_path / "rounds.csv"
@@ -45,24 +45,20 @@ def test_experiment_3_follows_the_closed_form_round_by_round(
         profiles[row["agent"]] = float(row["after_age"])
 
 
-def test_experiment_1_is_the_same_with_ros_and_without(ask: Callable[..., str]) -> None:
+def test_experiment_1_matches_with_and_without_ros(ask: Callable[..., str]) -> None:
     said = " ".join(ask("experiment", "run", "1", "--ros", "--rounds", "40").split())
     assert "40 rounds through ROS against 40 without it: equal" in said
     assert "not equal" not in said
 
 
-def test_experiment_2_and_its_wrong_feedback_is_the_same_with_ros_and_without(
-    ask: Callable[..., str],
-) -> None:
+def test_experiment_2_matches_with_and_without_ros(ask: Callable[..., str]) -> None:
     said = ask("experiment", "run", "2", "--ros", "--rounds", "20", "--seed", "4")
     said = " ".join(said.split())
     assert said.count("20 rounds through ROS against 20 without it: equal") == 3
     assert "not equal" not in said
 
 
-def test_the_recommended_strategy_and_learning_rule_go_the_same_way_with_ros_and_without(
-    ask: Callable[..., str],
-) -> None:
+def test_recommended_settings_match_with_and_without_ros(ask: Callable[..., str]) -> None:
     said = ask(
         *("experiment", "run", "recommended", "--ros", "--rounds", "40"),
         *("--strategy", "bounded_ucb"),

@@ -44,7 +44,7 @@ def run(
     return made
 
 
-def test_a_robot_joins_a_fleet_shares_what_it_learns_and_shows_where_the_rest_came_from(
+def test_robot_joins_fleet_shares_learning_and_shows_origins(
     trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
 ) -> None:
     agent = trees / "agents" / AGENT.name
@@ -104,7 +104,7 @@ def test_a_robot_joins_a_fleet_shares_what_it_learns_and_shows_where_the_rest_ca
         assert code == 0, up.output
 
 
-def test_up_keeps_a_robot_that_has_joined_up_to_date_and_restarts_what_does_so(
+def test_up_syncs_joined_robot_and_restarts_fleet_process(
     trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
 ) -> None:
     agent = trees / "agents" / AGENT.name
@@ -142,7 +142,7 @@ def test_up_keeps_a_robot_that_has_joined_up_to_date_and_restarts_what_does_so(
         assert code == 0, alone.output
 
 
-def test_of_the_parts_of_a_system_the_feedback_node_brings_what_learns_together(
+def test_only_feedback_part_starts_fleet_process(
     trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
 ) -> None:
     with running_server() as server:

@@ -22,7 +22,7 @@ _ALONE = ("unshare", "-rn")
 """A network namespace of its own, for whoever may make one."""
 
 
-def test_an_idle_system_sends_few_datagrams_and_is_found_at_once(
+def test_idle_system_sends_few_datagrams_and_stays_discoverable(
     environment: dict[str, str], trees: Path
 ) -> None:
     tried = [*_ALONE, "ip", "link", "set", "lo", "up"]
@@ -43,7 +43,7 @@ def test_an_idle_system_sends_few_datagrams_and_is_found_at_once(
     assert statistics.quantiles(found["joined"])[0] <= 1.0, found["joined"]
 
 
-def test_many_commands_at_once_are_all_answered(
+def test_concurrent_commands_are_all_answered(
     start: Callable[..., Program], environment: dict[str, str]
 ) -> None:
     up = start("up", "--no-voice", "--no-studio")

@@ -56,7 +56,7 @@ def start_together(system: System, trees: Path, *ros_arguments: str) -> NodeProc
     return system.start(Launched(**vars(shared), ros_arguments=ros_arguments))
 
 
-def test_a_tree_in_one_process_waits_on_simulated_time(system: System, tmp_path: Path) -> None:
+def test_single_process_tree_waits_on_simulated_time(system: System, tmp_path: Path) -> None:
     tree = "sequence: [{say: first}, {wait: 5 s}, {say: second}]"
     start_together(system, write_trees(tmp_path / "a", leo=(5, tree)), "-p", "use_sim_time:=true")
     system.mouth.holds = lambda _text: False
@@ -94,9 +94,7 @@ def test_a_tree_in_one_process_waits_on_simulated_time(system: System, tmp_path:
     assert system.ended("leo")[0].outcome == Run.SUCCEEDED
 
 
-def test_names_in_one_process_are_remapped_for_its_nodes_and_for_others(
-    system: System, tmp_path: Path
-) -> None:
+def test_single_process_remaps_names_inside_and_outside(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(5, "say: hello"))
     names = ("bt_agents/calls", "bt_agents/bids", "bt_agents/runs", "feedback/manage")
     remapped = [word for name in names for word in ("-r", f"{name}:=their/{name}")]
@@ -160,7 +158,7 @@ class HearMarket(py_trees.behaviour.Behaviour):
 '''
 
 
-def test_a_plug_in_hears_other_nodes_of_its_process_by_the_node_that_it_is_given(
+def test_plugin_hears_process_peers_through_provided_node(
     tmp_path: Path, start: Callable[..., Program], environment: dict[str, str]
 ) -> None:
     place = tmp_path / "installed"
@@ -190,7 +188,7 @@ def launch_nodes() -> tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str
     return together, apart, arguments
 
 
-def test_the_launch_file_gives_one_process_all_that_it_gives_the_processes() -> None:
+def test_launch_file_passes_same_settings_to_single_process() -> None:
     [shared], apart, _ = launch_nodes()
     names = {one["name"] for node in apart for one in node["param"] if "name" in one}
     assert {one["name"] for one in shared["param"] if "name" in one} == names
@@ -201,7 +199,7 @@ def test_the_launch_file_gives_one_process_all_that_it_gives_the_processes() -> 
     assert all(node[key] == shared[key] for node in apart for key in same)
 
 
-def test_one_process_runs_as_the_launch_file_starts_it(system: System, tmp_path: Path) -> None:
+def test_single_process_runs_as_launch_file_starts_it(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(5, "say: hello"))
     [shared], _, arguments = launch_nodes()
     arguments |= {"trees": str(trees), "one_process": "true", "ledger": ":memory:"}

@@ -21,7 +21,7 @@ Ask = Callable[..., str]
 MRS_SMITH = ("age=4.5", "familiarity=1", "mood=3")
 
 
-def test_a_model_ranks_and_a_veto_outlives_the_market(
+def test_model_ranks_bids_and_veto_survives_market_restart(
     start: Start, ask: Ask, tmp_path: Path
 ) -> None:
     params = tmp_path / "my.yaml"

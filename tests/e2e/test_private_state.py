@@ -24,7 +24,7 @@ def for_everybody() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("for_everybody")
-def test_every_file_of_a_session_is_private_while_it_runs_and_after(
+def test_session_files_are_private_during_and_after_run(
     start: Callable[..., Program], ask: Callable[..., str], tmp_path: Path
 ) -> None:
     kept = tmp_path / "kept"

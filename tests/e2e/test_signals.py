@@ -175,7 +175,7 @@ def everything(trees: Path, folder: Path) -> list[Component]:
     ]
 
 
-def test_a_process_that_does_not_end_is_reported_with_its_stack(
+def test_hanging_process_is_reported_with_stack(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONFAULTHANDLER", "1")
@@ -193,7 +193,7 @@ def test_a_process_that_does_not_end_is_reported_with_its_stack(
 
 
 @pytest.mark.usefixtures("busy")
-def test_a_hundred_of_a_hundred_signals_at_random_moments_end_a_node_cleanly(
+def test_hundred_randomly_timed_signals_end_node_cleanly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     monkeypatch.setenv("PYTHONFAULTHANDLER", "1")
@@ -241,7 +241,7 @@ COMMANDS = (
 
 
 @pytest.mark.usefixtures("busy")
-def test_a_ctrl_c_at_any_moment_of_a_command_prints_no_traceback(
+def test_ctrl_c_at_any_moment_prints_no_traceback(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

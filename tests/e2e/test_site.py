@@ -34,7 +34,7 @@ def navigated(entry: Any) -> Iterator[str]:
                 yield from navigated(one)
 
 
-def test_the_site_has_every_page_once_and_every_link_leads_somewhere_without_the_net() -> None:
+def test_site_lists_pages_once_and_links_resolve_offline() -> None:
     built = subprocess.run(
         [sys.executable, str(ROOT / "scripts" / "docs_site.py")], capture_output=True, text=True
     )
@@ -64,7 +64,7 @@ def test_the_site_has_every_page_once_and_every_link_leads_somewhere_without_the
     assert "bid_deadline" in texts[SITE / "ros_reference.html"]
 
 
-def test_a_link_that_leads_nowhere_is_named_and_ends_the_build(tmp_path: Path) -> None:
+def test_broken_link_is_named_and_fails_build(tmp_path: Path) -> None:
     pages = tmp_path / "build" / "pages"
     pages.mkdir(parents=True)
     (pages / "index.md").write_text("# Start\n\n[away](nowhere.md)\n")

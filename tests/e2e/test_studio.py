@@ -34,7 +34,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         running.end()
 
 
-def test_a_scene_is_played_and_its_tree_round_and_reasons_are_seen(page: Page) -> None:
+def test_played_scene_shows_tree_round_and_reasons(page: Page) -> None:
     serve(page, "an evening guest", age=4.5, mood=2)
     expect(page.locator(".node.running").first).to_be_visible()
     expect(page.get_by_label("What happened")).to_contain_text("started")
@@ -47,7 +47,7 @@ def test_a_scene_is_played_and_its_tree_round_and_reasons_are_seen(page: Page) -
     stop(page)
 
 
-def test_a_stop_ends_the_run_and_says_who_wanted_it(page: Page) -> None:
+def test_stop_ends_run_and_names_its_requester(page: Page) -> None:
     serve(page, "somebody to stop", age=4.5, mood=2)
     button = page.get_by_role("button", name="Stop")
     button.click()
@@ -55,7 +55,7 @@ def test_a_stop_ends_the_run_and_says_who_wanted_it(page: Page) -> None:
     expect(page.get_by_label("What happened")).to_contain_text("stopped from the studio")
 
 
-def test_a_run_stops_at_a_breakpoint_is_stepped_and_resumed_and_ends_well(page: Page) -> None:
+def test_run_stops_at_breakpoint_steps_resumes_and_succeeds(page: Page) -> None:
     open_page(page, "Live")
     page.get_by_label("Agent").select_option("patient_carrier")
     node = page.locator('.node[data-path="tree/1.wait"]')
@@ -86,7 +86,7 @@ def test_a_run_stops_at_a_breakpoint_is_stepped_and_resumed_and_ends_well(page: 
     expect(page.locator(".what")).to_contain_text("succeeded")
 
 
-def test_a_value_is_tuned_undone_and_seen_by_other_pages(
+def test_tuning_and_undo_appear_on_other_pages(
     page: Page, browser: Browser, system: System
 ) -> None:
     other = browser.new_context().new_page()
@@ -104,7 +104,7 @@ def test_a_value_is_tuned_undone_and_seen_by_other_pages(
     other.context.close()
 
 
-def test_a_value_out_of_range_is_refused_in_the_words_of_the_command_line(page: Page) -> None:
+def test_out_of_range_value_gives_command_line_error(page: Page) -> None:
     open_page(page, "Tune")
     page.locator("#tunable-attentive_guide-patience").fill("99")
     page.locator("#tunable-attentive_guide-patience").press("Enter")
@@ -134,9 +134,7 @@ def come(tablet: Page, *who: str) -> None:
     tablet.get_by_role("button", name="Begin").click()
 
 
-def test_a_visitor_comes_is_spoken_to_answers_and_is_seen_in_the_market(
-    page: Page, tablet: Page
-) -> None:
+def test_visitor_converses_with_robot_and_appears_in_market(page: Page, tablet: Page) -> None:
     stop(page)
     come(tablet, "an older adult", "meets it for the first time", "neutral")
     question = tablet.get_by_label("Your answer")
@@ -149,7 +147,7 @@ def test_a_visitor_comes_is_spoken_to_answers_and_is_seen_in_the_market(
     stop(page)
 
 
-def test_a_visitor_grows_grumpy_and_the_market_changes_its_mind(page: Page, tablet: Page) -> None:
+def test_falling_visitor_mood_changes_market_winner(page: Page, tablet: Page) -> None:
     stop(page)
     come(tablet, "an older adult", "meets it for the first time", "neutral")
     expect(tablet.get_by_label("The robot says")).to_contain_text("Hello. I carry your luggage")
@@ -167,7 +165,7 @@ def test_a_visitor_grows_grumpy_and_the_market_changes_its_mind(page: Page, tabl
     stop(page)
 
 
-def test_a_visitor_answers_in_words_and_by_the_keyboard(page: Page, tablet: Page) -> None:
+def test_visitor_answers_in_text_and_by_keyboard(page: Page, tablet: Page) -> None:
     stop(page)
     come(tablet, "an adult", "works with it every day", "neutral")
     words = tablet.get_by_role("textbox", name="Your answer")
@@ -182,7 +180,7 @@ def test_a_visitor_answers_in_words_and_by_the_keyboard(page: Page, tablet: Page
     stop(page)
 
 
-def test_the_browser_speaks_each_text_once_when_it_may(page: Page, tablet: Page) -> None:
+def test_browser_speaks_each_text_once_when_allowed(page: Page, tablet: Page) -> None:
     stop(page)
     tablet.evaluate(
         """() => {
@@ -204,7 +202,7 @@ def test_the_browser_speaks_each_text_once_when_it_may(page: Page, tablet: Page)
     stop(page)
 
 
-def test_one_switch_is_enough_to_answer(page: Page, tablet: Page) -> None:
+def test_single_switch_suffices_to_answer(page: Page, tablet: Page) -> None:
     stop(page)
     come(tablet, "an older adult", "meets it for the first time", "neutral")
     tablet.get_by_role("button", name="One button").click()
@@ -216,7 +214,7 @@ def test_one_switch_is_enough_to_answer(page: Page, tablet: Page) -> None:
     stop(page)
 
 
-def test_a_visitor_judges_by_a_face_or_parameter_by_parameter(page: Page, tablet: Page) -> None:
+def test_visitor_rates_by_face_or_by_parameter(page: Page, tablet: Page) -> None:
     stop(page)
     come(tablet, "a child", "works with it every day", "upset")
     expect(tablet.get_by_label("The robot says")).not_to_contain_text("says nothing yet")
@@ -234,9 +232,7 @@ def test_a_visitor_judges_by_a_face_or_parameter_by_parameter(page: Page, tablet
     stop(page)
 
 
-def test_a_visitor_stops_the_robot_and_is_told_when_that_is_not_possible(
-    page: Page, tablet: Page
-) -> None:
+def test_visitor_stop_works_or_reports_that_it_cannot(page: Page, tablet: Page) -> None:
     stop(page)
     come(tablet, "an older adult", "meets it for the first time", "neutral")
     expect(tablet.get_by_label("The robot says")).to_contain_text("Hello")
@@ -249,7 +245,7 @@ def test_a_visitor_stops_the_robot_and_is_told_when_that_is_not_possible(
     expect(tablet.get_by_role("alert")).to_contain_text("Could not be stopped")
 
 
-def test_a_visitor_sees_the_robot_only_and_tunes_nothing(tablet: Page) -> None:
+def test_visitor_sees_only_robot_and_cannot_tune(tablet: Page) -> None:
     assert tablet.get_by_role("navigation").count() == 0
     assert tablet.get_by_label("Moment that is shown").count() == 0
     asked = """async ([path, body]) => (await fetch(path, {
@@ -263,7 +259,7 @@ def test_a_visitor_sees_the_robot_only_and_tunes_nothing(tablet: Page) -> None:
     assert set(state) <= {"sequence", "live", "parts", "robot"}
 
 
-def test_an_open_page_goes_on_when_the_studio_was_killed(
+def test_open_page_recovers_after_studio_is_killed(
     page: Page, tablet: Page, system: System
 ) -> None:
     os.kill(node_of(system.up.process.pid, "bt_agents_studio.process"), signal.SIGKILL)
@@ -275,7 +271,7 @@ def test_an_open_page_goes_on_when_the_studio_was_killed(
     stop(page)
 
 
-def test_who_may_only_look_changes_nothing(browser: Browser, system: System) -> None:
+def test_view_only_link_cannot_change_anything(browser: Browser, system: System) -> None:
     page = browser.new_context().new_page()
     page.goto(system.to_look)
     open_page(page, "World")
@@ -285,7 +281,7 @@ def test_who_may_only_look_changes_nothing(browser: Browser, system: System) -> 
     page.context.close()
 
 
-def test_a_tab_that_opens_no_address_looks_on(browser: Browser, system: System) -> None:
+def test_tab_without_key_in_address_is_view_only(browser: Browser, system: System) -> None:
     with opened_page(browser, system.address) as page:
         expect(page.locator(".phase")).to_have_text("connected")
         other = page.context.new_page()
@@ -302,7 +298,7 @@ def test_a_tab_that_opens_no_address_looks_on(browser: Browser, system: System) 
         stop(page)
 
 
-def test_without_the_printed_address_nothing_is_shown(browser: Browser, system: System) -> None:
+def test_unprinted_address_shows_nothing(browser: Browser, system: System) -> None:
     page = browser.new_context().new_page()
     page.goto(system.address.partition("#")[0])
     expect(page.locator(".phase")).to_contain_text("Not signed in", timeout=LIMIT_MS)
@@ -321,9 +317,7 @@ def test_the_page_opens_in_any_language(browser: Browser, system: System, langua
     page.context.close()
 
 
-def test_a_panel_that_throws_says_so_and_leaves_the_others_alive(
-    browser: Browser, system: System
-) -> None:
+def test_failing_panel_reports_error_and_spares_others(browser: Browser, system: System) -> None:
     page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
     page.set_default_timeout(LIMIT_MS)
     page.add_init_script("""
@@ -346,7 +340,7 @@ def test_a_panel_that_throws_says_so_and_leaves_the_others_alive(
     page.context.close()
 
 
-def test_a_page_that_cannot_be_loaded_says_why(browser: Browser, system: System) -> None:
+def test_unloadable_page_says_why(browser: Browser, system: System) -> None:
     page = browser.new_context().new_page()
     page.add_init_script(
         "Intl.NumberFormat = function () { throw new RangeError('no numbers here'); }"
@@ -371,7 +365,7 @@ def test_feedback_moves_a_profile_and_can_be_undone(page: Page) -> None:
     expect(page.get_by_label("Feedback").locator("output")).not_to_be_empty()
 
 
-def test_the_time_bar_shows_an_earlier_moment_and_comes_back(page: Page) -> None:
+def test_time_bar_shows_earlier_moment_and_returns_live(page: Page) -> None:
     serve(page, "the last guest", age=4.5, mood=2)
     stop(page)
     scene = page.get_by_label("Scene", exact=True)
@@ -384,7 +378,7 @@ def test_the_time_bar_shows_an_earlier_moment_and_comes_back(page: Page) -> None
     expect(scene).to_contain_text("the last guest")
 
 
-def test_a_recording_is_looked_into(page: Page) -> None:
+def test_recording_can_be_inspected(page: Page) -> None:
     serve(page, "somebody recorded", age=4.5, mood=2)
     stop(page)
     open_page(page, "System")
@@ -411,7 +405,7 @@ WITH_HEARTBEAT = ("marketplace", "agents", "robot")
 
 
 @pytest.mark.parametrize("name", PROCESSES)
-def test_a_killed_process_comes_back_and_the_open_page_goes_on(
+def test_open_page_continues_after_killed_process_restarts(
     page: Page, system: System, name: str
 ) -> None:
     open_page(page, "System")
@@ -435,7 +429,7 @@ def test_a_killed_process_comes_back_and_the_open_page_goes_on(
     stop(page)
 
 
-def test_a_name_with_markup_is_text(page: Page) -> None:
+def test_name_with_markup_is_shown_as_text(page: Page) -> None:
     name = "<img src=x onerror=document.title='taken'>"
     serve(page, name, age=4.5, mood=2)
     assert page.locator("img").count() == 0
@@ -444,7 +438,7 @@ def test_a_name_with_markup_is_text(page: Page) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_no_page_is_hard_to_reach_for_anybody(page: Page, scheme: str) -> None:
+def test_every_page_is_accessible(page: Page, scheme: str) -> None:
     axe = (installed_packages() / "axe-core" / "axe.min.js").read_text("utf-8")
     page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
     for name in PAGES:
@@ -457,7 +451,7 @@ def test_no_page_is_hard_to_reach_for_anybody(page: Page, scheme: str) -> None:
         assert [(one["id"], one["nodes"][0]["html"]) for one in found["violations"]] == []
 
 
-def test_the_tree_is_walked_by_keys(page: Page) -> None:
+def test_tree_is_navigable_by_keyboard(page: Page) -> None:
     serve(page, "somebody for keys", age=4.5, mood=2)
     expect(page.locator(".node.running").first).to_be_visible()
     page.get_by_role("tree").focus()
@@ -469,7 +463,7 @@ def test_the_tree_is_walked_by_keys(page: Page) -> None:
     stop(page)
 
 
-def test_the_committed_page_is_what_its_source_builds(
+def test_committed_page_matches_build_of_its_source(
     tmp_path: Path, build_page: Callable[[Path], Path]
 ) -> None:
     committed = ROOT / "bt_agents_studio" / "bt_agents_studio" / "page"

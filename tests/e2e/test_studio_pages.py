@@ -71,7 +71,7 @@ def system(tmp_path_factory: pytest.TempPathFactory, folder: Path) -> Iterator[S
         running.end()
 
 
-def test_a_recording_is_begun_marked_listed_and_downloaded(page: Page, tmp_path: Path) -> None:
+def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path: Path) -> None:
     open_page(page, "World")
     panel = page.get_by_label("Recording", exact=True)
     expect(panel).to_contain_text("is being recorded")
@@ -103,7 +103,7 @@ def test_a_recording_is_begun_marked_listed_and_downloaded(page: Page, tmp_path:
     page.get_by_role("button", name="Back to now").click()
 
 
-def test_the_command_line_and_the_page_speak_of_one_recording(page: Page, system: System) -> None:
+def test_command_line_and_page_share_one_recording(page: Page, system: System) -> None:
     open_page(page, "World")
     panel = page.get_by_label("Recording", exact=True)
     expect(panel).to_contain_text("is being recorded")
@@ -124,7 +124,7 @@ def _unpacked(file: Path) -> bytes:
     return b"".join(entry.data for entry in JournalReader([file]).entries())
 
 
-def test_a_question_is_answered_by_its_choice_and_by_words(page: Page) -> None:
+def test_question_is_answered_by_choice_and_by_text(page: Page) -> None:
     for reply in ("yes", "no"):
         announce(page, "somebody to ask", age=1, familiarity=3, mood=3)
         panel = page.get_by_label("Open questions")
@@ -146,7 +146,7 @@ def test_a_question_is_answered_by_its_choice_and_by_words(page: Page) -> None:
         stop(page)
 
 
-def test_what_a_tree_waits_for_is_pressed_and_published(page: Page) -> None:
+def test_awaited_buttons_and_messages_are_sent_from_page(page: Page) -> None:
     announce(page, "somebody with a door", age=5, familiarity=3, mood=3)
     panel = page.get_by_label("What trees wait for")
     expect(panel).to_contain_text("buttons/go")
@@ -161,7 +161,7 @@ def test_what_a_tree_waits_for_is_pressed_and_published(page: Page) -> None:
     stop(page)
 
 
-def test_the_switch_says_at_once_whether_somebody_is_there(page: Page) -> None:
+def test_person_switch_updates_immediately(page: Page) -> None:
     announce(page, "somebody who comes and leaves", age=5, familiarity=3, mood=3)
     open_page(page, "Live")
     expect(page.get_by_role("button", name="Stop")).to_be_enabled()
@@ -175,7 +175,7 @@ def test_the_switch_says_at_once_whether_somebody_is_there(page: Page) -> None:
     stop(page)
 
 
-def test_values_are_given_as_they_stand_with_one_tick_or_by_the_keyboard(page: Page) -> None:
+def test_current_values_are_given_by_checkbox_or_keyboard(page: Page) -> None:
     open_page(page, "World")
     panel = page.get_by_label("Play the world")
     given = panel.locator(".give").get_by_role("checkbox")
@@ -205,7 +205,7 @@ def test_values_are_given_as_they_stand_with_one_tick_or_by_the_keyboard(page: P
     stop(page)
 
 
-def test_a_dry_run_says_who_would_win_and_from_where_on_somebody_else(page: Page) -> None:
+def test_dry_run_names_winner_and_its_tipping_point(page: Page) -> None:
     open_page(page, "Market")
     panel = page.get_by_label("Who would win?")
     panel.locator("#dry-run-age").fill("1")
@@ -218,7 +218,7 @@ def test_a_dry_run_says_who_would_win_and_from_where_on_somebody_else(page: Page
     expect(panel.locator(".would-win")).to_contain_text("listener would win")
 
 
-def test_the_course_of_a_profile_shows_what_moved_it(page: Page) -> None:
+def test_profile_history_shows_causes_of_changes(page: Page) -> None:
     serve(page, "somebody who judges", age=2, familiarity=4, mood=4)
     stop(page)
     open_page(page, "Market")
@@ -234,7 +234,7 @@ def test_the_course_of_a_profile_shows_what_moved_it(page: Page) -> None:
     expect(panel.locator("output")).not_to_be_empty()
 
 
-def test_two_pages_that_change_one_value_are_told_and_nothing_is_lost(
+def test_concurrent_edits_warn_page_and_lose_nothing(
     page: Page, browser: Browser, system: System
 ) -> None:
     other = browser.new_context().new_page()
@@ -261,7 +261,7 @@ def test_two_pages_that_change_one_value_are_told_and_nothing_is_lost(
     other.context.close()
 
 
-def test_a_page_that_has_not_heard_of_a_change_yet_cannot_undo_it_unseen(
+def test_stale_page_cannot_undo_unseen_change(
     page: Page, browser: Browser, system: System
 ) -> None:
     context = browser.new_context()
@@ -297,7 +297,7 @@ def test_a_page_that_has_not_heard_of_a_change_yet_cannot_undo_it_unseen(
     expect(page.locator(name)).to_have_value("60")
 
 
-def test_a_learning_rate_is_frozen_and_a_profile_is_moved_and_comes_back(page: Page) -> None:
+def test_learning_rate_freezes_and_profile_moves_and_resets(page: Page) -> None:
     open_page(page, "Tune")
     panel = page.get_by_label("asker", exact=True)
     panel.get_by_role("button", name="Freeze").click()
@@ -315,7 +315,7 @@ def test_a_learning_rate_is_frozen_and_a_profile_is_moved_and_comes_back(page: P
     panel.get_by_role("button", name="As in the file").first.click()
 
 
-def test_what_is_kept_is_shown_before_it_is_written(page: Page, folder: Path) -> None:
+def test_kept_change_is_previewed_before_writing(page: Page, folder: Path) -> None:
     file = folder / "agents" / "asker.yaml"
     open_page(page, "Tune")
     page.locator("#tunable-asker-patience").fill("50")
@@ -337,9 +337,7 @@ def test_what_is_kept_is_shown_before_it_is_written(page: Page, folder: Path) ->
     assert file.read_text() == ASKER.replace("default: 60 s", "default: 45 s")
 
 
-def test_the_health_of_the_system_is_shown_the_worst_first_and_says_since_when(
-    page: Page, folder: Path
-) -> None:
+def test_system_health_shows_worst_first_with_since_time(page: Page, folder: Path) -> None:
     open_page(page, "System")
     health = page.get_by_label("Health", exact=True)
     hosts = health.locator("li", has_text="marketplace: hosts")
@@ -360,7 +358,7 @@ def test_the_health_of_the_system_is_shown_the_worst_first_and_says_since_when(
     expect(files).to_contain_text("in order")
 
 
-def test_without_a_journal_the_pages_say_how_to_get_one(
+def test_pages_explain_how_to_enable_missing_journal(
     browser: Browser, tmp_path: Path, folder: Path
 ) -> None:
     system = System(tmp_path, str(folder), ROS_DOMAIN_ID=str(reserve_domain()))

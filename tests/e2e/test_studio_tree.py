@@ -98,7 +98,7 @@ def middle(found: Locator) -> tuple[float, float]:
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
-def test_only_what_is_near_the_shown_part_is_drawn(page: Page) -> None:
+def test_only_nodes_near_viewport_are_drawn(page: Page) -> None:
     assert page.locator(".node").count() < 200
     page.get_by_role("tree").focus()
     page.keyboard.press("Home")
@@ -110,7 +110,7 @@ def test_only_what_is_near_the_shown_part_is_drawn(page: Page) -> None:
     assert page.locator(".node").count() < 200
 
 
-def test_results_of_a_search_are_gone_through_forwards_and_back(page: Page) -> None:
+def test_search_results_are_stepped_forwards_and_backwards(page: Page) -> None:
     search = page.get_by_role("searchbox")
     search.fill("sentence 42")
     expect(page.get_by_label("Tree")).to_contain_text("19 found")
@@ -123,7 +123,7 @@ def test_results_of_a_search_are_gone_through_forwards_and_back(page: Page) -> N
         expect(shown(page, f"tree/42.sequence/{path}.say")).to_be_in_viewport()
 
 
-def test_a_result_below_a_folded_node_is_unfolded(page: Page) -> None:
+def test_search_result_below_folded_node_is_unfolded(page: Page) -> None:
     group = shown(page, "tree/50.sequence")
     search = page.get_by_role("searchbox")
     search.fill("group 50")
@@ -152,7 +152,7 @@ def test_the_wheel_zooms_at_the_pointer(page: Page) -> None:
     assert middle(group) == pytest.approx(before, abs=2)
 
 
-def test_a_drag_moves_the_tree_and_chooses_nothing(page: Page) -> None:
+def test_drag_moves_tree_without_selecting(page: Page) -> None:
     page.get_by_role("button", name="Jump to the tip").click()
     expect(shown(page, TIP)).to_be_in_viewport()
     x, y = middle(shown(page, TIP))
@@ -166,7 +166,7 @@ def test_a_drag_moves_the_tree_and_chooses_nothing(page: Page) -> None:
     expect(shown(page, TIP)).to_have_attribute("aria-selected", "true")
 
 
-def test_the_keyboard_zooms_fits_searches_and_finds_the_tip(page: Page) -> None:
+def test_keyboard_zooms_fits_searches_and_finds_tip(page: Page) -> None:
     tree = page.get_by_role("tree")
     tree.focus()
     page.keyboard.press("End")
@@ -184,9 +184,7 @@ def test_the_keyboard_zooms_fits_searches_and_finds_the_tip(page: Page) -> None:
     expect(page.get_by_role("searchbox")).to_be_focused()
 
 
-def test_whole_names_and_reasons_are_said_where_the_pointer_rests(
-    page: Page, studio: BackgroundStudio
-) -> None:
+def test_tooltip_shows_full_names_and_reasons(page: Page, studio: BackgroundStudio) -> None:
     path = "tree/80.sequence/3.say"
     reason = "the robot does not speak, as its server has not answered for ten seconds"
     studio.put("nodes", f"{AGENT}|{path}", status("FAILURE", reason))
@@ -197,7 +195,7 @@ def test_whole_names_and_reasons_are_said_where_the_pointer_rests(
     assert path in said
 
 
-def test_a_place_of_the_map_is_brought_into_view(page: Page) -> None:
+def test_click_on_map_scrolls_tree_there(page: Page) -> None:
     strip = page.locator(".tree-map")
     box = strip.bounding_box()
     assert box is not None

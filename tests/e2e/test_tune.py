@@ -17,9 +17,7 @@ Start = Callable[..., Program]
 Ask = Callable[..., str]
 
 
-def test_an_author_tunes_a_running_system_and_keeps_the_result(
-    start: Start, ask: Ask, trees: Path
-) -> None:
+def test_author_tunes_running_system_and_keeps_result(start: Start, ask: Ask, trees: Path) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
     before = file.read_text()
     up = start("up", str(trees), "--no-voice", "--no-studio")
@@ -94,7 +92,7 @@ def test_an_author_tunes_a_running_system_and_keeps_the_result(
     assert again.stop()[0] == 0
 
 
-def test_a_file_that_differs_from_what_the_robot_has_read_is_not_written(
+def test_file_differing_from_loaded_version_is_not_written(
     start: Start, ask: Ask, trees: Path
 ) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
@@ -108,6 +106,6 @@ def test_a_file_that_differs_from_what_the_robot_has_read_is_not_written(
     assert up.stop()[0] == 0
 
 
-def test_tuning_without_a_running_system_says_how_to_start_one(ask: Ask) -> None:
+def test_tune_without_system_says_how_to_start_it(ask: Ask) -> None:
     for words in (["tune"], ["preset"], ["keep"], ["tune", "a", "b=1"]):
         assert "bt-agents up" in ask(*words, code=1)

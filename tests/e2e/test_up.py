@@ -22,7 +22,7 @@ Ask = Callable[..., str]
 
 
 @pytest.mark.parametrize("layout", [(), ("--one-process",)], ids=["processes", "one process"])
-def test_a_system_is_triggered_explained_tuned_by_feedback_cancelled_and_remembers(
+def test_system_runs_explains_learns_cancels_and_remembers(
     start: Start, ask: Ask, layout: tuple[str, ...]
 ) -> None:
     up = start("up", "--no-voice", *layout)
@@ -61,7 +61,7 @@ def test_a_system_is_triggered_explained_tuned_by_feedback_cancelled_and_remembe
     assert code == 0
 
 
-def test_what_is_wrong_on_the_command_line_is_said_in_one_line(start: Start, ask: Ask) -> None:
+def test_command_line_error_takes_one_line(start: Start, ask: Ask) -> None:
     up = start("up", "--no-voice", "--no-studio")
     up.until("ready")
     assert "name=number" in ask("trigger", "age=nan", code=2)
@@ -75,12 +75,12 @@ def test_what_is_wrong_on_the_command_line_is_said_in_one_line(start: Start, ask
     assert "Traceback" not in up.output
 
 
-def test_asking_without_a_running_system_says_how_to_start_one(ask: Ask) -> None:
+def test_query_without_system_says_how_to_start_it(ask: Ask) -> None:
     said = ask("status", code=1)
     assert "bt-agents up" in said
 
 
-def test_a_broken_agent_file_is_listed_with_positions_and_the_others_run(
+def test_broken_agent_file_is_reported_while_others_run(
     start: Start, ask: Ask, trees: Path
 ) -> None:
     broken = trees / "agents" / "playful_companion.yaml"
@@ -97,7 +97,7 @@ def test_a_broken_agent_file_is_listed_with_positions_and_the_others_run(
     assert up.stop()[0] == 0
 
 
-def test_an_unknown_ros_type_is_an_error_at_load_that_names_it(start: Start, trees: Path) -> None:
+def test_unknown_ros_type_is_named_at_load(start: Start, trees: Path) -> None:
     agent = trees / "agents" / "silent_text.yaml"
     agent.write_text(agent.read_text().replace("std_msgs/msg/Bool", "nav9_msgs/msg/Bool"))
     up = start("up", str(trees), "--no-voice", "--no-studio")
@@ -137,7 +137,7 @@ tree: {say: Hello.}
 """
 
 
-def test_each_killed_component_comes_back_and_then_an_agent_runs_to_its_end(
+def test_agent_completes_run_after_killed_components_restart(
     start: Start, ask: Ask, trees: Path
 ) -> None:
     for agent in (trees / "agents").iterdir():
@@ -167,9 +167,7 @@ def test_each_killed_component_comes_back_and_then_an_agent_runs_to_its_end(
     assert not [pid for pid in pids if alive(pid)]
 
 
-def test_one_process_of_all_nodes_comes_back_as_a_component_does(
-    start: Start, ask: Ask, trees: Path
-) -> None:
+def test_single_process_restarts_like_a_component(start: Start, ask: Ask, trees: Path) -> None:
     for agent in (trees / "agents").iterdir():
         agent.unlink()
     (trees / "agents" / "greeter.yaml").write_text(GREETER)
@@ -188,9 +186,7 @@ def test_one_process_of_all_nodes_comes_back_as_a_component_does(
     assert seconds < AT_ONCE_S
 
 
-def test_a_part_that_cannot_start_ends_the_process_of_all_with_its_words(
-    start: Start, tmp_path: Path
-) -> None:
+def test_failed_part_ends_single_process_with_its_error(start: Start, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     ledger = str(tmp_path / "file" / "ledger.sqlite")
     up = start("up", "--one-process", "--no-voice", "--no-studio", "--ledger", ledger)
@@ -199,7 +195,7 @@ def test_a_part_that_cannot_start_ends_the_process_of_all_with_its_words(
     assert "ledger.sqlite" in up.output
 
 
-def test_a_ctrl_c_while_a_component_waits_for_its_new_start_ends_everything(start: Start) -> None:
+def test_ctrl_c_during_restart_delay_ends_everything(start: Start) -> None:
     up = start("up", "--no-voice", "--no-studio")
     up.until("ready after")
     for _ in range(2):  # so that the wait is a whole second
@@ -217,9 +213,7 @@ def test_a_ctrl_c_while_a_component_waits_for_its_new_start_ends_everything(star
     assert "Traceback" not in up.output
 
 
-def test_a_component_that_cannot_start_at_all_ends_up_with_its_words(
-    start: Start, tmp_path: Path
-) -> None:
+def test_up_exits_with_error_of_unstartable_component(start: Start, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     up = start(
         "up", "--no-voice", "--no-studio", "--ledger", str(tmp_path / "file" / "ledger.sqlite")
@@ -229,7 +223,7 @@ def test_a_component_that_cannot_start_at_all_ends_up_with_its_words(
     assert "ledger.sqlite" in up.output
 
 
-def test_of_two_systems_started_at_once_one_runs_and_the_other_says_which(start: Start) -> None:
+def test_second_concurrent_system_exits_and_names_first(start: Start) -> None:
     both = [start("up", "--no-voice", "--no-studio") for _ in range(2)]
     end = time.monotonic() + HANG_S
     while all(up.process.poll() is None for up in both):

@@ -61,9 +61,7 @@ def cancel_the_run(up: Program, ask: Ask) -> None:
     assert "Traceback" not in up.output
 
 
-def test_a_run_whose_host_is_killed_is_lost_and_the_next_trigger_runs(
-    start: Start, ask: Ask
-) -> None:
+def test_killed_host_loses_run_and_next_trigger_runs(start: Start, ask: Ask) -> None:
     up = up_with_a_run(start, ask)
     kill_component(up, "bt_agents.host.node")
     until_all(up, "attentive_guide lost", "agents is back")
@@ -72,18 +70,14 @@ def test_a_run_whose_host_is_killed_is_lost_and_the_next_trigger_runs(
     cancel_the_run(up, ask)
 
 
-def test_a_run_whose_market_is_killed_is_cut_off_and_asked_for_again_by_the_next_one(
-    start: Start, ask: Ask
-) -> None:
+def test_scene_is_auctioned_again_after_market_is_killed(start: Start, ask: Ask) -> None:
     up = up_with_a_run(start, ask)
     kill_component(up, "marketplace_node.node")
     until_all(up, "marketplace is back", "attentive_guide starts", "says: Hello")
     cancel_the_run(up, ask)
 
 
-def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
-    start: Start, ask: Ask
-) -> None:
+def test_hanging_market_and_host_are_killed_and_replaced(start: Start, ask: Ask) -> None:
     up = start("up", "--no-voice", "--no-studio")
     up.until("ready")
     assert "attentive_guide" in ask("status")  # by then both have been heard
@@ -101,7 +95,7 @@ def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
     assert "Traceback" not in up.output
 
 
-def test_after_a_long_pause_the_next_scene_runs(start: Start, ask: Ask) -> None:
+def test_next_scene_runs_after_long_pause(start: Start, ask: Ask) -> None:
     up = up_with_a_run(start, ask)
     paused = [up.process.pid, *children(up.process.pid)]
     try:
@@ -118,7 +112,7 @@ def test_after_a_long_pause_the_next_scene_runs(start: Start, ask: Ask) -> None:
     cancel_the_run(up, ask)
 
 
-def test_a_terminal_that_is_not_read_holds_up_neither_the_supervision_nor_the_end(
+def test_unread_terminal_delays_neither_supervision_nor_shutdown(
     environment: dict[str, str], ask: Ask
 ) -> None:
     reading, writing = os.pipe()

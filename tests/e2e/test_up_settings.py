@@ -19,7 +19,7 @@ Start = Callable[..., Program]
 Ask = Callable[..., str]
 
 
-def test_options_and_the_parameter_file_count_also_after_a_new_start_of_the_market(
+def test_options_and_parameter_file_survive_market_restart(
     start: Start, ask: Ask, tmp_path: Path
 ) -> None:
     file = tmp_path / "my.yaml"
@@ -40,6 +40,6 @@ def test_options_and_the_parameter_file_count_also_after_a_new_start_of_the_mark
     assert up.stop()[0] == 0, up.output
 
 
-def test_a_parameter_file_that_is_not_there_is_named(ask: Ask, tmp_path: Path) -> None:
+def test_missing_parameter_file_is_named(ask: Ask, tmp_path: Path) -> None:
     gone = tmp_path / "gone.yaml"
     assert f"'{gone}' does not exist" in " ".join(ask("up", "--params", str(gone), code=2).split())

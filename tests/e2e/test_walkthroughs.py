@@ -65,7 +65,7 @@ def at_noon() -> str:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_command_of_a_walkthrough_prints_what_stands_there(
+def test_walkthrough_commands_print_documented_output(
     page: str,
     start: Callable[..., Program],
     commands: CommandServer,

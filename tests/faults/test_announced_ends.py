@@ -78,7 +78,7 @@ def kill_at_the_end(
 
 
 @twice
-def test_the_end_of_a_run_is_announced_once_when_the_market_dies_right_before(
+def test_run_end_is_announced_once_despite_market_crash(
     system: System, tmp_path: Path, fatal: Path, attempt: int
 ) -> None:
     del attempt
@@ -96,7 +96,7 @@ def test_the_end_of_a_run_is_announced_once_when_the_market_dies_right_before(
 
 
 @twice
-def test_the_refusal_of_a_scene_is_announced_once_when_the_market_dies_right_before(
+def test_scene_refusal_is_announced_once_despite_market_crash(
     system: System, tmp_path: Path, fatal: Path, attempt: int
 ) -> None:
     del attempt
@@ -122,7 +122,7 @@ def test_the_refusal_of_a_scene_is_announced_once_when_the_market_dies_right_bef
 
 
 @pytest.mark.parametrize("moment", ["while it runs", "right before its end is announced"])
-def test_a_run_ends_once_when_market_and_host_die_together(
+def test_run_ends_once_when_market_and_host_crash(
     system: System, tmp_path: Path, fatal: Path, moment: str
 ) -> None:
     market = start(system, tmp_path)

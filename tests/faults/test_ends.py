@@ -31,7 +31,7 @@ feedback:
     "order",
     ["host, market, feedback", "feedback, market, host", "market, feedback, host", "one process"],
 )
-def test_a_run_under_way_is_ended_announced_and_learned_from_in_any_order(
+def test_running_agent_ends_properly_in_any_shutdown_order(
     system: System, tmp_path: Path, order: str
 ) -> None:
     trees = write_trees(tmp_path / "a", leo=(4.0, "say: hello"))

@@ -36,9 +36,7 @@ feedback:
 """
 
 
-def test_feedback_for_a_node_that_was_killed_is_kept_and_applied_exactly_once_over_two_restarts(
-    system: System, tmp_path: Path
-) -> None:
+def test_feedback_for_killed_node_is_applied_exactly_once(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(4.0, TREE))
     simulated = tmp_path / "simulated.yaml"
     simulated.write_text(SIMULATED)
@@ -81,7 +79,7 @@ def test_feedback_for_a_node_that_was_killed_is_kept_and_applied_exactly_once_ov
 
 
 @pytest.mark.parametrize("order", [*permutations(("market", "feedback", "agents"))], ids="-".join)
-def test_feedback_on_the_last_run_is_not_lost_when_all_parts_are_ended_at_once(
+def test_feedback_on_last_run_survives_simultaneous_shutdown(
     system: System, tmp_path: Path, order: tuple[str, ...]
 ) -> None:
     trees = write_trees(tmp_path / "a", leo=(4.0, "say: the first"))

@@ -73,14 +73,14 @@ def rows(server: PostgresServer, database: str, query: str) -> list[tuple[object
     return server.execute(query, address=database)
 
 
-def test_what_one_robot_was_taught_the_other_has_learned(make, clock):
+def test_robot_learns_what_another_robot_was_taught(make, clock):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     synchronise(anna, ben)
     assert ben.robot.current() == anna.robot.current() == {"": (3.6, 3.0)}
 
 
-def test_the_history_names_the_robot_that_a_step_came_from(make):
+def test_history_names_source_robot_of_each_step(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     synchronise(anna, ben)
@@ -100,7 +100,7 @@ def test_a_second_cycle_changes_nothing(make):
     assert [len(one.robot.ledger.entries()) for one in (anna, ben)] == before
 
 
-def test_a_robot_whose_step_is_late_in_time_is_put_in_order_with_the_others(make, clock):
+def test_late_step_is_sorted_into_fleet_order(make, clock):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach(values=(5.0, NAN))
     clock.now += 1.0
@@ -112,7 +112,7 @@ def test_a_robot_whose_step_is_late_in_time_is_put_in_order_with_the_others(make
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_twenty_robots_of_which_three_were_offline_for_an_hour_have_the_same_profiles(make, clock):
+def test_twenty_robots_converge_after_three_were_offline(make, clock):
     robots = [make(f"robot-{number:02}") for number in range(20)]
     offline = robots[:3]
     for minute in range(60):
@@ -132,7 +132,7 @@ def test_twenty_robots_of_which_three_were_offline_for_an_hour_have_the_same_pro
     ]
 
 
-def test_what_persons_have_taught_stays_with_the_robot(make, server, database):
+def test_person_layers_stay_on_robot_by_default(make, server, database):
     anna = make("anna", rule=learning(layers=("person", "place")))
     ben = make("ben")
     anna.robot.teach(person="Anna Smith", reason="Anna Smith said so", source="Anna Smith")
@@ -142,9 +142,7 @@ def test_what_persons_have_taught_stays_with_the_robot(make, server, database):
     assert not any("anna smith" in str(row).lower() for row in found)
 
 
-def test_layers_of_persons_are_shared_where_both_robots_say_so_and_nothing_else_of_them(
-    make, server, database
-):
+def test_person_layers_are_shared_without_reasons_or_sources(make, server, database):
     rule = learning(layers=("person", "place"))
     anna = make("anna", rule=rule, share=SharedLayers.ALL)
     ben = make("ben", rule=rule, share=SharedLayers.ALL)
@@ -158,7 +156,7 @@ def test_layers_of_persons_are_shared_where_both_robots_say_so_and_nothing_else_
     assert "phone" not in found
 
 
-def test_a_robot_whose_scene_file_does_not_say_so_takes_in_nothing_of_persons(make):
+def test_robot_without_person_sharing_ignores_foreign_person_layers(make):
     rule = learning(layers=("person", "place"))
     anna = make("anna", rule=rule, share=SharedLayers.ALL)
     ben = make("ben", rule=rule)
@@ -176,7 +174,7 @@ def test_a_robot_whose_scene_file_does_not_say_so_takes_in_nothing_of_persons(ma
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_a_database_that_gives_more_than_was_asked_for_is_refused_by_name(make):
+def test_unrequested_rows_from_database_are_refused_by_name(make):
     rule = learning(layers=("person", "place"))
     anna = make("anna", rule=rule, share=SharedLayers.ALL)
     ben = make("ben", rule=rule)
@@ -195,7 +193,7 @@ def test_a_database_that_gives_more_than_was_asked_for_is_refused_by_name(make):
     ("share", "layers"),
     [(SharedLayers.ALL_BUT_PERSONS, {"", "place/lobby"}), (SharedLayers.PLACES, {"place/lobby"})],
 )
-def test_a_robot_shares_what_the_file_of_its_agent_says(make, share, layers):
+def test_robot_shares_layers_named_in_agent_file(make, share, layers):
     anna, ben = make("anna", share=share), make("ben")
     anna.robot.teach()
     anna.robot.teach(place="lobby")
@@ -206,7 +204,7 @@ def test_a_robot_shares_what_the_file_of_its_agent_says(make, share, layers):
     assert changed == layers
 
 
-def test_nothing_leaves_a_robot_that_shares_nothing(make, server, database):
+def test_robot_sharing_nothing_sends_nothing(make, server, database):
     anna = make("anna")
     anna.shares = {}
     anna.robot.teach()
@@ -214,7 +212,7 @@ def test_nothing_leaves_a_robot_that_shares_nothing(make, server, database):
     assert rows(server, database, "SELECT * FROM step") == []
 
 
-def test_what_was_learned_before_is_shared_when_the_file_says_so_later(make):
+def test_enabling_sharing_later_shares_earlier_learning(make):
     anna, ben = make("anna", share=SharedLayers.PLACES), make("ben")
     anna.robot.teach()
     anna.robot.teach(place="lobby")
@@ -225,7 +223,7 @@ def test_what_was_learned_before_is_shared_when_the_file_says_so_later(make):
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_what_was_passed_by_before_is_taken_in_when_the_file_says_so_later(make):
+def test_enabling_sharing_later_imports_skipped_steps(make):
     anna, ben = make("anna"), make("ben", share=SharedLayers.PLACES)
     anna.robot.teach()
     anna.robot.teach(place="lobby")
@@ -236,7 +234,7 @@ def test_what_was_passed_by_before_is_taken_in_when_the_file_says_so_later(make)
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_the_steps_of_others_count_as_much_as_the_file_says(make, clock):
+def test_agent_file_sets_weight_of_foreign_steps(make, clock):
     anna = make("anna")
     ben = make("ben", rule=learning(sources=("fleet",), weights=(0.5,)))
     anna.robot.teach()
@@ -245,7 +243,7 @@ def test_the_steps_of_others_count_as_much_as_the_file_says(make, clock):
     assert ben.robot.current()[""][0] == pytest.approx(3.3)
 
 
-def test_a_robot_learns_while_the_database_is_away_and_catches_up(make, server):
+def test_robot_learns_without_database_and_catches_up(make, server):
     anna, ben = make("anna"), make("ben")
     synchronise(anna, ben)
     server.kill()
@@ -261,7 +259,7 @@ def test_a_robot_learns_while_the_database_is_away_and_catches_up(make, server):
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_a_database_that_hangs_ends_a_cycle_in_time_and_nothing_is_lost_or_doubled(make, server):
+def test_hanging_database_neither_loses_nor_doubles_steps(make, server):
     anna, ben = make("anna"), make("ben")
     synchronise(anna, ben)
     anna.robot.teach()
@@ -279,9 +277,7 @@ def test_a_database_that_hangs_ends_a_cycle_in_time_and_nothing_is_lost_or_doubl
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_a_database_that_is_killed_again_and_again_loses_nothing_and_doubles_nothing(
-    make, server, database
-):
+def test_repeatedly_killed_database_neither_loses_nor_doubles_steps(make, server, database):
     anna, ben = make("anna"), make("ben")
     synchronise(anna, ben)
     kills = 0
@@ -310,7 +306,7 @@ def test_a_database_that_is_killed_again_and_again_loses_nothing_and_doubles_not
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_a_process_that_was_restarted_goes_on_where_ledger_and_database_agree(make):
+def test_restarted_sync_continues_from_ledger_and_database(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     synchronise(anna, ben)
@@ -324,7 +320,7 @@ def test_a_process_that_was_restarted_goes_on_where_ledger_and_database_agree(ma
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_an_answer_that_is_lost_does_not_double_a_step(make):
+def test_lost_answer_does_not_double_step(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     anna.sync.cycle()
@@ -342,7 +338,7 @@ def test_an_answer_that_is_lost_does_not_double_a_step(make):
     assert [row.cause.cause for _, row in ben.robot.ledger.entries()] == ["authored", "fleet"]
 
 
-def test_steps_wait_for_a_feedback_node_that_is_away_and_are_pushed_all_the_same(make):
+def test_steps_are_pushed_while_feedback_node_is_away(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     anna.sync.cycle()
@@ -357,7 +353,7 @@ def test_steps_wait_for_a_feedback_node_that_is_away_and_are_pushed_all_the_same
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_steps_wait_for_an_agent_that_no_host_has_introduced_yet(make):
+def test_steps_wait_for_unknown_agent(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     anna.sync.cycle()
@@ -369,7 +365,7 @@ def test_steps_wait_for_an_agent_that_no_host_has_introduced_yet(make):
     assert ben.sync.status.taken == 1
 
 
-def test_a_robot_with_another_version_of_the_file_takes_the_steps_when_it_has_the_same(make):
+def test_robot_imports_steps_once_agent_files_match(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.introduce(authored=2.0)
     anna.robot.teach()
@@ -380,7 +376,7 @@ def test_a_robot_with_another_version_of_the_file_takes_the_steps_when_it_has_th
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_another_ledger_under_the_name_of_a_robot_is_refused(make, tmp_path, clock, database):
+def test_second_ledger_under_same_robot_name_is_refused(make, tmp_path, clock, database):
     anna = make("anna")
     anna.robot.teach()
     synchronise(anna)
@@ -394,7 +390,7 @@ def test_another_ledger_under_the_name_of_a_robot_is_refused(make, tmp_path, clo
             other.sync.cycle()
 
 
-def test_a_ledger_that_joins_under_a_second_name_is_refused(make, clock, database):
+def test_ledger_joining_under_second_name_is_refused(make, clock, database):
     anna = make("anna")
     anna.robot.teach()
     synchronise(anna)
@@ -408,7 +404,7 @@ def test_a_ledger_that_joins_under_a_second_name_is_refused(make, clock, databas
             anna.sync.cycle()
 
 
-def test_a_robot_that_has_lost_its_ledger_gets_back_what_was_shared_under_another_name(make):
+def test_renamed_robot_recovers_shared_steps_without_its_ledger(make):
     anna = make("anna")
     anna.robot.teach()
     synchronise(anna)
@@ -417,7 +413,7 @@ def test_a_robot_that_has_lost_its_ledger_gets_back_what_was_shared_under_anothe
     assert new.robot.current() == anna.robot.current()
 
 
-def test_a_robot_needs_no_right_to_make_tables(make, server, database):
+def test_robot_needs_no_permission_to_create_tables(make, server, database):
     make("anna")
     server.execute("DROP ROLE IF EXISTS robots")
     rows(server, database, "CREATE ROLE robots LOGIN")
@@ -430,7 +426,7 @@ def test_a_robot_needs_no_right_to_make_tables(make, server, database):
     assert rows(server, database, "SELECT robot FROM step") == [("ben",)]
 
 
-def test_a_server_over_the_net_is_believed_by_its_certificate_and_name_alone(tmp_path):
+def test_remote_server_is_verified_by_certificate_and_name(tmp_path):
     authority, other = tmp_path / "authority.crt", tmp_path / "other.crt"
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
@@ -454,7 +450,7 @@ def test_a_server_over_the_net_is_believed_by_its_certificate_and_name_alone(tmp
             join("127.0.0.1", authority)
 
 
-def test_a_robot_joins_the_server_that_the_compose_file_describes(tmp_path):
+def test_robot_joins_server_from_compose_file(tmp_path):
     deploy = Path(str(files("bt_agents_fleet"))) / "deploy"
     service = yaml.safe_load((deploy / "compose.yaml").read_text())["services"]["database"]
     of_image = service["environment"]
@@ -495,7 +491,7 @@ def test_a_robot_joins_the_server_that_the_compose_file_describes(tmp_path):
         assert service["healthcheck"]["test"] == ["CMD-SHELL", f"pg_isready -U {user} -d {name}"]
 
 
-def test_a_database_put_back_from_an_old_copy_is_filled_again(make, server, database):
+def test_restored_old_database_is_refilled(make, server, database):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     synchronise(anna, ben)
@@ -541,7 +537,7 @@ HOSTILE = (
 """Column → what is in it instead of :data:`GOOD`, and the code that it is refused with."""
 
 
-def test_hostile_rows_are_refused_with_a_code_each_and_keep_no_other_out(make, server, database):
+def test_hostile_rows_are_refused_without_blocking_others(make, server, database):
     anna, ben = make("anna"), make("ben")
     for one in ("agent", "layer", "target"):
         rows(server, database, f"ALTER TABLE step DROP CONSTRAINT step_{one}_is_short")
@@ -564,7 +560,7 @@ def test_hostile_rows_are_refused_with_a_code_each_and_keep_no_other_out(make, s
     assert (ben.sync.status.taken, ben.sync.status.refused) == (1, len(HOSTILE))
 
 
-def test_tables_of_a_newer_version_are_refused_by_name(make, server, database):
+def test_newer_schema_is_refused_by_name(make, server, database):
     anna = make("anna")
     rows(server, database, "INSERT INTO schema_version (version) VALUES (99)")
     with pytest.raises(FleetError, match="SCHEMA_NEWER"):
@@ -581,7 +577,7 @@ def test_a_database_without_tables_is_refused_by_name(database):
         opened.connect()
 
 
-def test_who_has_not_joined_is_refused_by_name(make, database):
+def test_robot_that_has_not_joined_is_refused(make, database):
     make("anna")
     with (
         closing(FleetDatabase(database, "zoe", limit_s=LIMIT_S)) as opened,
@@ -590,7 +586,7 @@ def test_who_has_not_joined_is_refused_by_name(make, database):
         opened.position()
 
 
-def test_many_robots_may_join_at_once(database):
+def test_many_robots_can_join_concurrently(database):
     found: list[BaseException] = []
 
     def join(name: str) -> None:
@@ -608,7 +604,7 @@ def test_many_robots_may_join_at_once(database):
     assert found == []
 
 
-def test_a_push_wakes_a_robot_that_waits(make):
+def test_push_wakes_waiting_robot(make):
     anna, ben = make("anna"), make("ben")
     synchronise(anna, ben)
     anna.robot.teach()
@@ -618,7 +614,7 @@ def test_a_push_wakes_a_robot_that_waits(make):
     assert time.monotonic() - began < 30.0
 
 
-def test_who_leaves_may_take_its_steps_along(make, server, database):
+def test_leaving_robot_may_remove_its_steps(make, server, database):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     synchronise(anna, ben)
@@ -627,7 +623,7 @@ def test_who_leaves_may_take_its_steps_along(make, server, database):
     assert rows(server, database, "SELECT * FROM step") == []
 
 
-def test_a_place_that_was_forgotten_is_not_taken_in_again(make):
+def test_forgotten_place_is_not_imported_again(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach(place="lobby")
     synchronise(anna, ben)
@@ -637,9 +633,7 @@ def test_a_place_that_was_forgotten_is_not_taken_in_again(make):
     assert "place/lobby" not in ben.robot.current()
 
 
-def test_a_place_that_one_robot_has_forgotten_is_forgotten_by_all_and_by_the_database(
-    make, server, database
-):
+def test_forgetting_place_reaches_all_robots_and_database(make, server, database):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach(place="lobby")
     ben.robot.teach(place="lobby", values=(1.0, NAN))
@@ -659,9 +653,7 @@ def test_a_place_that_one_robot_has_forgotten_is_forgotten_by_all_and_by_the_dat
     assert "place/lobby" not in ben.robot.current()
 
 
-def test_older_steps_of_a_robot_that_was_offline_do_not_bring_back_what_was_forgotten(
-    make, clock, server, database
-):
+def test_offline_robots_older_steps_do_not_undo_forgetting(make, clock, server, database):
     anna, ben, cleo = make("anna"), make("ben"), make("cleo")
     anna.robot.teach(place="lobby")
     cleo.robot.teach(place="lobby", values=(1.0, NAN))
@@ -676,9 +668,7 @@ def test_older_steps_of_a_robot_that_was_offline_do_not_bring_back_what_was_forg
     assert largest_difference([anna.robot, ben.robot, cleo.robot]) <= 1e-9
 
 
-def test_what_is_learned_after_the_forgetting_counts_also_of_a_robot_that_did_not_know_of_it(
-    make, clock, server, database
-):
+def test_steps_after_forgetting_count_from_uninformed_robots(make, clock, server, database):
     anna, ben, cleo = make("anna"), make("ben"), make("cleo")
     anna.robot.teach(place="lobby")
     cleo.robot.teach(place="lobby", values=(1.0, NAN))
@@ -703,9 +693,7 @@ def test_what_is_learned_after_the_forgetting_counts_also_of_a_robot_that_did_no
     assert largest_difference([anna.robot, ben.robot, cleo.robot]) <= 1e-9
 
 
-def test_a_step_that_was_pushed_before_the_forgetting_was_known_is_not_doubled(
-    make, clock, server, database
-):
+def test_step_pushed_before_known_forgetting_is_not_doubled(make, clock, server, database):
     anna, ben = make("anna"), make("ben")
     clock.now += 60.0
     anna.robot.teach(place="lobby")
@@ -721,7 +709,7 @@ def test_a_step_that_was_pushed_before_the_forgetting_was_known_is_not_doubled(
     assert anna.robot.current()["place/lobby"] == ben.robot.current()["place/lobby"]
 
 
-def test_a_person_who_is_shared_is_forgotten_everywhere_and_named_nowhere(make, server, database):
+def test_forgotten_shared_person_leaves_no_trace(make, server, database):
     rule = learning(layers=("person", "place"))
     anna, ben = (make(name, rule=rule, share=SharedLayers.ALL) for name in ("anna", "ben"))
     anna.robot.teach(person="zoe")
@@ -736,7 +724,7 @@ def test_a_person_who_is_shared_is_forgotten_everywhere_and_named_nowhere(make, 
         assert b"zoe" not in one.path.read_bytes()
 
 
-def test_a_robot_that_has_another_version_of_the_file_forgets_all_the_same(make):
+def test_robot_with_different_agent_file_still_forgets(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach(place="lobby")
     synchronise(anna, ben)
@@ -746,9 +734,7 @@ def test_a_robot_that_has_another_version_of_the_file_forgets_all_the_same(make)
     assert "place/lobby" not in ben.robot.current()
 
 
-def test_tables_of_the_first_version_are_brought_up_to_date_with_their_steps(
-    make, server, database
-):
+def test_first_schema_version_is_migrated_with_its_steps(make, server, database):
     anna = make("anna")
     anna.robot.teach()
     synchronise(anna)
@@ -769,11 +755,11 @@ def test_tables_of_the_first_version_are_brought_up_to_date_with_their_steps(
         ("host=db.example sslmode=require", "sslmode=require"),
     ],
 )
-def test_a_server_over_the_net_is_checked_by_its_certificate_unless_said_otherwise(address, says):
+def test_remote_server_certificate_is_checked_by_default(address, says):
     assert says in checked_address(address)
 
 
-def test_the_certificates_are_passed_on():
+def test_certificate_path_is_passed_to_connection():
     assert "sslrootcert=/etc/fleet.crt" in checked_address("host=a", "/etc/fleet.crt")
 
 
@@ -789,7 +775,7 @@ def test_a_socket_needs_no_certificate():
         ("colour=green", "BAD_ADDRESS"),
     ],
 )
-def test_an_address_that_cannot_be_used_is_refused(address, code):
+def test_unusable_address_is_refused(address, code):
     with pytest.raises(FleetError) as refusal:
         checked_address(address)
     assert refusal.value.code == code

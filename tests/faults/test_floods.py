@@ -64,7 +64,7 @@ def floods() -> dict[str, list[dict[str, Any]]]:
 
 
 @pytest.mark.parametrize("kind", FLOODS)
-def test_a_flood_silences_no_node_nor_stays_in_its_memory_or_log(
+def test_flood_neither_silences_nodes_nor_grows_memory(
     kind: str, floods: dict[str, list[dict[str, Any]]]
 ) -> None:
     for node in FLOODS[kind][1]:

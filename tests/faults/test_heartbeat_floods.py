@@ -37,7 +37,7 @@ AT_A_TIME = 500
     ],
     ids=["of the host", "of the market"],
 )
-def test_a_run_goes_on_under_a_flood_of_heartbeats(
+def test_run_continues_under_heartbeat_flood(
     system: System, tmp_path: Path, topic: str, message: Any
 ) -> None:
     trees = write_trees(tmp_path / "trees", leo=(5, "say: leo speaks"))

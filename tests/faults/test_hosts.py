@@ -49,7 +49,7 @@ def until_lost(system: System, other: Pulse) -> tuple[Run, int]:
 
 
 @pytest.mark.parametrize("fault", ["killed", "hung"])
-def test_a_host_that_is_gone_mid_run_is_noticed_within_a_second_and_the_next_agent_takes_over(
+def test_lost_host_is_replaced_by_next_agent_quickly(
     system: System, tmp_path: Path, fault: str
 ) -> None:
     host, _ = two_hosts(system, tmp_path)
@@ -77,7 +77,7 @@ def test_a_host_that_is_gone_mid_run_is_noticed_within_a_second_and_the_next_age
 
 
 @pytest.mark.parametrize("sentence", ["under way", "over"])
-def test_a_host_that_comes_back_from_a_hang_stops_its_tree_and_never_speaks_beside_the_other(
+def test_resumed_host_stops_its_tree_without_speaking(
     system: System, tmp_path: Path, sentence: str
 ) -> None:
     host, _ = two_hosts(system, tmp_path)
@@ -102,9 +102,7 @@ def test_a_host_that_comes_back_from_a_hang_stops_its_tree_and_never_speaks_besi
     assert system.until_end_of("s2").agent == "leo"
 
 
-def test_a_host_that_comes_back_from_a_hang_does_not_act_on_a_wait_that_is_over(
-    system: System, tmp_path: Path
-) -> None:
+def test_resumed_host_does_not_act_on_expired_wait(system: System, tmp_path: Path) -> None:
     tree = "sequence: [say: leo begins, wait: 500 ms, say: leo ends]"
     host, _ = two_hosts(system, tmp_path, leo=tree)
     first = system.pulse("agents_a")
@@ -132,9 +130,7 @@ def let_them_speak(system: System, *texts: str) -> None:
         system.mouth.finish()
 
 
-def test_a_host_that_hangs_between_bid_and_goal_loses_the_run_and_never_runs_it(
-    system: System, tmp_path: Path
-) -> None:
+def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) -> None:
     host, _ = two_hosts(system, tmp_path, bid_deadline=0.5)
     # A third one that is silent keeps every round open, so that the hang comes before the goal.
     silent = system.ros.add(SilentHost())
@@ -169,9 +165,7 @@ def test_a_host_that_hangs_between_bid_and_goal_loses_the_run_and_never_runs_it(
     pytest.fail("the market did not hear the bid of leo in half of the rounds")
 
 
-def test_a_host_that_is_killed_between_bid_and_goal_is_replaced_by_the_next_best(
-    system: System, tmp_path: Path
-) -> None:
+def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path) -> None:
     host, _ = two_hosts(system, tmp_path, bid_deadline=0.5)
     silent = system.ros.add(SilentHost())
     silent.register(system.ros)
@@ -202,9 +196,7 @@ def test_a_host_that_is_killed_between_bid_and_goal_is_replaced_by_the_next_best
     assert system.until_end_of("s2").agent == "leo"
 
 
-def test_one_of_five_hosts_is_silent_and_the_round_closes_at_the_deadline_with_the_others(
-    system: System, tmp_path: Path
-) -> None:
+def test_round_with_silent_host_closes_at_deadline(system: System, tmp_path: Path) -> None:
     names = [f"agents_{number}" for number in range(1, 6)]
     folders = {
         name: write_trees(tmp_path / name, **{f"guide_{name[-1]}": (float(name[-1]), "wait: 0 s")})
@@ -226,9 +218,7 @@ def test_one_of_five_hosts_is_silent_and_the_round_closes_at_the_deadline_with_t
     assert (end.code, end.agent) == ("SUCCEEDED", "guide_4")
 
 
-def test_of_two_processes_of_one_host_exactly_one_runs_in_a_hundred_of_a_hundred_scenes(
-    system: System, tmp_path: Path
-) -> None:
+def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(LEO, "say: leo speaks"))
     system.mouth.holds = lambda _text: False
     system.market(trees, collect_deadline=0.05, queue_limit=100)

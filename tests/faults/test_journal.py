@@ -24,7 +24,7 @@ def recorded(folder: Path) -> list[int]:
     return [entry.decode().revision for entry in entries if entry.topic == "/bt_agents/feedback"]
 
 
-def test_what_a_journal_has_written_outlives_every_kill(system: System, tmp_path: Path) -> None:
+def test_written_journal_survives_every_kill(system: System, tmp_path: Path) -> None:
     publisher = system.ros.node.create_publisher(Feedback, "bt_agents/feedback", qos.FACTS)
     folder = tmp_path / "journal"
     journal = system.start(components.journal(folder))

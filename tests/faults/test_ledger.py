@@ -90,7 +90,7 @@ class Giver:
         return given.feedback_id
 
 
-def test_what_was_recorded_before_a_kill_is_answered_after_it_and_not_applied_again(
+def test_feedback_recorded_before_kill_is_not_applied_again(
     system: System, tmp_path: Path
 ) -> None:
     simulated = tmp_path / "simulated.yaml"
@@ -128,9 +128,7 @@ def test_what_was_recorded_before_a_kill_is_answered_after_it_and_not_applied_ag
     ] + [["mood"]]
 
 
-def test_a_full_disk_refuses_feedback_by_name_and_the_node_goes_on_when_there_is_room(
-    system: System, tmp_path: Path
-) -> None:
+def test_full_disk_refuses_feedback_until_space_returns(system: System, tmp_path: Path) -> None:
     ledger = tmp_path / "ledger.sqlite"
     with Ledger(ledger) as book:
         book.enter({f"agent{number}": {"age": 3.0} for number in range(1500)})

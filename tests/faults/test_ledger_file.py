@@ -177,7 +177,7 @@ def writers() -> Iterator[Writers]:
         made.close()
 
 
-def test_120_kills_lose_no_acknowledged_revision_and_record_none_twice(tmp_path, writers):
+def test_kills_neither_lose_nor_duplicate_acknowledged_revisions(tmp_path, writers):
     path = tmp_path / "ledger.sqlite"
     chance = random.Random(17)
     expected: dict[str, tuple[str, str, int, float]] = {}
@@ -230,7 +230,7 @@ def test_120_kills_lose_no_acknowledged_revision_and_record_none_twice(tmp_path,
 @pytest.mark.parametrize(
     ("at", "step", "left"), [("line", 1, ["-wal", "-shm"]), ("size", 512, ["-journal"])]
 )
-def test_kills_while_a_ledger_is_created_leave_one_that_opens(tmp_path, writers, at, step, left):
+def test_ledger_opens_after_kills_during_creation(tmp_path, writers, at, step, left):
     found = set()
     for number in count(step, step):
         path = tmp_path / str(number) / "ledger.sqlite"
@@ -329,7 +329,7 @@ class Files:
         return code
 
 
-def test_a_log_that_is_cut_off_anywhere_is_named(tmp_path):
+def test_log_truncated_anywhere_is_reported(tmp_path):
     files = Files(tmp_path, in_log=True)
     log = files.parts["-wal"]
     page = 4096
@@ -348,7 +348,7 @@ def test_a_log_that_is_cut_off_anywhere_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("in_log", [True, False], ids=["with_a_log", "without"])
-def test_250_flipped_bits_each_are_harmless_or_named(tmp_path, in_log):
+def test_each_flipped_bit_is_harmless_or_reported(tmp_path, in_log):
     files = Files(tmp_path, in_log=in_log)
     last = len(files.states) - 1
     chance = random.Random(5)
@@ -374,7 +374,7 @@ def test_250_flipped_bits_each_are_harmless_or_named(tmp_path, in_log):
         assert set(found["-shm"]) == {last}
 
 
-def test_an_older_copy_in_the_place_of_a_ledger_is_named(tmp_path):
+def test_older_copy_of_ledger_is_reported(tmp_path):
     files = Files(tmp_path, in_log=False)
     with Ledger(files.path) as ledger:
         Files.teach(ledger, 60, 61)
@@ -384,7 +384,7 @@ def test_an_older_copy_in_the_place_of_a_ledger_is_named(tmp_path):
     assert files.judge() == 0
 
 
-def test_a_ledger_of_a_version_without_the_number_opens(tmp_path):
+def test_ledger_from_version_without_row_number_opens(tmp_path):
     files = Files(tmp_path, in_log=True)
     files.lay()
     files._part(".lock").write_bytes(b"")
@@ -393,7 +393,7 @@ def test_a_ledger_of_a_version_without_the_number_opens(tmp_path):
     assert files.judge() == "LEDGER_CUT_OFF"
 
 
-def test_a_damaged_number_of_the_last_row_is_harmless(tmp_path):
+def test_damaged_last_row_number_is_harmless(tmp_path):
     files = Files(tmp_path, in_log=False)
     chance = random.Random(5)
     for where in range(len(files.parts[".lock"])):
@@ -407,14 +407,14 @@ def test_a_damaged_number_of_the_last_row_is_harmless(tmp_path):
     ("lost", "found"),
     [("", "LEDGER_CORRUPT"), ("-wal", "LEDGER_CUT_OFF"), ("-shm", -1), (".lock", -1)],
 )
-def test_of_a_file_that_is_lost_nothing_is_missing_without_a_word(tmp_path, lost, found):
+def test_lost_file_is_harmless_or_reported(tmp_path, lost, found):
     files = Files(tmp_path, in_log=True)
     files.lay()
     files._part(lost).unlink()
     assert files.judge() == (found if found != -1 else len(files.states) - 1)
 
 
-def test_a_disk_that_is_full_refuses_and_a_disk_with_room_goes_on(tmp_path):
+def test_full_disk_refuses_writes_until_space_returns(tmp_path):
     with Ledger(tmp_path / "ledger.sqlite") as ledger:
         ledger.enter({"guide": {"age": 0.0}})
         pages = ledger._database.execute("PRAGMA page_count").fetchone()[0]
@@ -441,7 +441,7 @@ def test_a_disk_that_is_full_refuses_and_a_disk_with_room_goes_on(tmp_path):
         assert len(again.history("guide")) == taken + 2
 
 
-def test_a_page_of_another_time_is_noticed(tmp_path):
+def test_outdated_page_is_reported(tmp_path):
     files = Files(tmp_path, in_log=False)
     with Ledger(files.path) as ledger:
         Files.teach(ledger, 60, 90)
@@ -460,7 +460,7 @@ def test_a_page_of_another_time_is_noticed(tmp_path):
         assert error.value.code == "LEDGER_CORRUPT"
 
 
-def test_a_checked_ledger_can_be_read_by_anybody(tmp_path):
+def test_checked_ledger_is_readable_by_plain_sqlite(tmp_path):
     files = Files(tmp_path, in_log=True)
     files.lay()
     reader = sqlite3.connect(f"file:{files.path}?mode=ro", uri=True)

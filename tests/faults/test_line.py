@@ -57,7 +57,7 @@ def check_that_the_line_runs(system: System) -> None:
 
 
 @pytest.mark.parametrize("how", ["hangs", "is killed", "is terminated"])
-def test_scenes_in_line_outlive_their_only_host_when_it(
+def test_queued_scenes_survive_loss_of_their_only_host(
     system: System, tmp_path: Path, how: str
 ) -> None:
     _, host = market_and_host(system, tmp_path)
@@ -75,9 +75,7 @@ def test_scenes_in_line_outlive_their_only_host_when_it(
 
 
 @pytest.mark.parametrize("both", [False, True], ids=["alone", "with its host"])
-def test_the_line_outlives_a_market_that_is_killed(
-    system: System, tmp_path: Path, both: bool
-) -> None:
+def test_queue_survives_killed_market(system: System, tmp_path: Path, both: bool) -> None:
     market, host = market_and_host(system, tmp_path)
     fill_the_line(system)
     if both:
@@ -98,9 +96,7 @@ def test_the_line_outlives_a_market_that_is_killed(
     assert set(Counter(end.scene_id for end in system.ends).values()) == {1}
 
 
-def test_scenes_that_are_announced_while_there_is_no_market_reach_it_once(
-    system: System, tmp_path: Path
-) -> None:
+def test_scenes_announced_without_market_reach_it_once(system: System, tmp_path: Path) -> None:
     market, _ = market_and_host(system, tmp_path)
     system.start(components.scene_layer(tmp_path / "leo"))
     analyze = system.ros.node.create_client(Analyze, "scene_layer/analyze")

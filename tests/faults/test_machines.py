@@ -96,7 +96,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
         network.close()
 
 
-def test_on_a_network_with_delay_and_loss_hosts_run_leave_and_join(robot: Robot) -> None:
+def test_hosts_run_leave_and_join_on_lossy_network(robot: Robot) -> None:
     robot.network.set(delay=DELAY_S, loss=0.05)
     try:
         robot.until_leo_has_run()
@@ -108,9 +108,7 @@ def test_on_a_network_with_delay_and_loss_hosts_run_leave_and_join(robot: Robot)
         robot.network.set(delay=0.0, loss=0.0)
 
 
-def test_a_host_that_was_cut_off_does_not_speak_into_the_run_of_its_successor(
-    robot: Robot,
-) -> None:
+def test_disconnected_host_does_not_interrupt_its_successor(robot: Robot) -> None:
     robot.until_leo_has_run()
     robot.heard.seen(0.5)
     robot.trigger()
@@ -130,17 +128,17 @@ def test_a_host_that_was_cut_off_does_not_speak_into_the_run_of_its_successor(
 
 
 @pytest.mark.parametrize("machine", MACHINES)
-def test_a_machine_is_back_by_itself_after_its_cable_was_out(robot: Robot, machine: str) -> None:
+def test_machine_reconnects_by_itself_after_cable_loss(robot: Robot, machine: str) -> None:
     robot.trigger()
     robot.out(machine, seconds=CABLE_S)
 
 
-def test_machines_that_have_lost_each_other_find_each_other_again(robot: Robot) -> None:
+def test_separated_machines_find_each_other_again(robot: Robot) -> None:
     robot.out(*MACHINES, seconds=LONG_S)
 
 
 @pytest.mark.parametrize("variables", [PEERS, SERVER], ids=["static peers", "discovery server"])
-def test_without_multicast_machines_find_each_other_by_what_is_named(
+def test_machines_without_multicast_use_configured_discovery(
     tmp_path: Path, variables: dict[str, str]
 ) -> None:
     network = Network(tmp_path, MACHINES, variables)

@@ -51,7 +51,7 @@ class LifecycleManager:
 
 
 @pytest.mark.parametrize("layout", ["processes", "one process"])
-def test_a_lifecycle_manager_brings_a_system_up_takes_it_down_and_brings_it_up_again(
+def test_lifecycle_manager_can_restart_whole_system(
     system: System, tmp_path: Path, layout: str
 ) -> None:
     trees = write_trees(tmp_path / "trees", leo=(4.5, "say: leo speaks"))

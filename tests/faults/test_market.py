@@ -42,7 +42,7 @@ def check_that_nothing_else_runs(system: System, epoch: str, starts: int) -> Non
 
 
 @pytest.mark.parametrize("restart", ["after the host has given up", "at once"])
-def test_a_market_killed_mid_run_takes_its_run_with_it_and_the_next_one_asks_again_once(
+def test_killed_market_ends_its_run_and_successor_retries(
     system: System, tmp_path: Path, restart: str
 ) -> None:
     market = market_and_hosts(system, tmp_path)
@@ -77,9 +77,7 @@ def test_a_market_killed_mid_run_takes_its_run_with_it_and_the_next_one_asks_aga
     assert system.mouth.texts == ["leo speaks"] * 3
 
 
-def test_a_run_that_ends_while_there_is_no_market_is_handed_to_the_next_one_and_not_run_again(
-    system: System, tmp_path: Path
-) -> None:
+def test_run_ending_without_market_is_not_repeated(system: System, tmp_path: Path) -> None:
     market = market_and_hosts(system, tmp_path)
     pulse = system.pulse("agents_a")
     old_person(system, "s1")
@@ -97,7 +95,7 @@ def test_a_run_that_ends_while_there_is_no_market_is_handed_to_the_next_one_and_
     check_that_nothing_else_runs(system, system.epoch, starts=0)
 
 
-def test_a_market_that_hangs_longer_than_its_lease_loses_the_run_and_goes_on(
+def test_market_hanging_beyond_lease_loses_run_and_continues(
     system: System, tmp_path: Path
 ) -> None:
     market = market_and_hosts(system, tmp_path)
@@ -123,9 +121,7 @@ def test_a_market_that_hangs_longer_than_its_lease_loses_the_run_and_goes_on(
     assert len(system.ends_of("s1")) == 1
 
 
-def test_a_second_market_is_refused_and_told_which_one_is_there(
-    system: System, tmp_path: Path
-) -> None:
+def test_second_market_is_refused_naming_first(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "trees", leo=(3.0, "wait: 0 s"))
     first = system.market(trees)
     system.until(lambda: system.epoch, "the first market")
@@ -139,9 +135,7 @@ def test_a_second_market_is_refused_and_told_which_one_is_there(
     assert first.exit_code is None
 
 
-def test_a_market_that_was_killed_does_not_hinder_the_next_one(
-    system: System, tmp_path: Path
-) -> None:
+def test_killed_market_does_not_block_its_successor(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "trees", leo=(3.0, "wait: 0 s"))
     market = system.market(trees)
     system.until(lambda: system.epoch, "the first market")
@@ -152,9 +146,7 @@ def test_a_market_that_was_killed_does_not_hinder_the_next_one(
     assert "SECOND_MARKET" not in market.said
 
 
-def test_a_market_that_hung_while_another_took_its_place_gives_way(
-    system: System, tmp_path: Path
-) -> None:
+def test_market_replaced_during_hang_gives_way(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "trees", leo=(3.0, "wait: 0 s"))
     beats = system.ros.collect(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)
     first = system.market(trees)

@@ -47,9 +47,7 @@ def old_person(system: System, scene_id: str) -> None:
     system.scene(scene_id, age=5, familiarity=3, mood=3)
 
 
-def test_the_next_agent_speaks_only_when_the_sentence_of_a_killed_host_has_ended(
-    system: System, tmp_path: Path
-) -> None:
+def test_next_agent_waits_for_killed_hosts_sentence(system: System, tmp_path: Path) -> None:
     _, host, _ = two_hosts(system, tmp_path)
     old_person(system, "s1")
     system.until_speaking("leo speaks")
@@ -66,7 +64,7 @@ def test_the_next_agent_speaks_only_when_the_sentence_of_a_killed_host_has_ended
 
 
 @pytest.mark.parametrize("server", ["refuses", "hangs"])
-def test_a_server_that_does_not_stop_is_waited_for_only_so_long_and_the_next_run_says_so(
+def test_next_run_reports_goals_that_did_not_stop(
     system: System, tmp_path: Path, server: str
 ) -> None:
     _, host, _ = two_hosts(system, tmp_path, takeover_deadline=1.0)
@@ -96,9 +94,7 @@ def test_a_server_that_does_not_stop_is_waited_for_only_so_long_and_the_next_run
         system.until_speaking("leo speaks", "mira speaks")
 
 
-def test_a_host_that_is_started_again_ends_what_it_had_open_without_any_market(
-    system: System, tmp_path: Path
-) -> None:
+def test_restarted_host_ends_its_open_goals_without_market(system: System, tmp_path: Path) -> None:
     market, host, _ = two_hosts(system, tmp_path)
     old_person(system, "s1")
     system.until_speaking("leo speaks")
@@ -115,9 +111,7 @@ def test_a_host_that_is_started_again_ends_what_it_had_open_without_any_market(
     assert system.mouth.sentences[-1].beside == ()
 
 
-def test_what_a_host_has_open_that_dies_with_the_market_ends_before_another_host_acts(
-    system: System, tmp_path: Path
-) -> None:
+def test_restarted_market_ends_dead_hosts_goals_first(system: System, tmp_path: Path) -> None:
     scenes = tmp_path / "scenes.json"
     market, host, _ = two_hosts(system, tmp_path, scenes=str(scenes))
     old_person(system, "s1")
@@ -135,7 +129,7 @@ def test_what_a_host_has_open_that_dies_with_the_market_ends_before_another_host
 
 
 @pytest.mark.parametrize("server", ["stops", "refuses"])
-def test_a_host_that_is_started_again_registers_when_what_it_had_open_has_ended_or_never_will(
+def test_restarted_host_settles_open_goals_before_registering(
     system: System, tmp_path: Path, server: str
 ) -> None:
     _, host, _ = two_hosts(system, tmp_path, takeover_deadline=0.5)
@@ -158,9 +152,7 @@ def test_a_host_that_is_started_again_registers_when_what_it_had_open_has_ended_
         assert "their servers have not confirmed their end: /say (tree)" in host.said
 
 
-def test_a_second_process_of_a_host_leaves_the_goals_of_the_first_alone(
-    system: System, tmp_path: Path
-) -> None:
+def test_second_host_process_leaves_goals_of_first_alone(system: System, tmp_path: Path) -> None:
     two_hosts(system, tmp_path)
     old_person(system, "s1")
     system.until_speaking("leo speaks")
@@ -216,9 +208,7 @@ def until_idle(system: System, after: str) -> None:
     system.until(idle, "an idle market with both hosts")
 
 
-def test_whenever_a_host_or_the_market_with_it_is_killed_no_two_agents_drive_at_a_time(
-    system: System, tmp_path: Path
-) -> None:
+def test_random_kills_never_cause_two_simultaneous_drives(system: System, tmp_path: Path) -> None:
     nodes, robot, states = drivers(system, tmp_path)
     pulses = system.pulse("agents_a"), system.pulse("agents_b")
     luck = random.Random(KILLS)
@@ -255,9 +245,7 @@ def test_whenever_a_host_or_the_market_with_it_is_killed_no_two_agents_drive_at_
     print(f"{KILLS} kills, {len(driven)} drives, {len(system.started())} runs, no overlap")
 
 
-def test_a_host_says_what_it_has_open_before_it_asks_for_it_and_that_nothing_is_open_after(
-    system: System, tmp_path: Path
-) -> None:
+def test_host_publishes_open_goals_before_sending_them(system: System, tmp_path: Path) -> None:
     said: list[OpenGoals] = system.ros.collect(OpenGoals, "bt_agents/open_goals", qos.FACTS)
     two_hosts(system, tmp_path)
     old_person(system, "s1")

@@ -22,9 +22,7 @@ ORDERS = (
 """Order → who is pinned and who is vetoed after it."""
 
 
-def test_a_pin_or_veto_that_was_acknowledged_counts_after_a_kill_right_after_the_answer(
-    system: System, tmp_path: Path
-) -> None:
+def test_acknowledged_pin_or_veto_survives_immediate_kill(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(4.5, "wait: 0 s"), mira=(2.0, "wait: 0 s"))
     market = system.market(trees, orders=str(tmp_path / "orders.json"))
     system.host("agents", trees)

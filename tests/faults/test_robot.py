@@ -41,9 +41,7 @@ def robot_and_host(
     return robot
 
 
-def test_a_robot_killed_in_the_middle_of_a_sentence_makes_the_leaf_fail_and_ends_the_run(
-    system: System, tmp_path: Path
-) -> None:
+def test_killing_robot_during_sentence_fails_leaf_and_run(system: System, tmp_path: Path) -> None:
     acts: list[String] = system.ros.collect(String, "robot/transcript", qos.EVENTS)
     opened: list[OpenGoals] = system.ros.collect(OpenGoals, "bt_agents/open_goals", qos.FACTS)
     robot = robot_and_host(system, tmp_path, f"say: {LONG}")
@@ -70,9 +68,7 @@ def test_a_robot_killed_in_the_middle_of_a_sentence_makes_the_leaf_fail_and_ends
     system.until(lambda: len(acts) == 2, "the robot speaks again")
 
 
-def test_a_robot_that_is_back_before_its_heartbeat_is_missed_knows_nothing_of_the_sentence(
-    system: System, tmp_path: Path
-) -> None:
+def test_quickly_restarted_robot_does_not_know_old_goal(system: System, tmp_path: Path) -> None:
     acts: list[String] = system.ros.collect(String, "robot/transcript", qos.EVENTS)
     robot = robot_and_host(system, tmp_path, f"say: {LONG}", within="30 s")
     system.scene("s1", age=5, familiarity=3, mood=3)
@@ -84,9 +80,7 @@ def test_a_robot_that_is_back_before_its_heartbeat_is_missed_knows_nothing_of_th
     assert "knows nothing of the goal" in ended.message
 
 
-def test_a_sentence_for_a_robot_that_is_dead_is_said_by_its_next_start(
-    system: System, tmp_path: Path
-) -> None:
+def test_restarted_robot_says_sentence_sent_while_dead(system: System, tmp_path: Path) -> None:
     robot = robot_and_host(system, tmp_path, "say: hello", within="30 s", accept="30 s")
     system.scene("s1", age=5, familiarity=3, mood=3)
     assert system.until_end_of("s1").code == "SUCCEEDED"

@@ -26,9 +26,7 @@ sequence:
 """
 
 
-def test_a_tree_sees_no_old_mood_as_a_new_one_while_the_scene_layer_is_dead(
-    system: System, tmp_path: Path
-) -> None:
+def test_tree_sees_unknown_mood_without_scene_layer(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(4.0, TREE))
     system.mouth.holds = lambda _text: False
     system.market(trees, bid_deadline=5.0)

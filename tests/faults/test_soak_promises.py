@@ -79,7 +79,7 @@ def life(grows_by: float = 0.0, seconds: int = 600, **others: int) -> list[Event
     ]
 
 
-def test_a_history_in_which_everything_holds_breaks_no_promise_and_puts_each_to_the_test() -> None:
+def test_correct_history_checks_every_promise_without_violation() -> None:
     events = [
         SCENE, SHOWN, END, KILL, served(KILL, 2.0),
         FeedbackAcknowledged(at=3.0, feedback="f1"),
@@ -93,37 +93,37 @@ def test_a_history_in_which_everything_holds_breaks_no_promise_and_puts_each_to_
     assert {verdict.promise for verdict in check(events) if verdict.checked} == set(PROMISES)
 
 
-def test_a_scene_without_an_end_is_found() -> None:
+def test_scene_without_end_is_reported() -> None:
     assert broken(SCENE, SHOWN) == {ONE_END: ["scene s1 has no end"]}
     assert broken(SCENE) == {ONE_END: ["scene s1 has no end"]}
 
 
-def test_a_scene_with_two_ends_is_found_also_when_nobody_had_asked_for_it() -> None:
+def test_scene_with_two_ends_is_reported_without_request() -> None:
     again = SceneEnded(at=3.0, scene="s1", code="LOST", epoch="e2")
     assert broken(SCENE, END, again) == {ONE_END: ["scene s1 ends as SUCCEEDED and LOST"]}
     assert broken(END, again) == {ONE_END: ["scene s1 ends as SUCCEEDED and LOST"]}
 
 
-def test_the_refusal_of_a_scene_that_comes_twice_is_no_end() -> None:
+def test_refusal_of_duplicate_scene_is_no_end() -> None:
     assert broken(SCENE, END, SceneEnded(at=3.0, scene="s1", code="DUPLICATE", epoch="e1")) == {}
 
 
-def test_an_end_that_the_next_market_announces_again_is_the_same_one() -> None:
+def test_end_repeated_by_next_market_counts_once() -> None:
     assert broken(SCENE, END, replace(END, at=9.0)) == {}
 
 
-def test_a_scene_that_dies_with_the_scene_layer_before_the_market_had_it_may_have_no_end() -> None:
+def test_scene_lost_with_scene_layer_needs_no_end() -> None:
     killed = [KILL_OF_SCENE_LAYER, served(KILL_OF_SCENE_LAYER, 1.0)]
     assert broken(SCENE, *killed) == {}
     assert broken(SCENE, SHOWN, *killed) == {ONE_END: ["scene s1 has no end"]}
 
 
-def test_a_scene_has_an_end_also_when_its_market_is_killed_at_once() -> None:
+def test_scene_needs_end_when_market_dies_immediately() -> None:
     soon = Fault(at=SCENE.at + 0.05, component="marketplace", kind="killed", over=SCENE.at + 0.05)
     assert broken(SCENE, SHOWN, soon)[ONE_END] == ["scene s1 has no end"]
 
 
-def test_feedback_that_is_not_in_the_ledger_is_found() -> None:
+def test_feedback_missing_from_ledger_is_reported() -> None:
     given = FeedbackAcknowledged(at=1.0, feedback="f1")
     lost = {FEEDBACK_STORED: ["feedback f1 is not in the ledger"]}
     assert broken(given, LedgerRead(at=2.0, feedback=frozenset({"f0"}))) == lost
@@ -131,7 +131,7 @@ def test_feedback_that_is_not_in_the_ledger_is_found() -> None:
     assert broken(given, LedgerRead(at=2.0, feedback=frozenset({"f1"}))) == {}
 
 
-def test_a_setting_that_is_not_the_one_acknowledged_last_is_found() -> None:
+def test_setting_older_than_last_acknowledged_is_reported() -> None:
     asked = [request(1.0, 0.2), request(2.0, 0.4)]
     assert broken(*asked, read(3.0, 0.2)) == {
         SETTINGS_STORED: ["alma.pause is 0.2, but 0.4 was acknowledged at 2.0 s"]
@@ -139,7 +139,7 @@ def test_a_setting_that_is_not_the_one_acknowledged_last_is_found() -> None:
     assert broken(*asked, read(3.0, 0.4)) == {}
 
 
-def test_a_setting_whose_request_had_no_answer_may_count_or_not() -> None:
+def test_setting_without_answer_may_apply_or_not() -> None:
     asked = [request(1.0, 0.2), request(2.0, 0.4, acknowledged=False)]
     assert broken(*asked, read(3.0, 0.2), read(4.0, 0.4)) == {}
     assert SETTINGS_STORED in broken(*asked, read(3.0, 0.3))
@@ -147,7 +147,7 @@ def test_a_setting_whose_request_had_no_answer_may_count_or_not() -> None:
     assert SETTINGS_STORED in broken(*asked, later, read(41.0, 0.4))
 
 
-def test_two_agents_that_act_at_the_same_time_are_found() -> None:
+def test_two_agents_acting_simultaneously_are_reported() -> None:
     first = Acted(at=1.0, until=3.0, run="/agents 1", what="/say")
     second = Acted(at=2.5, until=4.0, run="/others 2", what="/drive")
     assert broken(first, second) == {
@@ -155,7 +155,7 @@ def test_two_agents_that_act_at_the_same_time_are_found() -> None:
     }
 
 
-def test_a_long_act_is_not_hidden_by_a_short_one_of_the_same_run() -> None:
+def test_short_act_does_not_hide_longer_one() -> None:
     long = Acted(at=1.0, until=9.0, run="/agents 1", what="/drive")
     short = Acted(at=2.0, until=3.0, run="/agents 1", what="/say")
     other = Acted(at=5.0, until=6.0, run="/others 2", what="/say")
@@ -171,13 +171,13 @@ def test_a_long_act_is_not_hidden_by_a_short_one_of_the_same_run() -> None:
         (life(threads=2), "threads +2.0"),
     ],
 )
-def test_a_process_that_grows_is_found(measured: list[Event], named: str) -> None:
+def test_growing_process_is_reported(measured: list[Event], named: str) -> None:
     [text] = broken(*measured)[NO_GROWTH]
     assert text.startswith("marketplace (process 1, since 0 s): ")
     assert named in text
 
 
-def test_a_short_life_and_a_single_peak_are_no_growth() -> None:
+def test_short_lifetime_and_single_peak_are_no_growth() -> None:
     assert broken(*life(grows_by=30.0, seconds=200)) == {}
     peak = Measured(
         at=300.5, component="marketplace", pid=1, memory_mb=900.0, descriptors=400, threads=90
@@ -185,18 +185,18 @@ def test_a_short_life_and_a_single_peak_are_no_growth() -> None:
     assert broken(*life(), peak) == {}
 
 
-def test_a_state_folder_in_which_files_gather_is_found() -> None:
+def test_accumulating_state_files_are_reported() -> None:
     files = [FilesCounted(at=float(at), files=10 + at // 20) for at in range(0, 600, 5)]
     assert broken(*files) == {NO_GROWTH: ["files +3.00 a minute"]}
 
 
-def test_a_fault_after_which_nothing_is_served_or_only_late_is_found() -> None:
+def test_missing_or_slow_recovery_after_fault_is_reported() -> None:
     assert broken(KILL) == {RECOVERY: ["marketplace killed: no scene was served after it"]}
     assert broken(HANG, served(HANG, 4.0)) == {RECOVERY: ["agents hung: nobody acted for 4.0 s"]}
     assert broken(HANG, served(HANG, 2.0)) == {}
 
 
-def test_all_processes_at_once_may_take_longer_to_start_again() -> None:
+def test_restart_of_all_processes_may_take_longer() -> None:
     all_at_once = replace(KILL, component=EVERYTHING)
     assert broken(all_at_once, served(all_at_once, 5.0)) == {}
     assert broken(all_at_once, served(all_at_once, 7.0)) == {
@@ -204,17 +204,17 @@ def test_all_processes_at_once_may_take_longer_to_start_again() -> None:
     }
 
 
-def test_how_long_recovery_takes_is_judged_only_on_a_machine_with_time_to_spare() -> None:
+def test_recovery_time_is_ignored_on_overloaded_machine() -> None:
     assert broken(KILL, served(KILL, 30.0, overloaded=True)) == {}
 
 
-def test_a_process_that_ends_by_itself_is_found() -> None:
+def test_process_ending_by_itself_is_reported() -> None:
     assert broken(Failed(at=4.0, component="feedback", text="ended with exit code 1")) == {
         NO_FAILURE: ["feedback: ended with exit code 1"]
     }
 
 
-def test_the_slope_is_that_of_most_points() -> None:
+def test_slope_follows_majority_of_points() -> None:
     line = [(float(at), 2.0 * at) for at in range(1000)]
     assert slope(line) == 2.0
     assert slope([*line, (1000.0, 1e9)]) == 2.0

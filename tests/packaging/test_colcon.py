@@ -19,20 +19,20 @@ def test_every_package_is_built(install_space: Path):
     assert built == {package.name for package in PACKAGES}
 
 
-def test_every_executable_is_where_ros_looks_for_it(install_space: Path):
+def test_executables_are_installed_where_ros_expects_them(install_space: Path):
     for package in PYTHON_PACKAGES:
         found = (install_space / package.name / "lib" / package.name).glob("*")
         assert {path.name for path in found} == set(package.executables())
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
-def test_every_module_is_installed_with_the_files_beside_it(install_space: Path, package: Any):
+def test_every_module_is_installed_with_its_package_data(install_space: Path, package: Any):
     (folder,) = (install_space / package.name).glob("lib/python3.*/site-packages")
     for path in package.modules | package.package_data:
         assert (folder / path).is_file()
 
 
-def test_the_programs_of_the_workspace_play_an_experiment_together(
+def test_workspace_programs_run_an_experiment_together(
     sourced: Any, install_space: Path, pyproject: dict[str, Any]
 ):
     command = str(install_space / "bt_agents_tools" / "lib" / "bt_agents_tools" / "bt-agents")
@@ -56,7 +56,7 @@ def test_every_executable_finds_its_function_in_the_workspace(
 
 
 @pytest.mark.parametrize("package", DATA_PACKAGES, ids=lambda package: package.name)
-def test_the_data_of_a_package_is_installed_with_its_folders(sourced: Any, package: Any):
+def test_package_data_is_installed_with_its_folders(sourced: Any, package: Any):
     assert sourced.data(package.name) == package.data
 
 

@@ -53,7 +53,7 @@ rclpy.shutdown()
 """
 
 
-def test_a_marketplace_is_installed_with_what_it_shares_with_all_nodes_only():
+def test_marketplace_depends_only_on_shared_packages():
     assert {package.name for package in ITS_PACKAGES} == {
         "bt_agents_core",
         "bt_agents_language",
@@ -63,7 +63,7 @@ def test_a_marketplace_is_installed_with_what_it_shares_with_all_nodes_only():
     assert not {"py_trees", "python3-click", "python3-rich"} & ALONE
 
 
-def test_a_marketplace_works_where_nothing_else_is_installed(tmp_path: Path):
+def test_marketplace_starts_with_nothing_else_installed(tmp_path: Path):
     for package in ITS_PACKAGES:
         (tmp_path / package.name).symlink_to(package.folder / package.name)
     names = " ".join(package.name for package in ITS_PACKAGES)

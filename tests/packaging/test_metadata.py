@@ -50,7 +50,7 @@ every_python_package = pytest.mark.parametrize(
 
 
 @every_package
-def test_a_manifest_is_complete_and_agrees_with_the_distribution(
+def test_manifest_is_complete_and_matches_distribution(
     package: RosPackage, pyproject: dict[str, Any]
 ):
     project = pyproject["project"]
@@ -64,7 +64,7 @@ def test_a_manifest_is_complete_and_agrees_with_the_distribution(
 
 
 @every_package
-def test_a_package_says_what_it_is_and_what_has_changed(package: RosPackage):
+def test_package_has_matching_readme_and_changelog(package: RosPackage):
     manifest = package.manifest
     readme = (package.folder / "README.md").read_text(encoding="utf-8")
     assert readme.startswith(f"# {package.name}\n\n{manifest.findtext('description')}\n")
@@ -79,7 +79,7 @@ def test_a_package_says_what_it_is_and_what_has_changed(package: RosPackage):
     assert log[5] == "-" * len(log[4])
 
 
-def test_every_file_of_code_names_its_licence():
+def test_every_source_file_names_its_licence():
     folders = [package.folder for package in PACKAGES]
     folders += [ROOT / name for name in ("benchmarks", "scripts", "tests")]
     found = (file for folder in folders for file in folder.rglob("*.py"))
@@ -95,14 +95,14 @@ def _head(file: Path) -> str:
 
 
 @every_package
-def test_a_package_declares_how_it_is_built(package: RosPackage):
+def test_package_declares_its_build_type(package: RosPackage):
     by_python = package.build_type == "ament_python"
     assert (package.folder / "setup.py").exists() == by_python
     assert (package.folder / "CMakeLists.txt").exists() != by_python
 
 
 @every_python_package
-def test_setup_py_says_what_the_manifest_says(package: RosPackage):
+def test_setup_py_matches_manifest(package: RosPackage):
     setup, manifest = package.setup(), package.manifest
     maintainer = manifest.find("maintainer")
     assert maintainer is not None
@@ -130,7 +130,7 @@ def test_colcon_test_finds_the_tests_of_a_package(package: RosPackage, pyproject
 
 
 @every_python_package
-def test_a_python_package_is_registered_in_the_ament_index(package: RosPackage):
+def test_python_package_is_registered_in_ament_index(package: RosPackage):
     marker = f"resource/{package.name}"
     assert (package.folder / marker).is_file()
     data = dict(package.setup()["data_files"])
@@ -139,7 +139,7 @@ def test_a_python_package_is_registered_in_the_ament_index(package: RosPackage):
     assert all((package.folder / file).is_file() for files in data.values() for file in files)
 
 
-def test_the_packages_hold_more_than_python_modules():
+def test_packages_include_their_data_files():
     held = set().union(*(package.package_data for package in PYTHON_PACKAGES))
     assert {Path(package.name) / "py.typed" for package in PYTHON_PACKAGES} <= held
     assert Path("bt_agents_tools/launcher/loopback.xml") in held
@@ -161,7 +161,7 @@ def test_the_packages_hold_more_than_python_modules():
 
 
 @every_python_package
-def test_executables_call_functions_that_exist_and_go_where_ros_looks(package: RosPackage):
+def test_executables_exist_and_install_into_ros_folder(package: RosPackage):
     settings = (package.folder / "setup.cfg").read_text(encoding="utf-8")
     assert settings.count(f"=$base/lib/{package.name}\n") == 2
     for target in package.executables().values():
@@ -169,13 +169,13 @@ def test_executables_call_functions_that_exist_and_go_where_ros_looks(package: R
 
 
 @every_python_package
-def test_a_manifest_names_what_the_package_imports_and_nothing_else(package: RosPackage):
+def test_manifest_dependencies_match_imports_exactly(package: RosPackage):
     imported = {KEYS.get(module, (module,))[0] for module in _imports(package)}
     assert package.dependencies == imported - {""}
 
 
 @every_package
-def test_rosdep_knows_every_key_and_needs_no_pip_for_it(package: RosPackage):
+def test_rosdep_resolves_every_key_without_pip(package: RosPackage):
     known = yaml.safe_load(ROSDEP.read_text(encoding="utf-8"))
     own = {one.name for one in PACKAGES}
     tools = {element.text or "" for element in package.manifest.iter("buildtool_depend")}
@@ -185,7 +185,7 @@ def test_rosdep_knows_every_key_and_needs_no_pip_for_it(package: RosPackage):
 
 
 @every_package
-def test_no_package_needs_itself_so_there_is_an_order_to_build_them_in(package: RosPackage):
+def test_package_dependencies_have_no_cycle(package: RosPackage):
     assert package.name not in set().union(*map(needed_by, package.dependencies))
 
 
@@ -200,9 +200,7 @@ def test_the_wheel_requires_what_the_packages_import(pyproject: dict[str, Any]):
         assert KEYS.get(module, ("", ros_wheel))[1] in required
 
 
-def test_every_requirement_that_is_no_ros_package_names_its_lowest_version(
-    pyproject: dict[str, Any],
-):
+def test_non_ros_requirements_name_their_minimum_version(pyproject: dict[str, Any]):
     project = pyproject["project"]
     extras = project["optional-dependencies"]
     named = [*project["dependencies"], *extras["lab"], *extras["fleet"]]
@@ -219,7 +217,7 @@ def test_the_wheel_holds_every_python_package(pyproject: dict[str, Any]):
     assert set(pyproject["tool"]["importlinter"]["root_packages"]) == set(folders)
 
 
-def test_the_wheel_is_found_by_what_the_packages_are_found_by(pyproject: dict[str, Any]):
+def test_wheel_declares_entry_points_of_packages(pyproject: dict[str, Any]):
     found: dict[str, dict[str, str]] = {}
     for package in PYTHON_PACKAGES:
         for group, names in package.entry_points().items():
@@ -232,7 +230,7 @@ def test_the_wheel_is_found_by_what_the_packages_are_found_by(pyproject: dict[st
 
 
 @pytest.mark.parametrize("launch", LAUNCH_FILES, ids=lambda path: path.name)
-def test_a_launch_file_uses_packages_that_its_own_depends_on(launch: Path):
+def test_launch_files_use_only_declared_dependencies(launch: Path):
     (owner,) = (package for package in PACKAGES if launch.is_relative_to(package.folder))
     text = launch.read_text(encoding="utf-8")
     started = {entry["node"]["pkg"] for entry in yaml.safe_load(text)["launch"] if "node" in entry}
@@ -247,7 +245,7 @@ def test_the_scripts_link_every_data_package():
     assert f"for folder in {folders}; do" in script
 
 
-def test_an_uninstallation_removes_nothing_of_the_checkout():
+def test_uninstalling_removes_nothing_from_checkout():
     installed = [Path(str(file.locate())).resolve() for file in files("bt-agents") or ()]
     assert len(installed) > 500
     assert all(file.is_relative_to(sys.prefix) for file in installed)
@@ -280,6 +278,6 @@ def _imports_of(path: Path) -> set[str]:
     return {module.partition(".")[0] for module in plain + named}
 
 
-def test_the_types_that_tests_compile_are_no_package_of_the_workspace():
+def test_colcon_ignores_interfaces_compiled_for_tests():
     """Else colcon and rosdep would put them in the place of the real ones."""
     assert (ROOT / "tests" / "interfaces" / "COLCON_IGNORE").exists()

@@ -129,19 +129,19 @@ def refusal(machine: Machine, **environment: str) -> str:
     return line
 
 
-def test_without_python_it_names_what_to_install(machine: Machine):
+def test_missing_python_is_named_with_install_command(machine: Machine):
     assert refusal(machine) == (
         "demo: missing: a Python from 3.11 to 3.14; "
         "on Debian or Ubuntu: sudo apt install python3 python3-venv python3-dev"
     )
 
 
-def test_with_an_old_python_it_asks_for_a_newer_one_by_its_version(machine: Machine):
+def test_old_python_leads_to_versioned_install_command(machine: Machine):
     machine.has("python3")
     assert refusal(machine).endswith("sudo apt install python3.11 python3.11-venv python3.11-dev")
 
 
-def test_with_half_a_python_it_names_the_other_half(machine: Machine):
+def test_incomplete_python_names_missing_parts(machine: Machine):
     machine.has_python("python3", "3.12 venv dev")
     assert refusal(machine) == (
         "demo: missing: the venv of Python 3.12, the headers of Python 3.12; "
@@ -149,7 +149,7 @@ def test_with_half_a_python_it_names_the_other_half(machine: Machine):
     )
 
 
-def test_without_a_compiler_it_names_it(machine: Machine):
+def test_missing_compiler_is_named(machine: Machine):
     machine.has_python("python3", "3.12")
     (machine.commands / "c++").unlink()
     assert refusal(machine) == (
@@ -157,13 +157,13 @@ def test_without_a_compiler_it_names_it(machine: Machine):
     )
 
 
-def test_everything_missing_is_one_command(machine: Machine):
+def test_one_command_installs_everything_missing(machine: Machine):
     (machine.commands / "cc").unlink()
     assert refusal(machine).endswith("sudo apt install python3 python3-venv python3-dev g++")
 
 
 @pytest.mark.parametrize("sourced", ["ROS_DISTRO", "AMENT_PREFIX_PATH"])
-def test_where_ros_is_sourced_it_gives_the_commands_of_colcon(machine: Machine, sourced: str):
+def test_sourced_ros_leads_to_colcon_commands(machine: Machine, sourced: str):
     line = refusal(machine, **{sourced: "jazzy"})
     assert f"cd '{machine.checkout}' && rosdep install" in line
     assert (
@@ -171,7 +171,7 @@ def test_where_ros_is_sourced_it_gives_the_commands_of_colcon(machine: Machine, 
     )
 
 
-def test_the_first_run_installs_and_the_second_only_plays(machine: Machine):
+def test_first_run_installs_and_second_only_plays(machine: Machine):
     machine.has_python("python3.13", "3.13 dev")
     machine.has_python("python3", "3.11")
     done = machine.demo("--help")
@@ -189,7 +189,7 @@ def test_the_first_run_installs_and_the_second_only_plays(machine: Machine):
     assert machine.was_asked() == []
 
 
-def test_a_changed_interface_is_installed_into_the_same_environment(machine: Machine):
+def test_changed_interface_is_installed_into_same_environment(machine: Machine):
     machine.has_python("python3", "3.11")
     machine.demo()
     machine.was_asked()
@@ -198,7 +198,7 @@ def test_a_changed_interface_is_installed_into_the_same_environment(machine: Mac
     assert machine.was_asked() == ["sync", "export", "build", "pip"]
 
 
-def test_a_change_that_compiles_nothing_takes_the_wheel_that_is_there(machine: Machine):
+def test_change_without_compilation_reuses_existing_wheel(machine: Machine):
     machine.has_python("python3", "3.11")
     machine.demo()
     machine.was_asked()
@@ -208,7 +208,7 @@ def test_a_change_that_compiles_nothing_takes_the_wheel_that_is_there(machine: M
     assert machine.was_asked() == ["sync", "export", "pip"]
 
 
-def test_the_tools_for_tests_come_beside_what_is_there(machine: Machine):
+def test_test_tools_are_added_to_existing_environment(machine: Machine):
     machine.has_python("python3", "3.11")
     machine.demo()
     machine.was_asked()
@@ -218,7 +218,7 @@ def test_the_tools_for_tests_come_beside_what_is_there(machine: Machine):
     assert machine.was_asked() == ["sync", "export", "pip"]
 
 
-def test_another_checkout_of_the_same_user_compiles_nothing(machine: Machine, tmp_path: Path):
+def test_second_checkout_of_user_compiles_nothing(machine: Machine, tmp_path: Path):
     machine.has_python("python3", "3.11")
     shared = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     other = replace(machine, checkout=shutil.copytree(machine.checkout, tmp_path / "other"))
@@ -230,7 +230,7 @@ def test_another_checkout_of_the_same_user_compiles_nothing(machine: Machine, tm
     assert str(other.checkout / "bt_agents_core") in paths.splitlines()
 
 
-def test_a_failed_install_ends_with_the_log_and_is_done_anew(machine: Machine):
+def test_failed_install_shows_log_and_is_repeated(machine: Machine):
     machine.has_python("python3", "3.11")
     offline = machine.asked.with_suffix(".offline")
     offline.touch()
@@ -248,7 +248,7 @@ def test_a_failed_install_ends_with_the_log_and_is_done_anew(machine: Machine):
     assert machine.was_asked() == ["venv", "sync", "export", "build", "pip"]
 
 
-def test_an_environment_whose_python_is_gone_is_made_anew(machine: Machine):
+def test_environment_without_its_python_is_recreated(machine: Machine):
     machine.has_python("python3", "3.11")
     machine.demo()
     machine.was_asked()

@@ -15,7 +15,7 @@ from checkout import ROOT
 NAV2 = ROOT / "tests" / "interfaces" / "nav2_msgs"
 
 
-def test_a_project_needs_what_its_definitions_use(tmp_path: Path) -> None:
+def test_project_requires_packages_its_definitions_use(tmp_path: Path) -> None:
     write_project(NAV2, tmp_path / "project", tmp_path / "prefix")
     project = tomllib.loads((tmp_path / "project" / "pyproject.toml").read_text())
     wheels = [
@@ -34,7 +34,7 @@ def test_a_project_needs_what_its_definitions_use(tmp_path: Path) -> None:
     assert (tmp_path / "project" / "action" / "NavigateToPose.action").is_file()
 
 
-def test_what_is_installed_is_not_asked_for(tmp_path: Path) -> None:
+def test_installed_package_is_not_required(tmp_path: Path) -> None:
     manifest = tmp_path / "prefix" / "share" / "geometry_msgs" / "package.xml"
     manifest.parent.mkdir(parents=True)
     manifest.touch()

@@ -15,16 +15,14 @@ from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES
 pytestmark = pytest.mark.packaging
 
 
-def test_the_project_builds_into_one_wheel_with_every_module(
-    wheel: Path, pyproject: dict[str, Any]
-):
+def test_project_builds_one_wheel_with_every_module(wheel: Path, pyproject: dict[str, Any]):
     assert wheel.name.startswith(f"bt_agents-{pyproject['project']['version']}-cp3")
     held = {Path(name) for name in zipfile.ZipFile(wheel).namelist()}
     for package in PYTHON_PACKAGES:
         assert package.modules | package.package_data <= held
 
 
-def test_the_wheel_names_what_it_needs(wheel: Path, pyproject: dict[str, Any]):
+def test_wheel_names_its_requirements(wheel: Path, pyproject: dict[str, Any]):
     with zipfile.ZipFile(wheel) as file:
         (metadata,) = (name for name in file.namelist() if name.endswith("/METADATA"))
         lines = file.read(metadata).decode().splitlines()
@@ -34,7 +32,7 @@ def test_the_wheel_names_what_it_needs(wheel: Path, pyproject: dict[str, Any]):
         assert f"{name}{','.join(sorted(''.join(versions).split(',')))}" in named
 
 
-def test_the_installed_command_says_its_version(installed: Any, pyproject: dict[str, Any]):
+def test_installed_command_prints_its_version(installed: Any, pyproject: dict[str, Any]):
     assert pyproject["project"]["version"] in installed.run("bt-agents", "--version")
 
 
@@ -47,7 +45,7 @@ def test_the_installed_interfaces_can_be_used(installed: Any):
     assert installed.python(code) == ["hall", ""]
 
 
-def test_the_ament_index_knows_every_package_of_the_wheel(installed: Any):
+def test_ament_index_lists_every_package_of_wheel(installed: Any):
     code = (
         "import sys; from ament_index_python import get_package_share_directory as share\n"
         "for name in sys.argv[1:]: print(name, share(name).removeprefix(sys.prefix))"
@@ -57,13 +55,13 @@ def test_the_ament_index_knows_every_package_of_the_wheel(installed: Any):
 
 
 @pytest.mark.usefixtures("installed")
-def test_every_executable_is_where_ros_looks_for_it(requirements: Path):
+def test_executables_are_installed_where_ros_expects_them(requirements: Path):
     for package in PYTHON_PACKAGES:
         found = (requirements / "lib" / package.name).glob("*")
         assert {path.name for path in found} == set(package.executables())
 
 
-def test_an_executable_runs_with_the_python_beside_it_whatever_the_path(
+def test_executable_uses_its_own_python_despite_path(
     installed: Any, requirements: Path, pyproject: dict[str, Any]
 ):
     command = requirements / "lib" / "bt_agents_tools" / "bt-agents"
@@ -72,7 +70,7 @@ def test_an_executable_runs_with_the_python_beside_it_whatever_the_path(
 
 
 @pytest.mark.parametrize("package", DATA_PACKAGES, ids=lambda package: package.name)
-def test_the_data_of_a_package_is_installed_with_its_folders(installed: Any, package: Any):
+def test_package_data_is_installed_with_its_folders(installed: Any, package: Any):
     assert installed.data(package.name) == package.data
 
 
@@ -80,5 +78,5 @@ def test_the_installed_trees_have_no_errors(installed: Any):
     installed.run("bt-agents", "check", "shipped")
 
 
-def test_the_installed_programs_play_an_experiment_together(installed: Any):
+def test_installed_programs_run_an_experiment_together(installed: Any):
     assert "Experiment 1" in installed.run("bt-agents", "experiment", "run", "1", "--ros")

@@ -84,9 +84,7 @@ def allowed_by(rights: Rights) -> tuple[set[str], set[str]]:
     return written, read
 
 
-def test_every_endpoint_of_every_node_is_in_the_table_with_its_type_and_qos_and_nothing_else(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_access_table_lists_exactly_all_endpoints_of_nodes(ros: Any, tmp_path: Path) -> None:
     trees = read_trees(ROOT / "trees", InstalledInterfaces())
     space = trees.scene.space
     studio = StudioNode(*[lambda *_values: None] * 4)

@@ -43,7 +43,7 @@ def expected(epoch: str, number: int, answer: Any) -> Bids:
     )
 
 
-def test_a_host_says_in_each_round_of_each_market_what_its_agents_answer() -> None:
+def test_encoded_bids_match_answers_in_every_round() -> None:
     saying, ours = BidEncoder("/agents", "first"), registry()
     for age in (2, 2, 3, 3, 2):
         for epoch in EPOCHS:
@@ -57,7 +57,7 @@ def test_a_host_says_in_each_round_of_each_market_what_its_agents_answer() -> No
     assert deserialize_message(message, Bids) == expected("e", 9, answer)
 
 
-def test_what_stands_between_two_fields_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_padding_between_fields_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     fills = iter(range(256))
 
     def serialize(message: Bids) -> bytes:
@@ -76,7 +76,7 @@ def test_what_stands_between_two_fields_does_not_matter(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("epoch", EPOCHS)
-def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -> None:
+def test_market_decodes_repeated_bids_correctly(epoch: str) -> None:
     hearing = BidDecoder(epoch, {"/agents", "/b"}.__contains__)
     said = [
         Bids(epoch=of, round=number, host=host, agents=["a"], agent_ids=[7], vectors=[age, 2.0])
@@ -92,7 +92,7 @@ def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -
     assert hearing.read(serialize_message(said[0]), "q") == bids_from_msg(said[0], "q")
 
 
-def test_an_answer_in_another_order_of_bytes_is_not_compared() -> None:
+def test_bids_in_other_byte_order_are_not_compared() -> None:
     message = serialize_message(Bids(epoch="e", round=1, host="/agents"))
     assert bid_encoding.round_of(message, message, "e") == 1
     other = bytes([message[0], message[1] ^ 1]) + message[2:]
@@ -100,7 +100,7 @@ def test_an_answer_in_another_order_of_bytes_is_not_compared() -> None:
 
 
 @pytest.mark.parametrize("cut", [0, 1, 4, 8, 20, 23, 40])
-def test_bytes_that_are_no_answer_are_refused(cut: int) -> None:
+def test_malformed_bids_are_refused(cut: int) -> None:
     whole = serialize_message(Bids(epoch="0123456789ab", host="/agents", agents=["a"] * 99))
     hearing = BidDecoder("0123456789ab", "/agents".__eq__)
     with pytest.raises(Refused, match="MALFORMED"):

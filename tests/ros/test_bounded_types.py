@@ -68,7 +68,7 @@ LISTS = [
 @pytest.mark.parametrize(
     ("kind", "field", "slot"), LISTS, ids=[f"{kind.__name__}.{field}" for kind, field, _ in LISTS]
 )
-def test_each_list_is_counted_where_it_is_in_memory(kind: Any, field: str, slot: Any) -> None:
+def test_list_entries_are_counted_in_memory(kind: Any, field: str, slot: Any) -> None:
     most = limits.ENTRIES_OF.get(f"{kind.__name__}.{field}", limits.LIST_ENTRIES)
     largest = limits.BYTES_OF.get(kind.__name__, limits.MESSAGE_BYTES)
     entry = entry_of(slot)
@@ -88,7 +88,7 @@ def test_each_list_is_counted_where_it_is_in_memory(kind: Any, field: str, slot:
 
 
 @pytest.mark.parametrize("kind", list(kinds()), ids=lambda kind: str(kind.__name__))
-def test_the_size_is_that_of_the_serialized_message(kind: Any) -> None:
+def test_measured_size_matches_serialized_message(kind: Any) -> None:
     size = serialized_size(kind)
     assert size is not None
     seen: list[int] = []
@@ -103,7 +103,7 @@ def test_the_size_is_that_of_the_serialized_message(kind: Any) -> None:
     assert 0 <= len(serialize_message(kind())) - 4 - seen[0] < 4
 
 
-def test_a_large_request_is_refused_without_one_object_of_its_content() -> None:
+def test_oversized_request_is_refused_before_creating_python_objects() -> None:
     values = CancelRun.Request(scene=Scene(values=[SceneValue()] * 400_000))
     message = serialize_message(values)
     gc.collect()
@@ -116,7 +116,7 @@ def test_a_large_request_is_refused_without_one_object_of_its_content() -> None:
     assert len(made) <= 1
 
 
-def test_a_stand_in_keeps_nothing_of_what_it_has_made() -> None:
+def test_stand_in_keeps_no_references() -> None:
     request = CancelRun.Request(reason="x" * 1000)
     before = sys.getrefcount(None)
     for _ in range(1000):
@@ -124,7 +124,7 @@ def test_a_stand_in_keeps_nothing_of_what_it_has_made() -> None:
     assert sys.getrefcount(None) < before + 500
 
 
-def test_where_the_size_cannot_be_known_the_content_is_counted() -> None:
+def test_content_is_counted_when_size_is_unknown() -> None:
     stand_in = bounded_by(CancelRun.Request, None)
 
     def found(reason: str) -> Any:
@@ -134,9 +134,7 @@ def test_where_the_size_cannot_be_known_the_content_is_counted() -> None:
     assert found("x" * 20_001).code == "TOO_LARGE"
 
 
-def test_a_type_without_the_library_is_measured_late_and_the_log_says_it(
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_type_without_library_is_logged_as_unmeasured(capfd: pytest.CaptureFixture[str]) -> None:
     class Unknown:
         __module__ = "no_such_package.srv._unknown"
 
@@ -144,7 +142,7 @@ def test_a_type_without_the_library_is_measured_late_and_the_log_says_it(
     assert "NOT_MEASURED: no_such_package" in capfd.readouterr().err
 
 
-def test_messages_in_a_list_of_another_package_are_counted() -> None:
+def test_foreign_messages_in_lists_are_counted() -> None:
     states = GoalStatusArray(status_list=[GoalStatus()] * 1001)
 
     found = taken(states)
@@ -184,7 +182,7 @@ def speech(ros: Any) -> Iterator[Speech]:
     made.close()
 
 
-def test_a_goal_that_is_too_large_is_rejected_and_the_next_one_is_not(
+def test_oversized_goal_is_rejected_and_next_is_accepted(
     speech: Speech, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert not speech.send("x" * limits.MESSAGE_BYTES).accepted
@@ -196,7 +194,7 @@ def test_a_goal_that_is_too_large_is_rejected_and_the_next_one_is_not(
     assert "TOO_LARGE: an action: Say_SendGoal_Request has 2621" in capfd.readouterr().err
 
 
-def test_a_result_that_is_too_large_is_the_error_of_its_future(speech: Speech) -> None:
+def test_oversized_result_fails_its_future(speech: Speech) -> None:
     speech.result = "x" * limits.MESSAGE_BYTES
     ended = speech.send("hello").get_result_async()
     speech.ros.until(ended.done)
@@ -205,7 +203,7 @@ def test_a_result_that_is_too_large_is_the_error_of_its_future(speech: Speech) -
         ended.result()
 
 
-def test_cancels_of_an_action_that_are_too_large_are_answered(speech: Speech) -> None:
+def test_oversized_cancel_and_result_requests_are_answered(speech: Speech) -> None:
     client = speech.ros.node.create_client(CancelGoal, "say/_action/cancel_goal")
     states = speech.ros.node.create_client(
         Say.Impl.GetResultService, "say/_action/get_result", qos_profile=qos.SERVICE
@@ -216,7 +214,7 @@ def test_cancels_of_an_action_that_are_too_large_are_answered(speech: Speech) ->
     assert answer.status == GoalStatus.STATUS_UNKNOWN
 
 
-def test_an_answer_that_is_too_large_is_the_error_of_its_future(ros: Any) -> None:
+def test_oversized_response_fails_its_future(ros: Any) -> None:
     def answer(_request: Any, response: Any) -> Any:
         response.message = "x" * limits.MESSAGE_BYTES
         return response
@@ -232,7 +230,7 @@ def test_an_answer_that_is_too_large_is_the_error_of_its_future(ros: Any) -> Non
 
 
 @pytest.mark.parametrize("kind", [SetParameters, SetParametersAtomically])
-def test_parameters_that_are_too_large_are_refused_with_the_code(ros: Any, kind: Any) -> None:
+def test_oversized_parameters_are_refused_with_code(ros: Any, kind: Any) -> None:
     ros.add(BaseNode("tuned"))
     name = "set_parameters" + ("_atomically" if kind is SetParametersAtomically else "")
     client = ros.node.create_client(kind, f"tuned/{name}")
@@ -244,7 +242,7 @@ def test_parameters_that_are_too_large_are_refused_with_the_code(ros: Any, kind:
     assert results[0].reason.startswith(f"TOO_LARGE: {kind.__name__}_Request has 2622")
 
 
-def test_no_more_parameters_are_set_at_once_than_a_node_takes_in_its_stride(ros: Any) -> None:
+def test_number_of_parameters_per_request_is_limited(ros: Any) -> None:
     ros.add(BaseNode("tuned"))
     client = ros.node.create_client(SetParameters, "tuned/set_parameters")
     asked = [Parameter()] * 1_001
@@ -255,7 +253,7 @@ def test_no_more_parameters_are_set_at_once_than_a_node_takes_in_its_stride(ros:
     assert len(ros.call(client, SetParameters.Request(parameters=asked[:1_000])).results) == 1_000
 
 
-def test_bytes_that_are_no_message_come_to_no_callback_and_are_logged_once(
+def test_malformed_bytes_reach_no_callback_and_log_once(
     ros: Any, capfd: pytest.CaptureFixture[str]
 ) -> None:
     heard: list[Any] = []

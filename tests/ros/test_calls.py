@@ -41,7 +41,7 @@ class Caller:
         )
 
 
-def test_a_server_that_starts_before_the_deadline_is_found(ros: Any) -> None:
+def test_call_finds_server_that_starts_before_deadline(ros: Any) -> None:
     caller = Caller(ros)
     caller.call(30.0)
     ros.turns()
@@ -51,7 +51,7 @@ def test_a_server_that_starts_before_the_deadline_is_found(ros: Any) -> None:
     assert caller.ends == ["answered"]
 
 
-def test_without_a_server_a_call_fails_at_its_deadline(ros: Any) -> None:
+def test_call_without_server_fails_at_deadline(ros: Any) -> None:
     caller = Caller(ros)
     caller.call(0.1)
     ros.until(lambda: caller.ends)
@@ -59,7 +59,7 @@ def test_without_a_server_a_call_fails_at_its_deadline(ros: Any) -> None:
     assert caller.ends == ["somebody is not there"]
 
 
-def test_a_late_answer_does_not_count(ros: Any) -> None:
+def test_late_response_is_ignored(ros: Any) -> None:
     asked: list[Any] = []
 
     async def late(_: Any, answer: Any) -> Any:
@@ -79,7 +79,7 @@ def test_a_late_answer_does_not_count(ros: Any) -> None:
     assert caller.ends == ["somebody did not answer in time"]
 
 
-def test_a_failure_that_raises_keeps_no_other_call_from_its_end(ros: Any) -> None:
+def test_raising_failure_callback_does_not_block_other_calls(ros: Any) -> None:
     def stumble() -> None:
         raise RuntimeError("stumbled")
 
@@ -93,7 +93,7 @@ def test_a_failure_that_raises_keeps_no_other_call_from_its_end(ros: Any) -> Non
     assert len(caller.ends) == 2
 
 
-def test_a_request_with_an_id_is_sent_again_until_a_server_answers(ros: Any) -> None:
+def test_request_with_id_is_resent_until_answered(ros: Any) -> None:
     """As after a kill: the graph shows the dead server, and the next one is not found yet."""
     asked: list[str] = []
 
@@ -142,7 +142,7 @@ def test_a_request_without_an_id_is_sent_once(ros: Any) -> None:
     assert len(asked) == 1
 
 
-def test_a_request_that_cannot_be_sent_fails_at_once_and_keeps_no_other_waiting(ros: Any) -> None:
+def test_unsendable_request_fails_immediately_without_delaying_others(ros: Any) -> None:
     ros.node.create_service(Analyze, "analyze", lambda _, answer: answer, qos_profile=qos.SERVICE)
     client = ros.node.create_client(Analyze, "analyze", qos_profile=qos.SERVICE)
     ros.until(client.service_is_ready)

@@ -151,9 +151,7 @@ def sweep(ros: Any, tmp_path: Path) -> Sweep:
         ),
     ],
 )
-def test_a_cancel_at_any_millisecond_ends_the_run_once_and_nothing_goes_on(
-    sweep: Sweep, script: Script
-) -> None:
+def test_cancel_at_any_millisecond_ends_run_exactly_once(sweep: Sweep, script: Script) -> None:
     sweep.server.script = script
     found = set()
     for after_ms in (*AROUND_MS, AFTER_THE_END):
@@ -165,7 +163,7 @@ def test_a_cancel_at_any_millisecond_ends_the_run_once_and_nothing_goes_on(
     assert found == {RunAgent.Result.CANCELLED, ended}
 
 
-def test_a_cancel_around_the_acceptance_of_the_run_itself_ends_it_once(sweep: Sweep) -> None:
+def test_cancel_around_run_acceptance_ends_run_once(sweep: Sweep) -> None:
     sweep.server.script = Script(finish_s=30.0)
     for after_ms in range(12):
         result = sweep.run(after_ms, since_goal=False)
@@ -175,7 +173,7 @@ def test_a_cancel_around_the_acceptance_of_the_run_itself_ends_it_once(sweep: Sw
 
 
 @pytest.mark.parametrize("on_cancel", ["ignores", "refuses", "hangs"])
-def test_a_goal_that_goes_on_after_its_cancel_is_an_orphan_by_name(
+def test_goal_surviving_its_cancel_is_a_named_orphan(
     ros: Any, sweep: Sweep, on_cancel: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begin = Run.__init__

@@ -45,7 +45,7 @@ def entered() -> Iterator[set[str]]:
         sys.setprofile(None)
 
 
-def test_a_cycle_passes_every_file_that_the_page_names(ros: Any, tmp_path: Path) -> None:
+def test_cycle_passes_every_file_named_on_page(ros: Any, tmp_path: Path) -> None:
     trees = write_agents(tmp_path, young=1.5, old=4.5)
     for file in (trees / "agents").iterdir():
         file.write_text(re.sub(r"^tree: .*$", TREE, file.read_text(), flags=re.MULTILINE))

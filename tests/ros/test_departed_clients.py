@@ -104,9 +104,7 @@ class Service:
 
 
 @pytest.mark.filterwarnings("ignore:failed to send response:RuntimeWarning")
-def test_of_many_requests_of_a_client_that_leaves_one_is_answered_and_the_next_client_is(
-    ros: Ros, stranger: Stranger
-) -> None:
+def test_service_skips_remaining_requests_of_departed_client(ros: Ros, stranger: Stranger) -> None:
     leaves = iter([lambda: stranger.leave(client)])
     service = Service(ros, lambda: next(leaves, lambda: None)())
     client = stranger.client()
@@ -120,9 +118,7 @@ def test_of_many_requests_of_a_client_that_leaves_one_is_answered_and_the_next_c
     assert stranger.answer(other.call_async(GetParameters.Request())) is not None
 
 
-def test_a_client_that_is_there_is_answered_however_long_an_answer_takes(
-    ros: Ros, stranger: Stranger
-) -> None:
+def test_slow_service_still_answers_present_client(ros: Ros, stranger: Stranger) -> None:
     service = Service(ros, lambda: None)
     client = stranger.client()
     for _ in range(3):
@@ -132,7 +128,7 @@ def test_a_client_that_is_there_is_answered_however_long_an_answer_takes(
 
 
 @pytest.mark.filterwarnings("ignore:failed to send response:RuntimeWarning")
-def test_goals_of_a_client_that_has_left_are_not_begun(ros: Ros, stranger: Stranger) -> None:
+def test_goals_of_departed_client_are_not_started(ros: Ros, stranger: Stranger) -> None:
     asked: list[Any] = []
 
     def decide(goal: Any) -> GoalResponse:

@@ -61,7 +61,7 @@ def folder(tmp_path: Path) -> Path:
     return Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))
 
 
-def test_all_parts_of_a_system_are_told_with_level_words_and_values(
+def test_diagnostics_report_every_component_with_level_and_values(
     ros: Any, tmp_path: Path, folder: Path
 ) -> None:
     monitor = Monitor(ros)

@@ -96,7 +96,7 @@ def client(ros: Any, host: HostNode) -> Iterator[Client]:
     one.action.destroy()
 
 
-def test_an_agent_is_run_by_its_name_alone_and_tells_how_it_goes_on(
+def test_agent_name_alone_starts_run_with_feedback(
     ros: Any, host: HostNode, client: Client, mouth: ScriptedServer
 ) -> None:
     beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
@@ -116,9 +116,7 @@ def test_an_agent_is_run_by_its_name_alone_and_tells_how_it_goes_on(
     assert client.result(client.send("quick")).status == GoalStatus.STATUS_SUCCEEDED
 
 
-def test_a_cancel_runs_the_clean_up_of_the_agent(
-    ros: Any, client: Client, mouth: ScriptedServer
-) -> None:
+def test_cancel_runs_clean_up_of_agent(ros: Any, client: Client, mouth: ScriptedServer) -> None:
     handle = client.send("talker")
     ros.until(lambda: mouth.goals)
     handle.cancel_goal_async()
@@ -132,7 +130,7 @@ def test_a_cancel_runs_the_clean_up_of_the_agent(
     assert "the program that started it stopped it" in answer.result.message
 
 
-def test_what_the_host_does_not_run_is_refused_with_the_reason(
+def test_unrunnable_goal_is_refused_with_reason(
     ros: Any, client: Client, mouth: ScriptedServer
 ) -> None:
     assert client.refusal("nobody") == (
@@ -152,7 +150,7 @@ def test_what_the_host_does_not_run_is_refused_with_the_reason(
     assert client.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
 
 
-def test_a_flood_of_refused_goals_is_rejected_and_an_agent_still_runs(client: Client) -> None:
+def test_agent_still_runs_after_flood_of_refused_goals(client: Client) -> None:
     accepted = [client.send("nobody").accepted for _ in range(MOST_REFUSALS + 5)]
     assert accepted[:MOST_REFUSALS] == [True] * MOST_REFUSALS
     assert False in accepted[MOST_REFUSALS:]
@@ -169,7 +167,7 @@ def test_a_flood_of_refused_goals_is_rejected_and_an_agent_still_runs(client: Cl
         ),
     ],
 )
-def test_the_scene_of_a_run_has_what_the_goal_gives(
+def test_run_uses_scene_values_of_its_goal(
     ros: Any, client: Client, mouth: ScriptedServer, scene: Scene, said: str
 ) -> None:
     handle = client.send("teller", scene=scene)
@@ -181,7 +179,7 @@ def test_the_scene_of_a_run_has_what_the_goal_gives(
         assert said in ended.result().result.message
 
 
-def test_an_agent_whose_skill_nobody_offers_is_unavailable(ros: Any, tmp_path: Path) -> None:
+def test_agent_without_skill_server_is_unavailable(ros: Any, tmp_path: Path) -> None:
     trees = folder(tmp_path, DANCER)
     (trees / "skills" / "dance.yaml").write_text(SKILL)
     ros.add(make_host(trees, market=False))
@@ -193,7 +191,7 @@ def test_an_agent_whose_skill_nobody_offers_is_unavailable(ros: Any, tmp_path: P
     client.action.destroy()
 
 
-def test_the_goals_of_the_page_can_be_sent() -> None:
+def test_documented_goals_can_be_sent() -> None:
     page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
     goals = re.findall(r"send_goal /agents/run bt_agents_interfaces/action/RunAgent '(.*?)'", page)
     assert len(goals) == 2
@@ -203,7 +201,7 @@ def test_the_goals_of_the_page_can_be_sent() -> None:
         assert goal.agent == "attentive_guide"
 
 
-def test_any_other_market_is_refused_at_the_start(tmp_path: Path) -> None:
+def test_unknown_market_is_refused_at_start(tmp_path: Path) -> None:
     rclpy.init(args=["--ros-args", "-p", "market:=plaza"], domain_id=0)
     try:
         with pytest.raises(Refused, match="UNKNOWN_CHOICE: the parameter 'market' is 'plaza'"):

@@ -59,7 +59,7 @@ def environment_of(ros: Any) -> RosEnvironment:
     )
 
 
-def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: Any) -> None:
+def test_log_lines_carry_running_agent_name_and_level(ros: Any) -> None:
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
     subject = environment_of(ros)
     for level in ("info", "warning", "error", "info"):
@@ -73,7 +73,7 @@ def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: 
     )
 
 
-def test_nothing_raw_reaches_the_log_and_no_further_line_passes_for_one(ros: Any) -> None:
+def test_log_escapes_control_characters_and_indents_continuation_lines(ros: Any) -> None:
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
     logger = QuickLogger(ros.node.get_logger().name)
     logger.info(HOSTILE)
@@ -88,12 +88,12 @@ def test_nothing_raw_reaches_the_log_and_no_further_line_passes_for_one(ros: Any
             assert not {one for one in further if not one.isprintable()} - {"\t"}
 
 
-def test_the_local_time_is_that_of_the_clock_of_the_node(ros: Any) -> None:
+def test_local_time_follows_node_clock(ros: Any) -> None:
     before, told = local_time(time.time()), environment_of(ros).local_time()
     assert told in (before, local_time(time.time()))
 
 
-def test_lines_of_different_levels_may_be_limited_also_where_files_are_links(
+def test_log_throttling_works_per_level_in_symlinked_files(
     ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link = tmp_path / "linked_logger.py"
@@ -112,9 +112,7 @@ def test_lines_of_different_levels_may_be_limited_also_where_files_are_links(
         assert lines.error("again and again", throttle_duration_sec=60.0) == told
 
 
-def test_direct_feedback_is_sent_in_the_order_of_the_scene_without_opinion_on_the_rest(
-    ros: Any,
-) -> None:
+def test_direct_feedback_uses_scene_order_and_nan_elsewhere(ros: Any) -> None:
     teacher = Teacher(ros, accepted=True)
     run = environment_of(ros).give_feedback(
         FeedbackKind.DIRECT, {"mood": 5.0, "age": 4.0}, "it went well"
@@ -130,7 +128,7 @@ def test_direct_feedback_is_sent_in_the_order_of_the_scene_without_opinion_on_th
     assert request.values[2] == 5.0
 
 
-def test_positive_feedback_has_no_values_and_a_refusal_comes_with_its_words(ros: Any) -> None:
+def test_positive_feedback_has_no_values_and_reports_refusal(ros: Any) -> None:
     teacher = Teacher(ros, accepted=False, message="there is no scene to learn from")
     run = environment_of(ros).give_feedback(FeedbackKind.POSITIVE, {}, "")
     ros.until(lambda: run.state.ended)
@@ -139,7 +137,7 @@ def test_positive_feedback_has_no_values_and_a_refusal_comes_with_its_words(ros:
     assert list(teacher.requests[0].values) == []
 
 
-def test_what_cannot_be_prepared_is_said_and_left_to_the_leaf(ros: Any) -> None:
+def test_preparation_failure_is_logged_and_left_to_leaf(ros: Any) -> None:
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
     tree = agent("publish: {topic: sound, type: no_such_msgs/msg/Word, message: {}}").tree
     environment_of(ros).prepare(tree)

@@ -104,7 +104,7 @@ def spun(request: pytest.FixtureRequest) -> Iterator[SpunNode]:
         rclpy.try_shutdown()
 
 
-def test_a_callback_that_raises_keeps_no_message_from_being_heard(spun: SpunNode) -> None:
+def test_raising_callback_loses_no_messages(spun: SpunNode) -> None:
     heard = []
 
     def hear(message: String) -> None:
@@ -122,7 +122,7 @@ def test_a_callback_that_raises_keeps_no_message_from_being_heard(spun: SpunNode
     assert [str(error) for error in spun.errors] == ["no"]
 
 
-def test_many_messages_are_heard_in_order_and_keep_nobody_else_waiting(spun: SpunNode) -> None:
+def test_message_burst_keeps_order_without_delaying_others(spun: SpunNode) -> None:
     heard: list[str] = []
     ticks: list[int] = []
 
@@ -142,7 +142,7 @@ def test_many_messages_are_heard_in_order_and_keep_nobody_else_waiting(spun: Spu
     assert ticks[0] < 100
 
 
-def test_messages_that_take_long_to_hear_keep_nobody_else_waiting(spun: SpunNode) -> None:
+def test_slow_message_callbacks_do_not_starve_others(spun: SpunNode) -> None:
     heard: list[str] = []
     ticks: list[int] = []
 
@@ -160,7 +160,7 @@ def test_messages_that_take_long_to_hear_keep_nobody_else_waiting(spun: SpunNode
 
 
 @pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
-def test_a_timer_does_not_wait_for_all_topics_that_take_long(spun: SpunNode) -> None:
+def test_timer_runs_between_slow_topics(spun: SpunNode) -> None:
     heard: list[int] = []
     ticks: list[int] = []
 
@@ -182,7 +182,7 @@ def test_a_timer_does_not_wait_for_all_topics_that_take_long(spun: SpunNode) -> 
     assert set(range(2, len(topics))) <= set(ticks)
 
 
-def test_timers_and_services_that_raise_go_on(spun: SpunNode) -> None:
+def test_timers_and_services_keep_running_after_exceptions(spun: SpunNode) -> None:
     asked = []
 
     def answer(_request: Any, response: Any) -> Any:
@@ -206,7 +206,7 @@ def test_timers_and_services_that_raise_go_on(spun: SpunNode) -> None:
     assert {str(error) for error in spun.errors} == {"service", "timer"}
 
 
-def test_a_timer_stopped_by_a_callback_before_its_own_is_not_called(spun: SpunNode) -> None:
+def test_timer_stopped_by_earlier_callback_is_not_called(spun: SpunNode) -> None:
     called = []
     timers: list[Any] = []
 
@@ -224,7 +224,7 @@ def test_a_timer_stopped_by_a_callback_before_its_own_is_not_called(spun: SpunNo
     assert sorted(called) == [0, 1]
 
 
-def test_a_timer_that_is_set_anew_in_its_callback_comes_again(spun: SpunNode) -> None:
+def test_timer_reset_in_its_callback_fires_again(spun: SpunNode) -> None:
     called: list[int] = []
     timer = spun.timer(lambda: (timer.cancel(), called.append(1)), autostart=False)
     spun.spin_times(5)
@@ -236,7 +236,7 @@ def test_a_timer_that_is_set_anew_in_its_callback_comes_again(spun: SpunNode) ->
     assert len(called) == 3
 
 
-def test_what_a_callback_destroys_is_not_called_any_more(spun: SpunNode) -> None:
+def test_entity_destroyed_by_callback_is_not_called(spun: SpunNode) -> None:
     called = []
     timers: list[Any] = []
 
@@ -252,7 +252,7 @@ def test_what_a_callback_destroys_is_not_called_any_more(spun: SpunNode) -> None
 
 
 @pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)  # rclpy's raises for ever
-def test_what_is_destroyed_without_a_word_is_not_called_any_more(spun: SpunNode) -> None:
+def test_entity_destroyed_without_notice_is_not_called(spun: SpunNode) -> None:
     heard: list[Any] = []
     told: list[Any] = []
     publisher = spun.talk(heard.append)
@@ -269,7 +269,7 @@ def test_what_is_destroyed_without_a_word_is_not_called_any_more(spun: SpunNode)
     assert spun.errors == []
 
 
-def test_what_a_callback_makes_is_served(spun: SpunNode) -> None:
+def test_entity_created_by_callback_is_served(spun: SpunNode) -> None:
     heard: list[Any] = []
     parts: list[Any] = []
 
@@ -290,7 +290,7 @@ def test_what_a_callback_makes_is_served(spun: SpunNode) -> None:
     assert spun.errors == []
 
 
-def test_a_service_answers_when_what_it_awaits_has_come(spun: SpunNode) -> None:
+def test_service_answers_when_awaited_future_completes(spun: SpunNode) -> None:
     awaited = Future()
 
     async def answer(_request: Any, response: Any) -> Any:
@@ -307,7 +307,7 @@ def test_a_service_answers_when_what_it_awaits_has_come(spun: SpunNode) -> None:
 
 
 @pytest.mark.parametrize("group", [MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup])
-def test_an_exclusive_group_is_busy_while_one_of_its_callbacks_awaits(
+def test_exclusive_group_is_busy_while_its_callback_awaits(
     spun: SpunNode, group: Callable[[], Any]
 ) -> None:
     awaited = Future()
@@ -332,7 +332,7 @@ def test_an_exclusive_group_is_busy_while_one_of_its_callbacks_awaits(
     spun.until(lambda: all(future.done() for future in futures) and heard)
 
 
-def test_a_guard_condition_of_a_busy_group_is_not_lost(spun: SpunNode) -> None:
+def test_busy_group_does_not_lose_guard_condition(spun: SpunNode) -> None:
     awaited = Future()
     asked: list[int] = []
     called: list[int] = []
@@ -355,7 +355,7 @@ def test_a_guard_condition_of_a_busy_group_is_not_lost(spun: SpunNode) -> None:
     assert called == [1]
 
 
-def test_a_task_that_raises_is_reported_and_over(spun: SpunNode) -> None:
+def test_raising_task_is_reported_and_ends(spun: SpunNode) -> None:
     awaited = Future()
 
     async def fail() -> None:
@@ -373,7 +373,7 @@ def test_a_task_that_raises_is_reported_and_over(spun: SpunNode) -> None:
     assert sorted(str(task.exception()) for task in tasks) == ["after a wait", "at once"]
 
 
-def test_a_task_that_is_cancelled_goes_on_no_more(spun: SpunNode) -> None:
+def test_cancelled_task_stops(spun: SpunNode) -> None:
     awaited = Future()
     seen: list[str] = []
 
@@ -394,7 +394,7 @@ def test_a_task_that_is_cancelled_goes_on_no_more(spun: SpunNode) -> None:
     assert spun.errors == []
 
 
-def test_what_is_done_when_a_future_is_done_is_done_once_and_in_a_turn(spun: SpunNode) -> None:
+def test_future_done_callback_runs_once_in_executor_turn(spun: SpunNode) -> None:
     future = Future(executor=spun.executor)
     told: list[Any] = []
     future.add_done_callback(lambda done: told.append(done.result()))
@@ -405,7 +405,7 @@ def test_what_is_done_when_a_future_is_done_is_done_once_and_in_a_turn(spun: Spu
     assert told == [7]
 
 
-def test_another_thread_ends_the_wait_with_a_task(spun: SpunNode) -> None:
+def test_task_from_another_thread_ends_wait(spun: SpunNode) -> None:
     called: list[int] = []
     spun.spin_times(3)
     thread = Thread(target=lambda: spun.executor.create_task(called.append, 1))
@@ -419,7 +419,7 @@ def test_another_thread_ends_the_wait_with_a_task(spun: SpunNode) -> None:
     thread.join()
 
 
-def test_threads_run_while_it_waits(spun: SpunNode) -> None:
+def test_threads_run_while_executor_waits(spun: SpunNode) -> None:
     counted: list[int] = []
 
     def count() -> None:
@@ -434,7 +434,7 @@ def test_threads_run_while_it_waits(spun: SpunNode) -> None:
     thread.join()
 
 
-def test_timers_of_simulated_time_stand_while_it_stands(spun: SpunNode) -> None:
+def test_simulated_time_timers_stop_with_their_clock(spun: SpunNode) -> None:
     spun.node.set_parameters([Parameter("use_sim_time", value=True)])
     told = spun.node.create_publisher(ClockMsg, "/clock", qos.FACT)
     spun.until(told.get_subscription_count)
@@ -455,7 +455,7 @@ def test_timers_of_simulated_time_stand_while_it_stands(spun: SpunNode) -> None:
     assert spun.errors == []
 
 
-def test_events_of_the_middleware_come_even_where_there_is_always_work(spun: SpunNode) -> None:
+def test_middleware_events_arrive_under_constant_load(spun: SpunNode) -> None:
     matched: list[int] = []
     publisher = spun.talk(lambda message: publisher.publish(message))
     publisher.publish(String())
@@ -469,7 +469,7 @@ def test_events_of_the_middleware_come_even_where_there_is_always_work(spun: Spu
     spun.until(lambda: matched)
 
 
-def test_a_node_that_is_taken_away_is_turned_no_more(spun: SpunNode) -> None:
+def test_removed_node_is_not_spun(spun: SpunNode) -> None:
     ticks: list[int] = []
     other = rclpy.create_node("other", start_parameter_services=False)
     spun.executor.add_node(other)
@@ -484,7 +484,7 @@ def test_a_node_that_is_taken_away_is_turned_no_more(spun: SpunNode) -> None:
     assert spun.errors == []
 
 
-def test_the_end_of_its_context_ends_the_wait(spun: SpunNode) -> None:
+def test_context_shutdown_ends_wait(spun: SpunNode) -> None:
     thread = Thread(target=rclpy.shutdown)
 
     def start() -> None:
@@ -499,7 +499,7 @@ def test_the_end_of_its_context_ends_the_wait(spun: SpunNode) -> None:
     thread.join()
 
 
-def test_an_interrupt_in_a_callback_comes_out_and_leaves_the_rest_in_order(spun: SpunNode) -> None:
+def test_interrupt_in_callback_propagates_and_keeps_executor_usable(spun: SpunNode) -> None:
     class Cut(BaseException):
         pass
 
@@ -520,7 +520,7 @@ def test_an_interrupt_in_a_callback_comes_out_and_leaves_the_rest_in_order(spun:
 
 @pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_wait_at_once(spun: SpunNode, number: signal.Signals) -> None:
+def test_signal_ends_wait_immediately(spun: SpunNode, number: signal.Signals) -> None:
     interrupt = Interrupt()
     soon = Timer(0.2, os.kill, (os.getpid(), number))
     began = time.monotonic()
@@ -534,7 +534,7 @@ def test_a_signal_ends_a_wait_at_once(spun: SpunNode, number: signal.Signals) ->
     assert time.monotonic() - began < LIMIT_S
 
 
-def test_messages_for_a_polled_group_are_all_heard_in_order(spun: SpunNode) -> None:
+def test_polled_group_receives_all_messages_in_order(spun: SpunNode) -> None:
     heard: list[str] = []
     publisher = spun.talk(lambda m: heard.append(m.data), callback_group=PolledGroup())
     sent = [str(number) for number in range(20)]
@@ -545,7 +545,7 @@ def test_messages_for_a_polled_group_are_all_heard_in_order(spun: SpunNode) -> N
 
 
 @pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
-def test_messages_for_a_polled_group_wake_nobody(spun: SpunNode) -> None:
+def test_polled_group_messages_do_not_wake_executor(spun: SpunNode) -> None:
     heard: list[str] = []
     publisher = spun.talk(lambda m: heard.append(m.data), callback_group=PolledGroup())
     spun.spin_once(1.0)
@@ -561,7 +561,7 @@ def test_messages_for_a_polled_group_wake_nobody(spun: SpunNode) -> None:
 
 
 @pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
-def test_what_is_polled_is_heard_before_a_timer_looks_for_it(spun: SpunNode) -> None:
+def test_polled_messages_arrive_before_due_timer(spun: SpunNode) -> None:
     order: list[str] = []
     publisher = spun.talk(lambda _: order.append("heard"), callback_group=PolledGroup())
     publisher.publish(String())

@@ -199,14 +199,14 @@ def scenario(ledger: Ledger, ros: Any) -> Callable[..., Scenario]:
     return lambda *args, **fields: Scenario(ros, ledger, *args, **fields)
 
 
-def test_a_card_makes_agents_known_with_the_profiles_of_their_files(scenario):
+def test_host_card_introduces_agents_with_file_profiles(scenario):
     room = scenario()
     room.introduce()
     assert room.table() == {"guide": (0, [4.0, 1.5, 3.0]), "express": (0, [2.0, 4.5, 3.0])}
     assert room.host.told == []
 
 
-def test_collected_feedback_is_answered_after_the_host_has_the_new_profile(scenario):
+def test_collection_is_answered_after_host_has_new_profile(scenario):
     room = scenario(SimulatedFeedback(PreparedFeedback(sequence=((5.0, NAN, 1.0),))))
     room.introduce()
     answer = room.collect()
@@ -231,7 +231,7 @@ def test_collecting_twice_for_one_round_applies_once(scenario):
     assert len(room.feedback) == 2
 
 
-def test_without_a_list_there_is_nothing_to_collect(scenario):
+def test_collection_without_simulated_feedback_applies_nothing(scenario):
     room = scenario()
     room.introduce()
     answer = room.collect()
@@ -249,9 +249,7 @@ def test_without_a_list_there_is_nothing_to_collect(scenario):
         (["tree", "", "tree"], "guide was given feedback 3 times during its run (tree, somebody)"),
     ],
 )
-def test_a_run_in_which_its_tree_has_taught_is_not_said_to_have_no_feedback(
-    scenario, sources, text
-):
+def test_collection_acknowledges_feedback_given_by_tree(scenario, sources, text):
     room = scenario()
     room.introduce()
     room.run()
@@ -271,7 +269,7 @@ def test_a_run_in_which_its_tree_has_taught_is_not_said_to_have_no_feedback(
         ({"scene": SceneMsg()}, "EMPTY"),
     ],
 )
-def test_a_collection_that_makes_no_sense_is_refused(scenario, fields, code):
+def test_invalid_collection_is_refused(scenario, fields, code):
     room = scenario(SimulatedFeedback(PreparedFeedback(each={"guide": (5.0, 5.0, 5.0)})))
     room.introduce()
     room.node._cards_until = 0.0
@@ -280,7 +278,7 @@ def test_a_collection_that_makes_no_sense_is_refused(scenario, fields, code):
     assert room.table()["guide"] == (0, [4.0, 1.5, 3.0])
 
 
-def test_people_push_the_last_agent_towards_and_away_from_its_scene(scenario):
+def test_positive_and_negative_feedback_move_last_agents_profile(scenario):
     room = scenario()
     room.introduce()
     room.run()
@@ -313,7 +311,7 @@ def test_people_push_the_last_agent_towards_and_away_from_its_scene(scenario):
         ({"kind": 0, "agent": "guide", "values": [6.0, 1.0, 1.0]}, "OUT_OF_RANGE"),
     ],
 )
-def test_hostile_feedback_is_refused_with_a_reason_and_changes_nothing(scenario, fields, code):
+def test_hostile_feedback_is_refused_and_changes_nothing(scenario, fields, code):
     room = scenario()
     room.introduce()
     answer = room.give(**fields)
@@ -324,7 +322,7 @@ def test_hostile_feedback_is_refused_with_a_reason_and_changes_nothing(scenario,
     assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
 
 
-def test_the_mood_is_credited_to_the_node_of_the_tree_that_was_at_work(scenario):
+def test_mood_change_is_credited_to_active_tree_node(scenario):
     room = scenario()
     room.introduce(WORSE)
     status = room.ros.node.create_publisher(TreeStatus, "/agents/status", qos.EVENTS)
@@ -358,7 +356,7 @@ def test_the_mood_is_credited_to_the_node_of_the_tree_that_was_at_work(scenario)
     assert (value.path, value.name, value.value) == ("tree/0.say", "word", "'hello'")
 
 
-def test_an_agent_learns_by_the_rule_of_its_card(scenario):
+def test_agent_learns_by_rule_of_its_card(scenario):
     room = scenario()
     learning = Learning(
         update="plain", rates=[0.25, NAN, 0.0], window=5, drift=[NAN, 0.5, NAN], general=1.0
@@ -372,7 +370,7 @@ def test_an_agent_learns_by_the_rule_of_its_card(scenario):
     assert list(answer.feedback.rates) == [0.25, 0.5, 0.0]
 
 
-def test_a_mood_rule_that_cannot_be_decided_stands_beside_the_profiles(scenario):
+def test_undecidable_mood_rule_is_published_with_profiles(scenario):
     room = scenario()
     room.introduce(MoodRule(when="1 / (live.mood - 3) > 0", give=MoodRule.NEGATIVE))
     room.run()
@@ -386,7 +384,7 @@ def test_a_mood_rule_that_cannot_be_decided_stands_beside_the_profiles(scenario)
     )
 
 
-def test_a_mood_that_falls_teaches_the_agent_and_asks_the_market_again(scenario):
+def test_falling_mood_teaches_agent_and_restarts_market_round(scenario):
     room = scenario()
     room.introduce(WORSE)
     room.run()
@@ -410,7 +408,7 @@ def test_a_mood_that_falls_teaches_the_agent_and_asks_the_market_again(scenario)
     assert (len(room.cancels), len(room.feedback)) == (1, 1)
 
 
-def test_what_a_rule_teaches_on_a_full_disk_reaches_the_host_when_there_is_room(scenario, ledger):
+def test_full_disk_delays_rule_feedback_until_space_returns(scenario, ledger):
     room = scenario()
     room.introduce(WORSE)
     database = ledger._database
@@ -432,7 +430,7 @@ def test_what_a_rule_teaches_on_a_full_disk_reaches_the_host_when_there_is_room(
     assert (len(room.feedback), len(room.cancels)) == (1, 1)
 
 
-def test_a_market_that_is_away_is_asked_for_the_cancel_when_it_is_back(scenario):
+def test_cancel_request_waits_for_market_to_return(scenario):
     room = scenario(market=False)
     room.introduce(WORSE)
     room.run()
@@ -448,7 +446,7 @@ def test_a_market_that_is_away_is_asked_for_the_cancel_when_it_is_back(scenario)
     assert len(room.cancels) == 1
 
 
-def test_a_run_that_has_ended_is_not_asked_to_be_cancelled_any_more(scenario):
+def test_ended_run_is_not_cancelled(scenario):
     room = scenario(market=False)
     room.introduce(WORSE)
     room.run()
@@ -463,7 +461,7 @@ def test_a_run_that_has_ended_is_not_asked_to_be_cancelled_any_more(scenario):
     assert room.cancels == []
 
 
-def test_feedback_reaches_an_agent_whose_name_another_start_has_on_an_empty_card(scenario):
+def test_empty_card_of_other_instance_keeps_agents_known(scenario):
     room = scenario()
     room.introduce()
     room.host.cards.publish(room.host.card(instance="i2", agents=[]))
@@ -471,7 +469,7 @@ def test_feedback_reaches_an_agent_whose_name_another_start_has_on_an_empty_card
     assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
 
 
-def test_a_host_without_agents_is_forgotten_when_nothing_is_under_way(scenario):
+def test_idle_host_without_agents_is_forgotten(scenario):
     room = scenario()
     room.introduce()
     room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
@@ -482,7 +480,7 @@ def test_a_host_without_agents_is_forgotten_when_nothing_is_under_way(scenario):
     room.ros.until(lambda: len(room.host.told) == 2)
 
 
-def test_a_run_replayed_from_history_that_is_over_is_not_watched(ledger, ros):
+def test_ended_run_replayed_from_history_is_not_watched(ledger, ros):
     runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
     for event in (Run.STARTED, Run.ENDED):
         runs.publish(Run(epoch="e", round=1, event=event, agent="guide", scene=scene(4.0)))
@@ -500,7 +498,7 @@ def test_a_run_replayed_from_history_that_is_over_is_not_watched(ledger, ros):
     assert room.give(kind=Feedback.POSITIVE).feedback.agent == "guide"
 
 
-def test_a_host_that_is_not_there_gets_its_profile_when_its_card_comes_again(scenario):
+def test_returning_host_gets_its_missed_profile(scenario):
     room = scenario(answers=False)
     room.introduce()
     answer = room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
@@ -512,7 +510,7 @@ def test_a_host_that_is_not_there_gets_its_profile_when_its_card_comes_again(sce
     assert (list(host.told[0].values), host.told[0].revision) == ([4.5, 3.25, 4.0], 1)
 
 
-def test_a_restarted_node_gives_back_what_was_learned(ros, tmp_path):
+def test_restarted_node_restores_learned_profiles(ros, tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         room = Scenario(ros, ledger)
@@ -528,7 +526,7 @@ def test_a_restarted_node_gives_back_what_was_learned(ros, tmp_path):
     assert room.host.told[0].values == room.host.told[1].values
 
 
-def test_a_host_that_already_has_its_profiles_is_not_told_again(scenario):
+def test_host_with_current_profiles_is_not_updated(scenario):
     room = scenario()
     room.introduce()
     room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
@@ -548,7 +546,7 @@ def test_a_host_that_already_has_its_profiles_is_not_told_again(scenario):
         {"host": "//"},
     ],
 )
-def test_a_hostile_card_is_refused_and_the_node_lives(scenario, fields):
+def test_hostile_card_is_refused_and_node_survives(scenario, fields):
     room = scenario()
     room.host.cards.publish(room.host.card(**fields))
     room.ros.until(lambda: room.node._problems)
@@ -557,7 +555,7 @@ def test_a_hostile_card_is_refused_and_the_node_lives(scenario, fields):
     assert set(room.table()) == {"guide", "express"}
 
 
-def test_forged_hosts_fill_no_place_of_a_real_one(scenario):
+def test_forged_hosts_do_not_displace_real_host(scenario):
     room = scenario()
     forger = room.ros.node.create_publisher(HostCard, "bt_agents/cards", qos.FACTS)
 
@@ -576,7 +574,7 @@ def test_forged_hosts_fill_no_place_of_a_real_one(scenario):
     assert len(room.node._profiles.hosts) == MOST_HOSTS
 
 
-def test_a_rule_that_cannot_be_read_leaves_the_agent_and_its_other_rules_working(scenario):
+def test_unreadable_rule_does_not_disable_agents_other_rules(scenario):
     room = scenario()
     broken = MoodRule(
         when="mood.change <=", hold_s=0.1, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
@@ -589,7 +587,7 @@ def test_a_rule_that_cannot_be_read_leaves_the_agent_and_its_other_rules_working
     room.ros.until(lambda: room.cancels)
 
 
-def test_hostile_scenes_and_runs_are_refused_and_the_rule_still_fires(scenario):
+def test_rule_still_fires_after_hostile_scenes_and_runs(scenario):
     room = scenario()
     room.introduce(WORSE)
     room.runs.publish(Run(event=Run.STARTED, agent="guide"))
@@ -605,7 +603,7 @@ def test_hostile_scenes_and_runs_are_refused_and_the_rule_still_fires(scenario):
     room.ros.until(lambda: room.cancels)
 
 
-def test_two_who_give_at_once_are_both_answered_in_order(scenario):
+def test_concurrent_feedback_requests_are_answered_in_order(scenario):
     room = scenario()
     room.introduce()
     room.ros.until(room.give_client.service_is_ready)
@@ -619,7 +617,7 @@ def test_two_who_give_at_once_are_both_answered_in_order(scenario):
 # --- feedback that was kept while the node was away -----------------------------------------
 
 
-def test_kept_feedback_that_comes_before_the_card_of_its_agent_waits_for_it(scenario):
+def test_kept_feedback_waits_for_its_agents_card(scenario):
     room = scenario(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0, 5.0),))))
     room.ros.until(lambda: room.give_client.service_is_ready())
     room.ros.until(lambda: room.collect_client.service_is_ready())
@@ -639,12 +637,12 @@ def test_kept_feedback_that_comes_before_the_card_of_its_agent_waits_for_it(scen
     assert room.table()["guide"][0] == 2
 
 
-def test_feedback_without_an_id_was_not_kept_so_nobody_waits_for_a_card(scenario):
+def test_feedback_without_id_does_not_wait_for_card(scenario):
     room = scenario()
     assert room.give(agent="guide", kind=1).code == "UNKNOWN_AGENT"
 
 
-def test_late_feedback_is_about_the_scene_that_it_names(scenario):
+def test_late_feedback_applies_to_scene_it_names(scenario):
     room = scenario()
     room.introduce()
     room.run()
@@ -657,7 +655,7 @@ def test_late_feedback_is_about_the_scene_that_it_names(scenario):
     assert (now.feedback.epoch, now.feedback.round) == ("e", 1)
 
 
-def test_a_scene_that_is_malformed_is_refused_with_its_feedback(scenario):
+def test_feedback_with_malformed_scene_is_refused(scenario):
     room = scenario()
     room.introduce()
     wrong = scene(4.0)
@@ -667,7 +665,7 @@ def test_a_scene_that_is_malformed_is_refused_with_its_feedback(scenario):
     assert room.table()["guide"][0] == 0
 
 
-def test_a_tuned_profile_becomes_a_revision_at_once(scenario):
+def test_tuned_profile_becomes_revision_immediately(scenario):
     room = scenario()
     room.introduce()
     answer = room.give(
@@ -678,7 +676,7 @@ def test_a_tuned_profile_becomes_a_revision_at_once(scenario):
     assert list(room.host.told[0].values) == [4.0, 5.0, 3.0]
 
 
-def test_a_host_that_did_not_answer_gets_its_profile_again_as_soon_as_it_is_there(scenario):
+def test_unresponsive_host_gets_its_profile_on_return(scenario):
     room = scenario(answers=False)
     room.introduce()
     assert "it is kept" in room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).message

@@ -70,7 +70,7 @@ def client(ros: Any) -> Any:
     subject.action.destroy()
 
 
-def test_a_goal_is_stopped_by_its_id_and_its_end_is_waited_for(ros: Any, client: Client) -> None:
+def test_canceller_stops_goal_by_id_and_awaits_end(ros: Any, client: Client) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, cancel_s=0.2))
     stopped, other = client.send(), client.send()
     assert client.cancel(stopped) == ()
@@ -79,7 +79,7 @@ def test_a_goal_is_stopped_by_its_id_and_its_end_is_waited_for(ros: Any, client:
 
 
 @pytest.mark.parametrize("on_cancel", ["refuses", "ignores", "hangs"])
-def test_a_server_that_does_not_stop_is_waited_for_only_so_long(
+def test_canceller_waits_limited_time_for_unresponsive_server(
     ros: Any, client: Client, on_cancel: str
 ) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel=on_cancel))
@@ -89,7 +89,7 @@ def test_a_server_that_does_not_stop_is_waited_for_only_so_long(
     assert server.goals[0].outcome == ""
 
 
-def test_a_goal_that_is_stopping_already_is_waited_for(ros: Any, client: Client) -> None:
+def test_canceller_waits_for_already_stopping_goal(ros: Any, client: Client) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
     goal = client.send()
     first = GoalCanceller(ros.node)
@@ -104,21 +104,19 @@ def test_a_goal_that_is_stopping_already_is_waited_for(ros: Any, client: Client)
     assert client.ends == [()]
 
 
-def test_a_goal_that_has_ended_or_was_never_there_needs_no_waiting(
-    ros: Any, client: Client
-) -> None:
+def test_ended_or_unknown_goal_needs_no_wait(ros: Any, client: Client) -> None:
     ScriptedServer(ros)
     ended = client.send()
     unknown = OpenGoal(path="tree", action="/say", goal_id=b"7" * 16)
     assert client.cancel(ended, unknown) == ()
 
 
-def test_goals_of_a_server_that_is_not_there_are_not_confirmed(ros: Any, client: Client) -> None:
+def test_goals_of_absent_server_are_not_confirmed(ros: Any, client: Client) -> None:
     goal = OpenGoal(path="tree", action="/nobody", goal_id=b"7" * 16)
     assert client.cancel(goal, within_s=SHORT_S) == (goal,)
 
 
-def test_nothing_of_a_cancellation_is_left_on_the_node(ros: Any, client: Client) -> None:
+def test_cancellation_leaves_no_entities_on_node(ros: Any, client: Client) -> None:
     ScriptedServer(ros, script=Script(finish_s=None))
     goal = client.send()
     before = (len(list(ros.node.clients)), len(list(ros.node.subscriptions)))
@@ -126,7 +124,7 @@ def test_nothing_of_a_cancellation_is_left_on_the_node(ros: Any, client: Client)
     assert (len(list(ros.node.clients)), len(list(ros.node.subscriptions))) == before
 
 
-def test_an_end_in_the_list_of_states_is_the_end() -> None:
+def test_terminal_status_in_status_list_ends_goal() -> None:
     for status in (
         GoalStatus.STATUS_SUCCEEDED,
         GoalStatus.STATUS_CANCELED,
@@ -139,7 +137,7 @@ def test_an_end_in_the_list_of_states_is_the_end() -> None:
         assert goal.ended
 
 
-def test_unknown_counts_when_it_is_said_twice_in_a_row() -> None:
+def test_two_consecutive_unknown_answers_end_goal() -> None:
     goal = CancelledGoal()
     goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
     goal.on_answer(ANSWER.ERROR_NONE)
@@ -150,7 +148,7 @@ def test_unknown_counts_when_it_is_said_twice_in_a_row() -> None:
 
 
 @pytest.mark.parametrize("listed", [None, GoalStatus.STATUS_CANCELING])
-def test_terminated_counts_only_of_a_goal_that_is_in_no_list(listed: int | None) -> None:
+def test_terminated_answer_ends_only_unlisted_goal(listed: int | None) -> None:
     goal = CancelledGoal()
     for _ in range(3):
         goal.on_answer(ANSWER.ERROR_GOAL_TERMINATED)
@@ -161,7 +159,7 @@ def test_terminated_counts_only_of_a_goal_that_is_in_no_list(listed: int | None)
     assert goal.ended is (listed is None)
 
 
-def test_a_cancel_is_sent_again_until_the_end() -> None:
+def test_cancel_is_resent_until_goal_ends() -> None:
     goal = CancelledGoal()
     sent = [now for now in range(100, 110) if goal.take_cancel(now * CANCEL_AGAIN_S / 2)]
     assert sent == [100, 102, 104, 106, 108]
@@ -179,7 +177,7 @@ def test_a_cancel_is_sent_again_until_the_end() -> None:
         (OpenGoals(heartbeat="/" + "h" * 1000), "TOO_LONG"),
     ],
 )
-def test_a_list_that_makes_no_sense_is_refused(message: OpenGoals, code: str) -> None:
+def test_invalid_open_goals_list_is_refused(message: OpenGoals, code: str) -> None:
     with pytest.raises(Refused) as refused:
         open_goals_from_msg(message)
     assert refused.value.code == code

@@ -103,7 +103,7 @@ def news(ros: Any, host: Host, run: GoalRun) -> GoalState:
     return run.state
 
 
-def test_a_goal_carries_its_run_where_its_type_has_a_place_for_it(ros: Any) -> None:
+def test_goal_carries_run_key_when_its_type_allows(ros: Any) -> None:
     host = Host(ros, run=RunKey(epoch="e1", round=7, agent="guide"))
     server, service = (
         ScriptedServer(ros),
@@ -118,7 +118,7 @@ def test_a_goal_carries_its_run_where_its_type_has_a_place_for_it(ros: Any) -> N
     host.environment.close()
 
 
-def test_on_a_slow_network_servers_have_more_time(ros: Any) -> None:
+def test_slow_network_extends_server_timeouts(ros: Any) -> None:
     host = Host(ros, slowness=3.0)
     run = host.send(timeouts=Timeouts(server_s=0.2))
     assert news(ros, host, run) is GoalState.UNREACHABLE
@@ -126,7 +126,7 @@ def test_on_a_slow_network_servers_have_more_time(ros: Any) -> None:
     host.environment.close()
 
 
-def test_a_goal_waits_for_a_server_that_is_only_starting(ros: Any, host: Host) -> None:
+def test_goal_waits_for_starting_server(ros: Any, host: Host) -> None:
     run = host.send()
     ros.turns(3)
     assert run.state is GoalState.PENDING
@@ -137,14 +137,14 @@ def test_a_goal_waits_for_a_server_that_is_only_starting(ros: Any, host: Host) -
     assert [goal.request.text for goal in server.goals] == ["Hello."]
 
 
-def test_a_server_that_never_comes_is_noticed_without_a_tick(ros: Any, host: Host) -> None:
+def test_missing_server_is_noticed_without_tick(ros: Any, host: Host) -> None:
     run = host.send(timeouts=Timeouts(server_s=0.2))
     assert news(ros, host, run) is GoalState.UNREACHABLE
     assert run.message == "its server is not there (looked for 0.2 s)"
     assert run.confirmed
 
 
-def test_rejected_aborted_and_cancelled_by_others_differ(ros: Any, host: Host) -> None:
+def test_rejection_abort_and_foreign_cancel_differ(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(rejects=True))
     run = host.send()
     assert news(ros, host, run) is GoalState.REJECTED
@@ -174,7 +174,7 @@ def test_a_cancel_before_acceptance_takes_effect_on_acceptance(ros: Any, host: H
     assert (server.goals[0].cancels, server.goals[0].outcome) == (1, "cancelled")
 
 
-def test_a_goal_cancelled_before_it_is_found_is_never_sent(ros: Any, host: Host) -> None:
+def test_goal_cancelled_before_server_appears_is_never_sent(ros: Any, host: Host) -> None:
     run = host.send()
     run.cancel()
     assert (run.state, run.confirmed) == (GoalState.CANCELLED, True)
@@ -183,9 +183,7 @@ def test_a_goal_cancelled_before_it_is_found_is_never_sent(ros: Any, host: Host)
     assert server.goals == []
 
 
-def test_an_acceptance_after_the_give_up_is_cancelled_and_then_confirmed(
-    ros: Any, host: Host
-) -> None:
+def test_late_acceptance_is_cancelled_then_confirmed(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None, cancel_s=0.1))
     run = host.send(timeouts=Timeouts(server_s=30.0, accept_s=0.2))
     assert news(ros, host, run) is GoalState.UNREACHABLE
@@ -197,7 +195,7 @@ def test_an_acceptance_after_the_give_up_is_cancelled_and_then_confirmed(
     assert run.state is GoalState.UNREACHABLE
 
 
-def test_results_go_to_the_goals_they_belong_to_in_whatever_order(ros: Any, host: Host) -> None:
+def test_results_in_any_order_reach_their_goals(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, result={"message": "first"}))
     first = host.accepted(fields={"text": "one"})
     server.script = Script(finish_s=None, result={"message": "second"})
@@ -212,7 +210,7 @@ def test_results_go_to_the_goals_they_belong_to_in_whatever_order(ros: Any, host
     assert first.result["message"] == "first"
 
 
-def test_a_result_after_the_give_up_never_ends_a_later_goal(ros: Any, host: Host) -> None:
+def test_late_result_never_ends_later_goal(ros: Any, host: Host) -> None:
     patience = Timeouts(server_s=30.0, accept_s=30.0, result_s=0.2)
     server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
     late = host.send(timeouts=patience)
@@ -229,9 +227,7 @@ def test_a_result_after_the_give_up_never_ends_a_later_goal(ros: Any, host: Host
     assert next_one.state is GoalState.SUCCEEDED
 
 
-def test_the_next_goal_goes_out_when_its_server_has_ended_the_last_one(
-    ros: Any, host: Host
-) -> None:
+def test_next_goal_waits_until_server_ends_previous_one(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, cancel_s=0.5))
     first = host.accepted()
     first.cancel()
@@ -243,9 +239,7 @@ def test_the_next_goal_goes_out_when_its_server_has_ended_the_last_one(
     assert second.message == ""
 
 
-def test_a_server_that_does_not_stop_gets_the_next_goal_after_a_while(
-    ros: Any, host: Host
-) -> None:
+def test_unresponsive_server_gets_next_goal_after_timeout(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="refuses"))
     first = host.accepted()
     first.cancel()
@@ -257,16 +251,14 @@ def test_a_server_that_does_not_stop_gets_the_next_goal_after_a_while(
     assert second.message == "its server had not ended the goal before after 2 s"
 
 
-def test_goals_that_are_under_way_at_the_same_time_do_not_wait_for_each_other(
-    ros: Any, host: Host
-) -> None:
+def test_concurrent_goals_do_not_wait_for_each_other(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None))
     first, second = host.accepted(), host.accepted()
     assert first.state is second.state is GoalState.ACTIVE
     assert len(server.goals) == 2
 
 
-def test_of_two_servers_the_one_that_accepts_late_is_stopped(ros: Any, host: Host) -> None:
+def test_late_acceptance_by_second_server_is_cancelled(ros: Any, host: Host) -> None:
     hasty = ScriptedServer(ros, node="hasty", script=Script(rejects=True))
     late = ScriptedServer(ros, node="late", script=Script(accept_s=1.0, finish_s=None))
     ros.until(lambda: len(host.servers()) == 2)
@@ -283,9 +275,7 @@ def test_of_two_servers_the_one_that_accepts_late_is_stopped(ros: Any, host: Hos
     assert host.environment.graph_problems.messages == {}
 
 
-def test_of_two_servers_that_act_the_second_is_stopped_when_the_first_has_ended(
-    ros: Any, host: Host
-) -> None:
+def test_first_servers_result_stops_second_server(ros: Any, host: Host) -> None:
     ScriptedServer(ros, node="quick", script=Script(finish_s=0.3))
     slow = ScriptedServer(ros, node="slow", script=Script(finish_s=None))
     ros.until(lambda: len(host.servers()) == 2)
@@ -296,9 +286,7 @@ def test_of_two_servers_that_act_the_second_is_stopped_when_the_first_has_ended(
 
 
 @pytest.mark.parametrize("on_cancel", ["refuses", "ignores", "hangs"])
-def test_a_server_that_does_not_stop_leaves_its_goal_unconfirmed(
-    ros: Any, host: Host, on_cancel: str
-) -> None:
+def test_unstoppable_server_leaves_goal_unconfirmed(ros: Any, host: Host, on_cancel: str) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel=on_cancel))
     run = host.accepted()
     ros.turns()  # the server has taken the request for the result
@@ -310,7 +298,7 @@ def test_a_server_that_does_not_stop_leaves_its_goal_unconfirmed(
     ros.until(lambda: run.confirmed)
 
 
-def test_a_server_that_leaves_the_graph_is_noticed(ros: Any, host: Host) -> None:
+def test_server_leaving_graph_is_noticed(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None))
     run = host.accepted(timeouts=Timeouts(server_s=0.5))
     server.die()
@@ -319,9 +307,7 @@ def test_a_server_that_leaves_the_graph_is_noticed(ros: Any, host: Host) -> None
     assert not run.confirmed
 
 
-def test_a_cancel_of_what_the_next_start_of_the_server_does_not_know_ends_the_goal(
-    ros: Any, host: Host
-) -> None:
+def test_cancel_ends_goal_unknown_to_restarted_server(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None))
     run = host.accepted(timeouts=Timeouts(server_s=20.0))
     server.die()
@@ -341,9 +327,7 @@ action:
 """
 
 
-def test_a_server_that_falls_silent_is_noticed_by_its_heartbeat_and_without_a_tick(
-    ros: Any, host: Host
-) -> None:
+def test_missing_server_heartbeat_is_noticed_without_tick(ros: Any, host: Host) -> None:
     host.prepare(SPEAK)
     server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
     server.beat(every_s=0.05)
@@ -358,7 +342,7 @@ def test_a_server_that_falls_silent_is_noticed_by_its_heartbeat_and_without_a_ti
     ros.until(lambda: server.goals[0].cancels == 1)
 
 
-def test_a_heartbeat_that_was_never_heard_is_named(ros: Any, host: Host) -> None:
+def test_missing_first_heartbeat_is_named(ros: Any, host: Host) -> None:
     host.prepare(SPEAK)
     ScriptedServer(ros, script=Script(finish_s=None))
     run = host.send(heartbeat=BEAT)
@@ -366,7 +350,7 @@ def test_a_heartbeat_that_was_never_heard_is_named(ros: Any, host: Host) -> None
     assert run.message.endswith("nor ever one on robot/heartbeat)")
 
 
-def test_feedback_wakes_the_tree_only_where_a_leaf_uses_it(ros: Any, host: Host) -> None:
+def test_feedback_wakes_tree_only_when_leaf_uses_it(ros: Any, host: Host) -> None:
     told = ((0.05, {"progress": 0.25}), (0.1, {"progress": 0.5}))
     server = ScriptedServer(ros, script=Script(finish_s=None, feedback=told))
     run = host.accepted(feedback=True)
@@ -402,13 +386,13 @@ def test_hostile_results_and_feedback_raise_nothing(ros: Any, host: Host) -> Non
     assert set(run.feedback) == {"progress"}
 
 
-def test_a_result_that_is_too_large_is_none(ros: Any, host: Host) -> None:
+def test_oversized_result_makes_goal_unreachable(ros: Any, host: Host) -> None:
     run = hostile_run(ros, host, 10_000_000)
     assert run.state is GoalState.UNREACHABLE
     assert run.message.startswith("its answer cannot be read: TOO_LARGE: Ask_GetResult_Response")
 
 
-def test_of_a_message_only_what_is_looked_at_is_converted() -> None:
+def test_message_view_converts_only_accessed_fields() -> None:
     view = MessageView(ByteMultiArray(data=[b"x"] * 1_000_000))
     assert set(view) == {"layout", "data"}
     assert view["layout"] == {"dim": [], "data_offset": 0}
@@ -419,7 +403,7 @@ def test_of_a_message_only_what_is_looked_at_is_converted() -> None:
         view["size"]
 
 
-def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
+def test_unsendable_goal_is_unreachable(ros: Any) -> None:
     def refuse(*_: Any, **__: Any) -> None:
         raise RuntimeError("the middleware is out of memory")
 
@@ -443,7 +427,7 @@ def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
     assert run.confirmed
 
 
-def test_goals_that_are_never_confirmed_are_forgotten_at_some_time(ros: Any, host: Host) -> None:
+def test_number_of_remembered_unconfirmed_goals_is_limited(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(accept_s=None))
     ros.until(lambda: host.environment._client(SAY.kind, SAY.name, SAY.type).server_is_ready())
     runs = [host.send(timeouts=Timeouts(accept_s=0.05)) for _ in range(MOST_UNCONFIRMED + 20)]
@@ -467,9 +451,7 @@ def switch(ros: Any) -> ScriptedService:
     return service
 
 
-def test_an_answer_after_the_limit_is_discarded_and_not_taken_for_the_next_one(
-    ros: Any, host: Host
-) -> None:
+def test_late_answer_is_not_taken_for_next_request(ros: Any, host: Host) -> None:
     service = switch(ros)
     late = host.send(SWITCH, timeouts=Timeouts(server_s=30.0, result_s=0.2))
     assert news(ros, host, late) is GoalState.TIMED_OUT
@@ -497,7 +479,7 @@ def test_an_answer_after_a_cancel_is_discarded(ros: Any, host: Host) -> None:
     assert dict(run.result) == {}
 
 
-def test_a_topic_is_subscribed_to_only_while_a_leaf_waits_for_it(ros: Any, host: Host) -> None:
+def test_topic_is_subscribed_only_while_leaf_waits(ros: Any, host: Host) -> None:
     publisher = ros.node.create_publisher(Bool, "button", 10)
     host.prepare("wait_for: {topic: button, type: std_msgs/msg/Bool}")
     ros.turns(5)
@@ -513,9 +495,7 @@ def test_a_topic_is_subscribed_to_only_while_a_leaf_waits_for_it(ros: Any, host:
     ros.until(lambda: publisher.get_subscription_count() == 0)
 
 
-def test_a_latched_topic_is_heard_from_the_start_and_begins_with_its_last_message(
-    ros: Any, host: Host
-) -> None:
+def test_latched_topic_starts_with_its_last_message(ros: Any, host: Host) -> None:
     publisher = ros.node.create_publisher(Bool, "door", qos.FACT)
     publisher.publish(Bool(data=False))
     publisher.publish(Bool(data=True))
@@ -540,7 +520,7 @@ def test_a_latched_topic_is_heard_from_the_start_and_begins_with_its_last_messag
 
 
 @pytest.mark.parametrize("profile", [qos.EVENTS, qos.SENSOR], ids=["volatile", "best effort"])
-def test_a_latched_topic_is_heard_from_publishers_that_keep_no_message(
+def test_latched_inbox_receives_from_volatile_publishers(
     ros: Any, host: Host, profile: Any
 ) -> None:
     publisher = ros.node.create_publisher(Bool, "door", profile)
@@ -569,7 +549,7 @@ def stranger() -> Iterator[Any]:
     rclpy.try_shutdown(context=context)
 
 
-def test_a_topic_of_another_type_is_a_problem(ros: Any, host: Host, stranger: Any) -> None:
+def test_topic_type_mismatch_is_a_problem(ros: Any, host: Host, stranger: Any) -> None:
     publisher = stranger.create_publisher(String, "door", qos.EVENTS)
     problems = host.environment.graph_problems
     host.environment.watch("door", "std_msgs/msg/Bool").close()
@@ -585,7 +565,7 @@ def test_a_topic_of_another_type_is_a_problem(ros: Any, host: Host, stranger: An
     ros.until(lambda: looked(False))
 
 
-def test_a_kept_message_without_publisher_is_a_problem(ros: Any, host: Host) -> None:
+def test_latched_message_without_publisher_is_a_problem(ros: Any, host: Host) -> None:
     publisher = ros.node.create_publisher(Bool, "door", qos.FACTS)
     publisher.publish(Bool(data=True))
     host.environment.watch("door", "std_msgs/msg/Bool", latched=True).close()
@@ -606,7 +586,7 @@ def test_a_kept_message_without_publisher_is_a_problem(ros: Any, host: Host) -> 
     assert problems.messages == {}
 
 
-def test_a_server_of_another_type_is_named(ros: Any, host: Host, stranger: Any) -> None:
+def test_server_type_mismatch_is_named(ros: Any, host: Host, stranger: Any) -> None:
     server = ActionServer(stranger, Ask, "say", lambda _goal: Ask.Result())
     ros.until(lambda: len(host.servers()) == 1)
     run = host.send(timeouts=Timeouts(server_s=0.3))
@@ -619,7 +599,7 @@ def test_a_server_of_another_type_is_named(ros: Any, host: Host, stranger: Any) 
     server.destroy()
 
 
-def test_of_a_burst_the_newest_messages_stay(ros: Any, host: Host) -> None:
+def test_inbox_keeps_newest_messages_of_burst(ros: Any, host: Host) -> None:
     publisher = ros.node.create_publisher(String, "words", qos.FACTS)
     host.prepare("wait_for: {topic: words, type: std_msgs/msg/String, latched: true}")
     ros.until(lambda: publisher.get_subscription_count() == 1)

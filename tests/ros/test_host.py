@@ -125,7 +125,7 @@ def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
     return node
 
 
-def test_a_host_registers_all_agents_with_the_parameters_it_speaks(
+def test_host_registers_all_agents_with_its_scene_parameters(
     host: HostNode, market: Market
 ) -> None:
     request = market.requests[0]
@@ -135,7 +135,7 @@ def test_a_host_registers_all_agents_with_the_parameters_it_speaks(
     assert list(request.parameters) == ["age", "familiarity", "mood"]
 
 
-def test_all_agents_bid_in_one_message_and_one_that_does_not_fit_declines(
+def test_all_agents_bid_together_and_unsuitable_one_declines(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     market.call(scene=scene_to_msg(scene(person=False, age=3)))
@@ -148,7 +148,7 @@ def test_all_agents_bid_in_one_message_and_one_that_does_not_fit_declines(
     assert bids.host_instance == host.instance
 
 
-def test_a_call_that_comes_before_the_answer_to_the_registration_is_answered_after_it(
+def test_early_call_is_answered_after_registration(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     host = ros.add(make_host(folder(tmp_path, TALKER)))
@@ -158,7 +158,7 @@ def test_a_call_that_comes_before_the_answer_to_the_registration_is_answered_aft
     assert [(bids.round, list(bids.agent_ids)) for bids in market.bids] == [(1, [1])]
 
 
-def test_an_excluded_agent_stays_silent_and_a_foreign_call_is_not_answered(
+def test_excluded_agents_and_foreign_calls_get_no_bid(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     market.call(round_number=1, epoch="e0")
@@ -169,7 +169,7 @@ def test_an_excluded_agent_stays_silent_and_a_foreign_call_is_not_answered(
     assert list(market.bids[0].agents) == ["quick"]
 
 
-def test_an_agent_that_the_market_refuses_does_not_bid_and_its_card_says_why(
+def test_refused_agent_does_not_bid_and_shows_reason(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     market.refuse["quick"] = "already registered by /other"
@@ -185,7 +185,7 @@ def test_an_agent_that_the_market_refuses_does_not_bid_and_its_card_says_why(
     assert list(market.bids[0].agents) == ["talker"]
 
 
-def test_an_agent_whose_requirement_cannot_be_decided_does_not_bid_and_its_card_says_why(
+def test_agent_with_undecidable_requirement_does_not_bid(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
@@ -203,7 +203,7 @@ def test_an_agent_whose_requirement_cannot_be_decided_does_not_bid_and_its_card_
     ros.until(lambda: not cards[-1].problems)
 
 
-def test_a_host_has_a_card_only_while_the_market_has_the_host(
+def test_host_publishes_card_only_while_registered(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     market.refuses_host = "HOST_EXISTS: another /agents is alive"
@@ -225,9 +225,7 @@ def test_a_host_has_a_card_only_while_the_market_has_the_host(
     assert (len(cards), late) == (1, [])
 
 
-def test_a_run_ticks_the_tree_tells_what_changed_and_succeeds(
-    ros: Any, host: HostNode, market: Market
-) -> None:
+def test_successful_run_publishes_status_changes(ros: Any, host: HostNode, market: Market) -> None:
     mouth = Mouth(ros)
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
     handle = market.send(market.goal(host))
@@ -247,7 +245,7 @@ def test_a_run_ticks_the_tree_tells_what_changed_and_succeeds(
     ]
 
 
-def test_a_failing_tree_aborts_with_the_reason_in_words(
+def test_failing_tree_aborts_with_readable_reason(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     mouth = Mouth(ros)
@@ -260,7 +258,9 @@ def test_a_failing_tree_aborts_with_the_reason_in_words(
     assert "say aborted: no breath" in answer.result.message
 
 
-def test_a_skill_without_a_server_fails_in_words(ros: Any, host: HostNode, market: Market) -> None:
+def test_skill_without_server_fails_with_readable_reason(
+    ros: Any, host: HostNode, market: Market
+) -> None:
     handle = market.send(market.goal(host))
     answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.FAILED
@@ -268,7 +268,7 @@ def test_a_skill_without_a_server_fails_in_words(ros: Any, host: HostNode, marke
     assert "3 s" in answer.result.message
 
 
-def test_a_tree_logs_and_gives_feedback_in_the_name_of_its_agent(
+def test_tree_logs_and_gives_feedback_as_its_agent(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     requests: list[GiveFeedback.Request] = []
@@ -296,7 +296,7 @@ def test_a_tree_logs_and_gives_feedback_in_the_name_of_its_agent(
     assert ("tree/1.give_feedback", "direct feedback given") in told
 
 
-def test_a_fault_of_the_engine_ends_the_run_and_the_host_goes_on(
+def test_host_survives_engine_fault_that_ends_run(
     ros: Any, host: HostNode, market: Market, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(_run: object) -> None:
@@ -311,7 +311,7 @@ def test_a_fault_of_the_engine_ends_the_run_and_the_host_goes_on(
     assert again.result.outcome == RunAgent.Result.SUCCEEDED
 
 
-def test_a_cancel_stops_the_leaf_and_its_goal(ros: Any, host: HostNode, market: Market) -> None:
+def test_cancel_stops_leaf_and_its_goal(ros: Any, host: HostNode, market: Market) -> None:
     mouth = Mouth(ros)
     handle = market.send(market.goal(host))
     ros.until(lambda: mouth.end)
@@ -324,7 +324,7 @@ def test_a_cancel_stops_the_leaf_and_its_goal(ros: Any, host: HostNode, market: 
     assert mouth.cancelled == 1
 
 
-def test_one_tree_at_a_time_and_only_for_this_instance_and_a_known_agent(
+def test_busy_host_and_mismatched_goals_are_refused(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     bad_scene = scene_to_msg(scene(age=3, familiarity=3, mood=3))
@@ -346,7 +346,7 @@ def test_one_tree_at_a_time_and_only_for_this_instance_and_a_known_agent(
     assert market.send(market.goal(host, agent="quick")).accepted
 
 
-def test_a_stopping_host_cancels_its_run_and_takes_no_more(
+def test_stopping_host_cancels_its_run_and_refuses_goals(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     mouth = Mouth(ros)
@@ -370,7 +370,7 @@ def set_parameter(ros: Any, name: str, value: Any) -> Any:
     return ros.call(client, SetParameters.Request(parameters=[message])).results[0]
 
 
-def test_a_tunable_is_a_ranged_parameter_that_acts_on_the_running_tree(
+def test_tunable_is_ranged_parameter_affecting_running_tree(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     client = ros.node.create_client(DescribeParameters, "agents/describe_parameters")
@@ -389,7 +389,7 @@ def test_a_tunable_is_a_ranged_parameter_that_acts_on_the_running_tree(
     assert mouth.cancelled == 1
 
 
-def test_a_learning_rate_is_a_parameter_and_stands_on_the_card(ros: Any, host: HostNode) -> None:
+def test_learning_rate_is_parameter_and_appears_on_card(ros: Any, host: HostNode) -> None:
     cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
     assert not set_parameter(ros, "talker.learning_rate", 1.5).successful
     assert not set_parameter(ros, "talker.learning_rate", NAN).successful
@@ -408,7 +408,7 @@ def test_a_learning_rate_is_a_parameter_and_stands_on_the_card(ros: Any, host: H
         ([3, 3, 6], "OUT_OF_RANGE"),
     ],
 )
-def test_a_bad_profile_is_refused_by_name_and_nothing_changes(
+def test_bad_profile_is_refused_by_name_without_effect(
     ros: Any, host: HostNode, values: Sequence[float], code: str
 ) -> None:
     client = ros.node.create_client(SetProfile, "agents/set_profile")
@@ -418,7 +418,7 @@ def test_a_bad_profile_is_refused_by_name_and_nothing_changes(
     assert host.registry.members["talker"].profile == (3.0, 3.0, 3.0)
 
 
-def test_a_profile_is_taken_and_an_older_revision_is_not(ros: Any, host: HostNode) -> None:
+def test_host_accepts_newer_profile_but_not_older_revision(ros: Any, host: HostNode) -> None:
     client = ros.node.create_client(SetProfile, "agents/set_profile")
 
     def give(value: float, revision: int) -> Any:
@@ -430,7 +430,7 @@ def test_a_profile_is_taken_and_an_older_revision_is_not(ros: Any, host: HostNod
     assert host.registry.members["talker"].profile == (4.0, 3.0, 3.0)
 
 
-def test_heartbeats_say_what_runs(ros: Any, host: HostNode, market: Market) -> None:
+def test_heartbeats_name_running_agent(ros: Any, host: HostNode, market: Market) -> None:
     beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
     ros.until(lambda: beats)
     assert beats[-1].agent == ""
@@ -441,7 +441,7 @@ def test_heartbeats_say_what_runs(ros: Any, host: HostNode, market: Market) -> N
     ros.until(lambda: beats[-1].tip == "tree")
 
 
-def test_late_joiners_get_the_structure_of_every_tree(ros: Any, host: HostNode) -> None:
+def test_late_subscriber_receives_structure_of_every_tree(ros: Any, host: HostNode) -> None:
     trees = ros.collect(Trees, "agents/trees", qos.FACT)
     ros.until(lambda: trees)
     talker = next(tree for tree in trees[-1].trees if tree.agent == "talker")
@@ -453,9 +453,7 @@ def test_late_joiners_get_the_structure_of_every_tree(ros: Any, host: HostNode) 
     assert talker.nodes[1].line == 12
 
 
-def test_a_host_notices_a_market_that_starts_again(
-    ros: Any, host: HostNode, market: Market
-) -> None:
+def test_host_notices_restarted_market(ros: Any, host: HostNode, market: Market) -> None:
     before = len(market.requests)
     market._status.publish(MarketStatus(epoch="e2"))
     ros.until(lambda: len(market.requests) > before)

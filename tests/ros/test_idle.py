@@ -31,23 +31,19 @@ def rings(node: Node) -> float:
     return sum(1e9 / timer.timer_period_ns for timer in node.timers if not timer.is_canceled())
 
 
-def test_a_market_without_a_scene_wakes_up_for_its_heartbeat_only(ros: Ros) -> None:
+def test_idle_market_wakes_only_for_heartbeat(ros: Ros) -> None:
     market = ros.add(active_market(SPACE))
     ros.turns()
     assert rings(market) == pytest.approx(5)
 
 
-def test_a_host_without_a_run_wakes_up_for_its_heartbeat_and_for_changed_files(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_idle_host_wakes_only_for_heartbeat_and_files(ros: Ros, tmp_path: Path) -> None:
     host = ros.add(make_host(folder(tmp_path, AGENT)))
     ros.until(lambda: rings(host) < 10)
     assert rings(host) >= 5
 
 
-def test_a_studio_that_nobody_looks_at_has_no_values_traced_and_reads_no_graph(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_unwatched_studio_traces_nothing_and_reads_no_graph(ros: Ros, tmp_path: Path) -> None:
     read: list[object] = []
     studio = ros.add(StudioNode(*[lambda *_values: None] * 3, lambda *values: read.append(values)))
     ros.add(active_market(SPACE))

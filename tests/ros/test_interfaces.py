@@ -53,7 +53,7 @@ def test_installed_types_of_every_kind_are_found():
         (None, "expected package/msg/Name"),
     ],
 )
-def test_a_type_that_is_not_there_says_how_to_get_it(name, words):
+def test_missing_type_error_says_how_to_install_it(name, words):
     refused = refusal(load_type, name)
     assert refused.code == "UNKNOWN_TYPE"
     assert words in refused.reason
@@ -68,7 +68,7 @@ def test_a_package_without_interfaces_is_never_imported(tmp_path, monkeypatch):
     assert "trap" not in sys.modules
 
 
-def test_a_listed_package_without_python_code_says_so(tmp_path, monkeypatch):
+def test_listed_package_without_python_code_is_reported(tmp_path, monkeypatch):
     entry = tmp_path / "share/ament_index/resource_index/rosidl_interfaces/half_msgs"
     entry.parent.mkdir(parents=True)
     entry.write_text("msg/Half.idl\nmsg/Half.msg\n")
@@ -80,7 +80,7 @@ def test_a_type_of_another_kind_is_refused():
     assert refusal(load_type, "std_msgs/msg/Bool", BindingKind.ACTION).code == "WRONG_KIND"
 
 
-def test_nested_fields_are_set_and_the_others_stay():
+def test_setting_nested_fields_keeps_other_fields():
     message = PoseWithCovarianceStamped()
     message.header.frame_id = "map"
     fill(message, {"header": {"stamp": 2.5}, "pose": {"pose": {"position": {"x": 1}}}})
@@ -127,9 +127,7 @@ def test_nested_fields_are_set_and_the_others_stay():
         (Scene(), {"values": [{"nam": "x"}]}, "UNKNOWN_FIELD", "in 'values.0'"),
     ],
 )
-def test_values_that_do_not_fit_are_refused_with_the_path_of_the_field(
-    message, values, code, words
-):
+def test_mismatched_value_is_refused_with_field_path(message, values, code, words):
     before = str(message)
     refused = refusal(fill, message, values)
     assert refused.code == code
@@ -137,13 +135,13 @@ def test_values_that_do_not_fit_are_refused_with_the_path_of_the_field(
     assert str(message) == before
 
 
-def test_on_an_error_no_field_is_set():
+def test_failed_fill_sets_no_field():
     message = Scene()
     refusal(fill, message, {"label": "new", "header": {"stamp": {"sec": 5}}, "person": "yes"})
     assert message == Scene()
 
 
-def test_numbers_that_are_no_numbers_pass_in_floats():
+def test_float_fields_accept_nan_and_infinity():
     message = Float64()
     fill(message, {"data": math.nan})
     assert math.isnan(message.data)
@@ -157,7 +155,7 @@ def test_a_negative_duration_has_positive_nanoseconds():
     assert (message.sec, message.nanosec) == (-2, 500_000_000)
 
 
-def test_a_message_becomes_plain_data_and_back():
+def test_message_round_trips_through_plain_data():
     plain = {
         "header": {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": ""},
         "scene_id": "s",
@@ -209,7 +207,7 @@ def test_a_field_is_read_by_its_path():
         ("", "UNKNOWN_FIELD"),
     ],
 )
-def test_a_path_to_nothing_is_refused(path, code):
+def test_path_to_missing_field_is_refused(path, code):
     message = Scene()
     fill(message, {"values": [{"name": "mood"}]})
     assert refusal(read_field, message, path).code == code
@@ -237,13 +235,13 @@ def test_paths_are_checked_without_a_message(kind, type_name, section, path, wor
     assert problem is None if words is None else words in problem
 
 
-def test_a_type_is_checked_for_what_it_is_needed_for():
+def test_type_must_match_its_binding_kind():
     interfaces = InstalledInterfaces()
     assert interfaces.type_problem(BindingKind.TOPIC, "std_msgs/msg/Bool") is None
     assert "not the type" in interfaces.type_problem(BindingKind.SERVICE, "std_msgs/msg/Bool")
 
 
-def test_fields_have_types_as_far_as_one_value_has_one():
+def test_scalar_fields_have_types_and_others_are_any():
     known = InstalledInterfaces()
 
     def of(path: str, type_name: str = "geometry_msgs/msg/PoseWithCovarianceStamped") -> str:
@@ -277,7 +275,7 @@ def test_fields_have_types_as_far_as_one_value_has_one():
         ),
     ],
 )
-def test_values_and_conditions_are_checked_against_the_installed_types(tree, expected):
+def test_values_and_conditions_are_checked_against_installed_types(tree, expected):
     symbols = replace(SYMBOLS, interfaces=InstalledInterfaces())
     head = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {"
     with pytest.raises(ReadError) as caught:

@@ -111,7 +111,7 @@ def test_each_day_has_its_own_runs(town: Town) -> None:
     assert index_entries(JournalReader([second]).entries()).counts["/bt_agents/cards"] >= 1
 
 
-def test_a_second_journal_in_the_same_folder_is_refused(town: Town, tmp_path: Path) -> None:
+def test_second_journal_in_same_folder_is_refused(town: Town, tmp_path: Path) -> None:
     town.record()
     with pytest.raises(Refused, match="another journal writes"):
         JournalNode(town.files, today=lambda: town.today)
@@ -121,7 +121,7 @@ def test_a_second_journal_in_the_same_folder_is_refused(town: Town, tmp_path: Pa
         JournalNode(blocked / "journal")
 
 
-def test_a_recording_is_begun_marked_and_ended_over_its_service(town: Town) -> None:
+def test_service_starts_marks_and_stops_recording(town: Town) -> None:
     ros, journal = town.ros, town.record()
     record = ros.node.create_client(Record, "journal/record", qos_profile=qos.SERVICE)
     states: list[RecordingStatus] = []
@@ -151,7 +151,7 @@ def test_a_recording_is_begun_marked_and_ended_over_its_service(town: Town) -> N
     assert recording.counts["/agents/files"] == 1
 
 
-def test_a_file_has_what_ros2_bag_and_foxglove_need(town: Town) -> None:
+def test_journal_file_fits_ros2_bag_and_foxglove(town: Town) -> None:
     journal = town.record()
     town.ros.until(lambda: "/agents/trees" in journal.journal._facts)
     journal.journal.close()
@@ -183,7 +183,7 @@ def test_a_file_has_what_ros2_bag_and_foxglove_need(town: Town) -> None:
     assert (trees["history"], trees["reliability"], trees["durability"]) == (1, 1, 1)
 
 
-def test_health_is_recorded_when_it_changes_and_holds_for_the_next_file(town: Town) -> None:
+def test_health_changes_are_recorded_and_repeated_per_file(town: Town) -> None:
     journal = town.record()
     publisher = town.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
     town.ros.until(publisher.get_subscription_count)

@@ -128,9 +128,7 @@ def street(make_street: Callable[..., Street]) -> Street:
     return make_street()
 
 
-def test_what_anna_taught_wins_and_runs_for_anna_and_counts_for_others_in_part(
-    street: Street,
-) -> None:
+def test_feedback_counts_fully_for_person_partly_for_others(street: Street) -> None:
     assert street.winner("anna") == ("bob", Run.FAILED)
     answer = street.teach("anna")
     assert answer.message == "ann: for person/anna age 3 → 1; for everybody age 3 → 2.5"
@@ -147,7 +145,7 @@ def test_what_anna_taught_wins_and_runs_for_anna_and_counts_for_others_in_part(
     assert street.known() == {("ann", ""), ("ann", ANNA), ("ann", "place/lobby"), ("bob", "")}
 
 
-def test_a_host_that_starts_again_gets_its_layers_back(street: Street) -> None:
+def test_restarted_host_gets_its_layers_back(street: Street) -> None:
     street.teach("anna")
     street.teach("bea")
     street.ros.remove(street.host)
@@ -155,9 +153,7 @@ def test_a_host_that_starts_again_gets_its_layers_back(street: Street) -> None:
     street.ros.until(lambda: street.layers() == {ANNA, "person/bea"})
 
 
-def test_what_was_forgotten_while_the_host_was_not_told_is_forgotten_there_later(
-    street: Street,
-) -> None:
+def test_host_learns_later_of_missed_forgetting(street: Street) -> None:
     street.teach("anna")
     street.teach("bea")
     assert street.layers() == {ANNA, "person/bea"}
@@ -167,7 +163,7 @@ def test_what_was_forgotten_while_the_host_was_not_told_is_forgotten_there_later
     street.ros.until(lambda: street.layers() == {"person/bea"})
 
 
-def test_many_layers_all_reach_a_host(street: Street) -> None:
+def test_many_layers_all_reach_their_host(street: Street) -> None:
     street.ros.remove(street.feedback)
     profile = street.ledger.authored("ann")
     entries = [
@@ -184,7 +180,7 @@ def test_many_layers_all_reach_a_host(street: Street) -> None:
     street.ros.until(lambda: len(street.layers()) == 500)
 
 
-def test_people_look_at_what_was_learned_take_it_back_and_out(street: Street) -> None:
+def test_profile_service_shows_undoes_exports_and_forgets(street: Street) -> None:
     street.teach("anna")
     street.teach("anna", age=2.0)
     asked = ManageProfiles.Request
@@ -204,7 +200,7 @@ def test_people_look_at_what_was_learned_take_it_back_and_out(street: Street) ->
     assert street.manage(99).code == "UNKNOWN_ACTION"
 
 
-def test_who_listens_after_a_forgetting_hears_nothing_of_the_forgotten(street: Street) -> None:
+def test_late_subscriber_receives_no_forgotten_feedback(street: Street) -> None:
     street.teach("anna")
     street.ros.until(lambda: ANNA in [one.layer for one in street.changes])
     assert street.manage(ManageProfiles.Request.FORGET, layer=ANNA).accepted
@@ -215,7 +211,7 @@ def test_who_listens_after_a_forgetting_hears_nothing_of_the_forgotten(street: S
     assert [one.layer for one in street.changes][-2:] == ["person/bea", ""]
 
 
-def test_an_undo_of_everybodys_profile_reaches_the_bid(street: Street) -> None:
+def test_reset_of_shared_profile_reaches_bids(street: Street) -> None:
     street.teach()
     assert street.winner()[0] == "ann"
     assert street.manage(ManageProfiles.Request.RESET, agent="ann").accepted
@@ -223,7 +219,7 @@ def test_an_undo_of_everybodys_profile_reaches_the_bid(street: Street) -> None:
     assert street.winner()[0] == "bob"
 
 
-def test_the_weights_of_an_agent_stand_in_the_bids(make_street: Callable[..., Street]) -> None:
+def test_bids_carry_weights_of_their_agent(make_street: Callable[..., Street]) -> None:
     street = make_street("weights: {age: 2}\n")
     street.winner()
     street.ros.until(lambda: street.bids)
@@ -234,9 +230,7 @@ def test_the_weights_of_an_agent_stand_in_the_bids(make_street: Callable[..., St
     assert weights[rows["bob"] * width] == street.folder.scene.space.parameters[0].weight
 
 
-def test_a_card_that_a_full_disk_kept_out_is_taken_when_there_is_room(
-    street: Street, ros: Any
-) -> None:
+def test_card_is_stored_once_disk_has_space_again(street: Street, ros: Any) -> None:
     database = street.ledger._database
     pages = database.execute("PRAGMA page_count").fetchone()[0]
     database.execute(f"PRAGMA max_page_count = {pages}")

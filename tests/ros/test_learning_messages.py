@@ -49,7 +49,7 @@ feedback:
         ),
     ],
 )
-def test_the_feedback_node_learns_by_what_the_file_says(rule):
+def test_learning_rule_survives_message_conversion(rule):
     spec = agent("  wait: 1 s", head=RULES)
     card = AgentCard(
         name="a",
@@ -74,7 +74,7 @@ def test_the_feedback_node_learns_by_what_the_file_says(rule):
     )
 
 
-def test_a_condition_is_parsed_once_in_a_process():
+def test_process_parses_each_condition_once():
     spec = agent("  wait: 1 s", head=RULES)
     for rule in spec.rules:
         restored = rule_from_msg(rule_to_msg(rule), SPACE)
@@ -84,7 +84,7 @@ def test_a_condition_is_parsed_once_in_a_process():
 
 
 @pytest.mark.parametrize("action", MoodAction)
-def test_every_action_of_a_mood_rule_has_its_number_in_the_message(action):
+def test_mood_rule_actions_match_message_constants(action):
     assert getattr(MoodRuleMsg, action.name) == action
     rule = replace(agent("  wait: 1 s", head=RULES).rules[0], action=action)
     assert rule_from_msg(rule_to_msg(rule), SPACE) == rule

@@ -101,7 +101,7 @@ def unconfigured(ros: Ros, name: str, trees: Path) -> ManagedNode[Any]:
 
 
 @pytest.mark.parametrize("name", NODES)
-def test_a_node_goes_through_all_states_and_back_again_as_often_as_it_is_told_to(
+def test_node_cycles_repeatedly_through_all_lifecycle_states(
     ros: Ros, tmp_path: Path, name: str
 ) -> None:
     node = unconfigured(ros, name, write_agents(tmp_path, ann=4.0))
@@ -132,7 +132,7 @@ def test_a_node_goes_through_all_states_and_back_again_as_often_as_it_is_told_to
     assert all(earlier[1] == later[0] for earlier, later in pairwise(ways))
 
 
-def test_a_transition_that_does_not_begin_in_the_present_state_is_refused_and_changes_nothing(
+def test_transition_from_wrong_state_is_refused_without_effect(
     ros: Ros, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     unconfigured(ros, "marketplace", write_agents(tmp_path, ann=4.0))
@@ -149,7 +149,7 @@ def test_a_transition_that_does_not_begin_in_the_present_state_is_refused_and_ch
     assert "NO_TRANSITION: 'no such' does not begin" in log
 
 
-def test_a_node_whose_files_are_broken_stays_unconfigured_until_they_are_mended(
+def test_node_stays_unconfigured_until_files_are_repaired(
     ros: Ros, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     trees = write_agents(tmp_path, ann=4.0)
@@ -166,9 +166,7 @@ def test_a_node_whose_files_are_broken_stays_unconfigured_until_they_are_mended(
     assert manager.change(CONFIGURE)
 
 
-def test_a_node_that_cannot_be_activated_stays_inactive_and_leaves_nothing_behind(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_failed_activation_leaves_node_inactive_and_clean(ros: Ros, tmp_path: Path) -> None:
     trees = write_agents(tmp_path, ann=4.0)
     (trees / "market.yaml").write_text("format: 1\nrules:\n  - {when: 1 <, agents: [ann]}\n")
     given = [Parameter("trees", value=str(trees)), Parameter("strategy", value="rules")]
@@ -181,7 +179,7 @@ def test_a_node_that_cannot_be_activated_stays_inactive_and_leaves_nothing_behin
     assert (manager.state, endpoints(node)) == ("inactive", bare)
 
 
-def test_a_fault_while_a_node_is_deactivated_is_answered_and_leaves_nothing_behind(
+def test_deactivation_fault_is_answered_and_cleaned_up(
     ros: Ros, system: System, capfd: pytest.CaptureFixture[str]
 ) -> None:
     manager = Manager(ros, "scene_layer")
@@ -200,9 +198,7 @@ def test_a_fault_while_a_node_is_deactivated_is_answered_and_leaves_nothing_behi
     assert not list(node.timers)
 
 
-def test_files_of_an_activation_that_has_failed_are_free_for_the_next_one(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_failed_activation_releases_its_files(ros: Ros, tmp_path: Path) -> None:
     file = tmp_path / "open_goals.json"
     given = [
         Parameter("trees", value=str(write_agents(tmp_path, ann=4.0))),
@@ -220,7 +216,7 @@ def test_files_of_an_activation_that_has_failed_are_free_for_the_next_one(
 
 
 @pytest.mark.parametrize("name", ["market", "scene_layer", "feedback", "host"])
-def test_each_node_can_be_away_for_a_while_and_the_system_goes_on_afterwards(
+def test_system_continues_after_temporary_deactivation_of_any_node(
     ros: Ros, system: System, name: str
 ) -> None:
     assert system.interact(age=4) == "ann"
@@ -235,9 +231,7 @@ def test_each_node_can_be_away_for_a_while_and_the_system_goes_on_afterwards(
     assert {end.code for end in system.ends} == {"SUCCEEDED"}
 
 
-def test_a_host_that_is_deactivated_lets_its_tree_end_cleanly_first(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_deactivated_host_first_ends_its_tree_cleanly(ros: Ros, tmp_path: Path) -> None:
     trees = write_agents(tmp_path, ann=4.0, wait="60 s")
     file = trees / "agents" / "ann.yaml"
     agent = yaml.safe_load(file.read_text())
@@ -264,9 +258,7 @@ def test_a_host_that_is_deactivated_lets_its_tree_end_cleanly_first(
     assert not system.host.is_active
 
 
-def test_feedback_that_is_asked_for_while_nobody_learns_is_learned_from_later(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_feedback_collection_waits_for_inactive_feedback_node(ros: Ros, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, ann=4.0))
     manager = Manager(ros, "feedback")
     assert manager.change(DEACTIVATE)
@@ -288,7 +280,7 @@ def test_feedback_that_is_asked_for_while_nobody_learns_is_learned_from_later(
     assert (collected[0].round, collected[0].agent) == (1, "ann")
 
 
-def test_values_of_parameters_count_at_the_next_activation_and_tunables_are_those_of_their_file(
+def test_parameters_survive_reactivation_and_tunables_reset_to_file(
     ros: Ros, system: System
 ) -> None:
     manager = Manager(ros, "agents")
@@ -306,9 +298,7 @@ def test_values_of_parameters_count_at_the_next_activation_and_tunables_are_thos
     assert system.host.get_parameter("tick_rate").value != 33.0
 
 
-def test_the_ledger_of_a_feedback_node_that_is_inactive_can_be_opened_by_others(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_inactive_feedback_node_releases_its_ledger(ros: Ros, tmp_path: Path) -> None:
     ledger = tmp_path / "ledger.sqlite"
     given = [
         Parameter("trees", value=str(write_agents(tmp_path, ann=4.0))),
@@ -326,9 +316,7 @@ def test_the_ledger_of_a_feedback_node_that_is_inactive_can_be_opened_by_others(
     assert manager.change(ACTIVATE)
 
 
-def test_a_process_starts_active_unless_its_parameter_says_otherwise(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_process_starts_active_unless_autostart_is_off(ros: Ros, tmp_path: Path) -> None:
     trees = Parameter("trees", value=str(write_agents(tmp_path, ann=4.0)))
     for given, is_active in (([trees], True), ([trees, Parameter(AUTOSTART, value=False)], False)):
         node = ros.add(make_managed(partial(MarketplaceNode, parameter_overrides=given)))

@@ -78,7 +78,7 @@ def documented() -> Iterator[tuple[str, str]]:
         yield from ((f"`{name}`", f"{size:,} {unit}") for name, size in rows.items())
 
 
-def test_the_documentation_has_the_table_of_the_code() -> None:
+def test_documented_limits_match_code() -> None:
     page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
     rows = "".join(f"| {what} | {most} |\n" for what, most in documented())
 
@@ -179,7 +179,7 @@ WIDEST: dict[str, Callable[[], Any]] = {
 
 
 @pytest.mark.parametrize("widest", WIDEST.values(), ids=WIDEST)
-def test_messages_of_the_widest_system_fit(widest: Callable[[], Any]) -> None:
+def test_messages_of_largest_system_fit_limits(widest: Callable[[], Any]) -> None:
     message = widest()
     size = len(serialize_message(message))
 
@@ -198,7 +198,7 @@ def test_messages_of_the_widest_system_fit(widest: Callable[[], Any]) -> None:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_a_host_says_of_the_shipped_agents_is_far_from_every_limit(
+def test_messages_about_shipped_agents_stay_far_below_limits(
     ros: Any, kind: Any, topic: str
 ) -> None:
     said: list[bytes] = []
@@ -212,19 +212,19 @@ def test_what_a_host_says_of_the_shipped_agents_is_far_from_every_limit(
     check_fields(deserialize_message(said[-1], kind), len(said[-1]))
 
 
-def test_a_host_may_bring_as_many_agents_as_the_market_takes_and_ten_runs() -> None:
+def test_registration_may_hold_all_agents_and_ten_runs() -> None:
     check_content(RegisterHost.Request(agents=NAMES, unreported=[Run()] * 10))
     with pytest.raises(Refused, match=r"RegisterHost_Request\.unreported has 11 entries"):
         check_content(RegisterHost.Request(unreported=[Run()] * 11))
 
 
-def test_a_scene_has_200_values_at_most() -> None:
+def test_scene_has_at_most_200_values() -> None:
     long = Scene(values=[SceneValue()] * 201)
     with pytest.raises(Refused, match=r"Scene\.values has 201 entries, expected at most 200"):
         check_content(RegisterHost.Request(unreported=[Run(scene=long)]))
 
 
-def test_each_row_of_the_table_names_a_type_and_a_field_and_says_another_limit() -> None:
+def test_each_limit_row_overrides_an_existing_field() -> None:
     kinds = {
         kind.__name__: kind for kind in (*own_types(), *parameter_requests(), GoalStatusArray)
     }
@@ -248,7 +248,7 @@ def parameter_requests() -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("kind", list(own_types()), ids=lambda kind: str(kind.__name__))
-def test_each_text_and_list_of_each_type_has_a_limit(kind: Any) -> None:
+def test_every_text_and_list_field_has_a_limit(kind: Any) -> None:
     for field, slot in kind.get_fields_and_field_types().items():
         if slot not in ("string", "sequence<string>"):
             continue
@@ -259,7 +259,7 @@ def test_each_text_and_list_of_each_type_has_a_limit(kind: Any) -> None:
             check_fields(message, limit + 1)
 
 
-def test_what_is_nested_is_checked_as_well() -> None:
+def test_nested_fields_are_checked() -> None:
     text = "x" * 1_001
     persons = Persons(scenes=[Scene(), Scene(values=[SceneValue(source=text)])])
 
@@ -267,28 +267,28 @@ def test_what_is_nested_is_checked_as_well() -> None:
         check_fields(persons, limits.MESSAGE_BYTES)
 
 
-def test_the_frame_of_a_header_is_bounded_as_other_texts_are() -> None:
+def test_header_frame_id_is_bounded_like_other_texts() -> None:
     ended = Run(header=Header(frame_id="x" * (limits.TEXT_CHARACTERS + 1)))
 
     with pytest.raises(Refused, match=r"TOO_LARGE: Header\.frame_id has 20001 characters"):
         check_fields(ended, limits.MESSAGE_BYTES)
 
 
-def test_a_list_has_as_many_entries_as_its_limit() -> None:
+def test_list_may_reach_its_limit_exactly() -> None:
     check_fields(Heartbeat(), 10**6)
     check_fields(Profiles(parameters=["x"] * limits.LIST_ENTRIES), 10**6)
     with pytest.raises(Refused, match=r"TOO_LARGE: Profiles\.parameters has 20001 entries"):
         check_fields(Profiles(parameters=["x"] * (limits.LIST_ENTRIES + 1)), 10**6)
 
 
-def test_a_request_is_refused_for_all_its_texts_together() -> None:
+def test_total_text_length_of_request_is_limited() -> None:
     request = RegisterHost.Request(parameters=["x" * limits.TEXT_CHARACTERS] * 1000)
 
     with pytest.raises(Refused, match="TOO_LARGE: RegisterHost_Request has 20001000 char"):
         check_content(request)
 
 
-def test_a_flood_is_logged_once_in_some_seconds_for_each_topic_with_its_count() -> None:
+def test_flood_is_logged_periodically_per_topic_with_count() -> None:
     now_s = 0.0
     log = RefusalLog(lambda: now_s)
     refused = Refused("TOO_LARGE", "much")
@@ -300,7 +300,7 @@ def test_a_flood_is_logged_once_in_some_seconds_for_each_topic_with_its_count() 
     assert log.line(one, "/one", refused) == "TOO_LARGE: /one: much; 3 refused since the start"
 
 
-def test_a_flood_of_one_kind_does_not_hide_another_fault_of_the_same_topic() -> None:
+def test_flood_does_not_hide_other_faults_of_topic() -> None:
     log = RefusalLog(lambda: 0.0)
     source = Source()
     log.line(source, "/one", Refused("TOO_LARGE", "much"))
@@ -312,7 +312,7 @@ def test_a_flood_of_one_kind_does_not_hide_another_fault_of_the_same_topic() -> 
 
 
 @pytest.mark.parametrize("raw", [False, True])
-def test_a_message_beyond_the_limit_comes_to_no_callback_and_the_next_one_does(
+def test_oversized_message_reaches_no_callback_but_next_does(
     ros: Any, capfd: pytest.CaptureFixture[str], raw: bool
 ) -> None:
     heard: list[Any] = []
@@ -329,7 +329,7 @@ def test_a_message_beyond_the_limit_comes_to_no_callback_and_the_next_one_does(
     assert "TOO_LARGE: /beats: Heartbeat has 262" in capfd.readouterr().err
 
 
-def test_a_callback_with_the_message_info_has_both(ros: Any) -> None:
+def test_callback_with_message_info_receives_both(ros: Any) -> None:
     heard: list[tuple[Any, Any]] = []
 
     def receive(message: Heartbeat, info: Any) -> None:
@@ -346,7 +346,7 @@ def test_a_callback_with_the_message_info_has_both(ros: Any) -> None:
     assert info["publication_sequence_number"] == 1
 
 
-def test_a_message_of_another_package_has_one_limit(ros: Any) -> None:
+def test_foreign_message_has_one_size_limit(ros: Any) -> None:
     heard: list[String] = []
     ros.node.create_subscription(String, "words", heard.append, qos.EVENTS)
     publisher = ros.node.create_publisher(String, "words", qos.EVENTS)
@@ -358,9 +358,7 @@ def test_a_message_of_another_package_has_one_limit(ros: Any) -> None:
     assert [len(one.data) for one in heard] == [limits.FOREIGN_BYTES - 100]
 
 
-def test_a_request_beyond_the_limit_is_answered_with_the_code_and_changes_nothing(
-    ros: Any,
-) -> None:
+def test_oversized_request_is_refused_with_code_without_effect(ros: Any) -> None:
     stage = Stage(ros)
     stage.host()
     operating = ros.node.create_client(
@@ -386,7 +384,7 @@ def test_a_request_beyond_the_limit_is_answered_with_the_code_and_changes_nothin
     assert registered.message.startswith("TOO_LARGE: RegisterHost_Request.agents has 400000")
 
 
-def test_a_scene_with_a_long_label_ends_by_name(ros: Any) -> None:
+def test_scene_with_overlong_label_ends_by_name(ros: Any) -> None:
     stage = Stage(ros)
     stage.host()
     stage.scenes.publish(Scene(scene_id="s1", label="x" * 1001))
@@ -397,7 +395,7 @@ def test_a_scene_with_a_long_label_ends_by_name(ros: Any) -> None:
     assert end.message == "scene: label has 1001 characters, expected 1000 at most"
 
 
-def test_a_run_whose_result_is_too_large_has_failed_by_name(ros: Any) -> None:
+def test_run_with_oversized_result_fails_by_name(ros: Any) -> None:
     stage = Stage(ros)
     host = stage.host()
     host.message = "x" * limits.MESSAGE_BYTES
@@ -410,7 +408,7 @@ def test_a_run_whose_result_is_too_large_has_failed_by_name(ros: Any) -> None:
     assert run.message.startswith("TOO_LARGE: RunAgent_GetResult_Response has 262")
 
 
-def test_who_asks_for_a_scene_is_told_what_of_it_is_too_large(ros: Any) -> None:
+def test_analyze_response_names_oversized_field(ros: Any) -> None:
     space = SceneSpace(
         parameters=(SceneParameter(name="mood", minimum=1.0, maximum=5.0, default=3.0),),
         mood="mood",

@@ -70,7 +70,7 @@ def mood(live: Scene) -> float:
     return live.get("mood")
 
 
-def test_live_scenes_count_until_the_scene_layer_has_been_silent_for_the_lease(ros):
+def test_live_scene_turns_stale_after_scene_layer_lease(ros):
     host = Host(ros)
     now = host.live.begin_run(AWARDED)
     assert now() == AWARDED
@@ -87,14 +87,14 @@ def test_live_scenes_count_until_the_scene_layer_has_been_silent_for_the_lease(r
     assert mood(now()) == 4
 
 
-def test_the_scene_as_awarded_counts_for_the_lease_only(ros):
+def test_awarded_scene_turns_stale_after_lease(ros):
     host = Host(ros)
     now = host.live.begin_run(AWARDED)
     assert not now().stale_s
     ros.until(lambda: now().stale_s)
 
 
-def test_scenes_that_are_malformed_or_of_another_run_do_not_keep_it_fresh(ros):
+def test_malformed_or_foreign_scenes_do_not_renew_lease(ros):
     host = Host(ros)
     now = host.live.begin_run(AWARDED)
     wrong = scene_to_msg(AWARDED)
@@ -108,7 +108,7 @@ def test_scenes_that_are_malformed_or_of_another_run_do_not_keep_it_fresh(ros):
     assert now().values == AWARDED.values
 
 
-def test_the_lease_is_a_parameter_with_a_range_that_acts_at_once(ros):
+def test_lease_is_ranged_parameter_with_immediate_effect(ros):
     host = Host(ros)
     now = host.live.begin_run(AWARDED)
     ros.until(lambda: now().stale_s)
@@ -118,7 +118,7 @@ def test_the_lease_is_a_parameter_with_a_range_that_acts_at_once(ros):
     assert not now().stale_s
 
 
-def test_the_scene_layer_keeps_the_live_scene_fresh_as_long_as_it_lives(ros):
+def test_running_scene_layer_keeps_live_scene_fresh(ros):
     host = Host(ros)
     runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
     layer = ros.add(active_scene_layer(SceneSpec(space=SPACE, sources=(), person=None)))
@@ -220,7 +220,7 @@ def ledger() -> Iterator[Ledger]:
         yield ledger
 
 
-def test_a_thousand_live_scenes_a_second_do_not_keep_feedback_from_being_given(ledger, ros):
+def test_feedback_is_accepted_during_flood_of_live_scenes(ledger, ros):
     never = MoodRule(
         when="live.mood < 0", hold_s=1.0, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
     )
@@ -244,9 +244,7 @@ def test_a_thousand_live_scenes_a_second_do_not_keep_feedback_from_being_given(l
     assert room.cancels == []
 
 
-def test_rules_are_looked_at_when_a_scene_comes_and_when_one_has_held_and_not_in_between(
-    ledger, ros
-):
+def test_rules_are_evaluated_only_on_scenes_and_deadlines(ledger, ros):
     worse = MoodRule(
         when="mood.change <= -1", hold_s=0.4, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
     )
@@ -263,7 +261,7 @@ def test_rules_are_looked_at_when_a_scene_comes_and_when_one_has_held_and_not_in
     assert len(passed) <= 3
 
 
-def test_a_rule_fires_once_on_the_mood_as_it_is_at_the_end_of_a_flood(ledger, ros):
+def test_rule_fires_once_on_final_mood_of_flood(ledger, ros):
     worse = MoodRule(
         when="mood.change <= -1", hold_s=0.2, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
     )
@@ -276,7 +274,7 @@ def test_a_rule_fires_once_on_the_mood_as_it_is_at_the_end_of_a_flood(ledger, ro
     assert ledger.current("mira").revision == 1
 
 
-def test_a_thousand_readings_a_second_make_no_more_live_scenes_than_the_shortest_time_allows(ros):
+def test_live_scene_rate_stays_limited_under_reading_flood(ros):
     runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
     readings = ros.node.create_publisher(Float64, MOOD.topic, qos.SENSOR)
     live = ros.collect(SceneMsg, "bt_agents/scene/live", qos.SENSOR)

@@ -101,7 +101,7 @@ class Street:
         return codes
 
 
-def test_600_scenes_wait_in_line_and_all_run(ros: Any, tmp_path: Path) -> None:
+def test_all_600_queued_scenes_run(ros: Any, tmp_path: Path) -> None:
     street = Street(ros, tmp_path, "0 s", on_new_scene="queue", queue_limit=100)
     while street.sent < 600:
         street.send()
@@ -110,9 +110,7 @@ def test_600_scenes_wait_in_line_and_all_run(ros: Any, tmp_path: Path) -> None:
     assert street.check() == {"SUCCEEDED": 600}
 
 
-def test_200_scenes_of_which_those_that_come_too_early_are_rejected(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_market_rejects_scenes_that_arrive_while_busy(ros: Any, tmp_path: Path) -> None:
     street = Street(ros, tmp_path, "0 s", on_new_scene="reject")
     for number in range(100):
         street.send()
@@ -146,7 +144,7 @@ def test_200_scenes_preempt_one_another(ros: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["queue", "reject", "preempt"])
-def test_a_hundred_scenes_in_a_second_all_end(ros: Any, tmp_path: Path, mode: str) -> None:
+def test_hundred_scenes_in_one_second_all_end(ros: Any, tmp_path: Path, mode: str) -> None:
     street = Street(ros, tmp_path, "0.05 s", on_new_scene=mode, preempt_cooldown=0.2)
     start = time.monotonic()
     while street.sent < 100:
@@ -160,9 +158,7 @@ def test_a_hundred_scenes_in_a_second_all_end(ros: Any, tmp_path: Path, mode: st
     assert codes["SUCCEEDED"] >= 1
 
 
-def test_a_run_that_a_dead_market_leaves_behind_is_cut_off_and_its_scene_run_again_once(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_scene_interrupted_by_dead_market_reruns_once(ros: Any, tmp_path: Path) -> None:
     street = Street(ros, tmp_path, "4 s")
     street.send()
     ros.until(lambda: any(run.event == Run.STARTED for run in street.runs))

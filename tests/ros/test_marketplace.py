@@ -44,7 +44,7 @@ def stage(ros: Any) -> Stage:
     return Stage(ros)
 
 
-def test_a_scene_leads_to_a_run_of_the_closest_agent(stage: Stage) -> None:
+def test_scene_starts_run_of_closest_agent(stage: Stage) -> None:
     host = stage.host()
     stage.scene()
     started = stage.until_event(Run.STARTED)
@@ -92,7 +92,7 @@ def test_feedback_is_collected_from_the_service(ros: Any) -> None:
     assert status.message.endswith("the guide has learned")
 
 
-def test_a_refused_goal_goes_to_the_next_best(stage: Stage) -> None:
+def test_refused_goal_goes_to_next_best_agent(stage: Stage) -> None:
     host = stage.host()
     host.refuses = {GUIDE}
     stage.scene()
@@ -101,9 +101,7 @@ def test_a_refused_goal_goes_to_the_next_best(stage: Stage) -> None:
     assert stage.until_event(Run.STARTED).agent == EXPRESS
 
 
-def test_a_goal_that_ends_as_refused_goes_to_the_next_best_and_has_never_started(
-    stage: Stage,
-) -> None:
+def test_run_ended_as_refused_goes_to_next_best(stage: Stage) -> None:
     host = stage.host()
     host.explains = {GUIDE}
     stage.scene()
@@ -119,7 +117,7 @@ def test_a_goal_that_ends_as_refused_goes_to_the_next_best_and_has_never_started
     assert [run.agent for run in stage.runs if run.event == Run.STARTED] == [EXPRESS]
 
 
-def test_a_silent_host_does_not_hold_up_the_round(stage: Stage) -> None:
+def test_silent_host_does_not_block_round(stage: Stage) -> None:
     stage.host()
     silent = stage.host("others", **{PLAIN: FAR})
     silent.silent = True
@@ -162,7 +160,7 @@ def without_reasons(message: Bids) -> None:
         (without_reasons, "WRONG_LENGTH"),
     ],
 )
-def test_malformed_bids_are_refused_and_the_next_round_is_fine(
+def test_malformed_bids_do_not_affect_next_round(
     stage: Stage, distort: Callable[[Bids], None], code: str
 ) -> None:
     host = stage.host()
@@ -177,7 +175,7 @@ def test_malformed_bids_are_refused_and_the_next_round_is_fine(
     assert stage.until_event(Run.STARTED).agent == GUIDE
 
 
-def test_a_cancel_stops_the_tree_and_ends_the_interaction(stage: Stage) -> None:
+def test_cancel_stops_tree_and_ends_interaction(stage: Stage) -> None:
     host = stage.host()
     stage.scene()
     stage.until_event(Run.STARTED)
@@ -190,7 +188,7 @@ def test_a_cancel_stops_the_tree_and_ends_the_interaction(stage: Stage) -> None:
     assert host.log == ["start attentive_guide", "end attentive_guide"]
 
 
-def test_a_change_of_mood_hands_over_to_another_agent(stage: Stage) -> None:
+def test_mood_change_hands_over_to_another_agent(stage: Stage) -> None:
     host = stage.host()
     stage.scene()
     stage.until_event(Run.STARTED)
@@ -211,7 +209,7 @@ def test_a_change_of_mood_hands_over_to_another_agent(stage: Stage) -> None:
     assert stage.auctions[1].scene.scene_id == "s1+1"
 
 
-def test_a_host_that_disappears_is_lost_and_the_rest_is_asked(ros: Any) -> None:
+def test_lost_host_ends_run_and_others_are_asked(ros: Any) -> None:
     stage = Stage(ros, host_lease=0.5)
     host = stage.host()
     stage.host("others", **{PLAIN: FAR})
@@ -225,14 +223,14 @@ def test_a_host_that_disappears_is_lost_and_the_rest_is_asked(ros: Any) -> None:
     assert stage.until_event(Run.STARTED, count=2).agent == PLAIN
 
 
-def test_a_scene_without_agents_is_over_when_no_host_has_come(stage: Stage) -> None:
+def test_scene_ends_when_no_agents_are_registered(stage: Stage) -> None:
     stage.scene()
     stage.until_over()
 
     assert stage.auctions[0].reason == "no agents are registered"
 
 
-def test_hostile_scenes_are_refused_and_a_good_one_is_taken(
+def test_valid_scene_is_accepted_after_hostile_ones(
     stage: Stage, capfd: pytest.CaptureFixture[str]
 ) -> None:
     good = scene_to_msg(scene("s1"))
@@ -264,7 +262,7 @@ def test_hostile_scenes_are_refused_and_a_good_one_is_taken(
     assert "EMPTY: scene: no scene_id; every scene needs a unique one" in capfd.readouterr().err
 
 
-def test_hostile_registrations_are_refused_and_a_good_one_is_taken(stage: Stage) -> None:
+def test_valid_registration_is_accepted_after_hostile_ones(stage: Stage) -> None:
     host = stage.ros.add(FakeHost())
     for changes, code in (
         ({"host": ""}, "BAD_NAME"),
@@ -285,7 +283,7 @@ def test_hostile_registrations_are_refused_and_a_good_one_is_taken(stage: Stage)
     assert [bool(agent_id) for agent_id in answer.agent_ids] == [False, True]
 
 
-def test_hostile_cancels_are_refused_and_a_bad_scene_still_stops(stage: Stage) -> None:
+def test_valid_cancel_works_after_hostile_ones(stage: Stage) -> None:
     host = stage.host()
     assert stage.cancel().message == "nothing runs"
     stage.scene()
@@ -300,7 +298,7 @@ def test_hostile_cancels_are_refused_and_a_bad_scene_still_stops(stage: Stage) -
     assert stage.until_event(Run.STARTED, count=2).agent == EXPRESS
 
 
-def test_parameters_are_described_and_checked_before_they_count(stage: Stage) -> None:
+def test_parameters_are_described_and_validated(stage: Stage) -> None:
     describing = stage.ros.node.create_client(
         DescribeParameters, "marketplace/describe_parameters"
     )
@@ -346,7 +344,7 @@ def test_stopping_the_market_stops_the_tree(stage: Stage) -> None:
     assert host.log == ["start attentive_guide", "end attentive_guide"]
 
 
-def test_the_market_has_a_heartbeat_that_names_its_epoch(stage: Stage) -> None:
+def test_market_heartbeat_names_its_epoch(stage: Stage) -> None:
     heard = stage.ros.collect(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)
     stage.ros.until(lambda: len(heard) >= 5)
 
@@ -355,7 +353,7 @@ def test_the_market_has_a_heartbeat_that_names_its_epoch(stage: Stage) -> None:
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
-def test_a_nearer_agent_preempts_the_run_for_its_own_scene(ros: Any) -> None:
+def test_nearer_agent_preempts_run_for_its_own_scene(ros: Any) -> None:
     stage = Stage(ros, on_new_scene="preempt")
     host = stage.host()
     stage.scene("s1")
@@ -381,7 +379,7 @@ def test_a_nearer_agent_preempts_the_run_for_its_own_scene(ros: Any) -> None:
     ]
 
 
-def test_a_challenge_whose_host_stays_silent_ends_at_the_deadline(ros: Any) -> None:
+def test_challenge_with_silent_host_ends_at_deadline(ros: Any) -> None:
     stage = Stage(ros, on_new_scene="preempt")
     host = stage.host()
     stage.scene("s1")
@@ -416,9 +414,7 @@ def earlier_run(stage: Stage, host: FakeHost, cause: int) -> Run:
     )
 
 
-def test_a_run_of_an_earlier_market_is_recorded_and_its_scene_asked_for_again(
-    stage: Stage,
-) -> None:
+def test_unreported_run_is_recorded_and_its_scene_retried(stage: Stage) -> None:
     host = stage.ros.add(FakeHost())
     cut_off = earlier_run(stage, host, Run.MARKET_LOST)
     spoilt = [Run(), Run(epoch="earlier", round=8, event=Run.ENDED, outcome=77, agent=GUIDE)]
@@ -437,7 +433,7 @@ def test_a_run_of_an_earlier_market_is_recorded_and_its_scene_asked_for_again(
 
 
 @pytest.mark.parametrize("cause", [Run.NOT_STOPPED, Run.BY_MARKET, Run.BY_HOST, 77])
-def test_a_run_that_somebody_had_stopped_is_not_begun_again(stage: Stage, cause: int) -> None:
+def test_deliberately_stopped_run_is_not_restarted(stage: Stage, cause: int) -> None:
     host = stage.ros.add(FakeHost())
     stopped = earlier_run(stage, host, cause)
     stopped.stopped_by, stopped.stop_reason = Run.OPERATOR, "it is late"
@@ -449,7 +445,7 @@ def test_a_run_that_somebody_had_stopped_is_not_begun_again(stage: Stage, cause:
     assert (told.stopped_by, told.stop_reason) == (Run.OPERATOR, "it is late")
 
 
-def test_a_host_that_was_held_up_finds_the_cancel_beside_the_goal(ros: Any) -> None:
+def test_stalled_host_finds_cancel_together_with_goal(ros: Any) -> None:
     stage = Stage(ros, host_lease=0.5)
     host = stage.host()
     other = stage.host("others", **{PLAIN: FAR})
@@ -472,7 +468,7 @@ def test_a_host_that_was_held_up_finds_the_cancel_beside_the_goal(ros: Any) -> N
     assert [run.agent for run in stage.runs if run.event == Run.STARTED] == [PLAIN]
 
 
-def test_feedback_that_could_not_be_collected_is_kept_until_the_node_is_back(ros: Any) -> None:
+def test_missed_feedback_collection_waits_for_feedback_node(ros: Any) -> None:
     stage = Stage(ros, collect_deadline=600.0)  # it is known to be away, so nobody waits
     host = stage.host()
     stage.scene()
@@ -494,7 +490,7 @@ def test_feedback_that_could_not_be_collected_is_kept_until_the_node_is_back(ros
     assert [end.code for end in stage.ends] == ["SUCCEEDED"]
 
 
-def test_a_full_line_that_ends_at_once_is_told_without_a_gap(ros: Any) -> None:
+def test_simultaneous_end_of_full_queue_is_announced_completely(ros: Any) -> None:
     stage = Stage(ros, queue_limit=100, host_lease=0.5)
     ends = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
     auctions = ros.collect(Auction, "bt_agents/auctions", qos.FACTS)
@@ -514,7 +510,7 @@ def test_a_full_line_that_ends_at_once_is_told_without_a_gap(ros: Any) -> None:
     assert late == ends
 
 
-def test_a_tree_that_the_market_takes_for_refused_is_cancelled(stage: Stage) -> None:
+def test_run_of_supposedly_refused_goal_is_cancelled(stage: Stage) -> None:
     host = stage.host()
     host.refuses = {GUIDE, EXPRESS}
     stage.scene()
@@ -529,7 +525,7 @@ def test_a_tree_that_the_market_takes_for_refused_is_cancelled(stage: Stage) -> 
     runner.destroy()
 
 
-def test_a_wrong_market_file_stops_only_a_market_that_needs_it(ros: Any, tmp_path: Path) -> None:
+def test_bad_market_file_stops_only_market_using_it(ros: Any, tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "market.yaml").write_text(
         "format: 1\nrules:\n  - {when: scene.agee < 2, agents: [ann]}\n"

@@ -69,7 +69,7 @@ def shared(one: Any, other: Any) -> list[str]:
 
 @settings(max_examples=80, deadline=None)
 @given(message=st.sampled_from(KINDS).flatmap(messages))
-def test_a_copy_equals_what_would_be_received_and_shares_nothing(message: Any) -> None:
+def test_message_copy_equals_received_message_and_shares_nothing(message: Any) -> None:
     made = copied(message)
     assert made == deserialize_message(serialize_message(message), type(message))
     assert not shared(message, made)

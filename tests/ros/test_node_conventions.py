@@ -36,7 +36,7 @@ def node_with(ros: Any, **overrides: Any) -> BaseNode:
     return ros.add(BaseNode("some_node", parameter_overrides=given))
 
 
-def test_policies_of_a_publisher_and_of_a_subscription_are_overridden(ros: Any) -> None:
+def test_qos_overrides_apply_to_publishers_and_subscriptions(ros: Any) -> None:
     node = node_with(
         ros,
         scene__publisher__depth=7,
@@ -52,9 +52,7 @@ def test_policies_of_a_publisher_and_of_a_subscription_are_overridden(ros: Any) 
     assert subscription.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
 
 
-def test_a_subscription_that_is_told_its_senders_is_overridden_each_time_it_is_made(
-    ros: Any,
-) -> None:
+def test_identified_subscription_is_overridden_on_every_creation(ros: Any) -> None:
     node = node_with(ros, words__subscription__depth=7)
     for _ in range(2):
         made = create_identified_subscription(
@@ -64,7 +62,7 @@ def test_a_subscription_that_is_told_its_senders_is_overridden_each_time_it_is_m
         node.destroy_subscription(made)
 
 
-def test_an_override_is_for_one_topic_of_one_node(ros: Any) -> None:
+def test_override_applies_to_one_topic_of_one_node(ros: Any) -> None:
     node = node_with(ros, scene__publisher__depth=7)
     node.create_publisher(Empty, "scene", qos.FACT)
     other = node.create_publisher(Empty, "market", qos.FACT)
@@ -73,13 +71,13 @@ def test_an_override_is_for_one_topic_of_one_node(ros: Any) -> None:
     assert qos.FACT.depth == 1
 
 
-def test_an_override_names_the_topic_as_it_is_remapped(ros: Any) -> None:
+def test_override_uses_remapped_topic_name(ros: Any) -> None:
     given = [Parameter("qos_overrides./robot/scene.publisher.depth", value=7)]
     node = ros.add(BaseNode("some_node", namespace="/robot", parameter_overrides=given))
     assert node.create_publisher(Empty, "scene", qos.FACT).qos_profile.depth == 7
 
 
-def test_only_overrides_that_were_given_are_parameters(ros: Any) -> None:
+def test_only_given_overrides_become_parameters(ros: Any) -> None:
     node = node_with(ros, scene__publisher__depth=7)
     node.create_publisher(Empty, "scene", qos.FACT)
     node.create_publisher(Empty, "market", qos.FACT)
@@ -99,9 +97,7 @@ def test_only_overrides_that_were_given_are_parameters(ros: Any) -> None:
         ("depth", 10**9, "expected 0 to 10000"),
     ],
 )
-def test_an_override_that_there_is_not_is_refused(
-    ros: Any, policy: str, value: object, words: str
-) -> None:
+def test_unknown_override_is_refused(ros: Any, policy: str, value: object, words: str) -> None:
     node = node_with(ros, **{f"scene__publisher__{policy}": value})
     with pytest.raises(Refused, match="BAD_QOS_OVERRIDE") as refused:
         node.create_publisher(Empty, "scene", qos.FACT)
@@ -109,7 +105,7 @@ def test_an_override_that_there_is_not_is_refused(
     assert "/scene.publisher." in str(refused.value)
 
 
-def test_the_overrides_of_the_documentation_count(ros: Any, tmp_path: Path) -> None:
+def test_documented_overrides_take_effect(ros: Any, tmp_path: Path) -> None:
     page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
     example = page.partition("## QoS and log levels")[2].partition("```text\n")[2]
     file = tmp_path / "overrides.yaml"
@@ -128,14 +124,14 @@ def test_the_overrides_of_the_documentation_count(ros: Any, tmp_path: Path) -> N
     }
 
 
-def test_an_override_for_no_endpoint_is_named(ros: Any, capfd: pytest.CaptureFixture[str]) -> None:
+def test_override_without_endpoint_is_named(ros: Any, capfd: pytest.CaptureFixture[str]) -> None:
     node = node_with(ros, scnee__publisher__depth=7)
     node.create_publisher(Empty, "scene", qos.FACT)
     report_unknown(node)
     assert "'qos_overrides./scnee.publisher.depth' is for a publisher" in capfd.readouterr().err
 
 
-def test_the_level_of_a_logger_is_read_and_set_while_a_node_runs(
+def test_running_node_reads_and_sets_logger_levels(
     ros: Any, capfd: pytest.CaptureFixture[str]
 ) -> None:
     node = ros.add(BaseNode("levelled"))
@@ -156,7 +152,7 @@ def test_the_level_of_a_logger_is_read_and_set_while_a_node_runs(
     assert "this is not" not in logged
 
 
-def test_only_loggers_of_the_node_and_of_ros_get_levels(ros: Any) -> None:
+def test_log_levels_apply_only_to_node_and_ros(ros: Any) -> None:
     ros.add(BaseNode("levelled"))
     reasons = set_levels(
         ros, **{"levelled.part": 20, "rcl": 20, "somebody": 20, "levelledtoo": 20, "levelled": 25}
@@ -166,7 +162,7 @@ def test_only_loggers_of_the_node_and_of_ros_get_levels(ros: Any) -> None:
     ]
 
 
-def test_endless_names_of_loggers_do_not_stay(ros: Any) -> None:
+def test_number_of_logger_names_is_limited(ros: Any) -> None:
     ros.add(BaseNode("levelled"))
     found = [
         reason

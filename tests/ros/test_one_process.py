@@ -42,11 +42,11 @@ def pool() -> Iterator[ProcessPoolExecutor]:
     ],
     ids=lambda case: case.__name__,
 )
-def test_in_one_process(pool: ProcessPoolExecutor, case: Callable[[], None]) -> None:
+def test_case_passes_in_one_process(pool: ProcessPoolExecutor, case: Callable[[], None]) -> None:
     pool.submit(case).result(LIMIT_S)
 
 
-def test_neither_timers_nor_other_processes_starve_beside_nodes_that_only_talk_to_each_other(
+def test_local_traffic_starves_neither_timers_nor_other_processes(
     ros: Ros, pool: ProcessPoolExecutor
 ) -> None:
     ending = pool.submit(bus_cases.nobody_starves)
@@ -60,9 +60,7 @@ def test_neither_timers_nor_other_processes_starve_beside_nodes_that_only_talk_t
     ending.result()
 
 
-def test_without_the_property_nodes_of_one_process_hear_each_other_once_over_the_middleware() -> (
-    None
-):
+def test_nodes_without_property_communicate_once_over_middleware() -> None:
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as fresh:
         fresh.submit(bus_cases.where_the_middleware_matches_endpoints_there_is_no_bus).result(
             LIMIT_S
@@ -78,7 +76,7 @@ def properties(file: Path) -> list[tuple[str | None, str | None]]:
     ]
 
 
-def test_a_profile_keeps_what_it_says_and_is_gone_afterwards(tmp_path: Path) -> None:
+def test_patched_profile_keeps_content_and_is_temporary(tmp_path: Path) -> None:
     ignored = ("fastdds.ignore_local_endpoints", "true")
     with endpoints_ignored(str(LOOPBACK_PROFILE)) as file:
         assert properties(file) == [ignored]

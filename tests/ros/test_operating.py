@@ -80,7 +80,7 @@ def operator(ros: Any) -> OperatorClient:
     return OperatorClient(ros)
 
 
-def test_a_pin_a_veto_and_their_ends_are_seen_by_all(operator: OperatorClient) -> None:
+def test_pins_vetoes_and_their_ends_are_published(operator: OperatorClient) -> None:
     assert operator.operate(OperateMarket.Request.PIN, EXPRESS, reason="a film crew").accepted
     auction = operator.play("s1")
     assert auction.winner == EXPRESS
@@ -97,7 +97,7 @@ def test_a_pin_a_veto_and_their_ends_are_seen_by_all(operator: OperatorClient) -
     assert operator.play("s3").winner == GUIDE
 
 
-def test_a_veto_stops_the_run_and_the_next_agent_takes_over(operator: OperatorClient) -> None:
+def test_veto_hands_run_to_next_agent(operator: OperatorClient) -> None:
     operator.stage.scene()
     operator.stage.until_event(Run.STARTED)
     answer = operator.operate(OperateMarket.Request.VETO, GUIDE)
@@ -107,7 +107,7 @@ def test_a_veto_stops_the_run_and_the_next_agent_takes_over(operator: OperatorCl
     assert operator.stage.until_event(Run.STARTED, count=2).agent == EXPRESS
 
 
-def test_an_award_gives_the_last_scene_to_somebody_else(operator: OperatorClient) -> None:
+def test_award_gives_last_scene_to_chosen_agent(operator: OperatorClient) -> None:
     operator.play("s1")
     answer = operator.operate(OperateMarket.Request.AWARD, EXPRESS)
     started = operator.stage.until_event(Run.STARTED, count=2)
@@ -150,7 +150,7 @@ def test_hostile_orders_are_refused(
     assert answer.message
 
 
-def test_a_preview_asks_the_hosts_and_gives_nobody_a_run(operator: OperatorClient) -> None:
+def test_preview_asks_hosts_without_starting_run(operator: OperatorClient) -> None:
     wanted = scene_to_msg(scene("p", 3.0, 5.0, 3.5))
     answer = operator.preview(scene=wanted)
 
@@ -162,7 +162,7 @@ def test_a_preview_asks_the_hosts_and_gives_nobody_a_run(operator: OperatorClien
     assert operator.host.log == []
 
 
-def test_what_is_missing_counts_in_a_preview_as_the_scene_layer_has_it() -> None:
+def test_preview_fills_missing_values_like_scene_layer() -> None:
     age, *others = SPACE.parameters
     space = SceneSpace(parameters=(replace(age, assumed=2.0), *others), mood="mood")
     asked = scene_or_last(scene_to_msg(scene("p", math.nan, math.nan, 3.5)), space)
@@ -176,7 +176,7 @@ def test_what_is_missing_counts_in_a_preview_as_the_scene_layer_has_it() -> None
     assert asked.get("age") == 2.0
 
 
-def test_a_preview_during_a_run_lets_it_go_on(operator: OperatorClient) -> None:
+def test_preview_does_not_interrupt_run(operator: OperatorClient) -> None:
     operator.stage.scene()
     operator.stage.until_event(Run.STARTED)
     answer = operator.preview(strategy="euclidean")
@@ -189,7 +189,7 @@ def test_a_preview_during_a_run_lets_it_go_on(operator: OperatorClient) -> None:
     assert operator.stage.until_over("s1").round == 1
 
 
-def test_previews_at_once_are_all_answered(operator: OperatorClient) -> None:
+def test_concurrent_previews_are_all_answered(operator: OperatorClient) -> None:
     operator.host.silent = True
     operator.ros.until(operator.previewing.service_is_ready)
     request = PreviewAuction.Request(scene=scene_to_msg(scene("p")))
@@ -214,7 +214,7 @@ def test_hostile_previews_are_refused(
     assert (answer.accepted, answer.code) == (False, code)
 
 
-def test_a_strategy_is_switched_while_the_market_works(operator: OperatorClient) -> None:
+def test_strategy_can_be_switched_at_runtime(operator: OperatorClient) -> None:
     assert operator.play("s1").strategy == "manhattan"
     assert operator.set(strategy="softmax", softmax__temperature=0.25).successful
     auction = operator.play("s2")
@@ -227,7 +227,7 @@ def test_a_strategy_is_switched_while_the_market_works(operator: OperatorClient)
     assert operator.status.strategy == "softmax"
 
 
-def test_what_makes_no_sense_is_refused_with_what_does(operator: OperatorClient) -> None:
+def test_invalid_setting_is_refused_with_valid_choices(operator: OperatorClient) -> None:
     refused = operator.set(strategy="magic")
     assert not refused.successful
     assert "expected one of manhattan" in refused.reason
@@ -246,7 +246,7 @@ def test_every_option_is_described_with_its_range(operator: OperatorClient) -> N
     assert [bool(one.description and one.floating_point_range) for one in told] == [True] * 4
 
 
-def test_a_shadow_is_counted_and_seen(operator: OperatorClient) -> None:
+def test_shadow_strategy_rounds_and_disagreements_are_published(operator: OperatorClient) -> None:
     operator.host.bids_of = {GUIDE: (5.0, 4.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)}
     assert operator.set(shadow_strategy="euclidean").successful
     first, second = operator.play("s1"), operator.play("s2")
@@ -256,7 +256,7 @@ def test_a_shadow_is_counted_and_seen(operator: OperatorClient) -> None:
     assert operator.status.shadow_strategy == "euclidean"
 
 
-def test_a_ranked_bid_holds_all_that_replay_needs(operator: OperatorClient) -> None:
+def test_ranked_bid_contains_everything_replay_needs(operator: OperatorClient) -> None:
     operator.play("s1")
     auction = operator.play("s2")
     bid = auction.ranking[0]
@@ -268,7 +268,7 @@ def test_a_ranked_bid_holds_all_that_replay_needs(operator: OperatorClient) -> N
     assert [value.name for value in auction.scene.values] == list(SPACE.names)
 
 
-def test_a_starved_agent_is_seen_in_the_status(ros: Any) -> None:
+def test_status_shows_starved_agent(ros: Any) -> None:
     operator = OperatorClient(ros, starvation_rounds=2)
     operator.play("s1")
     operator.play("s2")
@@ -276,7 +276,7 @@ def test_a_starved_agent_is_seen_in_the_status(ros: Any) -> None:
     assert list(operator.status.starved) == [EXPRESS]
 
 
-def test_pins_and_vetoes_outlive_a_market(ros: Any, tmp_path: Path) -> None:
+def test_pins_and_vetoes_survive_market_restart(ros: Any, tmp_path: Path) -> None:
     path = tmp_path / "state" / "orders.json"
     operator = OperatorClient(ros, overrides_file=path)
     assert operator.operate(OperateMarket.Request.VETO, GUIDE).accepted
@@ -288,7 +288,7 @@ def test_pins_and_vetoes_outlive_a_market(ros: Any, tmp_path: Path) -> None:
     assert (operator.status.pinned, list(operator.status.vetoed)) == (EXPRESS, [GUIDE])
 
 
-def test_a_file_of_orders_that_cannot_be_read_stops_nothing(ros: Any, tmp_path: Path) -> None:
+def test_unreadable_orders_file_does_not_stop_market(ros: Any, tmp_path: Path) -> None:
     path = tmp_path / "orders.json"
     path.write_bytes(b"\xff{")
     operator = OperatorClient(ros, overrides_file=path)
@@ -298,7 +298,7 @@ def test_a_file_of_orders_that_cannot_be_read_stops_nothing(ros: Any, tmp_path: 
 
 
 @pytest.mark.parametrize("stored", [b"\xff{", b"{", b" " * (16 * 1024 * 1024 + 1)])
-def test_a_file_of_scenes_that_cannot_be_read_stops_nothing_and_is_replaced(
+def test_unreadable_scenes_file_is_replaced_without_stopping_market(
     ros: Any, tmp_path: Path, stored: bytes
 ) -> None:
     path = tmp_path / "scenes.json"

@@ -78,7 +78,7 @@ class Sender:
         return [(name, answer and answer.accepted) for name, answer in self.answers]
 
 
-def test_requests_to_a_server_that_is_away_arrive_in_order_when_it_is_there(ros):
+def test_requests_to_absent_server_arrive_in_order_later(ros):
     sender = Sender(ros)
     sender.put("a", "b", "c")
     ros.turns()
@@ -89,7 +89,7 @@ def test_requests_to_a_server_that_is_away_arrive_in_order_when_it_is_there(ros)
     assert (server.ids, sender.outbox.waiting) == (["a", "b", "c"], 0)
 
 
-def test_a_request_whose_answer_gets_lost_is_sent_again_under_the_same_id(ros):
+def test_unanswered_request_is_resent_under_same_id(ros):
     server = Server(ros, lambda number: "swallow" if number in (1, 2) else "accept")
     sender = Sender(ros, answer_s=0.3)
     sender.put("a", "b")
@@ -98,7 +98,7 @@ def test_a_request_whose_answer_gets_lost_is_sent_again_under_the_same_id(ros):
     assert sender.outcomes == [("a", True), ("b", True)]
 
 
-def test_a_late_answer_to_an_earlier_sending_ends_the_request_once(ros):
+def test_late_answer_ends_resent_request_once(ros):
     server = Server(ros, lambda number: "swallow" if number < 3 else "accept")
     sender = Sender(ros, answer_s=0.5)
     sender.put("a")
@@ -110,7 +110,7 @@ def test_a_late_answer_to_an_earlier_sending_ends_the_request_once(ros):
     assert (len(sender.answers), sender.outbox.waiting) == (1, 0)
 
 
-def test_a_refusal_is_an_answer_too(ros):
+def test_refusal_counts_as_answer(ros):
     server = Server(ros, lambda _: "refuse")
     sender = Sender(ros)
     sender.put("a", "b")
@@ -119,7 +119,7 @@ def test_a_refusal_is_an_answer_too(ros):
     assert server.ids == ["a", "b"]
 
 
-def test_a_full_disk_is_no_answer_and_the_request_is_kept_until_there_is_room(ros):
+def test_request_is_kept_while_server_disk_is_full(ros):
     server = Server(ros, lambda number: "full" if number < 4 else "accept")
     sender = Sender(ros, answer_s=0.2)
     sender.put("a", "b")
@@ -131,7 +131,7 @@ def test_a_full_disk_is_no_answer_and_the_request_is_kept_until_there_is_room(ro
     assert not sender.outbox.late
 
 
-def test_feedback_of_a_tree_and_a_full_disk_is_kept_as_it_says(ros):
+def test_tree_feedback_is_kept_while_disk_is_full(ros):
     server = Server(ros, lambda number: "full" if number == 1 else "accept")
     host = Host(ros)
     run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
@@ -142,7 +142,7 @@ def test_feedback_of_a_tree_and_a_full_disk_is_kept_as_it_says(ros):
     assert len(server.ids) == 2
 
 
-def test_a_server_that_is_restarted_gets_what_was_under_way_again(ros):
+def test_restarted_server_gets_pending_requests_again(ros):
     first = Server(ros, lambda _: "swallow")
     sender = Sender(ros, answer_s=30.0)
     sender.put("a", "b")
@@ -154,7 +154,7 @@ def test_a_server_that_is_restarted_gets_what_was_under_way_again(ros):
     assert (first.ids, second.ids) == (["a"], ["a", "b"])
 
 
-def test_more_requests_than_are_kept_push_the_oldest_one_out_and_say_so(ros):
+def test_full_outbox_drops_oldest_request_and_reports_it(ros):
     sender = Sender(ros, most=2)
     sender.put("a", "b", "c")
     assert (sender.answers, sender.outbox.waiting) == ([("a", None)], 2)
@@ -163,7 +163,7 @@ def test_more_requests_than_are_kept_push_the_oldest_one_out_and_say_so(ros):
     assert server.ids == ["b", "c"]
 
 
-def test_a_thousand_kept_requests_all_arrive_once_and_in_order(ros):
+def test_thousand_kept_requests_arrive_once_and_in_order(ros):
     sender = Sender(ros)
     names = [str(number) for number in range(1000)]
     sender.put(*names)
@@ -189,7 +189,7 @@ class Host:
         self.wakes += 1
 
 
-def test_feedback_of_a_tree_names_its_agent_its_scene_and_an_id_of_its_own(ros):
+def test_tree_feedback_carries_agent_scene_and_unique_id(ros):
     server = Server(ros)
     host = Host(ros)
     runs = [
@@ -207,14 +207,14 @@ def test_feedback_of_a_tree_names_its_agent_its_scene_and_an_id_of_its_own(ros):
     assert positive.feedback_id != direct.feedback_id
 
 
-def test_refused_feedback_is_a_rejection_with_the_words(ros):
+def test_refused_feedback_is_rejected_with_its_message(ros):
     Server(ros, lambda _: "refuse")
     run = Host(ros).requests.give(FeedbackKind.POSITIVE, {}, "")
     ros.until(lambda: run.state.ended)
     assert (run.state, run.message) == (GoalState.REJECTED, "not so")
 
 
-def test_without_a_feedback_node_a_tree_goes_on_and_the_feedback_is_kept(ros):
+def test_tree_continues_without_feedback_node_and_keeps_feedback(ros):
     host = Host(ros)
     run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
     assert run.state is GoalState.ACTIVE
@@ -227,7 +227,7 @@ def test_without_a_feedback_node_a_tree_goes_on_and_the_feedback_is_kept(ros):
     assert run.message == STORED
 
 
-def test_a_tree_that_stops_waiting_has_given_its_feedback_all_the_same(ros):
+def test_feedback_is_sent_after_tree_stops_waiting(ros):
     host = Host(ros)
     run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
     run.cancel()
@@ -236,7 +236,7 @@ def test_a_tree_that_stops_waiting_has_given_its_feedback_all_the_same(ros):
     ros.until(lambda: server.heard)
 
 
-def test_the_scene_is_that_of_the_moment_of_giving_not_of_sending(ros):
+def test_feedback_uses_scene_at_time_of_giving(ros):
     host = Host(ros)
     given_for = host.scene
     host.requests.give(FeedbackKind.POSITIVE, {}, "")

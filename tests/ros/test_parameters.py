@@ -110,9 +110,7 @@ MALFORMED = [
 
 
 @pytest.mark.parametrize("name", NODES)
-def test_a_malformed_parameter_is_answered_with_the_reason_and_changes_nothing(
-    ros: Any, name: str
-) -> None:
+def test_malformed_parameter_is_refused_with_reason_without_effect(ros: Any, name: str) -> None:
     ros.add(NODES[name]())
     asking = Asking(ros, name)
     before = asking.values()
@@ -127,7 +125,7 @@ def test_a_malformed_parameter_is_answered_with_the_reason_and_changes_nothing(
 
 
 @pytest.mark.parametrize("name", NODES)
-def test_no_number_of_any_node_can_be_made_infinite_or_no_number(ros: Any, name: str) -> None:
+def test_node_parameters_refuse_nan_and_infinity(ros: Any, name: str) -> None:
     ros.add(NODES[name]())
     asking = Asking(ros, name)
     before = asking.values()
@@ -139,7 +137,7 @@ def test_no_number_of_any_node_can_be_made_infinite_or_no_number(ros: Any, name:
     assert asking.values() == before
 
 
-def test_an_infinite_number_at_the_start_is_an_error_in_words(ros: Any) -> None:
+def test_infinite_start_parameter_is_a_readable_error(ros: Any) -> None:
     infinite = NodeParameter("size", value=math.inf)
     node = ros.add(BaseNode("sample", parameter_overrides=[infinite]))
     with pytest.raises(
@@ -149,7 +147,7 @@ def test_an_infinite_number_at_the_start_is_an_error_in_words(ros: Any) -> None:
 
 
 @pytest.mark.parametrize("name", NODES)
-def test_questions_about_hostile_names_are_answered_with_nothing(ros: Any, name: str) -> None:
+def test_queries_for_hostile_names_return_nothing(ros: Any, name: str) -> None:
     ros.add(NODES[name]())
     asking = Asking(ros, name)
     for names in (
@@ -168,7 +166,7 @@ def test_questions_about_hostile_names_are_answered_with_nothing(ros: Any, name:
     assert asking.ask(GetParameterTypes, names=["use_sim_time"]).types[0] == 1
 
 
-def test_of_a_list_the_good_parameters_are_set_and_of_an_atomic_one_none(ros: Any) -> None:
+def test_parameter_lists_apply_individually_and_atomic_sets_together(ros: Any) -> None:
     ros.add(NODES["marketplace"]())
     asking = Asking(ros, "marketplace")
     good, bad = number("bid_deadline", 2.0), parameter("bid_deadline", type=200)
@@ -180,7 +178,7 @@ def test_of_a_list_the_good_parameters_are_set_and_of_an_atomic_one_none(ros: An
     assert asking.values()["bid_deadline"].double_value == 3.0
 
 
-def test_a_callback_that_fails_is_answered_and_the_node_goes_on(ros: Any) -> None:
+def test_failing_parameter_callback_is_answered_and_node_continues(ros: Any) -> None:
     node: Any = ros.add(BaseNode("sample"))
     node.declare_parameter("size", 1.0)
 
@@ -194,7 +192,7 @@ def test_a_callback_that_fails_is_answered_and_the_node_goes_on(ros: Any) -> Non
     assert asking.values()["size"].double_value == 1.0
 
 
-def test_of_10000_updates_none_is_lost_and_the_last_one_wins(ros: Any) -> None:
+def test_ten_thousand_updates_all_arrive_and_last_wins(ros: Any) -> None:
     host: Any = ros.add(NODES["agents"]())
     name = "attentive_guide.patience"
     client = ros.node.create_client(
@@ -215,7 +213,7 @@ def test_of_10000_updates_none_is_lost_and_the_last_one_wins(ros: Any) -> None:
     assert host.registry.members["attentive_guide"].tunables["patience"] == value
 
 
-def test_a_parameter_that_a_node_does_not_have_is_named_with_the_nearest(
+def test_unknown_parameter_is_named_with_closest_match(
     ros: Any, capfd: pytest.CaptureFixture[str]
 ) -> None:
     given = [NodeParameter("hieght", value=1.0), NodeParameter("use_sim_time", value=False)]
@@ -228,7 +226,7 @@ def test_a_parameter_that_a_node_does_not_have_is_named_with_the_nearest(
     assert "use_sim_time" not in log
 
 
-def test_a_slow_network_prolongs_what_the_market_waits_for_others(ros: Any) -> None:
+def test_slow_network_extends_market_timeouts(ros: Any) -> None:
     slow = NodeParameter("slow_network", value=4.0)
     node = ros.add(rclpy.create_node("market", parameter_overrides=[slow]))
     settings = declare_settings(node)

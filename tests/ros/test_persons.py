@@ -152,7 +152,7 @@ def value(scene: Scene, name: str) -> tuple[int, float]:
     return found.origin, found.value
 
 
-def test_of_two_persons_the_nearer_is_spoken_to_and_the_scene_switches_once(ros):
+def test_robot_addresses_nearer_person_and_switches_scene_once(ros):
     layer = Layer(ros)
     layer.see_until(
         lambda: layer.shown() == "anna* ben",
@@ -187,7 +187,7 @@ def test_of_two_persons_the_nearer_is_spoken_to_and_the_scene_switches_once(ros)
     assert layer.persons[-1].addressee == ""
 
 
-def test_nobody_is_a_scene_with_the_declared_values(ros):
+def test_scene_without_persons_has_declared_values(ros):
     layer = Layer(ros)
     scene = layer.announce()
     assert (scene.person, scene.person_id, scene.persons) == (False, "", 0)
@@ -195,7 +195,7 @@ def test_nobody_is_a_scene_with_the_declared_values(ros):
     assert value(scene, "age")[0] == SceneValue.MISSING
 
 
-def test_the_live_scene_stays_with_the_person_of_the_run_who_is_lost_and_comes_back(ros):
+def test_live_scene_keeps_lost_person_of_its_run(ros):
     layer = Layer(ros)
     anna, ben = face("anna", age=70.0), face("ben", distance_m=2.0, age=20.0)
     layer.see_until(lambda: layer.shown() == "anna* ben", anna, ben)
@@ -215,7 +215,7 @@ def test_the_live_scene_stays_with_the_person_of_the_run_who_is_lost_and_comes_b
     ros.until(lambda: ros.call(layer.client, Analyze.Request()).scene.person_id == "ben")
 
 
-def test_who_is_known_by_name_is_remembered_over_a_restart_and_can_be_forgotten(ros, tmp_path):
+def test_named_person_survives_restart_until_forgotten(ros, tmp_path):
     path = tmp_path / "memory.json"
     layer = Layer(ros, memory=path)
     anna, stranger = face("anna", known=True, age=70.0), face("face7", distance_m=3.0, age=20.0)
@@ -250,7 +250,7 @@ def test_who_is_known_by_name_is_remembered_over_a_restart_and_can_be_forgotten(
         assert (answer.accepted, answer.code) == (False, code)
 
 
-def test_a_tree_remembers_somebody_and_puts_what_they_say_into_the_live_scene(ros):
+def test_tree_remembers_person_and_updates_live_scene(ros):
     more = "remembers: {favourite: text}\nplace: lobby\n"
     pain = "parameters:\n  pain: {min: 0, max: 10, default: 0, of: person}\n"
     layer = Layer(ros, FACES.replace("place: lobby\n", more).replace("parameters:\n", pain))
@@ -293,7 +293,7 @@ def test_a_tree_remembers_somebody_and_puts_what_they_say_into_the_live_scene(ro
     assert (refused.accepted, refused.code) == (False, "UNKNOWN_PERSON")
 
 
-def test_a_person_who_is_named_by_hand_is_one_whom_the_robot_knows(ros):
+def test_manually_named_person_is_known_to_robot(ros):
     more = "remembers: {favourite: text}\nplace: lobby\n"
     layer = Layer(ros, FACES.replace("place: lobby\n", more))
     remember = ros.node.create_client(Remember, "scene_layer/remember")
@@ -320,7 +320,7 @@ def test_a_person_who_is_named_by_hand_is_one_whom_the_robot_knows(ros):
         assert (refused.accepted, refused.code) == (False, code)
 
 
-def test_a_damaged_memory_is_kept_aside_and_the_node_starts_empty(ros, tmp_path):
+def test_damaged_memory_is_set_aside_at_start(ros, tmp_path):
     path = tmp_path / "memory.json"
     path.write_text('{"format": 1, "persons": ')
     layer = Layer(ros, memory=path)
@@ -331,7 +331,7 @@ def test_a_damaged_memory_is_kept_aside_and_the_node_starts_empty(ros, tmp_path)
     assert '"anna"' in path.read_text()
 
 
-def test_who_cannot_be_taken_out_of_the_file_is_not_said_to_be_forgotten(ros, tmp_path):
+def test_forgetting_fails_when_memory_file_is_unwritable(ros, tmp_path):
     folder, away = tmp_path / "state", tmp_path / "away"
     layer = Layer(ros, memory=folder / "memory.json")
     layer.see_until(lambda: layer.shown() == "anna*", face("anna", known=True))
@@ -346,7 +346,7 @@ def test_who_cannot_be_taken_out_of_the_file_is_not_said_to_be_forgotten(ros, tm
     assert (folder / "memory.json").exists()
 
 
-def test_a_file_of_another_program_stays_as_it_is_and_nothing_starts(ros, tmp_path):
+def test_foreign_memory_file_stays_unchanged_and_prevents_start(ros, tmp_path):
     path = tmp_path / "ledger.sqlite"
     path.write_text("SQLite format 3")
     with pytest.raises(BtAgentsError, match="is not a memory"):
@@ -382,7 +382,7 @@ def tracked_by(ros, type_name: str, field: str, *messages: Any) -> list[tuple[st
     return found
 
 
-def test_a_list_of_persons_may_stand_in_an_item_of_a_list(ros):
+def test_person_list_may_be_nested_in_list_item(ros):
     values = [SceneValue(name="anna"), SceneValue(name="ben")]
     assert tracked_by(
         ros,
@@ -393,7 +393,7 @@ def test_a_list_of_persons_may_stand_in_an_item_of_a_list(ros):
     ) == [("anna", "ben"), ()]
 
 
-def test_a_tracker_may_count_persons(ros):
+def test_tracker_may_use_numeric_ids(ros):
     messages = Int32MultiArray(data=[7, 12, 7]), Int32MultiArray(data=[12])
     assert tracked_by(ros, "std_msgs/msg/Int32MultiArray", "data", *messages) == [
         ("7", "12"),
@@ -401,7 +401,7 @@ def test_a_tracker_may_count_persons(ros):
     ]
 
 
-def test_a_topic_that_cannot_be_heard_is_refused_by_name(ros):
+def test_unusable_topic_is_refused_by_name(ros):
     of_two_types = """
     [{topic: mood, type: std_msgs/msg/Float64, field: data, stale_after: 1 s},
      {topic: /mood, type: std_msgs/msg/Float32, field: data, stale_after: 1 s}]
@@ -412,7 +412,7 @@ def test_a_topic_that_cannot_be_heard_is_refused_by_name(ros):
     assert refused.value.code == "UNUSABLE_TOPIC"
 
 
-def test_topics_of_persons_and_their_parts_are_heard_as_long_as_they_are_tracked(ros):
+def test_person_topics_are_subscribed_only_while_tracked(ros):
     layer = Layer(ros, IDS)
     ages = ros.node.create_publisher(Float64, "persons/anna/age", qos.SENSOR)
     faces = ros.node.create_publisher(String, "persons/anna/face", qos.FACT)
@@ -435,7 +435,7 @@ def test_topics_of_persons_and_their_parts_are_heard_as_long_as_they_are_tracked
     ros.until(lambda: layer.shown() == "ben*")
 
 
-def test_a_hostile_tracker_neither_stops_the_layer_nor_fills_it(ros):
+def test_hostile_tracker_neither_stops_nor_floods_scene_layer(ros):
     layer = Layer(ros, IDS)
     hostile = ["a/b", "x y", "", "9lives", "a" * 10_000, "../..", "{person}", "anna", "anna", "ü"]
     crowd = [f"p{number}" for number in range(10_000)]

@@ -88,7 +88,7 @@ class Stage:
         publisher.publish(kind(data=data))
 
 
-def test_the_example_of_the_page_runs(ros: Any, tmp_path: Path) -> None:
+def test_documented_example_runs(ros: Any, tmp_path: Path) -> None:
     other = ScriptedServer(ros, "other/say")
     said = ScriptedServer(ros)
     stage = Stage(ros, tmp_path, block("yaml"))
@@ -110,9 +110,7 @@ def test_the_example_of_the_page_runs(ros: Any, tmp_path: Path) -> None:
     assert not [line for line in logged if "at the end of the run" in line.msg]
 
 
-def test_three_hundred_starts_of_a_leaf_make_one_subscription_and_leave_none(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_restarted_leaf_reuses_one_subscription_and_releases_it(ros: Any, tmp_path: Path) -> None:
     stage = Stage(ros, tmp_path, "tree: {door: true, repeat: {times: 300}}\n")
     stage.host._runs.set_rate(1000.0)
     seen: list[int] = []
@@ -126,7 +124,7 @@ def test_three_hundred_starts_of_a_leaf_make_one_subscription_and_leave_none(
     assert stage.count() == stage.made
 
 
-def test_a_goal_that_is_stopped_before_it_is_accepted_is_cancelled_on_acceptance(
+def test_goal_stopped_before_acceptance_is_cancelled_on_acceptance(
     ros: Any, tmp_path: Path
 ) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(accept_s=0.6, finish_s=None))
@@ -139,7 +137,7 @@ def test_a_goal_that_is_stopped_before_it_is_accepted_is_cancelled_on_acceptance
     assert stage.count() == stage.made
 
 
-def test_a_goal_that_is_stopped_while_it_runs_is_cancelled_once(ros: Any, tmp_path: Path) -> None:
+def test_goal_stopped_while_running_is_cancelled_once(ros: Any, tmp_path: Path) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(finish_s=None))
     stage = Stage(ros, tmp_path, "tree: {greet: Come in.}\n")
     stage.begin()
@@ -151,7 +149,7 @@ def test_a_goal_that_is_stopped_while_it_runs_is_cancelled_once(ros: Any, tmp_pa
     assert (other.goals[0].outcome, other.goals[0].cancels) == ("cancelled", 1)
 
 
-def test_a_goal_whose_server_does_not_stop_is_an_orphan(ros: Any, tmp_path: Path) -> None:
+def test_goal_of_unstoppable_server_is_an_orphan(ros: Any, tmp_path: Path) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(finish_s=None, on_cancel="refuses"))
     stage = Stage(ros, tmp_path, "tree: {greet: Come in., timeout: 0.5 s}\n")
     stage.begin()
@@ -160,7 +158,7 @@ def test_a_goal_whose_server_does_not_stop_is_an_orphan(ros: Any, tmp_path: Path
     assert other.goals[0].cancels
 
 
-def test_a_server_that_is_not_there_holds_nobody_up(ros: Any, tmp_path: Path) -> None:
+def test_missing_server_fails_leaf_without_blocking(ros: Any, tmp_path: Path) -> None:
     stage = Stage(ros, tmp_path, "tree: {greet: Come in.}\n")
     began = time.monotonic()
     stage.begin()

@@ -50,7 +50,7 @@ def test_typed_values_become_a_message(
         ("std_msgs/msg/Empty", "1", "NO_ASSIGNMENT"),
     ],
 )
-def test_a_value_that_does_not_fit_is_refused(type_name: str, text: str, code: str) -> None:
+def test_mismatched_value_is_refused(type_name: str, text: str, code: str) -> None:
     with pytest.raises(Refused) as refused:
         typed_message(type_name, [text])
     assert refused.value.code == code

@@ -146,9 +146,7 @@ class Host:
         return {name for name in names if name.startswith("/say")}
 
 
-def test_texts_are_sent_again_when_the_rules_of_the_market_change_and_only_then(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_file_texts_are_republished_only_when_changed(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, ann=agent("ann"))
     texts = ros.collect(AgentFiles, "agents/files", qos.FACTS)
     host.ask(ReloadAgents, "reload")
@@ -159,7 +157,7 @@ def test_texts_are_sent_again_when_the_rules_of_the_market_change_and_only_then(
     assert rules in texts[-1].texts
 
 
-def test_a_change_that_cannot_be_made_is_undone_and_whoever_asked_is_told(
+def test_failed_reload_is_rolled_back_and_reported(
     ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     host = Host(ros, tmp_path, ann=agent("ann", WAITING, PATIENT.format("8 s")))
@@ -200,9 +198,7 @@ def test_a_change_that_cannot_be_made_is_undone_and_whoever_asked_is_told(
     assert host.said("ann") == "good-bye"
 
 
-def test_a_changed_file_comes_into_force_by_itself_and_touches_nothing_else(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_changed_file_reloads_only_its_own_agent(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, ann=agent("ann"), bob=agent("bob"))
     ann = host.node.registry.members["ann"]
     spec, tunables, cards, trees = ann.spec, ann.tunables, len(host.cards), len(host.trees)
@@ -219,7 +215,7 @@ def test_a_changed_file_comes_into_force_by_itself_and_touches_nothing_else(
     assert len(host.trees) == trees + 1
 
 
-def test_a_running_tree_is_retuned_at_once_by_a_changed_default(ros: Any, tmp_path: Path) -> None:
+def test_changed_default_retunes_running_tree_immediately(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob", WAITING, PATIENT.format("50 s")))
     tunables = host.node.registry.members["bob"].tunables
     handle = host.market.start(host.node, "bob")
@@ -231,7 +227,7 @@ def test_a_running_tree_is_retuned_at_once_by_a_changed_default(ros: Any, tmp_pa
     host.market.end(handle)
 
 
-def test_a_changed_tree_waits_for_the_end_of_its_run(ros: Any, tmp_path: Path) -> None:
+def test_changed_tree_waits_for_end_of_run(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob", WAITING, PATIENT.format("50 s")))
     member = host.node.registry.members["bob"]
     before, tunables = member.spec, member.tunables
@@ -248,9 +244,7 @@ def test_a_changed_tree_waits_for_the_end_of_its_run(ros: Any, tmp_path: Path) -
     assert tunables == {"patience": 50.0}
 
 
-def test_who_does_not_want_to_wait_has_the_run_cancelled_with_its_clean_up(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_forced_reload_cancels_run_with_clean_up(ros: Any, tmp_path: Path) -> None:
     text = agent("bob", WAITING, PATIENT.format("50 s")) + CLEANS_UP
     host = Host(ros, tmp_path, bob=text)
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
@@ -272,7 +266,7 @@ def test_who_does_not_want_to_wait_has_the_run_cancelled_with_its_clean_up(
     host.await_version("bob", 2)
 
 
-def test_agents_come_go_and_are_renamed_while_another_one_runs(ros: Any, tmp_path: Path) -> None:
+def test_agents_change_while_another_agent_runs(ros: Any, tmp_path: Path) -> None:
     text = agent("bob", WAITING, PATIENT.format("50 s"))
     host = Host(ros, tmp_path, ann=agent("ann", WAITING, PATIENT.format("50 s")), bob=text)
     handle = host.market.start(host.node, "bob")
@@ -293,9 +287,7 @@ def test_agents_come_go_and_are_renamed_while_another_one_runs(ros: Any, tmp_pat
     assert result.outcome == RunAgent.Result.CANCELLED
 
 
-def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_agent_deleted_while_running_leaves_after_its_run(ros: Any, tmp_path: Path) -> None:
     text = agent("bob", WAITING, PATIENT.format("50 s"))
     host = Host(ros, tmp_path, ann=agent("ann"), bob=text)
     handle = host.market.start(host.node, "bob")
@@ -308,9 +300,7 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(
     ros.until(lambda: host.market.registered[-1] == ["ann"])
 
 
-def test_a_broken_file_is_published_and_the_last_good_version_runs(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_broken_file_is_reported_and_last_version_runs(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob", "{wait: 0 s}"))
     host.edit("bob", agent("bob", "{wiat: 0 s}"))
     ros.until(lambda: host.card("bob").degraded)
@@ -329,7 +319,7 @@ def test_a_broken_file_is_published_and_the_last_good_version_runs(
     assert list(host.cards[-1].problems) == []
 
 
-def test_a_changed_scene_is_a_problem_of_the_host(ros: Any, tmp_path: Path) -> None:
+def test_changed_scene_file_is_reported_as_problem(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob"))
     assert host.cards[-1].trees == str(host.folder.resolve())
     scene = host.folder / "scene.yaml"
@@ -338,9 +328,7 @@ def test_a_changed_scene_is_a_problem_of_the_host(ros: Any, tmp_path: Path) -> N
     ros.until(lambda: [one.message for one in host.cards[-1].problems] == [words])
 
 
-def test_nothing_is_reloaded_by_itself_while_that_is_switched_off(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_switched_off_reload_happens_only_on_request(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob"))
     client = ros.node.create_client(SetParameters, "agents/set_parameters")
     off = Parameter("reload", value=False).to_parameter_msg()
@@ -356,9 +344,7 @@ def test_nothing_is_reloaded_by_itself_while_that_is_switched_off(
     host.await_version("bob", 3)
 
 
-def test_a_learned_profile_outlives_a_reload_and_an_initial_one_follows_the_file(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_reload_keeps_learned_profile_and_updates_initial_one(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, ann=agent("ann"), bob=agent("bob"))
     host.ask(SetProfile, "set_profile", agent="ann", values=[4.5], revision=4)
     for name in ("ann", "bob"):
@@ -374,9 +360,7 @@ MARKED = (
 )
 
 
-def test_a_thousand_swaps_while_the_tree_is_ticked_never_mix_two_versions(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_thousand_swaps_under_ticking_never_mix_versions(ros: Any, tmp_path: Path) -> None:
     def text(name: str, number: int) -> str:
         return agent(name, MARKED.format(number, 60 + number % 7))
 
@@ -423,9 +407,7 @@ def test_a_thousand_swaps_while_the_tree_is_ticked_never_mix_two_versions(
     host.await_version("bob", 501)
 
 
-def test_a_file_that_is_rewritten_again_and_again_never_harms_a_run(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_constant_file_rewriting_never_harms_run(ros: Any, tmp_path: Path) -> None:
     def text(number: int) -> str:
         return agent("bob", MARKED.format(number, 300))
 
@@ -453,7 +435,7 @@ def test_a_file_that_is_rewritten_again_and_again_never_harms_a_run(
     assert versions == sorted(versions)
 
 
-def test_heartbeats_go_on_while_many_agents_are_read_again(ros: Any, tmp_path: Path) -> None:
+def test_heartbeats_continue_while_many_agents_reload(ros: Any, tmp_path: Path) -> None:
     many = 200
     texts = {
         f"a{n}": agent(f"a{n}", "{sequence: [" + "{say: hello}, " * 20 + "{wait: 0 s}]}")
@@ -479,7 +461,7 @@ def test_heartbeats_go_on_while_many_agents_are_read_again(ros: Any, tmp_path: P
     assert max(gaps) < Settings().host_lease_s
 
 
-def test_changes_are_told_when_the_last_agent_has_used_up_its_slice(
+def test_changes_are_published_after_last_agents_time_slice(
     ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bt_agents.host.reload.reload_service._SLICE_S", 0.0)
@@ -488,9 +470,7 @@ def test_changes_are_told_when_the_last_agent_has_used_up_its_slice(
     ros.until(lambda: [one.version for one in host.cards[-1].agents] == [2, 2])
 
 
-def test_a_real_market_goes_on_with_a_run_while_other_agents_come_and_go(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_market_continues_run_while_other_agents_change(ros: Any, tmp_path: Path) -> None:
     folder = new_folder(tmp_path / "trees", "bob")
     write(folder, "ann", agent("ann", "{wait: 60 s}").replace("age: 3", "age: 5"))
     trees = read_trees(folder)
@@ -518,9 +498,7 @@ def test_a_real_market_goes_on_with_a_run_while_other_agents_come_and_go(
     assert runs[-1].outcome == Run.CANCELLED
 
 
-def test_what_only_an_earlier_version_used_is_dropped_when_no_tree_runs(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_idle_host_drops_clients_of_earlier_versions(ros: Any, tmp_path: Path) -> None:
     text = agent("bob", WAITING, PATIENT.format("50 s"))
     host = Host(ros, tmp_path, ann=agent("ann"), bob=text)
     handle = host.market.start(host.node, "bob")

@@ -38,7 +38,7 @@ def announced(ros: Any, client: Any) -> Analyze.Response:
     return ros.call(client, Analyze.Request(label="a guest", announce=True))
 
 
-def test_a_market_and_a_scene_layer_meet_on_topics_that_are_remapped_for_both(ros: Any) -> None:
+def test_market_and_scene_layer_meet_on_remapped_topics(ros: Any) -> None:
     scenes: list[SceneMsg] = ros.collect(SceneMsg, "/scene", qos.EVENTS)
     ends: list[SceneEnd] = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
     client = start(ros, SCENE, STATUS)
@@ -49,7 +49,7 @@ def test_a_market_and_a_scene_layer_meet_on_topics_that_are_remapped_for_both(ro
     assert last.scene.scene_id in {scene.scene_id for scene in scenes}
 
 
-def test_a_market_that_hears_scenes_elsewhere_is_not_taken_for_one_that_listens(ros: Any) -> None:
+def test_market_on_other_scene_topic_counts_as_absent(ros: Any) -> None:
     beats: list[MarketHeartbeat] = ros.collect(
         MarketHeartbeat, "marketplace/heartbeat", qos.SENSOR
     )
@@ -61,9 +61,7 @@ def test_a_market_that_hears_scenes_elsewhere_is_not_taken_for_one_that_listens(
     assert announced(ros, client).kept
 
 
-def test_in_a_namespace_all_topics_of_the_system_but_that_of_diagnostics_are_below_it(
-    ros: Any,
-) -> None:
+def test_namespace_contains_all_topics_except_diagnostics(ros: Any) -> None:
     node = ros.add(BaseNode("some_node", namespace="/robot1"))
     resolved = {
         topic.name: node.resolve_topic_name(topic.name.replace(HOST, "agents")) for topic in TOPICS

@@ -83,7 +83,7 @@ class Robot:
         return self.result(handle)
 
 
-def test_a_text_is_said(ros):
+def test_robot_says_text(ros):
     robot = Robot(ros)
     status, result = robot.do("say", text="Hello", rate=1.0)
     assert status == GoalStatus.STATUS_SUCCEEDED
@@ -92,14 +92,14 @@ def test_a_text_is_said(ros):
     ros.until(lambda: robot.lines == ["says: Hello"])
 
 
-def test_a_clip_is_shown(ros):
+def test_robot_shows_clip(ros):
     robot = Robot(ros)
     status, result = robot.do("show", clip="first_time")
     assert (status, result.message) == (GoalStatus.STATUS_SUCCEEDED, "")
     ros.until(lambda: robot.lines == ["shows: first_time"])
 
 
-def test_a_drive_tells_what_is_left(ros):
+def test_drive_reports_remaining_distance(ros):
     robot = Robot(ros, pace=50.0)
     feedback: list[Any] = []
     status, result = robot.result(robot.send("drive", feedback, destination="gate"))
@@ -110,7 +110,7 @@ def test_a_drive_tells_what_is_left(ros):
     ros.until(lambda: robot.lines == ["drives to: gate"])
 
 
-def test_an_answer_is_the_result_of_a_question(ros):
+def test_question_returns_its_answer(ros):
     robot = Robot(ros, pace=20.0)
     handle = robot.send("ask", text="Shall we go?", choices=["Yes", "No"], wait_s=1000.0)
     ros.until(lambda: robot.questions)
@@ -121,7 +121,7 @@ def test_an_answer_is_the_result_of_a_question(ros):
     assert (status, result.answer, result.message) == (GoalStatus.STATUS_SUCCEEDED, "Yes", "")
 
 
-def test_an_open_question_is_told_with_its_choices_also_to_who_comes_late(ros):
+def test_late_subscriber_receives_open_question_with_choices(ros):
     robot = Robot(ros, pace=20.0)
     handle = robot.send("ask", text="Shall we go?", choices=["Yes", " "], wait_s=1000.0)
     ros.until(lambda: robot.questions)
@@ -135,7 +135,7 @@ def test_an_open_question_is_told_with_its_choices_also_to_who_comes_late(ros):
     ros.until(lambda: not told[-1].questions)
 
 
-def test_its_state_is_told_also_to_who_comes_late(ros):
+def test_late_subscriber_receives_robot_state(ros):
     robot = Robot(ros, pace=20.0)
     handle = robot.send("ask", text="Shall we go?", choices=["Yes", "No"], wait_s=1000.0)
     lights = ros.node.create_client(SetLight, "set_light")
@@ -157,7 +157,7 @@ def test_its_state_is_told_also_to_who_comes_late(ros):
     ros.until(lambda: not told[-1].acts)
 
 
-def test_a_question_without_answer_succeeds_and_says_so(ros):
+def test_unanswered_question_succeeds_with_message(ros):
     robot = Robot(ros)
     status, result = robot.do("ask", text="Anybody?", wait_s=1.0)
     assert (status, result.answer) == (GoalStatus.STATUS_SUCCEEDED, "")
@@ -179,7 +179,7 @@ def test_a_question_without_answer_succeeds_and_says_so(ros):
         ("drive", {"destination": ""}, "empty"),
     ],
 )
-def test_a_goal_that_makes_no_sense_is_aborted_with_words(ros, action, goal, words):
+def test_invalid_goal_is_aborted_with_message(ros, action, goal, words):
     robot = Robot(ros)
     status, result = robot.do(action, **goal)
     assert status == GoalStatus.STATUS_ABORTED
@@ -196,7 +196,7 @@ def test_a_goal_that_makes_no_sense_is_aborted_with_words(ros, action, goal, wor
         ("drive", {"destination": "gate"}),
     ],
 )
-def test_a_cancel_ends_what_is_under_way(ros, action, goal):
+def test_cancel_ends_running_action(ros, action, goal):
     robot = Robot(ros, pace=0.1)
     handle = robot.send(action, **goal)
     ros.until(lambda: robot.lines)
@@ -205,7 +205,7 @@ def test_a_cancel_ends_what_is_under_way(ros, action, goal):
     assert result.message == "cancelled"
 
 
-def test_two_texts_are_said_one_after_the_other(ros):
+def test_two_texts_are_said_in_sequence(ros):
     robot = Robot(ros, pace=0.5)
     first = robot.send("say", text="One, two, three.")
     second = robot.send("say", text="Four.")
@@ -218,7 +218,7 @@ def test_two_texts_are_said_one_after_the_other(ros):
     assert robot.lines == ["says: One, two, three.", "says: Four.", "asks: Five?"]
 
 
-def test_a_text_that_waits_can_be_cancelled(ros):
+def test_waiting_text_can_be_cancelled(ros):
     robot = Robot(ros, pace=0.1)
     robot.send("say", text="A long story.")
     waiting = robot.send("say", text="Never said.")
@@ -226,7 +226,7 @@ def test_a_text_that_waits_can_be_cancelled(ros):
     assert robot.lines == ["says: A long story."]
 
 
-def test_more_texts_than_a_few_are_not_kept_waiting(ros):
+def test_number_of_waiting_texts_is_limited(ros):
     robot = Robot(ros, pace=0.1)
     for _ in range(1 + MOST_WAITING):
         robot.send("say", text="A long story.")
@@ -235,7 +235,7 @@ def test_more_texts_than_a_few_are_not_kept_waiting(ros):
     assert "waiting to be said" in result.message
 
 
-def test_a_robot_drives_to_one_place_at_a_time(ros):
+def test_robot_drives_to_one_place_at_a_time(ros):
     robot = Robot(ros, pace=0.1)
     robot.send("drive", destination="gate")
     status, result = robot.do("drive", destination="lift")
@@ -265,7 +265,7 @@ class Caller:
 
 
 @pytest.mark.parametrize("end", ["falls silent", "is started anew"])
-def test_a_drive_whose_host_is_gone_is_given_up(ros, end):
+def test_drive_is_aborted_when_its_host_disappears(ros, end):
     robot = Robot(ros, pace=0.1)
     caller = Caller(ros)
     theirs, ours = robot.send("drive", destination="gate"), robot.send("show", clip="waves")
@@ -285,7 +285,7 @@ def test_a_drive_whose_host_is_gone_is_given_up(ros, end):
     robot.cancel(ours)
 
 
-def test_what_belongs_to_a_run_that_is_over_is_neither_said_nor_shown(ros):
+def test_robot_refuses_actions_of_ended_run(ros):
     robot = Robot(ros)
     market = ros.node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
     light = ros.node.create_client(SetLight, "set_light", qos_profile=qos.SERVICE)
@@ -309,7 +309,7 @@ def test_what_belongs_to_a_run_that_is_over_is_neither_said_nor_shown(ros):
     assert robot.lines[said:] == ["says: Three.", "says: Four."]
 
 
-def test_lists_of_goals_that_make_no_sense_change_nothing(ros):
+def test_invalid_open_goals_lists_change_nothing(ros):
     robot = Robot(ros, pace=0.1)
     caller = Caller(ros)
     theirs = robot.send("drive", destination="gate")
@@ -323,7 +323,7 @@ def test_lists_of_goals_that_make_no_sense_change_nothing(ros):
     robot.cancel(theirs)
 
 
-def test_speaking_and_showing_go_together(ros):
+def test_robot_speaks_and_shows_simultaneously(ros):
     robot = Robot(ros, pace=0.1)
     robot.send("say", text="A long story.")
     robot.send("show", clip="first_time")
@@ -345,7 +345,7 @@ def test_switching_off_ends_everything(ros):
 @pytest.mark.parametrize(
     ("colour", "accepted"), [("green", True), ("Off", True), ("pink", False), ("", False)]
 )
-def test_the_light_knows_its_colours(ros, colour, accepted):
+def test_light_accepts_only_known_colours(ros, colour, accepted):
     robot = Robot(ros)
     client = ros.node.create_client(SetLight, "set_light", qos_profile=qos.SERVICE)
     answer = ros.call(client, SetLight.Request(colour=colour, blink=True))
@@ -355,7 +355,7 @@ def test_the_light_knows_its_colours(ros, colour, accepted):
         ros.until(lambda: robot.lines == [f"light: {colour.lower()}, blinking"])
 
 
-def test_a_sound_is_heard_and_an_empty_one_is_not(ros):
+def test_sound_is_played_and_empty_one_is_ignored(ros):
     robot = Robot(ros)
     sound = ros.node.create_publisher(String, "sound", qos.EVENTS)
     ros.until(sound.get_subscription_count)

@@ -146,7 +146,9 @@ class Site:
         return found()[0]
 
 
-def test_a_person_enters_is_engaged_gets_sad_and_leaves(ros: Any, tmp_path: Path, types: Any):
+def test_interaction_follows_person_from_arrival_to_departure(
+    ros: Any, tmp_path: Path, types: Any
+):
     mouth = ScriptedServer(ros, "/skill/say", kind=types.Say, script=Script(finish_s=None))
     site = Site(ros, tmp_path, joker=f"{{say: Hello.}}\n{RULE}", quiet="{wait: 60 s}")
 
@@ -177,7 +179,7 @@ def test_a_person_enters_is_engaged_gets_sad_and_leaves(ros: Any, tmp_path: Path
     assert len(site.system.feedback_given) == 1
 
 
-def test_a_skill_that_succeeds_with_an_error_code_has_failed(ros: Any, tmp_path: Path, types: Any):
+def test_skill_succeeding_with_error_code_counts_as_failed(ros: Any, tmp_path: Path, types: Any):
     code = {"error_code": 4, "error_msg": "interrupted by a call of higher priority"}
     mouth = ScriptedServer(
         ros, "/skill/say", kind=types.Say, script=Script(result={"result": code})
@@ -190,9 +192,7 @@ def test_a_skill_that_succeeds_with_an_error_code_has_failed(ros: Any, tmp_path:
     assert mouth.goals[0].outcome == "succeeded"
 
 
-def test_drive_goes_to_a_named_place_by_nav2_and_tells_how_far_it_still_is(
-    ros: Any, tmp_path: Path, types: Any
-):
+def test_drive_uses_nav2_and_reports_remaining_distance(ros: Any, tmp_path: Path, types: Any):
     script = Script(finish_s=None, feedback=((0.0, {"distance_remaining": 7.5}),), aborts=True)
     script.result = {"error_code": 9003, "error_msg": "the goal is blocked"}
     base = ScriptedServer(ros, "navigate_to_pose", kind=types.NavigateToPose, script=script)

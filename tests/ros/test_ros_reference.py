@@ -10,7 +10,7 @@ from checkout import ROOT
 OF_NODES = runpy.run_path(str(ROOT / "scripts" / "generated.py"))["OF_NODES"]
 
 
-def test_the_reference_names_every_topic_service_action_and_parameter() -> None:
+def test_reference_page_covers_complete_ros_interface() -> None:
     for name, made in OF_NODES.items():
         written = (ROOT / name).read_text(encoding="utf-8")
         assert written == made(), "run scripts/generate"

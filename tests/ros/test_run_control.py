@@ -104,7 +104,7 @@ def pass_time(ros: Any, seconds: float) -> None:
     ros.until(lambda: time.monotonic() >= end)
 
 
-def test_a_paused_tree_is_not_ticked_while_its_goal_goes_on_and_it_ends_well_later(
+def test_paused_tree_is_ticked_only_by_steps(
     ros: Any, host: Host, market: Market, mouth: ScriptedServer
 ) -> None:
     handle = market.send(market.goal(host.node))
@@ -127,7 +127,7 @@ def test_a_paused_tree_is_not_ticked_while_its_goal_goes_on_and_it_ends_well_lat
     assert not host.control.paused
 
 
-def test_a_run_pauses_before_a_node_and_a_step_starts_that(
+def test_breakpoint_pauses_run_and_step_starts_its_node(
     ros: Any, host: Host, market: Market, mouth: ScriptedServer
 ) -> None:
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
@@ -153,7 +153,7 @@ def test_a_run_pauses_before_a_node_and_a_step_starts_that(
     ros.until(lambda: len(mouth.goals) == 2)
 
 
-def test_breakpoints_outlive_the_run(
+def test_breakpoints_outlive_their_run(
     ros: Any, host: Host, market: Market, mouth: ScriptedServer
 ) -> None:
     mouth.script = Script()
@@ -167,7 +167,7 @@ def test_breakpoints_outlive_the_run(
     assert [goal.request.text for goal in mouth.goals] == ["good-bye", "good-bye"]
 
 
-def test_a_paused_run_is_cancelled_with_its_clean_up_and_its_market_is_heard(
+def test_paused_run_still_hears_cancel_and_cleans_up(
     ros: Any, host: Host, market: Market, mouth: ScriptedServer
 ) -> None:
     beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
@@ -189,7 +189,7 @@ def test_a_paused_run_is_cancelled_with_its_clean_up_and_its_market_is_heard(
     assert result.overruns == 0
 
 
-def test_the_clock_of_the_tree_stands_still_and_a_step_lets_one_period_pass(
+def test_step_advances_paused_tree_clock_by_one_period(
     ros: Any, host: Host, market: Market
 ) -> None:
     host.stop_before("sleeper", "tree")
@@ -230,7 +230,7 @@ def test_a_silent_market_ends_a_paused_run(
         (BREAKPOINTS, {"agent": "talker", "paths": ["on_cancel"]}, "UNKNOWN_NODE"),
     ],
 )
-def test_what_cannot_be_done_is_refused_by_name(
+def test_invalid_request_is_refused_by_name(
     host: Host, action: int, fields: Any, code: str
 ) -> None:
     answer = host.ask(action, **fields)
@@ -238,7 +238,7 @@ def test_what_cannot_be_done_is_refused_by_name(
     assert answer.message
 
 
-def test_a_request_for_another_round_or_twice_is_refused(
+def test_repeated_request_or_wrong_round_is_refused(
     ros: Any, host: Host, market: Market, mouth: ScriptedServer
 ) -> None:
     market.send(market.goal(host.node))
@@ -256,7 +256,7 @@ def values(details: Sequence[Any]) -> list[tuple[str, str, str, bool]]:
     return [(v.path, v.name, v.value, v.written) for one in details for v in one.values]
 
 
-def test_details_come_while_somebody_listens_and_nothing_is_traced_else(
+def test_node_details_are_traced_only_while_subscribed(
     ros: Any, host: Host, market: Market, mouth: ScriptedServer
 ) -> None:
     handle = market.send(market.goal(host.node, agent="sleeper"))
@@ -284,7 +284,7 @@ def test_details_come_while_somebody_listens_and_nothing_is_traced_else(
     market.result(handle)
 
 
-def test_a_paused_countdown_is_told_with_its_rest_and_stays(
+def test_paused_countdown_reports_constant_remaining_time(
     ros: Any, host: Host, market: Market
 ) -> None:
     details = ros.collect(NodeDetails, "agents/details", qos.EVENTS)
@@ -302,7 +302,7 @@ def test_a_paused_countdown_is_told_with_its_rest_and_stays(
     assert details[2].countdowns[0].remaining_s == pytest.approx(left, abs=0.3)
 
 
-def test_simulated_time_that_goes_on_during_a_pause_does_not_pass_for_the_tree(
+def test_simulated_time_does_not_pass_for_paused_tree(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     overrides = [Parameter("use_sim_time", value=True)]

@@ -95,7 +95,7 @@ def running(ros: Any, host: HostNode) -> Any:
     return host._runs.run
 
 
-def test_a_result_is_seen_at_once_however_rarely_the_tree_is_ticked(
+def test_goal_result_triggers_tick_at_any_tick_rate(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     set_parameter(host, "tick_rate", 1.0)
@@ -109,7 +109,7 @@ def test_a_result_is_seen_at_once_however_rarely_the_tree_is_ticked(
     assert answer.result.ticks <= 5
 
 
-def test_what_a_cancel_has_stopped_is_told_when_its_result_is_on_its_way(
+def test_cancelled_nodes_are_published_after_run_result(
     ros: Any, host: HostNode, market: Market, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sent: list[str] = []
@@ -132,7 +132,7 @@ def test_what_a_cancel_has_stopped_is_told_when_its_result_is_on_its_way(
     assert sent == ["_send_result_response", "_publish_stopped"]
 
 
-def test_a_cancel_is_seen_at_once_however_rarely_the_tree_is_ticked(
+def test_cancel_takes_effect_immediately_at_any_tick_rate(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     set_parameter(host, "tick_rate", 1.0)
@@ -147,7 +147,7 @@ def test_a_cancel_is_seen_at_once_however_rarely_the_tree_is_ticked(
     assert answer.result.duration_s < 0.9
 
 
-def test_a_cancel_is_followed_by_one_tick(ros: Any, host: HostNode, market: Market) -> None:
+def test_cancel_causes_exactly_one_tick(ros: Any, host: HostNode, market: Market) -> None:
     handle = market.send(market.goal(host, agent="lingerer"))
     run = running(ros, host)
     ticks: list[int] = []
@@ -167,7 +167,7 @@ def test_a_cancel_is_followed_by_one_tick(ros: Any, host: HostNode, market: Mark
     assert [*ticks, run.ticks] == [ticks[0], ticks[0] + 1, ticks[0] + 1]
 
 
-def test_a_flood_of_messages_leaves_time_for_everything_else(
+def test_message_flood_delays_neither_ticks_nor_heartbeats(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
@@ -194,7 +194,7 @@ def test_a_flood_of_messages_leaves_time_for_everything_else(
     assert 0 < extra < 500 * took_s
 
 
-def test_a_host_that_was_held_up_makes_up_for_no_tick(
+def test_stalled_host_does_not_catch_up_missed_ticks(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     set_parameter(host, "tick_rate", 100.0)
@@ -210,7 +210,7 @@ def test_a_host_that_was_held_up_makes_up_for_no_tick(
     results(ros, handle)
 
 
-def test_a_host_that_was_held_up_waits_for_news_before_it_goes_on(
+def test_stalled_host_waits_for_market_before_ticking(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     handle = market.send(market.goal(host, agent="two_words"))
@@ -228,7 +228,7 @@ def test_a_host_that_was_held_up_waits_for_news_before_it_goes_on(
     assert len(mouth.goals) == 1
 
 
-def test_a_host_that_was_held_up_goes_on_when_nothing_has_happened(
+def test_stalled_host_continues_run_when_nothing_changed(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     handle = market.send(market.goal(host, agent="two_words"))
@@ -248,7 +248,7 @@ def beating(ros: Any, host: HostNode, market: Market) -> Market:
     return market
 
 
-def test_a_run_given_away_while_its_host_was_held_up_is_stopped_without_a_further_word(
+def test_stalled_host_silently_stops_reassigned_run(
     ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
 ) -> None:
     handle = beating.send(beating.goal(host, agent="two_words"))
@@ -266,7 +266,7 @@ def test_a_run_given_away_while_its_host_was_held_up_is_stopped_without_a_furthe
     assert beating.send(beating.goal(host, agent="quick", round=2)).accepted
 
 
-def test_a_host_that_was_held_up_goes_on_when_the_market_names_its_run_and_not_before(
+def test_stalled_host_continues_only_after_market_confirms_run(
     ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
 ) -> None:
     set_parameter(host, "market_lease", 10.0)
@@ -284,7 +284,7 @@ def test_a_host_that_was_held_up_goes_on_when_the_market_names_its_run_and_not_b
     assert len(mouth.goals) == 2
 
 
-def test_a_cancel_after_a_hold_up_stops_a_clean_up_that_has_begun(
+def test_stalled_host_stops_clean_up_already_begun(
     ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
 ) -> None:
     handle = beating.send(beating.goal(host))
@@ -297,9 +297,7 @@ def test_a_cancel_after_a_hold_up_stops_a_clean_up_that_has_begun(
     assert mouth.goals[1].cancels == 1
 
 
-def test_a_goal_of_a_round_that_is_over_is_refused(
-    ros: Any, host: HostNode, market: Market
-) -> None:
+def test_goal_of_past_round_is_refused(ros: Any, host: HostNode, market: Market) -> None:
     market.award = (3, "talker")
     ros.until(market._heart.get_subscription_count)
     market.beat()
@@ -308,9 +306,7 @@ def test_a_goal_of_a_round_that_is_over_is_refused(
     assert market.send(market.goal(host, agent="quick", round=3)).accepted
 
 
-def test_a_host_that_was_held_up_registers_again_once(
-    ros: Any, host: HostNode, market: Market
-) -> None:
+def test_stalled_host_registers_again_once(ros: Any, host: HostNode, market: Market) -> None:
     before = len(market.requests)
     time.sleep(0.7)
     ros.until(lambda: len(market.requests) > before)
@@ -318,7 +314,7 @@ def test_a_host_that_was_held_up_registers_again_once(
     assert len(market.requests) == before + 1
 
 
-def test_a_host_whose_place_was_taken_stops_its_run_in_silence_and_leaves(
+def test_replaced_host_stops_its_run_silently_and_withdraws(
     ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
 ) -> None:
     handle = beating.send(beating.goal(host))
@@ -335,7 +331,7 @@ def test_a_host_whose_place_was_taken_stops_its_run_in_silence_and_leaves(
     assert beating.send(beating.goal(host, agent="quick", round=2)).accepted
 
 
-def test_a_refused_host_takes_no_goal_while_its_run_ends(
+def test_refused_host_accepts_no_goal_while_run_ends(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     mouth.script = Script(finish_s=None, on_cancel="ignores")
@@ -376,7 +372,7 @@ def plug_in(host: HostNode, name: str, kind: type) -> None:
     member.spec = replace(member.spec, tree=spec)
 
 
-def test_a_tick_that_takes_too_long_is_counted_and_told_with_the_slowest_node(
+def test_tick_overrun_is_counted_and_names_slowest_node(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
@@ -388,7 +384,7 @@ def test_a_tick_that_takes_too_long_is_counted_and_told_with_the_slowest_node(
     ros.until(lambda: any("tree alone took" in line.msg for line in lines))
 
 
-def test_a_plug_in_that_blocks_fails_and_nobody_else_notices(
+def test_blocking_plugin_fails_without_affecting_others(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     plug_in(host, "quick", Dead)
@@ -406,7 +402,7 @@ def test_a_plug_in_that_blocks_fails_and_nobody_else_notices(
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
 
 
-def test_a_cancel_that_comes_with_the_goal_starts_nothing(
+def test_cancel_arriving_with_goal_starts_nothing(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     begin = host._runs._begin
@@ -432,7 +428,7 @@ def cancel(ros: Any, goal_id: Any) -> Any:
     return ros.call(client, request)
 
 
-def test_a_cancel_of_an_unknown_goal_is_refused_and_disturbs_nobody(
+def test_cancel_of_unknown_goal_is_refused_without_effect(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     handle = market.send(market.goal(host))
@@ -443,7 +439,7 @@ def test_a_cancel_of_an_unknown_goal_is_refused_and_disturbs_nobody(
     assert_undisturbed(ros, handle, mouth.goals[0])
 
 
-def test_a_cancel_of_a_run_that_is_over_does_not_touch_the_next_one(
+def test_cancel_of_ended_run_does_not_affect_next(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     first = market.send(market.goal(host))
@@ -458,7 +454,7 @@ def test_a_cancel_of_a_run_that_is_over_does_not_touch_the_next_one(
     assert_undisturbed(ros, second, mouth.goals[1])
 
 
-def test_a_second_cancel_changes_nothing_and_the_host_is_busy_until_all_has_settled(
+def test_repeated_cancel_keeps_host_busy_until_goals_settle(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     mouth.script = Script(finish_s=None, cancel_s=0.3)
@@ -478,7 +474,7 @@ def test_a_second_cancel_changes_nothing_and_the_host_is_busy_until_all_has_sett
     assert market.send(market.goal(host, agent="quick", round=2)).accepted
 
 
-def test_a_goal_that_ignores_its_cancel_is_an_orphan_by_name(
+def test_goal_ignoring_its_cancel_is_a_named_orphan(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     mouth.script = Script(finish_s=None, on_cancel="ignores")
@@ -491,7 +487,7 @@ def test_a_goal_that_ignores_its_cancel_is_an_orphan_by_name(
     assert list(answer.result.orphans) == ["tree"]
 
 
-def test_a_run_whose_market_falls_silent_is_stopped_and_told_to_the_next_one(
+def test_run_of_silent_market_stops_and_is_reported(
     ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
 ) -> None:
     set_parameter(host, "market_lease", 0.5)
@@ -525,7 +521,7 @@ def test_a_run_whose_market_falls_silent_is_stopped_and_told_to_the_next_one(
     assert list(beating.requests[-1].unreported) == []
 
 
-def test_a_market_that_dies_before_its_first_heartbeat_has_come_is_missed(
+def test_market_lost_before_first_heartbeat_is_detected(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     set_parameter(host, "market_lease", 0.5)
@@ -535,7 +531,7 @@ def test_a_market_that_dies_before_its_first_heartbeat_has_come_is_missed(
     assert results(ros, handle).result.stop_cause == RunAgent.Result.MARKET_LOST
 
 
-def test_a_run_whose_market_was_started_anew_is_stopped_and_told_once_it_has_ended(
+def test_run_of_restarted_market_stops_and_is_reported(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     handle = market.send(market.goal(host))
@@ -555,9 +551,7 @@ def test_a_run_whose_market_was_started_anew_is_stopped_and_told_once_it_has_end
     assert answer.result.host_reason
 
 
-def test_a_run_that_its_market_has_announced_is_not_told_again(
-    ros: Any, host: HostNode, market: Market
-) -> None:
+def test_announced_run_is_not_reported_again(ros: Any, host: HostNode, market: Market) -> None:
     for number in (1, 2):
         goal = market.goal(host, agent="quick", round=number)
         results(ros, market.send(goal))
@@ -572,7 +566,7 @@ def test_a_run_that_its_market_has_announced_is_not_told_again(
     assert (run.round, run.outcome) == (2, Run.SUCCEEDED)
 
 
-def test_a_host_registers_anew_when_a_heartbeat_shows_another_market(
+def test_heartbeat_of_new_market_makes_host_register_again(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     before = len(market.requests)
@@ -582,7 +576,7 @@ def test_a_host_registers_anew_when_a_heartbeat_shows_another_market(
     ros.until(lambda: host._registration.epoch == "e2")
 
 
-def test_two_markets_of_one_name_do_not_have_a_host_register_all_the_time(
+def test_host_between_two_markets_limits_its_registrations(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     before = len(market.requests)
@@ -625,7 +619,7 @@ class Bag:
         self._ros.until(told)
 
 
-def test_without_simulated_time_agents_that_wait_for_it_do_not_bid(
+def test_agents_without_simulated_time_do_not_bid(
     ros: Any, simulated: HostNode, market: Market
 ) -> None:
     market.call(round_number=1)
@@ -639,7 +633,7 @@ def test_without_simulated_time_agents_that_wait_for_it_do_not_bid(
     assert list(market.bids[1].agents) == ["quick", "sleeper"]
 
 
-def test_a_tree_waits_on_simulated_time_and_goes_on_when_the_bag_starts_again(
+def test_tree_waits_on_simulated_time_across_bag_restart(
     ros: Any, simulated: HostNode, market: Market
 ) -> None:
     bag = Bag(ros)
@@ -659,7 +653,7 @@ def test_a_tree_waits_on_simulated_time_and_goes_on_when_the_bag_starts_again(
     assert end.result().result.duration_s == pytest.approx(5.0)
 
 
-def test_deadlines_pass_while_simulated_time_stands_still(
+def test_deadlines_expire_while_simulated_time_stands_still(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     mouth = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))

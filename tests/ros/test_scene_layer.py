@@ -104,7 +104,7 @@ class Layer:
         self.market.publish(MarketStatus(epoch="e", state=state, **more))
 
 
-def test_a_trigger_publishes_what_was_read(ros):
+def test_trigger_publishes_current_readings(ros):
     layer = Layer(ros)
     layer.person.publish(Bool(data=True))
     layer.read_mood(4.0)
@@ -120,7 +120,7 @@ def test_a_trigger_publishes_what_was_read(ros):
     assert mood.age_s >= 0.0
 
 
-def test_a_hundred_triggers_in_a_row_are_a_hundred_scenes(ros):
+def test_hundred_consecutive_triggers_make_hundred_scenes(ros):
     layer = Layer(ros)
     for _ in range(100):
         layer.trigger.publish(Empty())
@@ -129,7 +129,7 @@ def test_a_hundred_triggers_in_a_row_are_a_hundred_scenes(ros):
     assert [scene.scene_id for scene in layer.scenes] == [f"s{n}" for n in range(1, 101)]
 
 
-def test_a_scene_is_urgent_when_the_caller_or_the_script_says_so(ros):
+def test_caller_or_script_can_mark_scene_urgent(ros):
     visit = Visit(label="an alarm", person=False, values={"mood": 2.0}, urgent=True)
     layer = Layer(ros, Script(title="", visits=(visit,)))
     assert layer.analyze(urgent=True, announce=True).scene.urgent
@@ -140,7 +140,7 @@ def test_a_scene_is_urgent_when_the_caller_or_the_script_says_so(ros):
     assert [scene.urgent for scene in layer.scenes] == [True, False, True]
 
 
-def test_a_late_market_is_told_the_last_scene_only(ros):
+def test_late_market_receives_only_last_scene(ros):
     layer = Layer(ros)
     for _ in range(3):
         layer.trigger.publish(Empty())
@@ -152,7 +152,7 @@ def test_a_late_market_is_told_the_last_scene_only(ros):
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 99.0])
-def test_a_hostile_reading_leaves_the_last_good_one(ros, bad):
+def test_hostile_reading_does_not_replace_last_good_one(ros, bad):
     layer = Layer(ros)
     layer.read_mood(4.0)
     layer.mood.publish(Float64(data=bad))
@@ -174,7 +174,7 @@ def test_given_values_make_a_scene(ros):
     assert answer.scene.values[0].origin == SceneValue.GIVEN
 
 
-def test_a_scene_without_announcement_stays_in_the_layer(ros):
+def test_unannounced_scene_is_not_published(ros):
     layer = Layer(ros)
     announced = layer.analyze(names=["mood"], values=[2.0], announce=True).scene
     ros.until(lambda: layer.scenes)
@@ -186,7 +186,7 @@ def test_a_scene_without_announcement_stays_in_the_layer(ros):
     assert len(layer.scenes) == 1
 
 
-def test_values_for_no_scene_at_all_are_refused_and_forgotten(ros):
+def test_values_without_any_scene_are_refused_and_dropped(ros):
     layer = Layer(ros)
     for given in ({"names": ["age"], "values": [1.0]}, {"person": Analyze.Request.PRESENT}):
         answer = layer.analyze(**given, announce=False)
@@ -220,7 +220,7 @@ def test_a_hostile_analysis_changes_nothing(ros, request_fields, code):
     assert len(layer.scenes) == 1
 
 
-def test_the_live_scene_is_published_from_the_start_to_the_end_of_a_run(ros):
+def test_live_scene_is_published_throughout_run(ros):
     layer = Layer(ros)
     layer.read_mood(4.0)
     layer.trigger.publish(Empty())
@@ -239,7 +239,7 @@ def test_the_live_scene_is_published_from_the_start_to_the_end_of_a_run(ros):
     assert len(layer.live) == published
 
 
-def test_a_change_during_a_run_is_live_at_once(ros):
+def test_change_during_run_is_published_immediately(ros):
     layer = Layer(ros)
     layer.analyze(names=["mood"], values=[4.0], announce=True)
     ros.until(lambda: layer.scenes)
@@ -259,7 +259,7 @@ def test_a_change_during_a_run_is_live_at_once(ros):
     ros.until(lambda: plain(layer.live[-1]) == {"mood": 5.0}, limit_s=0.9)
 
 
-def test_many_readings_are_sent_together(ros):
+def test_many_readings_are_batched_into_few_scenes(ros):
     layer = Layer(ros)
     layer.trigger.publish(Empty())
     ros.until(lambda: layer.scenes)
@@ -272,7 +272,7 @@ def test_many_readings_are_sent_together(ros):
     assert len(layer.live) - before < 50
 
 
-def test_a_waiting_scene_does_not_change_the_live_one(ros):
+def test_queued_scene_does_not_change_live_scene(ros):
     layer = Layer(ros)
     layer.analyze(names=["mood"], values=[4.0], announce=True)
     ros.until(lambda: layer.scenes)
@@ -285,7 +285,7 @@ def test_a_waiting_scene_does_not_change_the_live_one(ros):
     assert plain(layer.live[-1]) == {"mood": 4.0}
 
 
-def test_old_runs_start_nothing(ros):
+def test_past_runs_do_not_start_live_scene(ros):
     runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
     market = ros.node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
     values = [SceneValue(name=name, value=3.0, origin=2) for name in SPACE.names]
@@ -299,7 +299,7 @@ def test_old_runs_start_nothing(ros):
     assert layer.live == []
 
 
-def test_a_run_of_a_restarted_market_is_not_live_any_more(ros):
+def test_market_restart_ends_live_scene(ros):
     layer = Layer(ros)
     layer.trigger.publish(Empty())
     ros.until(lambda: layer.scenes)
@@ -312,7 +312,7 @@ def test_a_run_of_a_restarted_market_is_not_live_any_more(ros):
     assert len(layer.live) == published
 
 
-def test_a_run_with_a_malformed_scene_is_survived(ros):
+def test_scene_layer_survives_run_with_malformed_scene(ros):
     layer = Layer(ros)
     layer.run(Run.STARTED, scene=Scene(scene_id="x", values=[SceneValue(name="mod")]))
     layer.run(Run.STARTED, scene=Scene())
@@ -321,7 +321,7 @@ def test_a_run_with_a_malformed_scene_is_survived(ros):
     assert layer.analyze().accepted
 
 
-def test_a_live_rate_that_is_no_number_is_refused(ros):
+def test_nan_live_rate_is_refused(ros):
     Layer(ros)
     nan = Parameter(
         name="live_rate",
@@ -338,7 +338,7 @@ def test_a_live_rate_that_is_no_number_is_refused(ros):
         (source("mood", field="dta"), "did you mean data?"),
     ],
 )
-def test_a_source_that_is_not_installed_ends_the_start_with_words(ros, bad, words):
+def test_uninstalled_source_type_fails_start_with_message(ros, bad, words):
     with pytest.raises(Refused, match=words.replace("?", r"\?")):
         active_scene_layer(SceneSpec(space=SPACE, sources=(bad,), person=None))
 
@@ -347,7 +347,7 @@ def visit(label: str, mood: float, *changes: SceneChange) -> Visit:
     return Visit(label=label, person=True, values={"mood": mood}, changes=changes)
 
 
-def test_a_script_is_played_visit_by_visit(ros):
+def test_script_plays_visits_in_sequence(ros):
     change = SceneChange(after_s=0.0, values={"mood": 1.0}, person=False)
     anna = [replace(visit(label, 2.0), name="anna") for label in "bc"]
     script = Script(title="", visits=(visit("a", 4.0, change), *anna))
@@ -381,7 +381,7 @@ def test_a_script_is_played_visit_by_visit(ros):
     assert len(layer.scenes) == 3
 
 
-def test_a_long_script_is_played_at_full_speed(ros):
+def test_long_script_plays_at_full_speed(ros):
     script = Script(title="", visits=tuple(visit(str(n), 3.0) for n in range(150)))
     layer = Layer(ros, script=script)
 
@@ -395,7 +395,7 @@ def test_a_long_script_is_played_at_full_speed(ros):
     assert [scene.label for scene in layer.scenes] == [str(n) for n in range(150)]
 
 
-def test_a_request_that_is_sent_again_announces_one_scene(ros):
+def test_repeated_request_announces_one_scene(ros):
     layer = Layer(ros)
     first, again, other = (
         layer.analyze(request_id=request_id, label="Anna", announce=True)
@@ -406,7 +406,7 @@ def test_a_request_that_is_sent_again_announces_one_scene(ros):
     assert [scene.scene_id for scene in layer.scenes] == ["s1", "s2"]
 
 
-def test_of_many_requests_only_the_latest_are_remembered(ros):
+def test_only_latest_request_ids_are_remembered(ros):
     layer = Layer(ros)
     first = layer.analyze(request_id="first", announce=True)
     for number in range(100):

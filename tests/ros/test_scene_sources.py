@@ -76,7 +76,7 @@ def measured(scene: Scene) -> dict[str, SceneValue]:
     return {v.name: v for v in scene.values if v.origin == SceneValue.MEASURED}
 
 
-def test_a_scene_of_ros4hri_comes_from_the_person_and_the_face(ros):
+def test_ros4hri_scene_combines_person_and_face(ros):
     robot = Robot(ros, ros4hri())
     assert not robot.scene().person
     person, face = "/humans/persons/anna", "/humans/faces/f17"
@@ -99,7 +99,7 @@ def test_a_scene_of_ros4hri_comes_from_the_person_and_the_face(ros):
 
 
 @pytest.mark.parametrize("unknown", [0.0, math.nan])
-def test_a_recogniser_that_only_knows_words_measures_the_mood_by_them(ros, unknown):
+def test_expression_word_sets_mood_without_valence(ros, unknown):
     robot = Robot(ros, ros4hri())
     for person, word in (("anna", "happy"), ("ben", "sad"), ("eve", "")):
         robot.senses(f"/humans/persons/{person}/face_id", String(data=f"f_{person}"), latched=True)
@@ -122,7 +122,7 @@ def test_a_recogniser_that_only_knows_words_measures_the_mood_by_them(ros, unkno
     assert "mood" not in measured(robot.until(is_eve))
 
 
-def test_a_person_enters_is_engaged_gets_sad_and_leaves(ros):
+def test_scene_follows_person_from_arrival_to_departure(ros):
     robot = Robot(ros, ros4hri())
     robot.senses("/humans/persons/anna/face_id", String(data="f"), latched=True)
     robot.senses("/humans/persons/anna/anonymous", Bool(data=False), latched=True)
@@ -156,7 +156,7 @@ def test_a_person_enters_is_engaged_gets_sad_and_leaves(ros):
 
 
 @pytest.mark.parametrize("arousal", [0.0, math.nan])
-def test_a_valence_counts_and_its_word_does_not(ros, arousal):
+def test_valence_takes_precedence_over_expression_word(ros, arousal):
     robot = Robot(ros, ros4hri())
     robot.senses("/humans/persons/anna/face_id", String(data="f"), latched=True)
     robot.senses("/humans/persons/tracked", PersonIds(ids=["anna"]))
@@ -166,7 +166,7 @@ def test_a_valence_counts_and_its_word_does_not(ros, arousal):
     assert measured(scene)["mood"].value == pytest.approx(4.0)
 
 
-def test_whoever_is_engaged_by_ros4hri_is_spoken_to(ros):
+def test_engaged_person_becomes_addressee(ros):
     # hri_engagement publishes at every run of its timer and keeps nothing for those who join.
     robot = Robot(ros, ros4hri())
     for person, level in (
@@ -179,7 +179,7 @@ def test_whoever_is_engaged_by_ros4hri_is_spoken_to(ros):
     assert robot.until(lambda scene: scene.person_id == "second").persons == 2
 
 
-def test_who_is_anonymous_meets_the_robot_for_the_first_time(ros):
+def test_anonymous_person_has_lowest_familiarity(ros):
     robot = Robot(ros, ros4hri())
     robot.senses("/humans/persons/p1/anonymous", Bool(data=True), latched=True)
     robot.senses("/humans/persons/tracked", PersonIds(ids=["p1"]))
@@ -188,7 +188,7 @@ def test_who_is_anonymous_meets_the_robot_for_the_first_time(ros):
     assert set(measured(scene)) == {"familiarity"}
 
 
-def test_a_scene_of_faces_is_about_the_nearest_and_hears_the_room(ros):
+def test_face_scene_uses_nearest_face_and_room_audio(ros):
     robot = Robot(ros, read_scene(TREES / "scenes" / "faces.yaml", InstalledInterfaces()))
     near = Face(face_id="anna", known=True, age=25.0, age_std=5.0, distance_m=0.8)
     near.emotion, near.emotion_confidence = "happy", 0.7
@@ -210,7 +210,7 @@ def test_a_scene_of_faces_is_about_the_nearest_and_hears_the_room(ros):
     assert mood.source == "audio/valence and camera/faces"
 
 
-def test_a_camera_without_a_face_sees_nobody(ros):
+def test_camera_without_face_reports_no_person(ros):
     robot = Robot(ros, read_scene(TREES / "scenes" / "faces.yaml"))
     robot.senses("camera/faces", Faces())
     ros.turns(20)
@@ -220,7 +220,7 @@ def test_a_camera_without_a_face_sees_nobody(ros):
     assert found["mood"] == (3.0, SceneValue.DEFAULT)
 
 
-def test_hostile_faces_change_nothing_and_stop_nothing(ros):
+def test_hostile_faces_have_no_effect(ros):
     robot = Robot(ros, read_scene(TREES / "scenes" / "faces.yaml"))
     bad = Face(face_id="eve", known=True, age=math.nan, age_std=-1.0, distance_m=math.inf)
     bad.emotion, bad.emotion_confidence = "x" * 10_000, 7.0
@@ -247,7 +247,7 @@ def test_hostile_faces_change_nothing_and_stop_nothing(ros):
         ("topic: audio/valence", "topic: camera/faces", "has the type std_msgs/msg/Float64 here"),
     ],
 )
-def test_fields_that_the_installed_types_do_not_have_are_found(old, new, words):
+def test_fields_missing_from_installed_types_are_reported(old, new, words):
     text = (TREES / "scenes" / "faces.yaml").read_text(encoding="utf-8")
     assert old in text
     with pytest.raises(ReadError) as found:

@@ -47,7 +47,7 @@ def decide(ros: Any, *, url: str = "", limit_s: float = 10.0, cards: int = 0) ->
     return stage.auctions[0]
 
 
-def test_the_model_decides(ros: Any, server: ModelServer) -> None:
+def test_model_chooses_winner(ros: Any, server: ModelServer) -> None:
     server.reply = says(EXPRESS, GUIDE, reason="in a hurry")
     cards = ros.node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
     card = AgentCard(name=GUIDE, title="Guide", description="Slow and loud")
@@ -71,7 +71,7 @@ def test_the_model_decides(ros: Any, server: ModelServer) -> None:
         (lambda _: sends(b"x" * 10_000_000), "more than"),
     ],
 )
-def test_a_bad_answer_leaves_it_to_the_distance(
+def test_bad_answer_falls_back_to_distance(
     ros: Any, server: ModelServer, make_reply: Callable[[ModelServer], Any], words: str
 ) -> None:
     server.reply = make_reply(server)
@@ -81,7 +81,7 @@ def test_a_bad_answer_leaves_it_to_the_distance(
     assert words in auction.reason
 
 
-def test_a_slow_server_leaves_it_to_the_distance(ros: Any, server: ModelServer) -> None:
+def test_slow_server_falls_back_to_distance(ros: Any, server: ModelServer) -> None:
     server.reply = drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)
     auction = decide(ros, url=server.url, limit_s=0.3)
 
@@ -89,14 +89,14 @@ def test_a_slow_server_leaves_it_to_the_distance(ros: Any, server: ModelServer) 
     assert "did not answer" in auction.reason
 
 
-def test_a_dead_server_leaves_it_to_the_distance(ros: Any) -> None:
+def test_dead_server_falls_back_to_distance(ros: Any) -> None:
     auction = decide(ros, url=f"http://127.0.0.1:{free_port()}/v1")
 
     assert auction.winner == GUIDE
     assert "cannot be asked" in auction.reason
 
 
-def test_without_a_selector_nobody_waits(ros: Any) -> None:
+def test_missing_selector_does_not_delay_round(ros: Any) -> None:
     auction = decide(ros)
 
     assert auction.winner == GUIDE

@@ -86,7 +86,7 @@ def prefix_of(node: Any, topic: str, name: str) -> str:
 
 
 @pytest.mark.parametrize("kind", [CachedExecutor, SingleThreadedExecutor])
-def test_a_callback_is_told_the_participant_that_the_graph_shows(
+def test_callback_receives_sender_participant_from_graph(
     ros: Any, stranger: Stranger, kind: Any
 ) -> None:
     heard: list[tuple[str, str]] = []
@@ -145,7 +145,7 @@ def test_a_callback_is_told_the_participant_that_the_graph_shows(
     node.destroy_node()
 
 
-def test_a_forged_bid_that_comes_first_wins_no_round(ros: Any, stranger: Stranger) -> None:
+def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
     stage = Stage(ros)
     host = stage.host()
     forged = stranger.publisher(ros, Bids, "bt_agents/bids")
@@ -181,7 +181,7 @@ def test_a_forged_bid_that_comes_first_wins_no_round(ros: Any, stranger: Strange
     assert "which has registered it" in refused[0].reason
 
 
-def test_heartbeats_of_another_process_keep_no_host_alive(ros: Any, stranger: Stranger) -> None:
+def test_foreign_heartbeats_do_not_keep_host_alive(ros: Any, stranger: Stranger) -> None:
     stage = Stage(ros)
     host = stage.host()
     ros.until(lambda: stage.statuses[-1].hosts == 1)
@@ -196,7 +196,7 @@ def test_heartbeats_of_another_process_keep_no_host_alive(ros: Any, stranger: St
     ros.until(is_gone)
 
 
-def test_nobody_else_registers_in_the_name_of_a_host(ros: Any, stranger: Stranger) -> None:
+def test_stranger_cannot_register_as_existing_host(ros: Any, stranger: Stranger) -> None:
     stage = Stage(ros)
     host = stage.host()
     request = host.request(run_action="/stranger/run", agents=["spy"])
@@ -209,9 +209,7 @@ def test_nobody_else_registers_in_the_name_of_a_host(ros: Any, stranger: Strange
     assert host.goal.agent == GUIDE
 
 
-def test_a_host_that_was_restarted_registers_from_its_new_process(
-    ros: Any, stranger: Stranger
-) -> None:
+def test_restarted_host_registers_from_its_new_process(ros: Any, stranger: Stranger) -> None:
     stage = Stage(ros)
     host = stage.host()
     request = host.request(host_instance="second")
@@ -222,7 +220,7 @@ def test_a_host_that_was_restarted_registers_from_its_new_process(
     assert answer.accepted, answer.message
 
 
-def test_goals_carry_the_key_of_the_registration(ros: Any) -> None:
+def test_goals_carry_award_key_of_registration(ros: Any) -> None:
     stage = Stage(ros)
     host: FakeHost = stage.host()
     first = ros.call(stage.registering, host.request())
@@ -236,7 +234,7 @@ def test_goals_carry_the_key_of_the_registration(ros: Any) -> None:
 
 
 @pytest.mark.parametrize("key", [bytes(16), bytes(range(16))])
-def test_a_goal_without_the_key_of_the_market_is_refused(
+def test_goal_without_market_key_is_refused(
     ros: Any, tmp_path: Path, key: bytes, capfd: pytest.CaptureFixture[str]
 ) -> None:
     market = Market(ros)
@@ -252,7 +250,7 @@ def profile(revision: int, value: float = 5.0) -> SetProfile.Request:
     return SetProfile.Request(agent="talker", values=[value, 3.0, 3.0], revision=revision)
 
 
-def test_a_revision_from_the_future_makes_no_host_deaf(
+def test_forged_future_revision_does_not_block_later_profiles(
     ros: Any, tmp_path: Path, stranger: Stranger
 ) -> None:
     market = Market(ros)
@@ -281,7 +279,7 @@ def test_a_revision_from_the_future_makes_no_host_deaf(
     assert 3.0 < member.profile[0] < 5.0
 
 
-def test_a_market_without_a_key_sends_no_goals(ros: Any, tmp_path: Path) -> None:
+def test_goals_of_market_without_key_are_refused(ros: Any, tmp_path: Path) -> None:
     market = Market(ros)
     market.key = bytes(16)
     host = ros.add(make_host(folder(tmp_path, WAITER)))

@@ -82,7 +82,7 @@ def host_card(agents: int, rules: int = 2) -> HostCard:
     ids=["agents", "rules of an agent", "nothing", "scene", "scene in a run"],
 )
 @pytest.mark.parametrize("step_s", [0.0, SLICE_S], ids=["at once", "with pauses"])
-def test_a_message_made_in_slices_is_the_one_that_rclpy_makes(message: Any, step_s: float) -> None:
+def test_sliced_conversion_matches_rclpy(message: Any, step_s: float) -> None:
     kind, sent = type(message), bytes(serialize_message(message))
 
     found, pauses = made(kind, sent, clock(step_s))
@@ -91,7 +91,7 @@ def test_a_message_made_in_slices_is_the_one_that_rclpy_makes(message: Any, step
     assert (pauses > 0) is (step_s > 0)
 
 
-def test_each_entry_of_a_long_list_may_be_followed_by_other_work() -> None:
+def test_conversion_may_pause_after_each_list_entry() -> None:
     message = host_card(1, rules=300)
     _, pauses = made(HostCard, bytes(serialize_message(message)), clock(SLICE_S))
 
@@ -120,19 +120,19 @@ def test_each_entry_of_a_long_list_may_be_followed_by_other_work() -> None:
     ],
     ids=["list", "list in an entry", "messages in an entry", "text in an entry"],
 )
-def test_what_is_too_large_is_refused_in_its_slice(message: HostCard, reason: str) -> None:
+def test_oversized_message_is_refused_during_slicing(message: HostCard, reason: str) -> None:
     with pytest.raises(Refused) as found:
         made(HostCard, bytes(serialize_message(message)), clock(0.0))
 
     assert (found.value.code, found.value.reason) == ("TOO_LARGE", reason)
 
 
-def test_bytes_that_are_no_message_are_refused() -> None:
+def test_malformed_bytes_are_refused() -> None:
     with pytest.raises(Refused, match="MALFORMED: 40004 bytes are no HostCard"):
         made(HostCard, b"\0\1\0\0" + b"\xff" * 40_000, clock(0.0))
 
 
-def test_only_large_messages_with_lists_of_messages_are_made_in_slices() -> None:
+def test_only_large_messages_with_message_lists_are_sliced() -> None:
     assert is_sliced(HostCard, 100_000)
     assert is_sliced(Run, 100_000), "of a scene in it"
     assert not is_sliced(HostCard, 1_000)
@@ -147,7 +147,7 @@ def node(ros: Any) -> Iterator[Any]:
     made.destroy_node()
 
 
-def test_timers_go_on_while_a_message_is_made_and_the_topic_keeps_its_order(node: Any) -> None:
+def test_sliced_conversion_lets_timers_run_and_keeps_order(node: Any) -> None:
     executor = CachedExecutor()
     executor.add_node(node)
     heard: list[tuple[int, int]] = []
@@ -175,7 +175,7 @@ def test_timers_go_on_while_a_message_is_made_and_the_topic_keeps_its_order(node
     assert heard[0][1] >= began + 3
 
 
-def test_a_subscription_that_is_destroyed_meanwhile_hears_nothing_more(node: Any) -> None:
+def test_subscription_destroyed_during_conversion_receives_nothing(node: Any) -> None:
     executor = CachedExecutor()
     executor.add_node(node)
     heard: list[HostCard] = []

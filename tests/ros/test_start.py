@@ -55,18 +55,14 @@ def ended(number: signal.Signals, *, before: int = 0, inside: int = 0) -> tuple[
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_node_that_is_told_to_end_while_it_is_made_is_made_and_closed(
-    number: signal.Signals,
-) -> None:
+def test_signal_during_construction_closes_finished_node(number: signal.Signals) -> None:
     assert ended(number, inside=1) == (0, "made\nclosed\n")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_node_that_is_told_to_end_before_its_files_are_read_is_not_made(
-    number: signal.Signals,
-) -> None:
+def test_signal_before_reading_files_prevents_construction(number: signal.Signals) -> None:
     assert ended(number, before=1) == (0, "")
 
 
-def test_a_second_signal_ends_a_node_that_is_being_made_at_once() -> None:
+def test_second_signal_ends_construction_immediately() -> None:
     assert ended(signal.SIGTERM, inside=2) == (-signal.SIGTERM, "")

@@ -51,7 +51,7 @@ def result(ros: Any, handle: Any) -> Any:
 
 
 @pytest.mark.parametrize("cancelled_before", [False, True])
-def test_a_host_that_is_stopped_says_in_time_how_its_run_ended_though_a_goal_goes_on(
+def test_stopped_host_reports_run_despite_unfinished_goal(
     ros: Any, host: HostNode, market: Market, cancelled_before: bool
 ) -> None:
     mouth = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
@@ -73,7 +73,7 @@ def test_a_host_that_is_stopped_says_in_time_how_its_run_ended_though_a_goal_goe
     assert len(mouth.goals) == 1 + cancelled_before
 
 
-def test_a_run_that_cannot_even_be_given_up_ends_and_the_next_one_runs(
+def test_run_failing_to_abort_ends_and_next_starts(
     ros: Any, host: HostNode, market: Market, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mouth = ScriptedServer(ros, script=Script(finish_s=None))
@@ -97,7 +97,7 @@ def test_a_run_that_cannot_even_be_given_up_ends_and_the_next_one_runs(
 
 
 @pytest.mark.parametrize("news_first", [True, False])
-def test_a_clean_up_says_what_its_market_has_announced_before_or_after_the_cancel(
+def test_clean_up_knows_announced_stop_reason(
     ros: Any, host: HostNode, market: Market, news_first: bool
 ) -> None:
     mouth = ScriptedServer(ros, script=Script(finish_s=None))
@@ -118,7 +118,7 @@ def test_a_clean_up_says_what_its_market_has_announced_before_or_after_the_cance
     assert result(ros, handle).outcome == RunAgent.Result.CANCELLED
 
 
-def test_a_clean_up_begins_soon_when_nobody_says_why_the_run_is_stopped(
+def test_clean_up_starts_without_announced_stop_reason(
     ros: Any, host: HostNode, market: Market
 ) -> None:
     mouth = ScriptedServer(ros, script=Script(finish_s=None))

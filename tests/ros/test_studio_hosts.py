@@ -39,7 +39,7 @@ class Hosts:
         return bool(self.ros.node.count_subscribers(f"{host}/trees"))
 
 
-def test_cards_without_a_heartbeat_take_no_places(ros: Ros) -> None:
+def test_cards_without_heartbeat_do_not_displace_hosts(ros: Ros) -> None:
     hosts = Hosts(ros)
     forged = [f"/forged{number}" for number in range(studio_node.MOST_HOSTS)]
     hosts.introduce(*forged)
@@ -48,7 +48,7 @@ def test_cards_without_a_heartbeat_take_no_places(ros: Ros) -> None:
     assert not any(map(hosts.is_watched, forged))
 
 
-def test_a_host_without_its_heartbeat_leaves_nothing_behind(ros: Ros) -> None:
+def test_host_without_heartbeat_is_fully_removed(ros: Ros) -> None:
     hosts = Hosts(ros)
     beats = hosts.begin("/real")
     ros.until(lambda: hosts.is_watched("/real"))

@@ -32,7 +32,7 @@ def test_the_nearest_agent_wins_and_runs(ros: Any, tmp_path: Path) -> None:
     assert "0.5 = |4.5" in system.auctions[-1].reason
 
 
-def test_missing_values_are_marked_and_left_out_of_the_distance(ros: Any, tmp_path: Path) -> None:
+def test_missing_values_are_marked_and_excluded_from_distance(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, young=1.5, old=4.5))
     answer = system.analyze(age=5)
     origins = {value.name: value.origin for value in answer.scene.values}
@@ -45,9 +45,7 @@ def test_missing_values_are_marked_and_left_out_of_the_distance(ros: Any, tmp_pa
     assert [bid.distance for bid in system.auctions[0].ranking] == [0.5, 3.5]
 
 
-def test_falling_mood_becomes_feedback_stops_the_run_and_another_agent_takes_over(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_falling_mood_gives_feedback_and_changes_agent(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5, old=4.5))
     scene_id = system.analyze(age=5, familiarity=3, mood=4).scene.scene_id
     ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
@@ -62,9 +60,7 @@ def test_falling_mood_becomes_feedback_stops_the_run_and_another_agent_takes_ove
     assert not system.finished(scene_id)
 
 
-def test_mood_rules_still_fire_in_a_follow_up_round_for_somebody_who_was_given(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_mood_rules_fire_in_follow_up_rounds(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5, old=4.5, third=3.0))
     live = ros.collect(Scene, "bt_agents/scene/live", qos.SENSOR)
     system.analyze(age=5, familiarity=3, mood=4)
@@ -77,7 +73,7 @@ def test_mood_rules_still_fire_in_a_follow_up_round_for_somebody_who_was_given(
     assert len({scene.scene_id for scene in live}) > 1
 
 
-def test_a_second_host_with_the_same_agent_name_is_refused(ros: Any, tmp_path: Path) -> None:
+def test_second_host_with_same_agent_name_is_refused(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, young=1.5))
     other = write_agents(tmp_path, young=5.0, other=5.0)
     second = ros.add(
@@ -92,9 +88,7 @@ def test_a_second_host_with_the_same_agent_name_is_refused(ros: Any, tmp_path: P
     assert "young" in {bid.agent for bid in system.auctions[-1].ranking}
 
 
-def test_a_second_host_of_the_same_name_takes_no_goals_and_the_first_goes_on(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_second_host_of_same_name_takes_no_goals(ros: Any, tmp_path: Path) -> None:
     trees = write_agents(tmp_path, wait="30 s", young=1.5)
     system = System(ros, trees)
     second = ros.add(active_host(system.folder))
@@ -114,9 +108,7 @@ def test_a_second_host_of_the_same_name_takes_no_goals_and_the_first_goes_on(
     assert second.stopped()
 
 
-def test_an_agent_that_the_market_refused_is_on_no_card_so_that_it_cannot_take_the_learning(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_refused_agent_appears_on_no_card(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, young=1.5))
     other = write_agents(tmp_path, young=5.0, other=5.0)
     second = ros.add(
@@ -133,9 +125,7 @@ def test_an_agent_that_the_market_refused_is_on_no_card_so_that_it_cannot_take_t
     assert second.registry.members["young"].revision == 0
 
 
-def test_a_market_that_starts_again_ends_the_run_of_the_one_before_it(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_restarted_market_ends_run_of_its_predecessor(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5))
     system.analyze(age=1, familiarity=3, mood=3)
     ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
@@ -147,7 +137,7 @@ def test_a_market_that_starts_again_ends_the_run_of_the_one_before_it(
     ros.until(lambda: told and (told[-1].epoch, told[-1].agents) == ("epoch-2", 1))
 
 
-def test_a_market_that_starts_again_finds_its_hosts(ros: Any, tmp_path: Path) -> None:
+def test_restarted_market_finds_its_hosts(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, young=1.5))
     ros.remove(system.market)
     ros.add(active_market(system.folder.scene.space, "epoch-2"))
@@ -192,9 +182,7 @@ def scene_message(*values: float, scene_id: str = "x") -> Scene:
 BAD_VECTORS = ([NAN, 3, 3], [INF, 3, 3], [], [3], [3, 3, 3, 3], [3, 3, 99])
 
 
-def test_bad_vectors_at_every_door_are_refused_and_the_system_lives_on(
-    ros: Any, tmp_path: Path
-) -> None:
+def test_bad_vectors_are_refused_at_every_interface(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, young=1.5))
     node = ros.node
     scenes = node.create_publisher(Scene, "bt_agents/scene", qos.FACT)

@@ -73,9 +73,7 @@ def prepared(environment: RosEnvironment, tree: str) -> list[NodeSpec]:
     return nodes
 
 
-def test_what_no_tree_names_any_more_leaves_the_graph_and_the_rest_stays_as_it_is(
-    node: Node, environment: RosEnvironment
-) -> None:
+def test_only_unused_entities_leave_graph(node: Node, environment: RosEnvironment) -> None:
     nodes = prepared(environment, TREE)
     assert used(node) == ALL
     before = [*node.waitables, *node.clients, *node.publishers, *node.subscriptions]
@@ -89,7 +87,7 @@ def test_what_no_tree_names_any_more_leaves_the_graph_and_the_rest_stays_as_it_i
     assert used(node) == ALL
 
 
-def test_a_goal_that_is_not_confirmed_keeps_its_client_until_it_is(
+def test_unconfirmed_goal_keeps_its_client(
     ros: Any, node: Node, environment: RosEnvironment
 ) -> None:
     server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None))

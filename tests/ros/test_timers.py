@@ -14,7 +14,7 @@ from bt_agents_ros.timers import OneShot
 pytestmark = pytest.mark.ros
 
 
-def test_it_rings_once_at_its_time_and_again_when_it_is_set_again(ros: Any) -> None:
+def test_timer_fires_once_per_setting(ros: Any) -> None:
     rung: list[float] = []
     one = OneShot(ros.node, lambda: rung.append(time.monotonic()))
     at = time.monotonic() + 0.03
@@ -28,7 +28,7 @@ def test_it_rings_once_at_its_time_and_again_when_it_is_set_again(ros: Any) -> N
     ros.until(lambda: len(rung) == 2)
 
 
-def test_it_rings_at_the_time_to_which_it_was_moved_and_not_after_it_was_stopped(ros: Any) -> None:
+def test_moved_timer_fires_at_new_time_stopped_never(ros: Any) -> None:
     first, second = [], []
     moved = OneShot(ros.node, lambda: first.append(time.monotonic()))
     stopped = OneShot(ros.node, lambda: second.append(time.monotonic()))
@@ -42,7 +42,7 @@ def test_it_rings_at_the_time_to_which_it_was_moved_and_not_after_it_was_stopped
     assert (len(first), second) == (1, [])
 
 
-def test_it_may_be_set_in_its_own_callback(ros: Any) -> None:
+def test_timer_may_be_set_in_its_own_callback(ros: Any) -> None:
     rung: list[float] = []
 
     def ring() -> None:
@@ -57,7 +57,7 @@ def test_it_may_be_set_in_its_own_callback(ros: Any) -> None:
     assert len(rung) == 3
 
 
-def test_it_may_be_set_to_a_time_that_never_comes(ros: Any) -> None:
+def test_timer_may_be_set_to_unreachable_time(ros: Any) -> None:
     rung: list[float] = []
     one = OneShot(ros.node, lambda: rung.append(time.monotonic()))
     for years in (1e3, 1e300):

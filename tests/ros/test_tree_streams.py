@@ -174,7 +174,7 @@ def shown(message: Any) -> dict[str, Any]:
     return found
 
 
-def test_a_watcher_follows_a_run_from_its_middle_to_its_end(
+def test_watcher_joins_running_tree_and_sees_its_end(
     ros: Any, host: HostNode, market: Market, watcher: Watcher
 ) -> None:
     handle = running(ros, market, host)
@@ -215,7 +215,7 @@ def test_a_watcher_follows_a_run_from_its_middle_to_its_end(
     assert ("/word", "READ") in {(one.key, one.activity_type) for one in activity}
 
 
-def test_a_late_watcher_sees_how_the_last_run_has_ended(
+def test_late_watcher_sees_end_of_last_run(
     ros: Any, host: HostNode, market: Market, watcher: Watcher
 ) -> None:
     _, nothing = watcher.snapshots("early")
@@ -231,7 +231,7 @@ def running_to_end(market: Market, host: HostNode, round_number: int = 1) -> Any
     return market.send(market.goal(host, "quick", round=round_number))
 
 
-def test_a_stream_goes_on_over_changes_of_the_agent_with_the_same_identifiers(
+def test_stream_keeps_node_identifiers_across_agent_changes(
     ros: Any, host: HostNode, market: Market, watcher: Watcher
 ) -> None:
     _, messages = watcher.snapshots("mine")
@@ -276,7 +276,7 @@ def test_a_cancelled_run_shows_its_clean_up(
     )
 
 
-def test_after_a_restart_of_the_host_streams_are_opened_again_and_nodes_keep_their_identifiers(
+def test_node_identifiers_survive_host_restart(
     ros: Any, host: HostNode, market: Market, watcher: Watcher, trees: Path
 ) -> None:
     market.result(running_to_end(market, host))
@@ -294,7 +294,7 @@ def test_after_a_restart_of_the_host_streams_are_opened_again_and_nodes_keep_the
     ]
 
 
-def test_a_stream_tells_more_or_less_as_it_is_reconfigured(
+def test_reconfigured_stream_changes_its_detail(
     ros: Any, host: HostNode, market: Market, watcher: Watcher
 ) -> None:
     topic, messages = watcher.snapshots(data=False, activity=False)
@@ -326,7 +326,7 @@ def test_a_stream_tells_more_or_less_as_it_is_reconfigured(
     assert not refused.result
 
 
-def test_with_a_period_ticks_without_changes_are_told_too(
+def test_stream_with_period_includes_unchanged_ticks(
     ros: Any, host: HostNode, market: Market, watcher: Watcher
 ) -> None:
     _, messages = watcher.snapshots(period=0.0, activity=False)
@@ -342,9 +342,7 @@ def test_with_a_period_ticks_without_changes_are_told_too(
     ros.until(quiet)
 
 
-def test_a_closed_stream_is_gone_and_another_name_was_never_there(
-    ros: Any, host: HostNode, watcher: Watcher
-) -> None:
+def test_closing_stream_twice_fails(ros: Any, host: HostNode, watcher: Watcher) -> None:
     topic, _ = watcher.snapshots("~/mine")
     assert topic == "/agents/mine"
     for there in (True, False):
@@ -358,7 +356,7 @@ def test_a_closed_stream_is_gone_and_another_name_was_never_there(
         assert answer.result is there
 
 
-def test_the_blackboard_is_listed_and_watched_with_what_was_done_to_it(
+def test_blackboard_stream_shows_variables_and_their_activity(
     ros: Any, host: HostNode, market: Market, watcher: Watcher
 ) -> None:
     topic, texts = watcher.blackboard("word", "/scene/age", with_activity_stream=True)
@@ -379,7 +377,7 @@ def test_the_blackboard_is_listed_and_watched_with_what_was_done_to_it(
     assert "/scene/familiarity" not in "".join(visited)
 
 
-def test_the_default_stream_comes_and_goes_with_its_parameter(
+def test_parameter_opens_and_closes_default_stream(
     ros: Any, host: HostNode, market: Market, watcher: Watcher
 ) -> None:
     messages = ros.collect(watcher.msg.BehaviourTree, "/agents/snapshots", LATCHED)
@@ -394,7 +392,7 @@ def test_the_default_stream_comes_and_goes_with_its_parameter(
     assert not refused.successful
 
 
-def test_streams_without_a_subscriber_are_dropped_and_their_number_is_bounded(
+def test_unsubscribed_streams_are_dropped_and_number_is_limited(
     ros: Any, host: HostNode, watcher: Watcher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def opened(name: str) -> str:
@@ -415,7 +413,7 @@ def test_streams_without_a_subscriber_are_dropped_and_their_number_is_bounded(
 
 
 @pytest.mark.parametrize("name", ["a b", "/", "x" * 500, "é", "a//b", "~/status"])
-def test_a_name_that_cannot_be_a_topic_opens_nothing(
+def test_invalid_topic_name_opens_no_stream(
     ros: Any, host: HostNode, watcher: Watcher, name: str
 ) -> None:
     logged = ros.collect(Log, "/rosout", qos.FACTS)
@@ -429,7 +427,7 @@ def test_a_name_that_cannot_be_a_topic_opens_nothing(
     ros.until(lambda: [one for one in logged if "snapshot_streams/open refused" in one.msg])
 
 
-def test_while_nobody_watches_no_tick_is_noted(
+def test_unwatched_ticks_are_not_recorded(
     ros: Any, host: HostNode, market: Market, watcher: Watcher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     noted: list[Any] = []
@@ -450,7 +448,7 @@ def test_while_nobody_watches_no_tick_is_noted(
     assert run._statuses == []
 
 
-def test_without_the_package_nothing_is_offered_and_the_log_says_so_once(
+def test_missing_package_disables_streams_and_logs_once(
     ros: Any, trees: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(

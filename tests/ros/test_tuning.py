@@ -129,7 +129,7 @@ def tuner(ros: Any, host: Host) -> Tuner:
     return Tuner(ros)
 
 
-def test_everything_that_can_be_tuned_is_a_described_parameter(ros: Any, host: Host) -> None:
+def test_every_tunable_is_a_described_parameter(ros: Any, host: Host) -> None:
     listed = ros.call(
         ros.node.create_client(ListParameters, "agents/list_parameters"),
         ListParameters.Request(prefixes=["a"]),
@@ -150,9 +150,7 @@ def test_everything_that_can_be_tuned_is_a_described_parameter(ros: Any, host: H
     assert ranges[2].step == 0.05
 
 
-def test_what_can_be_tuned_is_latched_in_typed_fields_and_sent_again_with_a_changed_file(
-    ros: Any, host: Host
-) -> None:
+def test_latched_tunables_follow_changed_file(ros: Any, host: Host) -> None:
     seen = ros.collect(Tunables, "agents/tunables", qos.FACT)
     ros.until(lambda: seen)
     assert seen[-1].host == "/agents"
@@ -177,9 +175,7 @@ def test_what_can_be_tuned_is_latched_in_typed_fields_and_sent_again_with_a_chan
     assert {one.agent for one in seen[-1].tunables} == {"", "b"}
 
 
-def test_a_tuning_says_whether_an_undo_can_take_it_back(
-    ros: Any, host: Host, tuner: Tuner
-) -> None:
+def test_tuning_says_whether_undo_is_possible(ros: Any, host: Host, tuner: Tuner) -> None:
     seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
     tuner.set(a__patience="12")
     tuner.set(b__attempts="4")
@@ -193,7 +189,7 @@ def test_a_tuning_says_whether_an_undo_can_take_it_back(
     assert [t.undoable for t in seen[-1].tunings] == [True, True, False, False]
 
 
-def test_a_plain_parameter_acts_on_the_agent_and_is_a_revision(
+def test_parameter_change_affects_agent_and_creates_revision(
     ros: Any, host: Host, tuner: Tuner
 ) -> None:
     seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
@@ -230,7 +226,7 @@ def test_a_plain_parameter_acts_on_the_agent_and_is_a_revision(
         ({"a__nothing": 1.0}, "UNKNOWN_PARAMETER"),
     ],
 )
-def test_one_bad_value_of_a_set_changes_nothing_and_says_why(
+def test_one_bad_value_rejects_whole_set_with_reason(
     host: Host, tuner: Tuner, bad: dict[str, Any], words: str
 ) -> None:
     before = {name: p.value for name, p in host._parameters.items()}
@@ -259,12 +255,12 @@ def test_what_the_service_sets_is_a_parameter_event(ros: Any, host: Host, tuner:
     assert changed.value.double_value == host.value("a.patience") == 12.0
 
 
-def test_zero_can_be_set_where_steps_go_through_it(host: Host, tuner: Tuner) -> None:
+def test_zero_can_be_set_when_steps_include_it(host: Host, tuner: Tuner) -> None:
     assert tuner.parameters(a__tilt=0.1).successful
     assert tuner.parameters(a__tilt=0.0).successful
 
 
-def test_the_service_takes_values_as_authors_write_them_with_author_and_reason(
+def test_tuning_service_accepts_authored_notation_author_and_reason(
     host: Host, tuner: Tuner
 ) -> None:
     answer = tuner.set(a__patience="12", b__patience="0.5 min", reason="Mrs Smith is slow")
@@ -277,9 +273,7 @@ def test_the_service_takes_values_as_authors_write_them_with_author_and_reason(
     assert tuner.set(a__patience="12 s").message == "everything stands so already"
 
 
-def test_a_value_that_somebody_else_has_changed_since_it_was_seen_is_refused_with_who_did_it(
-    host: Host, tuner: Tuner
-) -> None:
+def test_stale_change_is_refused_naming_other_author(host: Host, tuner: Tuner) -> None:
     first = tuner.set(author="anna", a__patience="12 s")
     assert first.revision == 1
     seen = {"author": "ben", "compare": True, "seen": 0}
@@ -294,9 +288,7 @@ def test_a_value_that_somebody_else_has_changed_since_it_was_seen_is_refused_wit
     assert (again.accepted, host.value("a.patience")) == (True, 20.0)
 
 
-def test_who_does_not_say_what_was_seen_sets_a_value_whoever_changed_it(
-    host: Host, tuner: Tuner
-) -> None:
+def test_set_without_seen_revision_overwrites_other_changes(host: Host, tuner: Tuner) -> None:
     tuner.set(author="anna", a__patience="12 s")
     assert tuner.set(author="ben", a__patience="20 s").accepted
     assert host.value("a.patience") == 20.0
@@ -322,7 +314,7 @@ def test_who_does_not_say_what_was_seen_sets_a_value_whoever_changed_it(
         ({"action": 5, "preset": "x"}, "UNKNOWN_PRESET"),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused_with_its_name(
+def test_invalid_request_is_refused_by_name(
     host: Host, tuner: Tuner, fields: dict[str, Any], code: str
 ) -> None:
     answer = tuner.ask(**fields)
@@ -331,7 +323,7 @@ def test_a_request_that_makes_no_sense_is_refused_with_its_name(
     assert answer.message
 
 
-def test_undo_and_redo_are_revisions_and_take_sets_as_a_whole(host: Host, tuner: Tuner) -> None:
+def test_undo_and_redo_treat_sets_as_single_revisions(host: Host, tuner: Tuner) -> None:
     tuner.set(a__patience="12", b__patience="12")
     tuner.set(b__attempts="4")
     undone = tuner.undo("a")
@@ -346,7 +338,7 @@ def test_undo_and_redo_are_revisions_and_take_sets_as_a_whole(host: Host, tuner:
     assert tuner.redo().code == "NOTHING_TO_REDO"
 
 
-def test_a_preset_is_saved_applied_and_forgotten(ros: Any, host: Host, tuner: Tuner) -> None:
+def test_preset_is_saved_applied_and_deleted(ros: Any, host: Host, tuner: Tuner) -> None:
     seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
     tuner.set(a__patience="12", a__loud="false")
     saved = tuner.ask(Tune.Request.SAVE, preset="care home", agents=["a"])
@@ -403,7 +395,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[SlowDisk]:
     disk.free.set()
 
 
-def test_nothing_waits_for_the_disk_but_the_answer_to_a_tuning(
+def test_only_tuning_answers_wait_for_disk(
     ros: Any, disk: SlowDisk, restarted: Callable[..., Host]
 ) -> None:
     host, tuner = restarted(), Tuner(ros)
@@ -423,7 +415,7 @@ def test_nothing_waits_for_the_disk_but_the_answer_to_a_tuning(
     assert set(disk.threads) == {"tunings"}
 
 
-def test_values_that_are_kept_in_their_file_need_no_sync(
+def test_values_adopted_by_agent_file_need_no_sync(
     ros: Any, disk: SlowDisk, restarted: Callable[..., Host]
 ) -> None:
     disk.free.set()
@@ -438,7 +430,7 @@ def test_values_that_are_kept_in_their_file_need_no_sync(
     assert len(disk.threads) == before
 
 
-def test_a_sync_that_fails_is_said_in_the_answer(
+def test_failed_sync_is_reported_in_answer(
     ros: Any, disk: SlowDisk, restarted: Callable[..., Host]
 ) -> None:
     disk.free.set()
@@ -451,7 +443,7 @@ def test_a_sync_that_fails_is_said_in_the_answer(
     assert tuner.ask(Tune.Request.SAVE, preset="slow").code == "CANNOT_WRITE"
 
 
-def test_a_tuning_that_goes_wrong_in_another_way_is_answered(
+def test_unexpected_tuning_error_is_answered(
     host: Host, tuner: Tuner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: Any) -> None:
@@ -483,7 +475,7 @@ def restarted(ros: Any, file: str, tmp_path: Path) -> Callable[..., Host]:
     return restart
 
 
-def test_a_restarted_host_has_what_was_tuned_and_can_undo_it(
+def test_restarted_host_keeps_tunings_and_can_undo_them(
     ros: Any, restarted: Callable[..., Host]
 ) -> None:
     host, tuner = restarted(), Tuner(ros)
@@ -498,7 +490,7 @@ def test_a_restarted_host_has_what_was_tuned_and_can_undo_it(
     assert host.value("a.patience") == 12.0
 
 
-def test_a_file_with_another_default_wins_over_what_was_tuned(
+def test_new_default_overrides_stored_tuning_at_start(
     ros: Any, restarted: Callable[..., Host]
 ) -> None:
     restarted()
@@ -516,9 +508,7 @@ def test_a_file_with_another_default_wins_over_what_was_tuned(
     assert host.value("a.patience") == 12.0
 
 
-def test_what_a_launch_file_sets_holds_for_this_start_only(
-    ros: Any, restarted: Callable[..., Host]
-) -> None:
+def test_launch_file_values_last_for_one_start(ros: Any, restarted: Callable[..., Host]) -> None:
     restarted()
     Tuner(ros).set(a__patience="12")
     launched = restarted(parameter_overrides=[Parameter("a.patience", value=20.0)])
@@ -527,7 +517,7 @@ def test_what_a_launch_file_sets_holds_for_this_start_only(
 
 
 @pytest.mark.parametrize("value", [99.0, "soon", math.nan])
-def test_an_impossible_value_of_a_launch_file_is_left_out(ros: Any, value: Any) -> None:
+def test_invalid_launch_file_value_is_ignored(ros: Any, value: Any) -> None:
     host = ros.add(Host(parameter_overrides=[Parameter("a.patience", value=value)]))
     assert host.value("a.patience") == 8.0
     assert host.tunables.left_out["a.patience"].startswith(
@@ -535,14 +525,14 @@ def test_an_impossible_value_of_a_launch_file_is_left_out(ros: Any, value: Any) 
     )
 
 
-def test_a_whole_number_of_a_parameter_file_is_taken_for_a_double(ros: Any) -> None:
+def test_parameter_file_integer_is_accepted_as_double(ros: Any) -> None:
     host = ros.add(Host(parameter_overrides=[Parameter("a.patience", value=12)]))
     assert host.value("a.patience") == 12.0
     assert host.member().tunables["patience"] == 12.0
     assert host.tunables.left_out == {}
 
 
-def test_a_second_host_on_the_same_file_goes_on_in_memory(ros: Any, file: str) -> None:
+def test_second_host_on_same_file_works_in_memory(ros: Any, file: str) -> None:
     ros.add(Host(tunings=file))
     second = Host(tunings=file, namespace="/other")
     ros.add(second)
@@ -554,7 +544,7 @@ def retuned(host: Host, head: str) -> None:
     host.tunables.replace(host.member(), spec(head=head))
 
 
-def test_a_changed_default_in_the_file_wins_and_can_be_undone(host: Host, tuner: Tuner) -> None:
+def test_changed_default_in_file_wins_and_is_undoable(host: Host, tuner: Tuner) -> None:
     tuner.set(a__patience="12", a__attempts="4")
     mapping = host.member().tunables
     retuned(host, HEAD.replace("default: 8 s", "default: 10 s").replace("0.2", "0.4"))
@@ -564,7 +554,7 @@ def test_a_changed_default_in_the_file_wins_and_can_be_undone(host: Host, tuner:
     assert tuner.undo().message.startswith("undo of revision 2: a.patience: 10 s → 12 s")
 
 
-def test_a_narrower_range_keeps_the_value_while_it_fits(host: Host, tuner: Tuner) -> None:
+def test_narrower_range_keeps_value_that_still_fits(host: Host, tuner: Tuner) -> None:
     tuner.set(a__patience="12")
     retuned(host, HEAD.replace("max: 30 s", "max: 12 s"))
     assert host.value("a.patience") == 12.0
@@ -573,7 +563,7 @@ def test_a_narrower_range_keeps_the_value_while_it_fits(host: Host, tuner: Tuner
     assert not tuner.parameters(a__patience=11.0).successful
 
 
-def test_tunables_come_go_and_change_their_type(host: Host, tuner: Tuner) -> None:
+def test_tunables_can_appear_disappear_and_change_type(host: Host, tuner: Tuner) -> None:
     tuner.set(a__patience="12", a__loud="false")
     fresh = "fresh: {default: 1 s, min: 0 s, max: 2 s}"
     retuned(host, f"tunables:\n  patience: {{default: soon}}\n  {fresh}")
@@ -585,7 +575,7 @@ def test_tunables_come_go_and_change_their_type(host: Host, tuner: Tuner) -> Non
     assert host.member().tunables["loud"] is False
 
 
-def test_an_agent_goes_and_comes_back_with_what_was_tuned(host: Host, tuner: Tuner) -> None:
+def test_agent_returns_with_its_tuned_values(host: Host, tuner: Tuner) -> None:
     tuner.set(a__patience="12")
     host.tunables.remove("a")
     host.registry.remove("a")
@@ -596,9 +586,7 @@ def test_an_agent_goes_and_comes_back_with_what_was_tuned(host: Host, tuner: Tun
     assert tuner.undo().accepted
 
 
-def test_a_swap_fills_a_new_mapping_and_leaves_the_old_one_to_the_tree_that_runs(
-    host: Host, tuner: Tuner
-) -> None:
+def test_swap_leaves_old_mapping_to_running_tree(host: Host, tuner: Tuner) -> None:
     tuner.set(a__patience="12")
     running = host.member().tunables
     host.member().tunables = dict(running)
@@ -608,7 +596,7 @@ def test_a_swap_fills_a_new_mapping_and_leaves_the_old_one_to_the_tree_that_runs
     assert host.member().tunables["patience"] == 12.0
 
 
-def test_the_profile_follows_the_file_until_something_was_learned(host: Host) -> None:
+def test_profile_follows_file_until_agent_learns(host: Host) -> None:
     other = replace(spec(), profile=(1.0, 2.0, 3.0))
     host.tunables.replace(host.member(), other)
     assert host.member().profile == (1.0, 2.0, 3.0)
@@ -617,7 +605,7 @@ def test_the_profile_follows_the_file_until_something_was_learned(host: Host) ->
     assert host.member().profile == (5.0, 5.0, 5.0)
 
 
-def test_a_tick_sees_all_of_an_atomic_set_or_none_of_it(ros: Any, host: Host) -> None:
+def test_tick_sees_atomic_set_completely_or_not(ros: Any, host: Host) -> None:
     seen: set[tuple[Any, Any]] = set()
     tunables = host.member().tunables
     timer = host.create_timer(
@@ -645,7 +633,7 @@ def test_a_tick_sees_all_of_an_atomic_set_or_none_of_it(ros: Any, host: Host) ->
     assert seen <= {*pairs, (8.0, 2)}
 
 
-def test_ten_thousand_updates_all_arrive_the_last_wins_and_the_history_is_bounded(
+def test_ten_thousand_updates_arrive_with_bounded_history(
     ros: Any, host: Host, tuner: Tuner
 ) -> None:
     seen = ros.collect(Tunings, "agents/tunings", qos.FACT)

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.ros
 PAIN = "  pain: {min: 0, max: 10, default: 0, profile: false}\n"
 
 
-def test_it_reaches_conditions_and_neither_bids_nor_profiles(ros: Any, tmp_path: Path) -> None:
+def test_non_profile_value_reaches_only_conditions(ros: Any, tmp_path: Path) -> None:
     trees = write_agents(tmp_path, young=1.5, old=4.5)
     scene = trees / "scene.yaml"
     # It stands first in the file, and last in every message.

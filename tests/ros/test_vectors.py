@@ -130,7 +130,7 @@ def system(ros: Any, tmp_path: Path) -> System:
     return System(ros, tmp_path)
 
 
-def test_bad_vectors_in_scenes_end_them_by_name(system: System) -> None:
+def test_bad_vectors_end_their_scenes_by_name(system: System) -> None:
     for number, (key, code) in enumerate(AS_SCENE.items()):
         system.scenes.publish(scene_of(BAD[key], f"s{number}"))
         system.ros.until(lambda n=number: len(system.ends) == n + 1)
@@ -139,7 +139,7 @@ def test_bad_vectors_in_scenes_end_them_by_name(system: System) -> None:
     system.is_as_before()
 
 
-def test_bad_vectors_in_an_analysis_are_refused_by_name(system: System) -> None:
+def test_bad_vectors_in_analysis_are_refused_by_name(system: System) -> None:
     for key, code in AS_VECTOR.items():
         for announce in (True, False):
             answer = system.ask(
@@ -165,7 +165,7 @@ def test_bad_profiles_are_refused_by_name(system: System) -> None:
 
 
 @pytest.mark.parametrize("kind", [Feedback.DIRECT, Feedback.SET])
-def test_bad_wishes_in_feedback_are_refused_by_name(system: System, kind: int) -> None:
+def test_bad_values_in_feedback_are_refused_by_name(system: System, kind: int) -> None:
     wishes = {**AS_OPINION, "no opinion": "NO_OPINION"}
     for key, code in wishes.items():
         values = BAD.get(key, [NAN] * 3)
@@ -225,7 +225,7 @@ def test_bad_scenes_in_goals_are_refused_by_name(system: System) -> None:
     system.is_as_before()
 
 
-def test_bad_live_scenes_are_noted_and_the_run_goes_on(system: System) -> None:
+def test_bad_live_scenes_are_logged_and_run_continues(system: System) -> None:
     system.scenes.publish(scene_to_msg(scene("s1", age=3, familiarity=3, mood=3)))
     system.ros.until(lambda: [run.event for run in system.runs] == [Run.STARTED])
     for values in BAD.values():
@@ -279,7 +279,7 @@ class Bidder:
         )
 
 
-def test_bad_bids_are_refused_by_name_and_win_nothing(ros: Any) -> None:
+def test_bad_bids_are_refused_and_win_nothing(ros: Any) -> None:
     auctions: list[Auction] = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
     statuses: list[MarketStatus] = ros.collect(MarketStatus, "bt_agents/market", qos.FACTS)
     scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)

@@ -114,7 +114,7 @@ def visit(label: str, *, person: bool = True, **values: float) -> Visit:
     return Visit(label=label, person=person, values=values)
 
 
-def test_visitors_are_sensed_one_after_the_other(ros):
+def test_visitors_are_sensed_in_sequence(ros):
     street = Street(ros, visit("a", age=3.0, mood=4.0), visit("ladder", person=False, mood=2.0))
     ros.turns(20)
     assert street.scenes == []
@@ -134,7 +134,7 @@ def test_visitors_are_sensed_one_after_the_other(ros):
     assert len(street.scenes) == 2
 
 
-def test_an_urgent_visitor_asks_for_an_urgent_scene(ros):
+def test_urgent_visitor_requests_urgent_scene(ros):
     street = Street(ros, Visit(label="a", person=True, values={"mood": 4.0}, urgent=True))
     street.idle()
     ros.until(lambda: street.scenes)
@@ -145,7 +145,7 @@ def test_an_urgent_visitor_asks_for_an_urgent_scene(ros):
     ros.until(lambda: street.done)
 
 
-def test_what_changes_during_the_run_is_sensed(ros):
+def test_changes_during_run_are_sensed(ros):
     change = SceneChange(after_s=1.0, values={"mood": 1.0}, person=False)
     angry = Visit(label="a", person=True, values={"mood": 4.0}, changes=(change,))
     street = Street(ros, angry)
@@ -156,7 +156,7 @@ def test_what_changes_during_the_run_is_sensed(ros):
     ros.until(lambda: not street.live[-1].person)
 
 
-def test_a_question_is_answered_by_its_key_word(ros):
+def test_visitor_answers_question_by_keyword(ros):
     polite = Visit(label="a", person=True, values={"mood": 4.0}, answers={"go": "yes"})
     street = Street(ros, polite)
     street.questions.publish(String(data="Shall we go?"))
@@ -171,7 +171,7 @@ def test_a_question_is_answered_by_its_key_word(ros):
     assert [said.data for said in street.said] == ["yes"], "nobody was there for the first one"
 
 
-def test_a_button_is_pressed_once_after_the_robot_has_named_it(ros):
+def test_button_is_pressed_once_after_robot_names_it(ros):
     pressed = ros.collect(Bool, "buttons/ok", qos.EVENTS)
     presser = Visit(
         label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
@@ -190,7 +190,7 @@ def test_a_button_is_pressed_once_after_the_robot_has_named_it(ros):
     assert [button.data for button in pressed] == [True]
 
 
-def test_a_button_is_pressed_when_the_tree_listens_which_another_node_did_before(ros, capfd):
+def test_button_press_waits_until_tree_listens(ros, capfd):
     presser = Visit(
         label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
     )
@@ -213,7 +213,7 @@ def test_a_button_is_pressed_when_the_tree_listens_which_another_node_did_before
     assert "was not pressed" not in capfd.readouterr().err
 
 
-def test_a_button_to_which_no_tree_listened_is_reported_when_the_visitor_leaves(ros, capfd):
+def test_unpressed_button_is_reported_when_visitor_leaves(ros, capfd):
     presser = Visit(
         label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
     )
@@ -230,7 +230,7 @@ def test_a_button_to_which_no_tree_listened_is_reported_when_the_visitor_leaves(
     assert "a: 'buttons/ok' was not pressed, as no tree listened" in capfd.readouterr().err
 
 
-def test_visitors_wait_for_a_scene_layer(ros):
+def test_visitors_wait_for_scene_layer(ros):
     street = Street(ros, visit("a", mood=4.0))
     ros.remove(street.layer)
     ros.until(lambda: street.node.count_subscribers("scene_layer/trigger") == 0)
@@ -252,7 +252,7 @@ def test_a_restarted_market_meets_the_same_visitor_again(ros):
     assert street.done == []
 
 
-def test_visitors_show_words_and_are_sure_of_what_is_read(ros):
+def test_simulated_expressions_use_words_with_full_confidence(ros):
     face = replace(
         source("mood", "bt_agents_interfaces/msg/Expression"),
         field=parse_expression("msg.expression"),
@@ -268,7 +268,7 @@ def test_visitors_show_words_and_are_sure_of_what_is_read(ros):
     assert (faces[0].expression, faces[0].confidence) == ("happy", 1.0)
 
 
-def test_a_reading_that_is_computed_cannot_be_played(ros):
+def test_computed_reading_cannot_be_simulated(ros):
     computed = replace(SPEC.sources[1], field=parse_expression("msg.data + 1"))
     spec = SceneSpec(space=SPACE, sources=(computed,), person=None)
     with pytest.raises(Refused, match=r"cannot write msg\.data \+ 1"):
@@ -337,7 +337,7 @@ def test_a_visitor_may_be_known_by_name(ros):
     assert (seen.face_id, seen.known, seen.emotion) == ("anna", True, "happy")
 
 
-def test_a_name_where_persons_have_numbers_is_refused(ros):
+def test_visitor_name_is_refused_for_numeric_ids(ros):
     reading = "field: data, stale_after: 1 s"
     text = f"""{TRACKED}
   tracked: {{topic: t, type: std_msgs/msg/Int32MultiArray, {reading}}}
@@ -350,7 +350,7 @@ def test_a_name_where_persons_have_numbers_is_refused(ros):
     assert found.value.code == "NAMED_VISITOR"
 
 
-def test_a_source_that_carries_text_ends_the_start_with_words(ros):
+def test_text_source_fails_start_with_message(ros):
     spec = SceneSpec(space=SPACE, sources=(source("mood", "std_msgs/msg/String"),), person=None)
     with pytest.raises(Refused, match=r"scene\.yaml:1:1.*expected a boolean or a number"):
         VisitorsNode(spec, Script(title="", visits=()))

@@ -91,9 +91,7 @@ def operate(system: System, **fields: Any) -> Any:
     return system.ros.call(client, OperateMarket.Request(author="test", **fields))
 
 
-def test_a_whole_cycle_goes_the_same_way_whatever_the_words_are(
-    ros: Any, tmp_path: Path, words: str
-) -> None:
+def test_complete_cycle_does_not_depend_on_wording(ros: Any, tmp_path: Path, words: str) -> None:
     trees = write_agents(tmp_path, wait="30 s", young=1.5, middle=3.0, old=4.5)
     system = System(ros, trees)
     system.analyze_absent(age=5)
@@ -136,7 +134,7 @@ def test_a_whole_cycle_goes_the_same_way_whatever_the_words_are(
     assert told == {words == "replaced"}
 
 
-def test_a_run_that_is_cut_off_is_asked_for_again_whatever_the_words_are(
+def test_interrupted_run_is_retried_whatever_the_wording(
     ros: Any, tmp_path: Path, words: str
 ) -> None:
     del words
@@ -153,7 +151,7 @@ def test_a_run_that_is_cut_off_is_asked_for_again_whatever_the_words_are(
     assert system.auctions[-1].scene.scene_id == f"{system.auctions[0].scene.scene_id}+again"
 
 
-def test_a_market_says_by_which_strategies_it_can_rank(ros: Any, tmp_path: Path) -> None:
+def test_market_publishes_its_ranking_strategies(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, young=1.5))
     ros.until(lambda: system.statuses)
     status: MarketStatus = system.statuses[-1]

@@ -107,7 +107,7 @@ def _listening(stage: Watched) -> int:
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
-def test_nothing_runs_except_below_what_runs_and_every_end_is_complete(
+def test_nothing_runs_below_a_halted_node(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     stage = Watched(tree, script)
@@ -134,7 +134,7 @@ def test_nothing_runs_except_below_what_runs_and_every_end_is_complete(
 
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
-def test_modifiers_keep_their_promises(
+def test_modifiers_keep_their_contracts(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     stage = Watched(tree, script)
@@ -161,7 +161,7 @@ def test_modifiers_keep_their_promises(
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
-def test_the_same_things_happening_to_the_same_tree_have_the_same_effects(
+def test_equal_inputs_produce_equal_traces(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     traces = []
@@ -175,7 +175,7 @@ def test_the_same_things_happening_to_the_same_tree_have_the_same_effects(
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
-def test_what_is_told_is_all_that_changes(
+def test_reported_changes_cover_every_status_change(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     stage = Watched(tree, script)
@@ -187,7 +187,7 @@ def test_what_is_told_is_all_that_changes(
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
-def test_a_cancel_at_any_time_ends_the_run_with_nothing_under_way(
+def test_cancel_at_any_time_leaves_nothing_running(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     stage = Watched(tree, script)
@@ -206,7 +206,7 @@ def test_a_cancel_at_any_time_ends_the_run_with_nothing_under_way(
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=5).filter(any), st.integers(0, 2**32))
-def test_picks_follow_the_weights(weights: list[int], seed: int) -> None:
+def test_random_picks_follow_weights(weights: list[int], seed: int) -> None:
     children = "\n".join(
         f"    - {{log: '{place}', weight: {weight}}}" for place, weight in enumerate(weights)
     )
@@ -220,7 +220,7 @@ def test_picks_follow_the_weights(weights: list[int], seed: int) -> None:
         assert abs(picked[place] - 600 * share) <= bound
 
 
-def test_the_random_trees_are_made_of_every_kind() -> None:
+def test_random_trees_cover_every_node_kind() -> None:
     found: set[str] = set()
 
     @settings(max_examples=300, deadline=None, derandomize=True, database=None)

@@ -42,7 +42,7 @@ def write_all(path: Path, written: list[list[OpenGoal]]) -> None:
 
 
 @given(starts=st.lists(st.lists(lists, max_size=4), min_size=1, max_size=3))
-def test_a_later_start_reads_what_was_written_last(starts: list[list[list[OpenGoal]]]):
+def test_restart_reads_the_last_written_list(starts: list[list[list[OpenGoal]]]):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "state" / "open-goals"
         last: list[OpenGoal] = []
@@ -53,7 +53,7 @@ def test_a_later_start_reads_what_was_written_last(starts: list[list[list[OpenGo
 
 
 @given(written=st.lists(lists, min_size=2, max_size=4), torn=lists, data=st.data())
-def test_a_write_that_was_torn_leaves_the_list_before_it(
+def test_torn_write_keeps_the_previous_list(
     written: list[list[OpenGoal]], torn: list[OpenGoal], data: st.DataObject
 ):
     with tempfile.TemporaryDirectory() as folder:
@@ -75,14 +75,14 @@ def test_a_write_that_was_torn_leaves_the_list_before_it(
 
 
 @given(damage=st.binary(max_size=400))
-def test_a_damaged_file_holds_nothing(damage: bytes):
+def test_damaged_file_reads_as_empty(damage: bytes):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "open-goals"
         path.write_bytes(damage)
         assert reread(path) == ()
 
 
-def test_as_many_goals_as_are_named_have_room(tmp_path: Path):
+def test_file_holds_maximum_number_of_goals(tmp_path: Path):
     many = [
         OpenGoal(
             path="😀" * 200,
@@ -99,7 +99,7 @@ def test_as_many_goals_as_are_named_have_room(tmp_path: Path):
     assert list(reread(tmp_path / "f")) in (many, many[1:])
 
 
-def test_it_is_held_by_one_process_and_readable_by_its_user_alone(tmp_path: Path):
+def test_file_is_locked_by_one_process_and_private(tmp_path: Path):
     first = OpenGoalsFile(tmp_path / "f")
     with pytest.raises(OSError, match="temporarily unavailable"):
         OpenGoalsFile(tmp_path / "f")

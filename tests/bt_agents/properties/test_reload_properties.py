@@ -128,7 +128,7 @@ class World:
 
 @settings(max_examples=150, deadline=None)
 @given(st.lists(events, max_size=30))
-def test_what_is_in_force_was_good_once_and_is_never_a_mix(happening):
+def test_active_version_is_valid_and_never_mixed(happening):
     with tempfile.TemporaryDirectory() as folder:
         world = World(Path(folder))
         world.check()
@@ -139,7 +139,7 @@ def test_what_is_in_force_was_good_once_and_is_never_a_mix(happening):
 
 @settings(max_examples=80, deadline=None)
 @given(st.lists(events, max_size=25))
-def test_in_the_end_the_robot_does_what_the_files_say(happening):
+def test_agents_converge_to_file_contents(happening):
     with tempfile.TemporaryDirectory() as folder:
         world = World(Path(folder))
         for event in happening:

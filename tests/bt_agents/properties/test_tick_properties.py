@@ -217,7 +217,7 @@ def _error_of(call: Callable[[], object]) -> str:
     return ""
 
 
-def test_our_nodes_do_what_those_of_py_trees_do_in_any_tree_tick_for_tick() -> None:
+def test_nodes_match_py_trees_tick_for_tick() -> None:
     chance = Random(SEED)
     for number in range(TREES):
         plan = Planner(chance, chance.choice((2, 4, 6, 8, 8, 10, 12, 15, 30))).node()
@@ -301,7 +301,7 @@ def _calls(call: Callable[[], object]) -> int:
     return calls
 
 
-def test_a_tick_costs_as_much_as_the_nodes_that_it_visits_and_reports_nothing_new() -> None:
+def test_tick_cost_scales_with_visited_nodes() -> None:
     costs = []
     for levels in (1, 2, 3):
         root = ours(_balanced(levels), [])
@@ -337,7 +337,7 @@ def _story(kind: str, *, memory: bool, ticks: list[str]) -> list[tuple[str, str]
     return found
 
 
-def test_a_sequence_ticks_as_its_table_says() -> None:
+def test_sequence_ticks_match_its_table() -> None:
     assert _story("sequence", memory=True, ticks=["SRS", "FSR", "FFR", "FFS", "SFS"]) == [
         ("SRI", "R"),
         ("SSR", "R"),
@@ -354,7 +354,7 @@ def test_a_sequence_ticks_as_its_table_says() -> None:
     ]
 
 
-def test_a_selector_ticks_as_its_table_says() -> None:
+def test_selector_ticks_match_its_table() -> None:
     assert _story("selector", memory=True, ticks=["FRS", "SFR", "SSR", "SSS", "FFF"]) == [
         ("FRI", "R"),
         ("IFR", "R"),

@@ -83,7 +83,7 @@ class Desk:
 
 
 @given(st.lists(SETS), SETS)
-def test_an_undo_after_a_change_gives_back_what_was(before, change):
+def test_undo_restores_values_before_last_change(before, change):
     desk = Desk()
     for one in before:
         desk.set(one)
@@ -98,7 +98,7 @@ def test_an_undo_after_a_change_gives_back_what_was(before, change):
 
 
 @given(st.lists(SETS, max_size=30))
-def test_as_many_undos_as_changes_give_back_the_start_and_redos_the_end(changes):
+def test_all_undos_and_redos_restore_both_ends(changes):
     desk = Desk()
     states = [dict(desk.values)]
     for change in changes:
@@ -142,7 +142,7 @@ def done(steps: list[object]) -> Desk:
 
 
 @given(STEPS)
-def test_whatever_was_undone_in_between_all_undos_give_back_the_start(steps):
+def test_undoing_everything_restores_the_start_values(steps):
     desk = done(steps)
     while desk.step(TuningAction.UNDO):
         pass
@@ -150,7 +150,7 @@ def test_whatever_was_undone_in_between_all_undos_give_back_the_start(steps):
 
 
 @given(STEPS, st.sampled_from(["a", "b", "c"]))
-def test_the_undo_of_an_agent_is_its_last_change_as_a_whole(steps, agent):
+def test_agent_undo_reverts_its_whole_last_change(steps, agent):
     desk = done(steps)
     before = dict(desk.values)
     stack = desk.history.undoable
@@ -167,7 +167,7 @@ def test_the_undo_of_an_agent_is_its_last_change_as_a_whole(steps, agent):
 
 @settings(deadline=None, max_examples=60)
 @given(STEPS)
-def test_a_file_says_everything_of_a_history(tmp_path_factory, steps):
+def test_history_survives_its_file(tmp_path_factory, steps):
     desk = done(steps)
     path = tmp_path_factory.mktemp("log") / "tunings.json"
     log = ChangeLog(path, Disk())
@@ -190,7 +190,7 @@ JSON = st.recursive(
 
 @settings(deadline=None, max_examples=100)
 @given(JSON, st.sampled_from(["revisions", "undoable", "shown", "overrides", "format", ""]))
-def test_no_content_of_a_file_is_more_than_damage(tmp_path_factory, content, key):
+def test_any_bad_content_is_reported_as_damage(tmp_path_factory, content, key):
     path = tmp_path_factory.mktemp("log") / "tunings.json"
     sound = {"format": 1, "revisions": [], "undoable": [], "redoable": [], "shown": []}
     whole = sound | {"overrides": {}, key: content} if key else content
@@ -213,7 +213,7 @@ def test_no_content_of_a_file_is_more_than_damage(tmp_path_factory, content, key
         min_size=1,
     ),
 )
-def test_a_preset_is_read_as_it_was_written(name, values):
+def test_preset_survives_its_file(name, values):
     assume(not name_problem(name))
     read = read_preset(Source("presets/x.yaml", preset_text(name, values)))
     assert (read.name, read.values) == (name, values)
@@ -223,7 +223,7 @@ def test_a_preset_is_read_as_it_was_written(name, values):
     st.floats(0, 1e7) | st.sampled_from([8.0, 120.0, 0.25]),
     st.sampled_from([FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE, FieldType.NUMBER]),
 )
-def test_what_is_written_is_read_as_the_same_value(value, field_type):
+def test_formatted_value_parses_to_same_value(value, field_type):
     parameter = TunableParameter(
         name="a.x", agent="a", key="x", kind=TunableKind.TUNABLE, type=field_type, default=0.0
     )
@@ -306,7 +306,7 @@ def another(draw: st.DrawFn, parameter: TunableParameter) -> Setting:
 
 @settings(deadline=None, max_examples=200)
 @given(st.one_of(agent_files(), st.sampled_from(FILES)), st.data())
-def test_keeping_changes_the_wanted_values_of_a_file_and_nothing_else(text, data):
+def test_keeping_tunings_changes_only_their_values_in_file(text, data):
     spec = read_file(text)
     parameters = values_of(spec)
     chosen = data.draw(st.sets(st.sampled_from(sorted(parameters)), max_size=4))
@@ -356,7 +356,7 @@ def test_keeping_changes_the_wanted_values_of_a_file_and_nothing_else(text, data
         ("250 ms", 0.4, "400 ms"),
     ],
 )
-def test_a_time_keeps_the_unit_of_the_author_while_it_fits(old, value, new):
+def test_duration_keeps_author_unit_while_it_fits(old, value, new):
     text = (
         "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
         f"tunables:\n  t: {{default: {old}, min: 0 s, max: 10 min}}  # t\ntree: {{wait: 0 s}}\n"
@@ -379,7 +379,7 @@ def test_a_time_keeps_the_unit_of_the_author_while_it_fits(old, value, new):
         ("learning: {update: median}\n", "learning_rate: 0.5"),
     ],
 )
-def test_a_learning_rate_is_kept_where_the_author_wrote_it(learning, kept_as):
+def test_learning_rate_is_kept_at_its_original_place(learning, kept_as):
     text = (
         "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
         f"{learning}tree: {{wait: 0 s}}\n"

@@ -22,7 +22,7 @@ def declined(registry: AgentRegistry, **values: float) -> dict[str, str]:
     return {name: decline.reason for name, decline in answer.declined.items()}
 
 
-def test_an_agent_bids_when_what_it_requires_is_true():
+def test_agent_bids_when_its_requirement_holds():
     spec = agent("say: x", "requires: scene.age >= 3")
     assert declined(AgentRegistry(SPACE, [spec]), age=3) == {}
     assert declined(AgentRegistry(SPACE, [spec]), age=2) == {"a": "needs scene.age >= 3"}
@@ -31,7 +31,7 @@ def test_an_agent_bids_when_what_it_requires_is_true():
     }
 
 
-def test_who_is_one_for_the_night_bids_at_night():
+def test_night_agent_bids_only_at_night():
     registry = AgentRegistry(SPACE, [agent("say: x", "requires: clock.hour >= 22")])
     registry.apply_registration(["a"], [1], [""])
 
@@ -48,7 +48,7 @@ def test_who_is_one_for_the_night_bids_at_night():
     ]
 
 
-def test_what_a_scene_lacks_is_told_apart_from_other_reasons_not_to_bid():
+def test_decline_carries_unmet_scene_condition():
     registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     registry.apply_registration(["a"], [1], [""])
     unmet = "scene.age >= 3"
@@ -69,12 +69,12 @@ def test_what_a_scene_lacks_is_told_apart_from_other_reasons_not_to_bid():
         ("not (scene.age > 1 and scene.mood > 1)", "not (scene.age > 1 and scene.mood > 1)"),
     ],
 )  # fmt: skip
-def test_of_conditions_joined_by_and_the_one_that_is_not_met_is_named(requires, lacking):
+def test_decline_names_unmet_part_of_conjunction(requires, lacking):
     registry = AgentRegistry(SPACE, [agent("say: x", f"requires: {requires}")])
     assert declined(registry, age=2, mood=3) == {"a": f"needs {lacking}"}
 
 
-def test_a_requirement_that_cannot_be_decided_is_told_apart_from_one_that_a_scene_lacks():
+def test_undecidable_requirement_differs_from_unmet_one():
     registry = AgentRegistry(SPACE, [agent("say: x", "requires: 1 / (scene.age - 3) > 0")])
     registry.apply_registration(["a"], [1], [""])
     answer = registry.bids_for(scene(age=3))
@@ -84,13 +84,13 @@ def test_a_requirement_that_cannot_be_decided_is_told_apart_from_one_that_a_scen
     assert registry.bids_for(scene(age=2)).undecided == {}
 
 
-def test_an_agent_that_uses_a_skill_which_nobody_offers_does_not_bid_and_says_why():
+def test_agent_with_unoffered_skill_declines_with_reason():
     reason = "skill 'dance': no robot is bound to it"
     spec = replace(agent("say: x"), unoffered=(reason,))
     assert declined(AgentRegistry(SPACE, [spec]), age=3) == {"a": reason}
 
 
-def test_agents_come_and_go_and_one_that_leaves_bids_no_more_and_says_why():
+def test_leaving_agent_declines_with_its_removal_reason():
     registry = AgentRegistry(SPACE, [agent("say: x")])
     second = registry.add(replace(agent("say: x"), name="b"))
     assert declined(registry, age=3) == {}
@@ -102,7 +102,7 @@ def test_agents_come_and_go_and_one_that_leaves_bids_no_more_and_says_why():
     assert declined(registry, age=3) == {}
 
 
-def test_when_nobody_here_can_run_all_decline_with_that_reason():
+def test_obstacle_makes_all_agents_decline():
     registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     registry.apply_registration(["a"], [1], [""])
     answer = registry.bids_for(scene(age=2), obstacle="nothing publishes /clock")
@@ -131,15 +131,13 @@ def layered(kinds: str, **layers: float) -> AgentRegistry:
         ("[person]", "bob", "lobby", 3.0),
     ],
 )
-def test_an_agent_bids_with_the_persons_profile_else_the_places_else_everybodys(
-    kinds, person, place, expected
-):
+def test_bid_prefers_person_then_place_then_base_profile(kinds, person, place, expected):
     member = layered(kinds, person_anna=4.0, place_lobby=5.0).member("a")
     here = replace(scene(age=3), person_id=person, place=place)
     assert member.profile_for(here)[0] == expected
 
 
-def test_a_layer_of_an_older_revision_or_of_nobody_is_refused():
+def test_stale_or_unnamed_layer_is_refused():
     registry = layered("[person]", person_anna=4.0)
     for layer, revision, code in (
         ("person/anna", 0, "STALE_REVISION"),
@@ -153,7 +151,7 @@ def test_a_layer_of_an_older_revision_or_of_nobody_is_refused():
     assert registry.member("a").layers == {"person/anna": ((4.0, 3.0, 3.0), 1)}
 
 
-def test_the_layers_of_an_agent_are_bounded():
+def test_number_of_layers_per_agent_is_bounded():
     registry = layered("[person]")
     for number in range(MOST_LAYERS):
         registry.set_profile("a", [3.0, 3.0, 3.0], 1, f"person/{number}")
@@ -162,7 +160,7 @@ def test_the_layers_of_an_agent_are_bounded():
     registry.set_profile("a", [4.0, 3.0, 3.0], 2, "person/7")
 
 
-def test_a_layer_is_forgotten_by_name_and_all_of_a_host_at_once():
+def test_layers_are_removed_singly_or_all_together():
     registry = layered("[person, place]", person_anna=4.0, place_lobby=5.0)
     registry.remove_layer("a", "person/anna")
     registry.remove_layer("a", "person/anna")
@@ -173,7 +171,7 @@ def test_a_layer_is_forgotten_by_name_and_all_of_a_host_at_once():
         registry.remove_layer("b", "person/anna")
 
 
-def test_the_weights_of_agents_go_with_the_bids_where_any_agent_has_its_own():
+def test_custom_weights_are_sent_with_bids():
     plain = agent("say: x")
     heavy = replace(agent("say: x", "weights: {age: 2}"), name="b")
     registry = AgentRegistry(SPACE, [plain, heavy])
@@ -183,7 +181,7 @@ def test_the_weights_of_agents_go_with_the_bids_where_any_agent_has_its_own():
     assert list(registry.bids_for(scene(age=3)).bidders.weights) == [*of_scene, 2.0, *of_scene[1:]]
 
 
-def test_every_change_of_an_agent_counts_in_the_next_answer():
+def test_next_answer_reflects_every_agent_change():
     registry = AgentRegistry(SPACE, [agent("say: x", "learning: {layers: [person]}")])
     anna = replace(scene(age=3), person_id="anna")
 
@@ -215,7 +213,7 @@ def test_every_change_of_an_agent_counts_in_the_next_answer():
     assert list(registry.bids_for(anna).bidders.weights) == weights
 
 
-def test_agents_that_require_the_same_or_something_else_answer_each_for_itself():
+def test_each_agent_evaluates_its_own_requirement():
     old = agent("say: x", "requires: scene.age >= 3")
     keen = replace(agent("say: x", "requires: scene.mood > 2"), name="c")
     registry = AgentRegistry(SPACE, [old, replace(old, name="b"), keen])

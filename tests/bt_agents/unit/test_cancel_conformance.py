@@ -178,9 +178,7 @@ def check_end(performance: Performance, took_s: float) -> None:
 
 @pytest.mark.parametrize("server", SERVERS, ids=lambda server: server.__name__)
 @pytest.mark.parametrize("agent", AGENTS, ids=lambda agent: agent.name)
-def test_a_cancel_at_any_tick_ends_the_run_once_with_nothing_left_running(
-    agent: AgentSpec, server: Server
-) -> None:
+def test_cancel_at_any_tick_ends_run_cleanly(agent: AgentSpec, server: Server) -> None:
     for seed in SEEDS:
         whole = Performance(agent=agent, server=server, seed=seed)
         whole.until(MOST_TICKS)
@@ -199,7 +197,7 @@ def test_a_cancel_at_any_tick_ends_the_run_once_with_nothing_left_running(
                 assert result.tip == before
 
 
-def test_the_cancels_come_in_most_branches_of_the_agents() -> None:
+def test_cancels_cover_most_tree_branches() -> None:
     missed = []
     nodes = 0
     for agent in AGENTS:

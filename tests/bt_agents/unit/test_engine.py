@@ -13,7 +13,7 @@ LONG = [ScriptedReply(after_s=100.0)]
 FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
-def test_a_sequence_runs_its_children_one_after_the_other() -> None:
+def test_sequence_runs_children_in_order() -> None:
     #  t | first | second | sequence
     #  0 |   R   |   -    |   R
     #  1 |   S   |   R    |   R
@@ -33,7 +33,7 @@ def test_a_sequence_runs_its_children_one_after_the_other() -> None:
     assert stage.after(1.0) == "succeeded"
 
 
-def test_a_sequence_fails_with_its_first_failing_child_and_says_why() -> None:
+def test_sequence_fails_with_reason_of_first_failing_child() -> None:
     stage = Stage(
         """
         sequence:
@@ -61,7 +61,7 @@ def test_a_selector_takes_the_first_child_that_succeeds() -> None:
     assert stage.said == ["second"]
 
 
-def test_a_parallel_for_all_waits_for_all() -> None:
+def test_parallel_all_waits_for_every_child() -> None:
     stage = Stage(
         """
         parallel:
@@ -76,7 +76,7 @@ def test_a_parallel_for_all_waits_for_all() -> None:
     assert stage.after(1.0) == "succeeded"
 
 
-def test_a_parallel_for_one_stops_the_others_and_the_run_waits_until_they_have_ended() -> None:
+def test_parallel_one_stops_other_children_and_settles() -> None:
     stage = Stage(
         """
         parallel:
@@ -97,7 +97,7 @@ def test_a_parallel_for_one_stops_the_others_and_the_run_waits_until_they_have_e
     assert stage.environment.running() == []
 
 
-def test_a_check_whose_value_is_missing_is_a_failure_that_says_so() -> None:
+def test_check_fails_when_its_value_is_missing() -> None:
     stage = Stage("check: scene.age > 2", awarded=scene(mood=3))
     assert stage.tick() == "failed"
     assert stage.run.result is not None
@@ -117,7 +117,7 @@ def test_set_writes_what_later_nodes_read() -> None:
     assert stage.said == ["Going to gate 12"]
 
 
-def test_wait_takes_its_time_and_the_time_may_be_tuned_while_it_passes() -> None:
+def test_running_wait_follows_tuned_duration() -> None:
     stage = Stage(
         "wait: ${pause}",
         head="tunables: {pause: {default: 10 s, min: 1 s, max: 60 s, description: d}}",
@@ -129,7 +129,7 @@ def test_wait_takes_its_time_and_the_time_may_be_tuned_while_it_passes() -> None
     assert stage.after(0.5) == "succeeded"
 
 
-def test_wait_for_takes_the_first_message_that_fits() -> None:
+def test_wait_for_ends_at_first_matching_message() -> None:
     stage = Stage("wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}")
     assert stage.tick() == "running"
     stage.environment.arrive("button", {"data": False})
@@ -138,7 +138,7 @@ def test_wait_for_takes_the_first_message_that_fits() -> None:
     assert stage.tick() == "succeeded"
 
 
-def test_a_condition_can_look_at_an_item_of_a_list_and_one_too_far_is_not_there() -> None:
+def test_condition_indexes_list_and_fails_out_of_range() -> None:
     tree = "wait_for: {topic: scan, type: sensor_msgs/msg/LaserScan, until: msg.ranges.1 < 1}"
     stage = Stage(tree)
     assert stage.tick() == "running"
@@ -152,7 +152,7 @@ def test_a_condition_can_look_at_an_item_of_a_list_and_one_too_far_is_not_there(
     assert short.tick() == "failed"
 
 
-def test_the_output_of_a_skill_can_be_used_by_later_nodes() -> None:
+def test_later_node_reads_skill_output() -> None:
     stage = Stage(
         """
         sequence:
@@ -165,12 +165,12 @@ def test_the_output_of_a_skill_can_be_used_by_later_nodes() -> None:
     assert stage.environment.goals[-1].goal.fields["destination"] == "gate 7"
 
 
-def test_a_skill_whose_condition_on_the_result_is_false_fails() -> None:
+def test_skill_fails_when_its_result_condition_is_false() -> None:
     stage = Stage("ask: Where to?", answers={"ask": [ScriptedReply(result={"answer": ""})]})
     assert stage.tick() == "failed"
 
 
-def test_raw_leaves_send_what_they_say() -> None:
+def test_raw_leaves_send_their_declared_fields() -> None:
     stage = Stage(
         """
         sequence:
@@ -187,7 +187,7 @@ def test_raw_leaves_send_what_they_say() -> None:
     assert stage.environment.published[0].fields == {"data": "age 3"}
 
 
-def test_a_timeout_stops_the_node_and_cancels_its_goal() -> None:
+def test_timeout_halts_node_and_cancels_its_goal() -> None:
     stage = Stage("say: long text\ntimeout: 2 s", answers={"say": LONG})
     assert stage.tick() == "running"
     assert stage.after(1.9) == "running"
@@ -197,14 +197,14 @@ def test_a_timeout_stops_the_node_and_cancels_its_goal() -> None:
     assert "not done within 2 s" in stage.run.result.message
 
 
-def test_retry_starts_again_until_it_succeeds() -> None:
+def test_retry_restarts_child_until_it_succeeds() -> None:
     stage = Stage("say: x\nretry: 3", answers={"say": [*FAILS, *FAILS, ScriptedReply()]})
     assert stage.tick(2) == "running"
     assert stage.tick() == "succeeded"
     assert len(stage.said) == 3
 
 
-def test_retry_gives_up_after_so_many_attempts_with_the_reason_of_the_last() -> None:
+def test_exhausted_retry_fails_with_last_reason() -> None:
     stage = Stage("say: x\nretry: 2", answers={"say": FAILS})
     assert stage.tick(2) == "failed"
     assert len(stage.said) == 2
@@ -218,18 +218,18 @@ def test_repeat_counts_successes() -> None:
     assert len(stage.said) == 3
 
 
-def test_invert_turns_success_and_failure_round() -> None:
+def test_invert_swaps_success_and_failure() -> None:
     assert Stage("check: scene.age > 4\ninvert: true").tick() == "succeeded"
     assert Stage("check: scene.age < 4\ninvert: true").tick() == "failed"
 
 
-def test_on_failure_is_done_instead_and_counts_as_handled() -> None:
+def test_on_failure_branch_replaces_failed_node() -> None:
     stage = Stage("drive: x\non_failure: {say: sorry}", answers={"drive": FAILS})
     assert stage.tick() == "succeeded"
     assert stage.said == ["sorry"]
 
 
-def test_a_node_whose_when_is_false_is_left_out_of_a_sequence() -> None:
+def test_sequence_skips_child_whose_when_is_false() -> None:
     stage = Stage(
         """
         sequence:
@@ -242,7 +242,7 @@ def test_a_node_whose_when_is_false_is_left_out_of_a_sequence() -> None:
     assert stage.said == ["for all"]
 
 
-def test_a_node_whose_when_is_false_lets_a_selector_go_on() -> None:
+def test_selector_skips_child_whose_when_is_false() -> None:
     stage = Stage(
         """
         selector:
@@ -255,7 +255,7 @@ def test_a_node_whose_when_is_false_lets_a_selector_go_on() -> None:
     assert stage.said == ["for all"]
 
 
-def test_a_when_is_looked_at_once_when_the_node_starts() -> None:
+def test_when_is_evaluated_once_at_node_start() -> None:
     stage = Stage("say: x\nwhen: live.mood >= 3", answers={"say": [ScriptedReply(after_s=2.0)]})
     assert stage.tick() == "running"
     stage.set_mood(1.0)
@@ -263,7 +263,7 @@ def test_a_when_is_looked_at_once_when_the_node_starts() -> None:
     assert stage.after(1.0) == "succeeded"
 
 
-def test_a_subtree_sees_its_inputs_as_the_caller_meant_them() -> None:
+def test_subtree_receives_inputs_from_its_caller() -> None:
     stage = Stage(
         """
         sequence:
@@ -285,7 +285,7 @@ def test_a_subtree_sees_its_inputs_as_the_caller_meant_them() -> None:
     assert stage.said == ["Hello Eve.", "Hello Bob."]
 
 
-def test_live_names_follow_the_live_scene_and_scene_names_do_not() -> None:
+def test_only_live_names_follow_the_live_scene() -> None:
     stage = Stage(
         """
         sequence:
@@ -298,7 +298,7 @@ def test_live_names_follow_the_live_scene_and_scene_names_do_not() -> None:
     assert stage.after(1.0) == "succeeded"
 
 
-def test_a_cancel_stops_every_running_leaf_then_cleans_up_then_waits_for_open_goals() -> None:
+def test_cancel_halts_leaves_cleans_up_and_settles() -> None:
     #  t    | say       | show      | on_cancel | run
     #  0    | R         | R         |           | R
     #  0    | cancelled | cancel    |           | cleaning
@@ -330,7 +330,7 @@ def test_a_cancel_stops_every_running_leaf_then_cleans_up_then_waits_for_open_go
     assert stage.run.result.message == "enough"
 
 
-def test_a_goal_that_ignores_the_cancel_is_reported_as_an_orphan_after_a_bounded_wait() -> None:
+def test_goal_ignoring_cancel_becomes_an_orphan() -> None:
     stage = Stage("say: x", answers={"say": [ScriptedReply(after_s=1e9, cancel_s=1e9)]})
     stage.tick()
     stage.run.cancel("enough")
@@ -340,7 +340,7 @@ def test_a_goal_that_ignores_the_cancel_is_reported_as_an_orphan_after_a_bounded
     assert stage.run.result.orphans == ("tree",)
 
 
-def test_a_goal_not_yet_accepted_is_cancelled_on_acceptance() -> None:
+def test_pending_goal_is_cancelled_on_acceptance() -> None:
     stage = Stage("say: x", answers={"say": [ScriptedReply(accept_s=0.5, after_s=50.0)]})
     stage.tick()
     stage.run.cancel("enough")
@@ -348,7 +348,7 @@ def test_a_goal_not_yet_accepted_is_cancelled_on_acceptance() -> None:
     assert stage.after(0.5) == "cancelled"
 
 
-def test_a_clean_up_that_does_not_end_is_bounded() -> None:
+def test_endless_cleanup_is_bounded() -> None:
     stage = Stage("wait: 9 s", head="on_cancel: {wait: 1 min}")
     stage.tick()
     stage.run.cancel("enough")
@@ -382,7 +382,7 @@ def test_a_second_cancel_changes_nothing() -> None:
     assert stage.run.result.message == "first"
 
 
-def test_a_stop_without_clean_up_leaves_on_cancel_out() -> None:
+def test_stop_without_cleanup_skips_on_cancel() -> None:
     stage = Stage("wait: 9 s", head="on_cancel: {say: bye}")
     stage.tick()
     stage.run.cancel("shutdown", clean_up=False)
@@ -390,7 +390,7 @@ def test_a_stop_without_clean_up_leaves_on_cancel_out() -> None:
     assert stage.said == []
 
 
-def test_only_what_changed_in_a_tick_is_told_in_the_order_it_happened() -> None:
+def test_tick_reports_only_changes_in_order() -> None:
     stage = Stage(
         """
         sequence:
@@ -409,9 +409,7 @@ def test_only_what_changed_in_a_tick_is_told_in_the_order_it_happened() -> None:
     assert stage.changes == []
 
 
-def test_a_leaf_that_raises_is_a_failure_with_its_path_and_its_place_in_the_file(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_raising_leaf_fails_with_path_and_file_position(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Stage("sequence:\n  - say: x")
 
     def broken(goal: object) -> None:

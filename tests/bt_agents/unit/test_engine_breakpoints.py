@@ -19,7 +19,7 @@ def stopped(tree: str, *paths: str, **how: Any) -> Stage:
     return stage
 
 
-def test_a_node_is_stopped_before_it_does_anything_and_starts_at_the_next_tick() -> None:
+def test_breakpoint_holds_node_until_next_tick() -> None:
     stage = stopped("sequence: [{say: one}, {say: two}]", "tree/1.say")
     stage.tick()
     assert stage.run.held == ("tree/1.say",)
@@ -28,27 +28,27 @@ def test_a_node_is_stopped_before_it_does_anything_and_starts_at_the_next_tick()
     assert (stage.said, stage.run.held) == (["one", "two"], ())
 
 
-def test_the_root_can_be_stopped_before() -> None:
+def test_breakpoint_holds_the_root() -> None:
     stage = stopped("say: hello", "tree")
     stage.tick()
     assert (stage.run.held, stage.said) == (("tree",), [])
     assert stage.tick() == "succeeded"
 
 
-def test_a_node_that_was_stopped_before_is_running_once_in_what_is_told() -> None:
+def test_held_node_reports_running_once() -> None:
     stage = stopped("say: hello", "tree", answers=LONG)
     stage.tick(3)
     assert stage.reports("tree") == [("RUNNING", "")]
 
 
-def test_children_of_a_parallel_beside_it_are_ticked_in_the_same_tick() -> None:
+def test_siblings_in_parallel_tick_beside_held_node() -> None:
     stage = stopped("parallel: [{say: one}, {show: two}]", "tree/0.say")
     stage.tick()
     assert stage.asked == ["show"]
     assert stage.tick() == "succeeded"
 
 
-def test_a_node_that_is_stopped_in_the_same_tick_does_not_wait() -> None:
+def test_node_halted_in_same_tick_is_not_held() -> None:
     tree = "selector: [{parallel: [{say: one}, {check: scene.age > 4}]}, {say: two}]"
     stage = stopped(tree, "tree/0.parallel/0.say", answers=LONG)
     stage.tick()
@@ -56,7 +56,7 @@ def test_a_node_that_is_stopped_in_the_same_tick_does_not_wait() -> None:
     assert stage.said == ["two"]
 
 
-def test_each_round_of_a_repeat_stops() -> None:
+def test_breakpoint_holds_every_repeat_round() -> None:
     stage = stopped("repeat: {times: 2}\nsay: hello", "tree")
     held = []
     while stage.outcome == "running":
@@ -65,13 +65,13 @@ def test_each_round_of_a_repeat_stops() -> None:
     assert held == [("tree",), (), ("tree",), ()]
 
 
-def test_a_node_whose_condition_is_not_true_is_not_stopped_before() -> None:
+def test_breakpoint_ignores_node_whose_when_is_false() -> None:
     stage = stopped("sequence: [{say: one, when: mood.change > 3}, {say: two}]", "tree/0.say")
     assert stage.tick() == "succeeded"
     assert stage.said == ["two"]
 
 
-def test_one_that_is_interrupted_while_it_waits_has_done_nothing_and_is_stopped_again() -> None:
+def test_interrupted_held_node_is_held_again() -> None:
     stage = stopped("say: hello", "tree")
     stage.tick()
     stage.interrupt()
@@ -80,7 +80,7 @@ def test_one_that_is_interrupted_while_it_waits_has_done_nothing_and_is_stopped_
     assert (stage.run.held, stage.said) == (("tree",), [])
 
 
-def test_one_that_is_interrupted_and_has_no_breakpoint_any_more_starts_once() -> None:
+def test_interrupted_node_without_breakpoint_starts_once() -> None:
     stage = stopped("say: hello", "tree", answers=LONG)
     stage.tick()
     stage.run.set_breakpoints(())
@@ -89,14 +89,14 @@ def test_one_that_is_interrupted_and_has_no_breakpoint_any_more_starts_once() ->
     assert stage.said == ["hello"]
 
 
-def test_a_breakpoint_that_is_removed_while_a_node_waits_lets_it_start() -> None:
+def test_removing_breakpoint_releases_held_node() -> None:
     stage = stopped("sequence: [{say: one}, {say: two}]", "tree/0.say", "tree/1.say")
     stage.tick()
     stage.run.set_breakpoints(())
     assert stage.tick() == "succeeded"
 
 
-def test_breakpoints_are_set_while_the_tree_runs() -> None:
+def test_breakpoint_set_during_run_takes_effect() -> None:
     stage = Stage("sequence: [{say: one}, {say: two}]", answers=LONG)
     stage.tick()
     stage.run.set_breakpoints(("tree/1.say",))
@@ -104,7 +104,7 @@ def test_breakpoints_are_set_while_the_tree_runs() -> None:
     assert (stage.run.held, stage.said) == (("tree/1.say",), ["one"])
 
 
-def test_a_cancel_while_a_node_waits_cleans_up_and_starts_nothing() -> None:
+def test_cancel_of_held_node_only_cleans_up() -> None:
     stage = stopped("say: hello", "tree", head="on_cancel: {say: good-bye}")
     stage.tick()
     stage.run.cancel("enough")
@@ -113,7 +113,7 @@ def test_a_cancel_while_a_node_waits_cleans_up_and_starts_nothing() -> None:
     assert (stage.outcome, stage.said) == ("cancelled", ["good-bye"])
 
 
-def test_a_tick_of_the_clean_up_keeps_nothing_from_starting() -> None:
+def test_cleanup_tick_holds_no_node() -> None:
     stage = stopped("say: hello", "tree", head="on_cancel: {wait: 1 s}")
     stage.tick()
     stage.run.cancel("enough")
@@ -121,7 +121,7 @@ def test_a_tick_of_the_clean_up_keeps_nothing_from_starting() -> None:
     assert (stage.outcome, stage.run.held) == ("running", ())
 
 
-def test_the_clean_up_is_not_stopped() -> None:
+def test_breakpoint_does_not_hold_cleanup() -> None:
     stage = stopped("say: hello", "on_cancel", head="on_cancel: {say: good-bye}", answers=LONG)
     stage.tick()
     stage.run.cancel("enough")
@@ -140,7 +140,7 @@ def test_the_clean_up_is_not_stopped() -> None:
         "random: [{say: one}, {say: two}]",
     ],
 )
-def test_a_tree_that_is_stopped_everywhere_ends_as_without_and_says_the_same(tree: str) -> None:
+def test_breakpoints_on_every_node_keep_the_outcome(tree: str) -> None:
     plain, stage = Stage(tree), Stage(tree)
     every = [node.spec.path for node in stage.root.iterate()]
     stage.run.set_breakpoints(every)
@@ -154,7 +154,7 @@ def test_a_tree_that_is_stopped_everywhere_ends_as_without_and_says_the_same(tre
     assert stage.run.ticks > plain.run.ticks
 
 
-def test_the_name_of_the_tip_has_the_values_it_runs_with() -> None:
+def test_tip_name_shows_current_values() -> None:
     tunable = "tunables:\n  words: {default: hello, description: d}"
     stage = Stage('say: "${words}!"', head=tunable, answers=LONG)
     stage.run.set_breakpoints(("tree",))

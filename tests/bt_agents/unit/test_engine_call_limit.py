@@ -78,7 +78,7 @@ def nothing_stays_behind() -> Iterator[None]:
         raises_something_else_instead,
     ],
 )
-def test_a_call_that_blocks_is_interrupted_whatever_it_does(call: Callable[[], None]) -> None:
+def test_blocking_call_is_always_interrupted(call: Callable[[], None]) -> None:
     began = time.monotonic()
     with pytest.raises(Refused, match=r"blocked for more than 0\.02 s") as refused:
         bounded(call, LIMIT_S)
@@ -86,7 +86,7 @@ def test_a_call_that_blocks_is_interrupted_whatever_it_does(call: Callable[[], N
     assert time.monotonic() - began < FAR_S / 2
 
 
-def test_a_quick_call_returns_or_raises_as_it_would() -> None:
+def test_quick_call_returns_or_raises_unchanged() -> None:
     assert bounded(lambda: 7, LIMIT_S) == 7
     with pytest.raises(KeyError):
         bounded(lambda: {}["x"], LIMIT_S)
@@ -94,7 +94,7 @@ def test_a_quick_call_returns_or_raises_as_it_would() -> None:
         bounded(lambda: exec("raise SystemExit"), LIMIT_S)
 
 
-def test_elsewhere_than_in_the_main_thread_it_is_refused_afterwards() -> None:
+def test_slow_call_off_main_thread_is_refused_afterwards() -> None:
     caught: list[Refused] = []
 
     def work() -> None:
@@ -110,7 +110,7 @@ def test_elsewhere_than_in_the_main_thread_it_is_refused_afterwards() -> None:
     assert [refused.code for refused in caught] == ["BLOCKED"]
 
 
-def test_the_alarm_of_somebody_else_rings_when_it_should() -> None:
+def test_foreign_alarm_still_fires_on_time() -> None:
     rang: list[float] = []
     before = signal.signal(signal.SIGALRM, lambda *_: rang.append(time.monotonic()))
     try:
@@ -129,7 +129,7 @@ def test_the_alarm_of_somebody_else_rings_when_it_should() -> None:
         signal.signal(signal.SIGALRM, before)
 
 
-def test_one_bounded_call_in_another_keeps_both_limits() -> None:
+def test_nested_bounded_calls_keep_both_limits() -> None:
     def outer() -> None:
         with suppress(Refused):
             bounded(sleeps, LIMIT_S)
@@ -139,7 +139,7 @@ def test_one_bounded_call_in_another_keeps_both_limits() -> None:
         bounded(outer, 0.1)
 
 
-def test_an_interruption_that_python_drops_is_no_error_of_somebody_else(
+def test_dropped_interruption_raises_no_unraisable_error(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lost: list[type[BaseException]] = []

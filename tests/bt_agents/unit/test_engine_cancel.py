@@ -20,7 +20,7 @@ CLEAN_UP = "on_cancel: {say: good-bye}"
 SPEAKS = "sequence: [{say: hello}, {show: {text: x}}]"
 
 
-def test_a_cancel_before_the_first_tick_starts_nothing_and_has_nothing_to_clean_up() -> None:
+def test_cancel_before_first_tick_needs_no_cleanup() -> None:
     stage = Stage(SPEAKS, head=CLEAN_UP)
     stage.run.cancel("enough")
     assert stage.outcome == "cancelled"
@@ -30,7 +30,7 @@ def test_a_cancel_before_the_first_tick_starts_nothing_and_has_nothing_to_clean_
     assert (result.ticks, result.tip, result.message) == (0, "", "enough")
 
 
-def test_a_cancel_stops_the_leaf_at_once_and_the_clean_up_runs_from_the_next_tick_on() -> None:
+def test_cancel_halts_leaf_now_and_cleans_up_next() -> None:
     stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]})
     stage.tick()
     stage.run.cancel("enough")
@@ -54,7 +54,7 @@ def test_a_cancel_during_a_cancel_changes_nothing() -> None:
     assert stage.said == ["hello", "good-bye"]
 
 
-def test_a_clean_up_that_takes_too_long_is_stopped() -> None:
+def test_overlong_cleanup_is_halted() -> None:
     stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
     stage.tick()
     stage.run.cancel("enough")
@@ -64,7 +64,7 @@ def test_a_clean_up_that_takes_too_long_is_stopped() -> None:
     assert stage.environment.running() == []
 
 
-def test_a_cancel_while_goals_settle_after_a_success_leaves_it_a_success() -> None:
+def test_cancel_while_settling_keeps_success() -> None:
     stage = Stage(
         "parallel: {succeed_on: one, children: [{say: x}, {show: {text: y}}]}",
         head=CLEAN_UP,
@@ -76,7 +76,7 @@ def test_a_cancel_while_goals_settle_after_a_success_leaves_it_a_success() -> No
     assert stage.said == ["x"]
 
 
-def test_a_cancel_while_goals_settle_after_a_failure_leaves_it_a_failure() -> None:
+def test_cancel_while_settling_keeps_failure() -> None:
     stage = Stage(
         "parallel: [{say: x}, {show: {text: y}}]",
         answers={
@@ -90,7 +90,7 @@ def test_a_cancel_while_goals_settle_after_a_failure_leaves_it_a_failure() -> No
     assert "hoarse" in stage.message
 
 
-def test_a_cancel_after_the_end_leaves_the_result_as_it_is() -> None:
+def test_cancel_after_end_keeps_the_result() -> None:
     stage = Stage(SPEAKS)
     assert stage.tick() == "succeeded"
     result = stage.run.result
@@ -99,7 +99,7 @@ def test_a_cancel_after_the_end_leaves_the_result_as_it_is() -> None:
     assert stage.run.result is result
 
 
-def test_a_goal_not_accepted_yet_is_cancelled_on_acceptance_and_waited_for() -> None:
+def test_run_waits_for_pending_goal_to_be_cancelled() -> None:
     stage = Stage(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
     stage.tick()
     stage.run.cancel("enough")
@@ -110,7 +110,7 @@ def test_a_goal_not_accepted_yet_is_cancelled_on_acceptance_and_waited_for() -> 
     assert stage.run.result.orphans == ()
 
 
-def test_a_goal_that_does_not_end_is_an_orphan_named_by_its_node() -> None:
+def test_endless_goal_is_an_orphan_of_its_node() -> None:
     stage = Stage(
         SPEAKS, head=CLEAN_UP, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0)
     )
@@ -123,7 +123,7 @@ def test_a_goal_that_does_not_end_is_an_orphan_named_by_its_node() -> None:
     assert stage.run.result.orphans == ("tree/0.say", "on_cancel")
 
 
-def test_a_cancel_from_within_the_host_can_leave_the_clean_up_out() -> None:
+def test_host_cancel_can_skip_cleanup() -> None:
     stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
     stage.tick()
     stage.run.cancel("the host is stopping", clean_up=False)
@@ -131,7 +131,7 @@ def test_a_cancel_from_within_the_host_can_leave_the_clean_up_out() -> None:
     assert stage.said == ["hello"]
 
 
-def test_a_clean_up_that_is_not_wanted_any_more_is_stopped() -> None:
+def test_second_cancel_without_cleanup_halts_running_cleanup() -> None:
     stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
     stage.tick()
     stage.run.cancel("enough")
@@ -143,7 +143,7 @@ def test_a_clean_up_that_is_not_wanted_any_more_is_stopped() -> None:
     assert stage.message == "enough"
 
 
-def test_a_clean_up_whose_time_is_over_begins_nothing_more() -> None:
+def test_expired_cleanup_starts_no_further_node() -> None:
     stage = Stage(
         SPEAKS,
         head="on_cancel: {sequence: [{say: good-bye}, {say: really}]}",
@@ -157,7 +157,7 @@ def test_a_clean_up_whose_time_is_over_begins_nothing_more() -> None:
 
 
 @pytest.mark.parametrize("wait_s", [0.0, 1.0])
-def test_a_run_in_a_hurry_waits_less_for_its_goals_whenever_that_is_said(wait_s: float) -> None:
+def test_shortened_settling_ends_the_wait_for_goals(wait_s: float) -> None:
     stage = Stage(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
     stage.tick()
     if not wait_s:
@@ -173,9 +173,7 @@ def test_a_run_in_a_hurry_waits_less_for_its_goals_whenever_that_is_said(wait_s:
     assert stage.outcome == "cancelled"
 
 
-def test_giving_up_ends_a_run_even_when_its_nodes_cannot_be_stopped(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_give_up_ends_run_whose_nodes_cannot_halt(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Stage(SPEAKS, answers={"say": [LONG]})
     stage.tick()
 
@@ -200,7 +198,7 @@ class SlowClock:
         return self.now
 
 
-def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest() -> None:
+def test_tick_overrun_names_the_slowest_node() -> None:
     stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
     clock = SlowClock()
     stage.run._steady = clock
@@ -220,7 +218,7 @@ def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest()
     assert stage.run.result.overruns == 1
 
 
-def test_a_tick_that_takes_too_long_after_its_last_leaf_names_the_outermost_node() -> None:
+def test_overrun_after_last_leaf_names_the_root() -> None:
     stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
     clock = SlowClock()
     stage.run._steady = clock
@@ -233,7 +231,7 @@ def test_a_tick_that_takes_too_long_after_its_last_leaf_names_the_outermost_node
     assert overrun.slowest_s == pytest.approx(0.3)
 
 
-def test_without_a_period_no_tick_is_too_long() -> None:
+def test_run_without_period_has_no_overruns() -> None:
     stage = Stage("say: x")
     clock = SlowClock()
     stage.run._steady = clock
@@ -253,9 +251,7 @@ OPERATOR = Cancellation(by="operator", reason="the shift is over")
 
 
 @pytest.mark.parametrize(("cancellation", "text"), [(RULE, "Sorry."), (OPERATOR, OPERATOR.reason)])
-def test_a_clean_up_knows_who_stopped_the_run_and_why(
-    cancellation: Cancellation, text: str
-) -> None:
+def test_cleanup_reads_who_cancelled_and_why(cancellation: Cancellation, text: str) -> None:
     stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
     stage.tick()
     stage.run.cancel("enough", cancellation=cancellation)
@@ -263,7 +259,7 @@ def test_a_clean_up_knows_who_stopped_the_run_and_why(
     assert stage.said == ["hello", text]
 
 
-def test_a_clean_up_that_names_who_stopped_the_run_waits_for_that_while_nothing_runs() -> None:
+def test_cleanup_waits_for_the_cancel_cause_it_reads() -> None:
     stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
     stage.tick()
     stage.run.cancel("enough")
@@ -278,7 +274,7 @@ def test_a_clean_up_that_names_who_stopped_the_run_waits_for_that_while_nothing_
     assert stage.said == ["hello", "Sorry."]
 
 
-def test_who_has_stopped_a_run_is_missing_when_nobody_says_so_in_time() -> None:
+def test_cancel_cause_is_missing_after_its_deadline() -> None:
     stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
     stage.tick()
     stage.run.cancel("enough")
@@ -287,7 +283,7 @@ def test_who_has_stopped_a_run_is_missing_when_nobody_says_so_in_time() -> None:
     assert stage.said == ["hello", "I stop here."]
 
 
-def test_a_run_that_waits_for_who_stopped_it_can_be_ended_without_its_clean_up() -> None:
+def test_run_awaiting_cancel_cause_can_skip_cleanup() -> None:
     stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
     stage.tick()
     stage.run.cancel("enough")
@@ -296,7 +292,7 @@ def test_a_run_that_waits_for_who_stopped_it_can_be_ended_without_its_clean_up()
     assert stage.said == ["hello"]
 
 
-def test_a_clean_up_has_the_time_that_its_agent_gives_it() -> None:
+def test_agent_sets_its_own_cleanup_limit() -> None:
     head = f"{CLEAN_UP}\non_cancel_within: 5 s"
     stage = Stage(SPEAKS, head=head, answers={"say": [LONG]})
     stage.tick()

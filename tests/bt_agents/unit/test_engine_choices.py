@@ -30,13 +30,13 @@ CASES = """
 
 
 @pytest.mark.parametrize(("age", "words"), [(1.0, "Hi!"), (5.0, "Good day."), (3.0, "Hello.")])
-def test_choose_does_the_first_case_that_fits_and_no_other(age: float, words: str) -> None:
+def test_choose_runs_only_the_first_matching_case(age: float, words: str) -> None:
     stage = Stage(CASES, awarded=scene(age=age, mood=3))
     assert stage.tick() == "succeeded"
     assert stage.said == [words]
 
 
-def test_choose_looks_only_when_it_starts() -> None:
+def test_choose_evaluates_cases_only_at_start() -> None:
     #  t | live.age | young | old | choose
     #  0 |    1     |   R   |     |   R
     #  1 |    5     |   R   |     |   R
@@ -51,7 +51,7 @@ def test_choose_looks_only_when_it_starts() -> None:
     assert stage.said == ["Hi!"]
 
 
-def test_choose_looks_anew_after_an_interruption() -> None:
+def test_choose_reevaluates_cases_after_interruption() -> None:
     stage = Stage(CASES, awarded=scene(age=1, mood=3), answers={"say": LONG})
     stage.tick()
     stage.interrupt()
@@ -62,7 +62,7 @@ def test_choose_looks_anew_after_an_interruption() -> None:
     assert stage.status("tree/0.young@when") == "INVALID"
 
 
-def test_a_case_that_fails_is_the_failure_of_choose_and_no_other_is_tried() -> None:
+def test_failed_case_fails_choose_without_trying_others() -> None:
     stage = Stage(
         """
         choose:
@@ -80,7 +80,7 @@ def test_a_case_that_fails_is_the_failure_of_choose_and_no_other_is_tried() -> N
     assert stage.message == "drive aborted: motor off"
 
 
-def test_without_a_case_that_fits_choose_fails_and_says_why_none_does() -> None:
+def test_choose_without_matching_case_fails_with_reasons() -> None:
     stage = Stage(
         """
         choose:
@@ -101,13 +101,13 @@ def test_without_a_case_that_fits_choose_fails_and_says_why_none_does() -> None:
     )
 
 
-def test_a_missing_value_makes_a_case_not_fit() -> None:
+def test_case_with_missing_value_does_not_match() -> None:
     stage = Stage(CASES, awarded=scene(mood=3))
     assert stage.tick() == "succeeded"
     assert stage.said == ["Hello."]
 
 
-def test_the_case_of_an_earlier_time_keeps_no_status() -> None:
+def test_case_of_earlier_round_keeps_no_status() -> None:
     stage = Stage(f"{CASES}repeat: 2", awarded=scene(age=1, mood=3))
     stage.tick()
     assert stage.status("0.young") == "SUCCESS"
@@ -117,7 +117,7 @@ def test_the_case_of_an_earlier_time_keeps_no_status() -> None:
     assert stage.said == ["Hi!", "Good day."]
 
 
-def test_choose_says_which_case_it_took() -> None:
+def test_choose_reports_its_chosen_case() -> None:
     stage = Stage(CASES, awarded=scene(age=5, mood=3))
     stage.tick()
     assert stage.reports("tree") == [("SUCCESS", "case 'old'")]
@@ -136,7 +136,7 @@ RANDOM = """
     """
 
 
-def test_random_with_a_seed_picks_the_same_in_every_run() -> None:
+def test_seeded_random_picks_the_same_every_run() -> None:
     said = []
     for number in range(3):
         stage = Stage(RANDOM, random=Random(number))
@@ -146,14 +146,14 @@ def test_random_with_a_seed_picks_the_same_in_every_run() -> None:
     assert set(said[0]) == {"a", "b"}
 
 
-def test_random_picks_the_more_often_the_larger_the_weight() -> None:
+def test_random_picks_in_proportion_to_weights() -> None:
     stage = Stage(RANDOM)
     stage.tick(3000)
     assert stage.said.count("never") == 0
     assert 900 < stage.said.count("a") < 1100
 
 
-def test_random_without_a_seed_takes_the_numbers_of_the_run() -> None:
+def test_unseeded_random_uses_the_run_seed() -> None:
     tree = "repeat: forever\nrandom:\n  - say: a\n  - say: b\n  - say: c"
     first, second, third = (Stage(tree, random=Random(seed)) for seed in (1, 1, 2))
     for stage in (first, second, third):
@@ -163,7 +163,7 @@ def test_random_without_a_seed_takes_the_numbers_of_the_run() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_random_without_repeats_takes_all_before_one_comes_again(seed: int) -> None:
+def test_random_without_repeats_picks_all_before_repeating(seed: int) -> None:
     tree = "repeat: 12\nrandom: {repeats: false, children: [say: a, say: b, say: c]}"
     stage = Stage(tree, random=Random(seed))
     stage.tick(50)
@@ -172,14 +172,14 @@ def test_random_without_repeats_takes_all_before_one_comes_again(seed: int) -> N
     assert all(one != other for one, other in pairwise(said))
 
 
-def test_random_without_repeats_takes_the_only_one_again_and_again() -> None:
+def test_random_without_repeats_may_repeat_its_only_choice() -> None:
     tree = "repeat: 3\nrandom: {repeats: false, children: [say: a, {say: b, weight: 0}]}"
     stage = Stage(tree)
     stage.tick(20)
     assert stage.said == ["a", "a", "a"]
 
 
-def test_two_random_nodes_with_seeds_do_not_disturb_each_other() -> None:
+def test_seeded_random_nodes_are_independent() -> None:
     one = "random:\n  seed: 7\n  children: [{say: a}, {say: b}]\nrepeat: 20"
     alone = Stage(one)
     alone.tick(20)
@@ -195,7 +195,7 @@ def test_two_random_nodes_with_seeds_do_not_disturb_each_other() -> None:
     assert alone.said == both.said
 
 
-def test_a_picked_child_is_kept_until_it_ends_and_its_end_is_the_end() -> None:
+def test_random_keeps_picked_child_and_takes_its_result() -> None:
     stage = Stage(
         "random:\n  - say: a\n  - show: b", answers={"say": LONG, "show": LONG}, random=Random(3)
     )
@@ -208,7 +208,7 @@ def test_a_picked_child_is_kept_until_it_ends_and_its_end_is_the_end() -> None:
     assert len(stage.asked) == 1
 
 
-def test_weights_may_be_tuned_and_are_looked_at_at_each_start() -> None:
+def test_tuned_weights_apply_at_next_start() -> None:
     stage = Stage(
         "repeat: forever\nrandom:\n  - say: a\n    weight: ${w}\n  - say: b\n    weight: ${1 - w}",
         head="tunables: {w: {default: 1.0, min: 0, max: 1, description: d}}",
@@ -219,7 +219,7 @@ def test_weights_may_be_tuned_and_are_looked_at_at_each_start() -> None:
     assert stage.said == ["a"] * 5 + ["b"] * 5
 
 
-def test_weights_of_nothing_are_a_failure_with_words() -> None:
+def test_random_fails_when_all_weights_are_zero() -> None:
     stage = Stage(
         "random:\n  - say: a\n    weight: 0\n  - say: b\n    weight: ${scene.mood}",
         awarded=scene(mood=0),
@@ -230,7 +230,7 @@ def test_weights_of_nothing_are_a_failure_with_words() -> None:
 
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "much", True, 10**400])
-def test_a_weight_that_is_none_is_refused_in_words(value: object) -> None:
+def test_invalid_weight_fails_with_message(value: object) -> None:
     stage = Stage(
         "random:\n  - say: a\n    weight: ${w}\n  - say: b",
         head="tunables: {w: {default: 1.0, min: 0, max: 9, description: d}}",
@@ -241,7 +241,7 @@ def test_a_weight_that_is_none_is_refused_in_words(value: object) -> None:
     assert "expected a number from 0 on" in stage.message
 
 
-def test_huge_and_tiny_weights_are_weighed_without_overflow() -> None:
+def test_extreme_weights_do_not_overflow() -> None:
     stage = Stage(
         """
         repeat: forever

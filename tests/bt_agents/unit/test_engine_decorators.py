@@ -24,12 +24,12 @@ SECOND = [ScriptedReply(after_s=1.0)]
 FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
-def test_every_node_type_of_the_language_has_a_behaviour_and_no_other_key_has_one() -> None:
+def test_behaviours_match_node_types_exactly() -> None:
     # The children of ``choose`` and ``random`` are decorators that nobody writes by this name.
     assert set(BEHAVIOURS) == {*catalogue.NODE_TYPES, *catalogue.DECORATORS, *catalogue.BRANCHES}
 
 
-def test_no_two_files_of_nodes_name_the_same_key() -> None:
+def test_no_two_node_modules_share_a_key() -> None:
     named = [
         key
         for module in pkgutil.iter_modules(behaviours.__path__)
@@ -38,7 +38,7 @@ def test_no_two_files_of_nodes_name_the_same_key() -> None:
     assert sorted(named) == sorted(BEHAVIOURS)
 
 
-def test_a_file_of_nodes_is_found_without_being_named_anywhere(
+def test_node_module_is_discovered_without_registration(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "blink.py").write_text(
@@ -71,14 +71,12 @@ PAIRS = [
 ]
 
 
-def test_the_pairs_below_cover_every_modifier() -> None:
+def test_pairs_cover_every_modifier() -> None:
     assert list(WRITTEN) == list(catalogue.DECORATORS)
 
 
 @pytest.mark.parametrize(("outer", "inner"), PAIRS)
-def test_two_modifiers_nest_in_the_documented_order_however_they_are_written(
-    outer: str, inner: str
-) -> None:
+def test_modifiers_nest_in_documented_order(outer: str, inner: str) -> None:
     stage = Stage(f"{inner}: {WRITTEN[inner]}\nsay: x\n{outer}: {WRITTEN[outer]}")
     kinds = []
     node = stage.root
@@ -93,7 +91,7 @@ def test_two_modifiers_nest_in_the_documented_order_however_they_are_written(
     assert stage.outcome in ("succeeded", "failed")
 
 
-def test_while_stops_the_node_as_soon_as_its_condition_is_not_true() -> None:
+def test_while_halts_node_when_its_condition_turns_false() -> None:
     #  t | mood | say       | while
     #  0 |  3   | R         |   R
     #  1 |  3   | R         |   R
@@ -109,14 +107,14 @@ def test_while_stops_the_node_as_soon_as_its_condition_is_not_true() -> None:
     )
 
 
-def test_while_starts_nothing_when_its_condition_is_false_at_once() -> None:
+def test_while_with_false_condition_starts_nothing() -> None:
     stage = Stage("say: x\nwhile: scene.age > 4")
     assert stage.tick() == "failed"
     assert stage.said == []
     assert stage.message.startswith("not so: scene.age > 4 (")
 
 
-def test_while_fails_with_words_when_a_value_is_missing_or_does_not_fit() -> None:
+def test_while_fails_when_its_condition_cannot_be_evaluated() -> None:
     stage = Stage("say: x\nwhile: live.age > 1", awarded=scene(mood=3), answers={"say": LONG})
     assert stage.tick() == "failed"
     assert "'live.age' has no value" in stage.message
@@ -128,13 +126,13 @@ def test_while_fails_with_words_when_a_value_is_missing_or_does_not_fit() -> Non
     assert stage.environment.running() == []
 
 
-def test_while_ends_with_the_node_in_the_tick_in_which_the_node_ends() -> None:
+def test_while_ends_in_same_tick_as_its_node() -> None:
     stage = Stage("say: x\nwhile: live.mood >= 2", answers={"say": SECOND})
     stage.tick()
     assert stage.after(1.0) == "succeeded"
 
 
-def test_while_guards_the_pause_of_a_retry_too() -> None:
+def test_while_guards_retry_pause() -> None:
     stage = Stage(
         "say: x\nretry: {attempts: 3, pause: 9 s}\nwhile: live.mood >= 2", answers={"say": FAILS}
     )
@@ -144,7 +142,7 @@ def test_while_guards_the_pause_of_a_retry_too() -> None:
     assert len(stage.said) == 1
 
 
-def test_a_while_that_failed_starts_afresh() -> None:
+def test_failed_while_starts_afresh() -> None:
     stage = Stage(
         """
         repeat: forever
@@ -165,7 +163,7 @@ def test_a_while_that_failed_starts_afresh() -> None:
     assert stage.environment.running() == ["say"]
 
 
-def test_when_whose_condition_cannot_be_evaluated_fails_and_says_why() -> None:
+def test_when_fails_if_its_condition_cannot_be_evaluated() -> None:
     stage = Stage("say: x\nwhen: 1 / scene.mood > 0", awarded=scene(mood=0))
     assert stage.tick() == "failed"
     assert stage.said == []
@@ -174,7 +172,7 @@ def test_when_whose_condition_cannot_be_evaluated_fails_and_says_why() -> None:
     assert "by zero" in message
 
 
-def test_when_is_looked_at_again_after_an_interruption() -> None:
+def test_when_is_reevaluated_after_interruption() -> None:
     stage = Stage("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
     stage.tick()
     stage.interrupt()
@@ -184,7 +182,7 @@ def test_when_is_looked_at_again_after_an_interruption() -> None:
     assert len(stage.said) == 1
 
 
-def test_a_node_that_is_left_out_does_not_keep_the_status_of_an_earlier_time() -> None:
+def test_skipped_node_drops_its_earlier_status() -> None:
     head = "subtrees: {hi: {tree: {say: x, once: true}}}"
     stage = Stage("subtree: hi\nrepeat: 2", head=head)
     assert stage.tick() == "running"
@@ -194,7 +192,7 @@ def test_a_node_that_is_left_out_does_not_keep_the_status_of_an_earlier_time() -
     assert stage.status("tree/hi@once") == "SUCCESS"
 
 
-def test_a_while_that_starts_nothing_does_not_fail_for_the_reason_of_an_earlier_time() -> None:
+def test_blocked_while_does_not_report_an_earlier_reason() -> None:
     head = "subtrees: {go: {tree: {drive: x, while: live.mood >= 2}}}"
     stage = Stage("subtree: go\nretry: 2", head=head, answers={"drive": FAILS})
     assert stage.tick() == "running"
@@ -203,7 +201,7 @@ def test_a_while_that_starts_nothing_does_not_fail_for_the_reason_of_an_earlier_
     assert "not so: live.mood >= 2" in stage.message
 
 
-def test_once_leaves_the_node_out_after_it_has_ended() -> None:
+def test_once_skips_node_after_its_first_end() -> None:
     #  tick | first | second | repeat
     #   1   |   S   |   S    |   R
     #   2   |  out  |   S    |   R
@@ -222,7 +220,7 @@ def test_once_leaves_the_node_out_after_it_has_ended() -> None:
     assert ("SUCCESS", "left out: done once already") in stage.reports("tree/0.say@once")
 
 
-def test_once_below_a_selector_lets_the_next_be_tried() -> None:
+def test_selector_moves_past_finished_once() -> None:
     stage = Stage(
         """
         repeat: 3
@@ -251,7 +249,7 @@ def test_once_counts_a_failure_as_done() -> None:
     assert stage.asked == ["drive", "say", "say", "say"]
 
 
-def test_once_starts_a_node_again_that_was_stopped_before_its_end() -> None:
+def test_once_restarts_node_interrupted_before_its_end() -> None:
     stage = Stage("say: x\nonce: true", answers={"say": LONG})
     stage.tick()
     stage.interrupt()
@@ -259,7 +257,7 @@ def test_once_starts_a_node_again_that_was_stopped_before_its_end() -> None:
     assert len(stage.said) == 2
 
 
-def test_once_outlasts_an_interruption_of_what_is_around_it() -> None:
+def test_once_survives_interruption_of_its_parent() -> None:
     stage = Stage(
         """
         sequence:
@@ -274,7 +272,7 @@ def test_once_outlasts_an_interruption_of_what_is_around_it() -> None:
     assert stage.said == ["x"]
 
 
-def test_cooldown_leaves_the_node_out_for_a_time_after_its_end() -> None:
+def test_cooldown_skips_node_for_its_duration() -> None:
     #  t | say | repeat
     #  0 |  R  |   R
     #  1 |  S  |   R      cooldown from here
@@ -294,13 +292,13 @@ def test_cooldown_leaves_the_node_out_for_a_time_after_its_end() -> None:
     assert len(stage.said) == 2
 
 
-def test_cooldown_below_a_selector_lets_the_next_be_tried() -> None:
+def test_selector_moves_past_cooling_child() -> None:
     stage = Stage("repeat: 2\nselector:\n  - say: first\n    cooldown: 5 s\n  - say: second")
     assert stage.tick(2) == "succeeded"
     assert stage.said == ["first", "second"]
 
 
-def test_cooldown_of_nothing_leaves_nothing_out_and_it_may_be_tuned() -> None:
+def test_zero_cooldown_skips_nothing_and_is_tunable() -> None:
     stage = Stage(
         "repeat: forever\nsequence:\n  - say: x\n    cooldown: ${rest}",
         head="tunables: {rest: {default: 0 s, min: 0 s, max: 60 s, description: d}}",
@@ -316,7 +314,7 @@ def test_cooldown_of_nothing_leaves_nothing_out_and_it_may_be_tuned() -> None:
 
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "soon", True, 10**400])
-def test_times_that_are_none_are_refused_in_words(value: object) -> None:
+def test_invalid_duration_fails_with_message(value: object) -> None:
     head = "tunables: {t: {default: 1 s, min: 0 s, max: 60 s, description: d}}"
     for tree in (
         "wait: ${t}",
@@ -331,7 +329,7 @@ def test_times_that_are_none_are_refused_in_words(value: object) -> None:
         assert stage.environment.running() == []
 
 
-def test_a_cooldown_that_is_no_time_is_a_failure_when_it_is_looked_at() -> None:
+def test_invalid_cooldown_fails_when_evaluated() -> None:
     stage = Stage(
         "repeat: 2\nsequence:\n  - say: x\n    cooldown: ${rest}",
         head="tunables: {rest: {default: 1 s, min: 0 s, max: 60 s, description: d}}",
@@ -341,7 +339,7 @@ def test_a_cooldown_that_is_no_time_is_a_failure_when_it_is_looked_at() -> None:
     assert "expected a time" in stage.message
 
 
-def test_succeed_and_fail_fix_how_a_node_ends_and_wait_for_its_end() -> None:
+def test_succeed_and_fail_override_result_at_node_end() -> None:
     for answers in (
         [ScriptedReply(after_s=1.0)],
         [ScriptedReply(after_s=1.0, state=GoalState.ABORTED)],
@@ -354,7 +352,7 @@ def test_succeed_and_fail_fix_how_a_node_ends_and_wait_for_its_end() -> None:
         assert stage.after(1.0) == "failed"
 
 
-def test_fail_keeps_the_reason_of_a_node_that_failed_by_itself() -> None:
+def test_fail_keeps_reason_of_failed_child() -> None:
     stage = Stage("drive: x\nfail: true", answers={"drive": FAILS})
     assert stage.tick() == "failed"
     assert stage.message == "drive aborted: motor off"
@@ -363,7 +361,7 @@ def test_fail_keeps_the_reason_of_a_node_that_failed_by_itself() -> None:
     assert stage.message.startswith("succeeded, and counts as failed (tree@fail")
 
 
-def test_succeed_covers_what_stands_inside_of_it() -> None:
+def test_succeed_covers_inner_modifiers() -> None:
     stage = Stage("say: x\nwhile: scene.age > 4\ntimeout: 1 s\nretry: 2\nsucceed: true")
     assert stage.tick() == "succeeded"
     stage = Stage("say: x\ntimeout: 1 s\nsucceed: true", answers={"say": LONG})
@@ -372,14 +370,14 @@ def test_succeed_covers_what_stands_inside_of_it() -> None:
     assert stage.environment.running() == []
 
 
-def test_a_timeout_of_nothing_lets_a_node_end_that_ends_at_once() -> None:
+def test_zero_timeout_lets_instant_node_succeed() -> None:
     assert Stage("say: x\ntimeout: 0 s").tick() == "succeeded"
     stage = Stage("say: x\ntimeout: 0 s", answers={"say": LONG})
     assert stage.tick() == "failed"
     assert stage.environment.running() == []
 
 
-def test_a_timeout_may_be_tuned_and_counts_anew_after_an_interruption() -> None:
+def test_timeout_is_tunable_and_restarts_after_interruption() -> None:
     stage = Stage(
         "say: x\ntimeout: ${limit}",
         head="tunables: {limit: {default: 9 s, min: 1 s, max: 60 s, description: d}}",
@@ -394,7 +392,7 @@ def test_a_timeout_may_be_tuned_and_counts_anew_after_an_interruption() -> None:
     assert stage.tick() == "failed"
 
 
-def test_a_stopped_modifier_leaves_nothing_running_below_it() -> None:
+def test_halted_modifier_leaves_nothing_running_below() -> None:
     keys = [f"{key}: {value}" for key, value in WRITTEN.items() if key not in ("fail", "invert")]
     stage = Stage("\n".join(["say: x", *keys]), answers={"say": LONG})
     assert stage.tick() == "running"
@@ -403,7 +401,7 @@ def test_a_stopped_modifier_leaves_nothing_running_below_it() -> None:
     assert stage.environment.running() == []
 
 
-def test_the_tools_of_py_trees_work_on_a_tree_of_every_kind() -> None:
+def test_py_trees_tools_handle_every_node_kind() -> None:
     stage = Stage(
         """
         sequence:
@@ -433,7 +431,7 @@ def test_the_tools_of_py_trees_work_on_a_tree_of_every_kind() -> None:
     assert {node.status.name for node in stage.root.iterate()} == {"INVALID"}
 
 
-def test_a_timeout_says_what_the_node_still_waits_for() -> None:
+def test_timeout_reports_pending_condition() -> None:
     stage = Stage("wait_for: live.mood > 4\ntimeout: 5 s")
     stage.tick()
     assert stage.after(5.0) == "failed"
@@ -442,7 +440,7 @@ def test_a_timeout_says_what_the_node_still_waits_for() -> None:
     )
 
 
-def test_a_timeout_says_why_the_last_message_did_not_do() -> None:
+def test_timeout_reports_why_last_message_did_not_match() -> None:
     stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}\ntimeout: 5 s")
     stage.tick()
     stage.environment.arrive("t", {"data": False})

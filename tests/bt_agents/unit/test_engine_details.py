@@ -18,7 +18,7 @@ def traced(stage: Stage) -> list[tuple[str, str, Plain, bool]]:
     return [tuple(one) for one in trace.take()]  # type: ignore[misc]
 
 
-def test_what_nodes_read_and_write_is_noted_in_order() -> None:
+def test_trace_records_reads_and_writes_in_order() -> None:
     stage = Stage(
         "sequence: [{set: {name: Anna}}, {say: 'Hello ${name}'}, {check: scene.age > 2}]"
     )
@@ -29,7 +29,7 @@ def test_what_nodes_read_and_write_is_noted_in_order() -> None:
     ]
 
 
-def test_a_value_that_stays_the_same_is_noted_once() -> None:
+def test_trace_records_unchanged_value_once() -> None:
     stage = Stage("wait_for: live.mood > 4")
     trace = ValueTrace(stage.root)
     stage.tick(3)
@@ -39,7 +39,7 @@ def test_a_value_that_stays_the_same_is_noted_once() -> None:
     assert [one.value for one in trace.take()] == [3.5]
 
 
-def test_after_the_end_of_a_trace_nothing_is_noted_and_the_tree_is_as_before() -> None:
+def test_closed_trace_records_nothing_and_restores_tree() -> None:
     stage = Stage("sequence: [{set: {name: Anna}}, {say: 'Hello ${name}'}]")
     before = [vars(node).get("scope") for node in stage.root.iterate()]
     trace = ValueTrace(stage.root)
@@ -49,7 +49,7 @@ def test_after_the_end_of_a_trace_nothing_is_noted_and_the_tree_is_as_before() -
     assert (trace.take(), stage.said) == ([], ["Hello Anna"])
 
 
-def test_a_value_that_is_missing_is_missing_under_a_trace_too() -> None:
+def test_missing_value_stays_missing_under_trace() -> None:
     stage = Stage("check: live.age > 1", awarded=scene(mood=3))
     assert traced(stage) == []
     assert (stage.outcome, stage.run.undecided) == ("failed", {})
@@ -68,15 +68,15 @@ def test_a_value_that_is_missing_is_missing_under_a_trace_too() -> None:
         (tuple(range(25)), "[" + ", ".join(map(str, range(20))) + ", …]"),
     ],
 )
-def test_a_value_is_shown_as_an_author_writes_it(value: Plain, text: str) -> None:
+def test_value_is_shown_in_author_notation(value: Plain, text: str) -> None:
     assert as_written(value) == text
 
 
-def test_a_quantity_has_its_unit() -> None:
+def test_quantity_is_shown_with_its_unit() -> None:
     assert as_written(90.0, FieldType.DURATION) == "1.5 min"
 
 
-def test_a_long_value_is_cut() -> None:
+def test_long_value_is_truncated() -> None:
     assert len(as_written("x" * 10_000)) == 200
 
 
@@ -84,7 +84,7 @@ def running(stage: Stage) -> list[Countdown]:
     return Countdowns(stage.root).running(stage.run.deadlines, stage.environment.clock())
 
 
-def test_a_wait_in_a_timeout_counts_down_both() -> None:
+def test_wait_inside_timeout_counts_both_down() -> None:
     stage = Stage("timeout: 5 s\nwait: 2 s")
     stage.tick()
     now = stage.environment.clock()
@@ -94,7 +94,7 @@ def test_a_wait_in_a_timeout_counts_down_both() -> None:
     ]
 
 
-def test_a_retry_counts_the_attempts_that_are_left() -> None:
+def test_retry_counts_remaining_attempts() -> None:
     stage = Stage("retry: {attempts: 3}\nsequence: [{wait: 1 s}, {check: scene.age > 4}]")
     stage.tick()
     assert running(stage)[-1] == Countdown(path="tree@retry", kind="retry", remaining=2)
@@ -103,13 +103,13 @@ def test_a_retry_counts_the_attempts_that_are_left() -> None:
     assert running(stage)[-1] == Countdown(path="tree@retry", kind="retry", remaining=1)
 
 
-def test_a_repeat_for_ever_counts_nothing() -> None:
+def test_endless_repeat_has_no_countdown() -> None:
     stage = Stage("repeat: forever\nwait: 1 s")
     stage.tick()
     assert [one.kind for one in running(stage)] == ["wait"]
 
 
-def test_a_cooldown_counts_down_while_nobody_asks_for_its_child() -> None:
+def test_cooldown_counts_down_while_its_child_is_idle() -> None:
     stage = Stage(
         "sequence: [{say: hello, cooldown: 30 s}, {say: good-bye}]",
         answers={"say": [ScriptedReply(), ScriptedReply(after_s=100.0)]},

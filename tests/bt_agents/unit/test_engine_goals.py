@@ -59,7 +59,7 @@ def running() -> Followed:
     return subject
 
 
-def test_a_server_that_is_not_found_in_time_is_unreachable_and_has_nothing_to_stop() -> None:
+def test_missing_server_is_unreachable_and_needs_no_cancel() -> None:
     subject = Followed(timeouts=Timeouts(server_s=2.0))
     assert subject.after(1.9, there=False) is GoalState.PENDING
     assert not subject.track.confirmed
@@ -69,9 +69,7 @@ def test_a_server_that_is_not_found_in_time_is_unreachable_and_has_nothing_to_st
     assert subject.cancels() == 0
 
 
-def test_a_goal_that_nobody_accepts_is_given_up_and_cancelled_when_it_is_accepted_after_all() -> (
-    None
-):
+def test_abandoned_goal_is_cancelled_on_late_acceptance() -> None:
     subject = Followed(timeouts=Timeouts(accept_s=2.0))
     subject.track.sent()
     assert subject.after(2.0) is GoalState.UNREACHABLE
@@ -85,7 +83,7 @@ def test_a_goal_that_nobody_accepts_is_given_up_and_cancelled_when_it_is_accepte
     assert subject.track.state is GoalState.UNREACHABLE
 
 
-def test_a_goal_that_is_given_up_and_rejected_later_has_nothing_to_stop() -> None:
+def test_abandoned_goal_needs_no_cancel_after_rejection() -> None:
     subject = Followed()
     subject.track.sent()
     subject.after(3.0)
@@ -95,14 +93,14 @@ def test_a_goal_that_is_given_up_and_rejected_later_has_nothing_to_stop() -> Non
     assert subject.cancels() == 0
 
 
-def test_a_cancel_before_it_was_sent_ends_it() -> None:
+def test_cancel_ends_goal_before_sending() -> None:
     subject = Followed()
     subject.track.cancel()
     assert subject.track.state is GoalState.CANCELLED
     assert subject.track.confirmed
 
 
-def test_a_cancel_before_acceptance_takes_effect_on_acceptance_and_once() -> None:
+def test_early_cancel_takes_effect_once_on_acceptance() -> None:
     subject = Followed()
     subject.track.sent()
     subject.track.cancel()
@@ -116,7 +114,7 @@ def test_a_cancel_before_acceptance_takes_effect_on_acceptance_and_once() -> Non
     assert (subject.track.state, subject.track.confirmed) == (GoalState.CANCELLED, True)
 
 
-def test_a_cancel_before_a_rejection_has_nothing_to_stop() -> None:
+def test_cancelled_goal_needs_no_cancel_after_rejection() -> None:
     subject = Followed()
     subject.track.sent()
     subject.track.cancel()
@@ -126,7 +124,7 @@ def test_a_cancel_before_a_rejection_has_nothing_to_stop() -> None:
 
 
 @pytest.mark.parametrize("state", [GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.CANCELLED])
-def test_what_the_server_says_is_confirmed(running: Followed, state: GoalState) -> None:
+def test_server_result_confirms_goal_end(running: Followed, state: GoalState) -> None:
     running.track.ended(state)
     assert (running.track.state, running.track.confirmed) == (state, True)
     running.track.cancel()
@@ -134,7 +132,7 @@ def test_what_the_server_says_is_confirmed(running: Followed, state: GoalState) 
 
 
 @pytest.mark.parametrize("accepted", [False, True])
-def test_a_server_that_has_joined_is_asked_some_times(accepted: bool) -> None:
+def test_joined_server_gets_bounded_repeats(accepted: bool) -> None:
     subject = Followed(timeouts=Timeouts(accept_s=60.0))
     subject.track.sent(frozenset({"a"}))
     if accepted:
@@ -151,7 +149,7 @@ def test_a_server_that_has_joined_is_asked_some_times(accepted: bool) -> None:
     assert subject.track.is_repeated(frozenset({"b", "c"}))
 
 
-def test_several_servers_are_asked_again_as_one_may_be_dead_and_another_one_new() -> None:
+def test_initial_servers_get_bounded_repeats() -> None:
     subject = Followed()
     subject.track.sent(frozenset({"a", "b"}))
     assert [subject.track.is_repeated(frozenset({"a", "b"})) for _ in range(REPEATS + 1)] == [
@@ -160,7 +158,7 @@ def test_several_servers_are_asked_again_as_one_may_be_dead_and_another_one_new(
     ]
 
 
-def test_nobody_looks_for_another_server_before_a_goal_is_sent_nor_after_its_end() -> None:
+def test_graph_is_polled_only_while_goal_is_open() -> None:
     subject = Followed()
     assert not subject.track.take_look()
     subject.track.sent()
@@ -172,11 +170,11 @@ def test_nobody_looks_for_another_server_before_a_goal_is_sent_nor_after_its_end
     assert not subject.track.take_look()
 
 
-def test_an_action_may_take_as_long_as_it_needs(running: Followed) -> None:
+def test_action_has_no_default_result_timeout(running: Followed) -> None:
     assert running.after(1e6) is GoalState.ACTIVE
 
 
-def test_a_result_that_does_not_come_in_time_times_out_and_the_goal_is_cancelled() -> None:
+def test_late_result_times_out_and_cancels_goal() -> None:
     subject = Followed(timeouts=Timeouts(result_s=60.0))
     subject.track.sent()
     subject.after(2.0)
@@ -187,7 +185,7 @@ def test_a_result_that_does_not_come_in_time_times_out_and_the_goal_is_cancelled
     assert (subject.track.confirmed, subject.cancels()) == (False, 1)
 
 
-def test_a_result_after_a_give_up_confirms_the_end_and_changes_nothing_else() -> None:
+def test_result_after_timeout_only_confirms_the_end() -> None:
     subject = Followed(timeouts=Timeouts(result_s=60.0))
     subject.track.sent()
     subject.track.accepted()
@@ -198,9 +196,7 @@ def test_a_result_after_a_give_up_confirms_the_end_and_changes_nothing_else() ->
     assert subject.cancels() == 0
 
 
-def test_a_server_that_leaves_the_graph_is_waited_for_and_then_the_goal_is_lost(
-    running: Followed,
-) -> None:
+def test_goal_is_lost_after_server_leaves_graph(running: Followed) -> None:
     running.after(100.0)
     assert running.after(2.9, there=False) is GoalState.ACTIVE
     assert running.after(0.1, there=False) is GoalState.UNREACHABLE
@@ -208,7 +204,7 @@ def test_a_server_that_leaves_the_graph_is_waited_for_and_then_the_goal_is_lost(
     assert not running.track.confirmed
 
 
-def test_a_server_that_is_back_in_time_goes_on(running: Followed) -> None:
+def test_goal_survives_brief_server_absence(running: Followed) -> None:
     for _ in range(3):
         assert running.after(2.9, there=False) is GoalState.ACTIVE
         assert running.after(0.1) is GoalState.ACTIVE
@@ -222,7 +218,7 @@ def silent_goal() -> Followed:
     return subject
 
 
-def test_a_heartbeat_is_waited_for_from_the_acceptance_on() -> None:
+def test_heartbeat_timeout_starts_at_acceptance() -> None:
     subject = silent_goal()
     assert subject.after(0.99) is GoalState.ACTIVE
     assert subject.after(0.01) is GoalState.ACTIVE  # the first look at a silence says nothing
@@ -234,7 +230,7 @@ def test_a_heartbeat_is_waited_for_from_the_acceptance_on() -> None:
     assert (subject.track.confirmed, subject.cancels()) == (False, 1)
 
 
-def test_a_server_that_beats_stays_alive() -> None:
+def test_heartbeats_keep_server_alive() -> None:
     subject = silent_goal()
     for _ in range(20):
         assert subject.after(0.9) is GoalState.ACTIVE
@@ -244,7 +240,7 @@ def test_a_server_that_beats_stays_alive() -> None:
     assert subject.track.message == "its server has gone silent (no heartbeat for 1.2 s)"
 
 
-def test_a_process_that_was_held_up_hears_the_beats_of_meanwhile_first() -> None:
+def test_stalled_process_reads_queued_heartbeats_first() -> None:
     subject = silent_goal()
     assert subject.after(5.0) is GoalState.ACTIVE
     subject.beat = subject.clock()
@@ -252,7 +248,7 @@ def test_a_process_that_was_held_up_hears_the_beats_of_meanwhile_first() -> None
     assert subject.after(0.9) is GoalState.ACTIVE
 
 
-def test_it_is_due_when_its_next_limit_is() -> None:
+def test_goal_is_due_at_its_next_deadline() -> None:
     subject = Followed(heartbeat=BEAT, timeouts=Timeouts(accept_s=2.0, result_s=1.1))
     subject.track.sent()
     assert subject.track.due == GRAPH_S
@@ -269,7 +265,7 @@ def test_it_is_due_when_its_next_limit_is() -> None:
     assert subject.track.due == math.inf
 
 
-def test_a_service_is_limited_without_being_told_so_and_nothing_of_it_is_left_to_stop() -> None:
+def test_service_has_default_timeout_and_needs_no_cancel() -> None:
     subject = Followed(kind=BindingKind.SERVICE)
     subject.track.sent()
     assert subject.track.state is GoalState.ACTIVE
@@ -279,7 +275,7 @@ def test_a_service_is_limited_without_being_told_so_and_nothing_of_it_is_left_to
     assert (subject.track.confirmed, subject.cancels()) == (True, 0)
 
 
-def test_a_request_that_is_abandoned_is_over() -> None:
+def test_abandoned_request_is_over() -> None:
     subject = Followed(kind=BindingKind.SERVICE)
     subject.track.sent()
     subject.track.cancel()
@@ -338,7 +334,7 @@ action:
         ),
     ],
 )
-def test_each_way_to_fail_has_its_own_words(
+def test_each_goal_failure_has_its_own_message(
     answer: ScriptedReply, after_s: float, words: str
 ) -> None:
     stage = Stage(RAW, answers={"dance": [answer]})
@@ -347,14 +343,14 @@ def test_each_way_to_fail_has_its_own_words(
     assert stage.reports("tree")[-1] == ("FAILURE", words)
 
 
-def test_a_long_message_of_a_server_is_shortened() -> None:
+def test_long_server_message_is_truncated() -> None:
     huge = ScriptedReply(state=GoalState.ABORTED, message="x" * 10_000_000)
     stage = Stage(RAW, answers={"dance": [huge]})
     stage.tick(2)
     assert len(stage.message) < 400
 
 
-def test_a_goal_that_timed_out_is_stopped_and_waited_for_at_the_end() -> None:
+def test_run_settles_timed_out_goal_before_ending() -> None:
     stubborn = ScriptedReply(after_s=99.0, cancel_s=1.0)
     stage = Stage(RAW, answers={"dance": [stubborn]})
     stage.tick()
@@ -365,7 +361,7 @@ def test_a_goal_that_timed_out_is_stopped_and_waited_for_at_the_end() -> None:
     assert stage.run.result.orphans == ()
 
 
-def test_a_goal_whose_server_never_confirms_its_end_is_an_orphan() -> None:
+def test_unconfirmed_goal_is_an_orphan() -> None:
     for lost in (
         ScriptedReply(after_s=99.0, cancel_s=math.inf),
         ScriptedReply(after_s=99.0, vanishes=True),
@@ -379,7 +375,7 @@ def test_a_goal_whose_server_never_confirms_its_end_is_an_orphan() -> None:
         assert stage.run.result.orphans == ("tree",)
 
 
-def test_a_goal_that_was_never_sent_is_no_orphan() -> None:
+def test_unsent_goal_is_not_an_orphan() -> None:
     stage = Stage(RAW, answers={"dance": [ScriptedReply(state=GoalState.UNREACHABLE)]})
     assert stage.tick() == "failed"
     assert stage.run.result is not None
@@ -398,7 +394,7 @@ parallel:
 """
 
 
-def test_feedback_gives_names_values_while_the_action_goes_on() -> None:
+def test_action_feedback_updates_outputs_during_action() -> None:
     told = ((1.0, {"progress": 0.1}), (2.0, {"progress": 0.5}), (3.0, {"progress": 0.9}))
     stage = Stage(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
     assert stage.tick() == "running"
@@ -411,9 +407,7 @@ def test_feedback_gives_names_values_while_the_action_goes_on() -> None:
     assert stage.after(3.0) == "succeeded"
 
 
-def test_the_last_feedback_is_seen_with_the_result_and_an_action_that_gives_none_succeeds() -> (
-    None
-):
+def test_outputs_include_last_feedback_at_action_end() -> None:
     tree = """
     sequence:
       - action:
@@ -435,7 +429,7 @@ def test_the_last_feedback_is_seen_with_the_result_and_an_action_that_gives_none
 @pytest.mark.parametrize(
     "told", [{}, {"progress": math.nan}, {"progress": "x" * 10_000_000}, {"other": [1, 2]}]
 )
-def test_no_feedback_ends_a_goal_or_raises(told: dict[str, object]) -> None:
+def test_malformed_feedback_neither_ends_goal_nor_raises(told: dict[str, object]) -> None:
     answer = ScriptedReply(after_s=1.0, feedback=((0.0, told),))  # type: ignore[arg-type]
     tree = RAW + "  outputs: {done: feedback.progress}"
     stage = Stage(tree, answers={"dance": [answer]})
@@ -447,7 +441,7 @@ def test_no_feedback_ends_a_goal_or_raises(told: dict[str, object]) -> None:
 @pytest.mark.parametrize(
     "result", [{"answer": math.nan}, {"answer": "x" * 10_000_000}, {"answer": ""}, {}]
 )
-def test_no_result_raises(result: dict[str, object]) -> None:
+def test_malformed_result_does_not_raise(result: dict[str, object]) -> None:
     stage = Stage("ask: Yes?", answers={"ask": [ScriptedReply(result=result)]})  # type: ignore[arg-type]
     assert stage.tick() in ("succeeded", "failed")
     assert len(str(stage.changes)) < 10_000
@@ -456,14 +450,14 @@ def test_no_result_raises(result: dict[str, object]) -> None:
 LATCHED = "wait_for: {topic: door, type: std_msgs/msg/Bool, until: msg.data, latched: %s}"
 
 
-def test_a_latched_topic_has_its_last_message_in_the_first_tick() -> None:
+def test_latched_topic_delivers_last_message_at_first_tick() -> None:
     stage = Stage(LATCHED % "true")
     stage.environment.arrive("door", {"data": False})
     stage.environment.arrive("door", {"data": True})
     assert stage.tick() == "succeeded"
 
 
-def test_another_topic_has_only_what_comes_while_it_waits() -> None:
+def test_unlatched_topic_delivers_only_messages_during_wait() -> None:
     stage = Stage(LATCHED % "false")
     stage.environment.arrive("door", {"data": True})
     assert stage.tick() == "running"

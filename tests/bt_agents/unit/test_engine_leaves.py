@@ -22,7 +22,7 @@ tunables:
 """
 
 
-def test_log_writes_a_line_and_tells_it_to_whoever_watches() -> None:
+def test_log_writes_line_and_reports_it() -> None:
     stage = Stage(
         """
         sequence:
@@ -40,20 +40,20 @@ def test_log_writes_a_line_and_tells_it_to_whoever_watches() -> None:
     assert stage.reports("tree/0.log") == [("SUCCESS", "The scene is 3.")]
 
 
-def test_the_same_line_logged_again_is_told_again() -> None:
+def test_repeated_log_line_is_reported_again() -> None:
     stage = Stage("log: once more\nrepeat: 3")
     assert stage.tick(3) == "succeeded"
     assert stage.reports("tree") == [("SUCCESS", "once more")] * 3
 
 
-def test_a_skill_that_ends_at_once_twice_is_told_twice_and_a_check_is_not() -> None:
+def test_instant_skill_reports_each_run_unlike_check() -> None:
     stage = Stage("repeat: 3\nsequence:\n  - check: scene.age == 3\n  - say: x")
     stage.tick(3)
     assert len(stage.reports("tree/1.say")) == 3
     assert len(stage.reports("tree/0.check")) == 1
 
 
-def test_what_is_stopped_in_a_tick_is_told_in_that_tick() -> None:
+def test_halted_node_is_reported_in_same_tick() -> None:
     stage = Stage("say: x\ntimeout: 2 s", answers={"say": [ScriptedReply(after_s=9.0)]})
     stage.tick()
     assert stage.after(2.0) == "failed"
@@ -63,7 +63,7 @@ def test_what_is_stopped_in_a_tick_is_told_in_that_tick() -> None:
 @pytest.mark.parametrize(
     ("word", "kind"), [("positive", FeedbackKind.POSITIVE), ("negative", FeedbackKind.NEGATIVE)]
 )
-def test_feedback_is_given_and_taken(word: str, kind: FeedbackKind) -> None:
+def test_give_feedback_succeeds_once_accepted(word: str, kind: FeedbackKind) -> None:
     stage = Stage(f"give_feedback: {word}")
     assert stage.tick() == "succeeded"
     assert stage.environment.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
@@ -85,7 +85,7 @@ def test_direct_feedback_carries_its_values_and_the_reason() -> None:
     ]
 
 
-def test_feedback_that_is_refused_is_a_failure_with_the_words_of_the_refusal() -> None:
+def test_refused_feedback_fails_with_its_reason() -> None:
     refusal = ScriptedReply(
         state=GoalState.REJECTED, message="the last run had no scene", after_s=1.0
     )
@@ -95,7 +95,7 @@ def test_feedback_that_is_refused_is_a_failure_with_the_words_of_the_refusal() -
     assert stage.message == "positive feedback rejected: the last run had no scene"
 
 
-def test_feedback_that_is_not_answered_is_not_waited_for_after_a_stop() -> None:
+def test_cancel_does_not_wait_for_unanswered_feedback() -> None:
     stage = Stage(
         "give_feedback: positive", answers={GIVE_FEEDBACK: [ScriptedReply(after_s=99.0)]}
     )
@@ -135,7 +135,7 @@ def test_direct_feedback_without_values_is_refused() -> None:
         ("height", 1.0, "no scene parameter 'height'"),
     ],
 )
-def test_direct_feedback_takes_no_impossible_values(name: str, value: object, words: str) -> None:
+def test_direct_feedback_refuses_impossible_values(name: str, value: object, words: str) -> None:
     values = MapValue(items={name: Literal(value=value)})  # type: ignore[arg-type]
     stage = Stage(feedback(kind=Literal(value="direct"), values=values))
     assert stage.tick() == "failed"
@@ -143,7 +143,7 @@ def test_direct_feedback_takes_no_impossible_values(name: str, value: object, wo
     assert stage.environment.feedback_given == []
 
 
-def test_values_are_computed_when_they_are_needed() -> None:
+def test_values_are_computed_on_demand() -> None:
     stage = Stage(
         """
         sequence:
@@ -157,14 +157,14 @@ def test_values_are_computed_when_they_are_needed() -> None:
     assert stage.environment.goals[-1].goal.fields["rate"] == 0.75
 
 
-def test_a_value_that_cannot_be_computed_is_a_failure_with_words() -> None:
+def test_uncomputable_value_fails_with_message() -> None:
     stage = Stage("say: '${1 / live.mood}'", awarded=scene(mood=0))
     assert stage.tick() == "failed"
     assert "by zero" in stage.message
     assert "(tree, a.yaml:" in stage.message
 
 
-def test_quantities_are_spoken_with_their_units_inside_of_texts() -> None:
+def test_quantities_in_text_are_spoken_with_units() -> None:
     stage = Stage("say: I wait ${patience}, in ${steps} steps.\nrepeat: 2", head=TUNABLES)
     stage.tick()
     stage.tunables["patience"] = 0.25
@@ -172,7 +172,7 @@ def test_quantities_are_spoken_with_their_units_inside_of_texts() -> None:
     assert stage.said == ["I wait 1.5 min, in 3 steps.", "I wait 250 ms, in 3 steps."]
 
 
-def test_yes_no_nothing_and_lists_are_spoken_as_words() -> None:
+def test_booleans_and_lists_are_spoken_as_words() -> None:
     stage = Stage(
         """
         sequence:
@@ -184,7 +184,7 @@ def test_yes_no_nothing_and_lists_are_spoken_as_words() -> None:
     assert stage.said == ["1, two, yes, yes"]
 
 
-def test_a_skill_that_no_robot_offers_is_a_failure_that_says_so() -> None:
+def test_unoffered_skill_fails_with_reason() -> None:
     tree = agent("say: x").tree
     assert tree.skill is not None
     lost = replace(tree.skill, binding=None, unoffered="its type is not installed")
@@ -206,7 +206,7 @@ def test_a_skill_that_no_robot_offers_is_a_failure_that_says_so() -> None:
         ("data#drink", {"answer": "a", "data": 5}, "needs a JSON text of at most"),
     ],
 )
-def test_an_output_may_have_another_name_and_come_from_inside_a_json_text(
+def test_output_is_renamed_and_extracted_from_json_text(
     path: str, result: dict[str, Plain], words: str
 ) -> None:
     tree = agent(
@@ -239,7 +239,7 @@ def test_an_output_may_have_another_name_and_come_from_inside_a_json_text(
         ),
     ],
 )
-def test_a_condition_that_is_not_true_says_what_its_names_are(condition: str, values: str) -> None:
+def test_failed_condition_reports_values_of_its_names(condition: str, values: str) -> None:
     stage = Stage(
         f"""
         sequence:
@@ -253,7 +253,7 @@ def test_a_condition_that_is_not_true_says_what_its_names_are(condition: str, va
     assert stage.message == f"not so: {condition}{values}"
 
 
-def test_a_name_without_a_value_yet_can_be_asked_for_and_replaced() -> None:
+def test_unset_name_can_be_tested_and_defaulted() -> None:
     stage = Stage(
         """
         repeat: 3
@@ -268,7 +268,7 @@ def test_a_name_without_a_value_yet_can_be_asked_for_and_replaced() -> None:
     assert stage.said == ["1", "again", "2", "again", "3"]
 
 
-def test_the_number_in_an_answer_is_set_or_the_node_fails_in_words() -> None:
+def test_number_is_parsed_from_answer_or_node_fails() -> None:
     tree = """
         sequence:
           - ask: How strong?

@@ -16,7 +16,7 @@ TUNABLE = "tunables: {n: {default: 2, min: 1, max: 9, description: d}}"
 REST = "tunables: {rest: {default: 2 s, min: 0 s, max: 60 s, description: d}}"
 
 
-def test_a_retry_pauses_between_the_attempts() -> None:
+def test_retry_pauses_between_attempts() -> None:
     #  t | drive | retry
     #  0 |   F   |   R     attempt 1
     #  1 |       |   R     pause
@@ -38,7 +38,7 @@ def test_a_retry_pauses_between_the_attempts() -> None:
     assert len(stage.asked) == 3
 
 
-def test_a_retry_says_which_attempt_it_is() -> None:
+def test_retry_reports_its_attempt_number() -> None:
     stage = Stage(
         "drive: x\nretry: {attempts: 2, pause: 2 s}",
         answers={"drive": [FAILED, ScriptedReply(after_s=1.0)]},
@@ -53,14 +53,14 @@ def test_a_retry_says_which_attempt_it_is() -> None:
     ]
 
 
-def test_without_a_pause_the_next_attempt_comes_at_the_next_tick_and_not_within_one() -> None:
+def test_retry_without_pause_makes_one_attempt_per_tick() -> None:
     stage = Stage("drive: x\nretry: forever", answers={"drive": FAILS})
     for number in range(1, 6):
         assert stage.tick() == "running"
         assert len(stage.asked) == number
 
 
-def test_a_retry_for_ever_ends_with_a_success() -> None:
+def test_endless_retry_ends_at_first_success() -> None:
     stage = Stage(
         "drive: x\nretry: {attempts: forever, pause: 1 s}",
         answers={"drive": [*FAILS * 20, ScriptedReply()]},
@@ -70,7 +70,7 @@ def test_a_retry_for_ever_ends_with_a_success() -> None:
     assert len(stage.asked) == 21
 
 
-def test_a_pause_may_be_tuned_while_it_passes() -> None:
+def test_running_pause_follows_tuned_duration() -> None:
     stage = Stage(
         "drive: x\nretry: {attempts: 5, pause: '${rest}'}", head=REST, answers={"drive": FAILS}
     )
@@ -85,7 +85,7 @@ def test_a_pause_may_be_tuned_while_it_passes() -> None:
     assert "(tree@retry, a.yaml:" in stage.message
 
 
-def test_a_pause_that_is_tuned_after_it_is_over_does_not_hold_up_the_attempt() -> None:
+def test_tuning_an_elapsed_pause_does_not_delay_attempt() -> None:
     stage = Stage(
         "drive: x\nretry: {attempts: 2, pause: '${rest}'}",
         head=REST,
@@ -98,7 +98,7 @@ def test_a_pause_that_is_tuned_after_it_is_over_does_not_hold_up_the_attempt() -
     assert stage.after(2.0) == "succeeded"
 
 
-def test_the_number_of_attempts_is_looked_at_when_an_attempt_has_failed() -> None:
+def test_attempt_limit_is_evaluated_after_each_failure() -> None:
     stage = Stage("drive: x\nretry: ${n}", head=TUNABLE, answers={"drive": FAILS})
     assert stage.tick() == "running"
     stage.tunables["n"] = 4
@@ -109,7 +109,7 @@ def test_the_number_of_attempts_is_looked_at_when_an_attempt_has_failed() -> Non
 
 
 @pytest.mark.parametrize("value", [0, -1, 1.5, float("nan"), float("inf"), True, "two", None])
-def test_counts_that_are_none_are_refused_in_words(value: object) -> None:
+def test_invalid_count_fails_with_message(value: object) -> None:
     for tree, answers in (
         ("drive: x\nretry: ${n}", FAILS),
         ("drive: x\nrepeat: ${n}", [ScriptedReply()]),
@@ -121,19 +121,19 @@ def test_counts_that_are_none_are_refused_in_words(value: object) -> None:
         assert "expected a whole number from 1 on" in stage.message
 
 
-def test_a_computed_count_may_come_out_as_a_whole_number_with_a_point() -> None:
+def test_computed_count_accepts_integral_float() -> None:
     stage = Stage("drive: x\nretry: ${n * 3 / 2}", head=TUNABLE, answers={"drive": FAILS})
     assert stage.tick(3) == "failed"
     assert len(stage.asked) == 3
 
 
-def test_a_single_attempt_says_that_it_failed_once() -> None:
+def test_single_attempt_reports_failed_once() -> None:
     stage = Stage("say: x\ntimeout: 0 s\nretry: 1", answers={"say": LONG})
     assert stage.tick() == "failed"
     assert stage.reports("tree@retry")[-1][1].startswith("failed once (tree@retry")
 
 
-def test_a_retry_that_was_stopped_counts_from_the_beginning() -> None:
+def test_interrupted_retry_counts_from_zero() -> None:
     stage = Stage("drive: x\nretry: {attempts: 2, pause: 5 s}", answers={"drive": FAILS})
     stage.tick()
     stage.interrupt()
@@ -144,14 +144,14 @@ def test_a_retry_that_was_stopped_counts_from_the_beginning() -> None:
     assert len(stage.asked) == 3
 
 
-def test_a_cancel_in_a_pause_ends_the_run_at_once() -> None:
+def test_cancel_during_pause_ends_run_immediately() -> None:
     stage = Stage("drive: x\nretry: {attempts: 9, pause: 1 h}", answers={"drive": FAILS})
     stage.tick()
     stage.run.cancel("enough")
     assert stage.outcome == "cancelled"
 
 
-def test_a_repeat_pauses_between_its_rounds_and_not_after_the_last() -> None:
+def test_repeat_pauses_only_between_rounds() -> None:
     #  t | say | repeat
     #  0 |  S  |   R
     #  5 |  S  |   R
@@ -165,7 +165,7 @@ def test_a_repeat_pauses_between_its_rounds_and_not_after_the_last() -> None:
     assert len(stage.said) == 3
 
 
-def test_a_repeat_ends_with_the_first_failure() -> None:
+def test_repeat_fails_at_first_failure() -> None:
     stage = Stage(
         "drive: x\nrepeat: forever", answers={"drive": [ScriptedReply(), ScriptedReply(), *FAILS]}
     )
@@ -174,7 +174,7 @@ def test_a_repeat_ends_with_the_first_failure() -> None:
     assert stage.message == "drive aborted: motor off"
 
 
-def test_a_repeat_until_looks_after_each_success_and_after_the_pause() -> None:
+def test_repeat_until_evaluates_after_success_and_after_pause() -> None:
     stage = Stage("say: x\nrepeat: {until: live.mood >= 4, pause: 1 s}")
     assert stage.tick(3, step_s=1.0) == "running"
     stage.set_mood(5.0)
@@ -183,7 +183,7 @@ def test_a_repeat_until_looks_after_each_success_and_after_the_pause() -> None:
     assert len(stage.said) == 3
 
 
-def test_a_repeat_until_without_a_pause_looks_before_the_next_round() -> None:
+def test_repeat_until_without_pause_evaluates_before_next_round() -> None:
     stage = Stage("say: x\nrepeat: {until: live.mood >= 4}")
     assert stage.tick() == "running"
     stage.set_mood(5.0)
@@ -191,13 +191,13 @@ def test_a_repeat_until_without_a_pause_looks_before_the_next_round() -> None:
     assert len(stage.said) == 1
 
 
-def test_a_repeat_until_something_that_is_so_already_is_done_once() -> None:
+def test_repeat_until_true_condition_runs_once() -> None:
     stage = Stage("say: x\nrepeat: {times: 5, until: scene.age == 3}")
     assert stage.tick() == "succeeded"
     assert len(stage.said) == 1
 
 
-def test_an_until_that_misses_a_value_is_not_so_yet_an_undecided_one_fails() -> None:
+def test_until_waits_for_missing_value_but_fails_undecided() -> None:
     stage = Stage("say: x\nrepeat: {until: live.age >= 4}", awarded=scene(mood=3))
     assert stage.tick(2) == "running"
     stage.set_live("age", 4.0)
@@ -207,13 +207,13 @@ def test_an_until_that_misses_a_value_is_not_so_yet_an_undecided_one_fails() -> 
     assert "by zero" in stage.message
 
 
-def test_a_repeat_with_a_number_and_an_until_succeeds_after_so_many_rounds_too() -> None:
+def test_repeat_with_until_succeeds_at_its_count() -> None:
     stage = Stage("say: x\nrepeat: {times: 3, until: live.mood > 4}")
     assert stage.tick(3) == "succeeded"
     assert len(stage.said) == 3
 
 
-def test_an_until_can_ask_for_what_the_round_has_found_out() -> None:
+def test_until_reads_outputs_of_its_round() -> None:
     stage = Stage(
         "ask: Ready?\nrepeat: {until: answer == 'yes'}",
         answers={
@@ -227,7 +227,7 @@ def test_an_until_can_ask_for_what_the_round_has_found_out() -> None:
     assert stage.tick() == "succeeded"
 
 
-def test_a_timeout_counts_for_each_attempt_of_a_retry() -> None:
+def test_timeout_applies_to_each_retry_attempt() -> None:
     stage = Stage("say: x\ntimeout: 2 s\nretry: {attempts: 2, pause: 9 s}", answers={"say": LONG})
     stage.tick()
     assert stage.after(2.0) == "running"
@@ -238,7 +238,7 @@ def test_a_timeout_counts_for_each_attempt_of_a_retry() -> None:
     assert len(stage.said) == 2
 
 
-def test_a_retry_around_a_repeat_starts_the_count_of_rounds_afresh() -> None:
+def test_retry_around_repeat_resets_round_count() -> None:
     stage = Stage(
         "drive: x\nrepeat: 2\nretry: 2",
         answers={"drive": [ScriptedReply(), FAILED, ScriptedReply()]},

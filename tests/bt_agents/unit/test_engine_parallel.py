@@ -29,7 +29,7 @@ def tree(succeed_on: str) -> str:
         """
 
 
-def test_two_of_three_are_enough_when_two_are_asked_for() -> None:
+def test_parallel_succeeds_at_required_count() -> None:
     #  t | say | show | drive     | parallel
     #  0 |  R  |  R   |  R        |   R
     #  1 |  S  |  R   |  R        |   R
@@ -43,7 +43,7 @@ def test_two_of_three_are_enough_when_two_are_asked_for() -> None:
     assert stage.asked == ["say", "show", "drive"]
 
 
-def test_a_count_survives_failures_while_enough_can_still_succeed() -> None:
+def test_parallel_survives_failures_while_count_is_reachable() -> None:
     #  t | say | show | drive | parallel
     #  1 |  F  |  R   |  R    |   R
     #  2 |     |  S   |  R    |   R
@@ -56,7 +56,7 @@ def test_a_count_survives_failures_while_enough_can_still_succeed() -> None:
     assert stage.asked == ["say", "show", "drive"]
 
 
-def test_a_count_fails_as_soon_as_too_few_can_still_succeed_and_says_so() -> None:
+def test_parallel_fails_once_count_is_unreachable() -> None:
     stage = Stage(
         tree("2"),
         answers={"say": ends(1.0, well=False), "show": ends(2.0, well=False), "drive": ends(9.0)},
@@ -67,7 +67,7 @@ def test_a_count_fails_as_soon_as_too_few_can_still_succeed_and_says_so() -> Non
     assert ("FAILURE", "2 had to succeed, at most 1 still can") in stage.reports("tree")
 
 
-def test_one_is_enough_even_after_others_have_failed() -> None:
+def test_parallel_one_succeeds_after_other_failures() -> None:
     answers = {"say": ends(1.0, well=False), "show": ends(2.0, well=False), "drive": ends(3.0)}
     stage = Stage(tree("one"), answers=answers)
     assert stage.tick(3, step_s=1.0) == "running"
@@ -78,7 +78,7 @@ def test_one_is_enough_even_after_others_have_failed() -> None:
     assert stage.after(1.0) == "failed"
 
 
-def test_all_fail_with_the_first_failure_and_the_others_are_stopped() -> None:
+def test_parallel_all_fails_at_first_failure() -> None:
     stage = Stage(
         tree("all"), answers={"say": ends(1.0), "show": ends(2.0, well=False), "drive": ends(9.0)}
     )
@@ -89,7 +89,7 @@ def test_all_fail_with_the_first_failure_and_the_others_are_stopped() -> None:
     assert stage.run.result.tip == "tree/1.film"
 
 
-def test_named_children_decide_and_the_others_are_stopped() -> None:
+def test_named_children_decide_parallel_and_halt_others() -> None:
     stage = Stage(
         tree("[talk, way]"), answers={"say": ends(1.0), "show": ends(99.0), "drive": ends(2.0)}
     )
@@ -99,7 +99,7 @@ def test_named_children_decide_and_the_others_are_stopped() -> None:
 
 
 @pytest.mark.parametrize("failing", ["say", "show", "drive"])
-def test_with_named_children_any_failure_fails_it(failing: str) -> None:
+def test_any_failure_fails_parallel_with_named_children(failing: str) -> None:
     answers = {"say": ends(9.0), "show": ends(9.0), "drive": ends(9.0)}
     answers[failing] = ends(1.0, well=False)
     stage = Stage(tree("[talk]"), answers=answers)
@@ -108,13 +108,13 @@ def test_with_named_children_any_failure_fails_it(failing: str) -> None:
     assert stage.environment.running() == []
 
 
-def test_a_child_that_has_ended_is_not_started_again_while_the_others_run() -> None:
+def test_parallel_does_not_restart_finished_child() -> None:
     stage = Stage(tree("all"), answers={"say": ends(0.0), "show": ends(0.0), "drive": ends(5.0)})
     assert stage.tick(6, step_s=1.0) == "succeeded"
     assert stage.asked == ["say", "show", "drive"]
 
 
-def test_an_interrupted_parallel_stops_all_children_and_starts_afresh() -> None:
+def test_interrupted_parallel_halts_children_and_starts_afresh() -> None:
     stage = Stage(tree("2"), answers={"say": ends(1.0), "show": ends(9.0), "drive": ends(9.0)})
     stage.tick(2, step_s=1.0)
     stage.interrupt()
@@ -126,13 +126,13 @@ def test_an_interrupted_parallel_stops_all_children_and_starts_afresh() -> None:
     assert stage.after(8.0) == "succeeded"
 
 
-def test_a_child_that_succeeds_at_once_counts_in_the_first_tick() -> None:
+def test_instantly_succeeding_child_counts_in_first_tick() -> None:
     stage = Stage(tree("one"), answers={"say": ends(0.0), "show": ends(9.0), "drive": ends(9.0)})
     assert stage.tick() == "succeeded"
     assert stage.environment.running() == []
 
 
-def test_a_parallel_that_is_repeated_starts_all_its_children_again() -> None:
+def test_repeated_parallel_restarts_every_child() -> None:
     stage = Stage("parallel:\n  - say: x\n  - show: y\nrepeat: 2")
     assert stage.tick() == "running"
     assert stage.tick() == "succeeded"

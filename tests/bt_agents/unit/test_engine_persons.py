@@ -33,26 +33,26 @@ def reason(one: Stage) -> str:
     return one.run.result.message
 
 
-def test_a_person_who_is_known_has_a_name_and_visits() -> None:
+def test_known_person_has_name_and_visits() -> None:
     one = stage("say: ${person.name} ${person.visits}")
     assert one.tick() == "succeeded"
     assert said(one) == ["anna 2"]
 
 
-def test_a_person_who_is_not_known_has_neither() -> None:
+def test_unknown_person_has_neither_name_nor_visits() -> None:
     one = stage("say: Hello ${person.name else 'you'}!", replace(ANNA, visits=0))
     assert one.tick() == "succeeded"
     assert said(one) == ["Hello you!"]
 
 
-def test_whoever_comes_later_is_the_person_of_a_run_that_began_with_nobody() -> None:
+def test_later_arrival_becomes_person_of_empty_run() -> None:
     one = stage("wait_for: {condition: person.name == 'anna'}", scene(person=False))
     assert one.tick() == "running"
     one.live = ANNA
     assert one.after(0.1) == "succeeded"
 
 
-def test_what_is_remembered_has_its_name_at_once_also_inside_of_a_subtree() -> None:
+def test_remembered_fact_is_readable_immediately_in_subtree() -> None:
     one = Stage(
         """
         sequence:
@@ -85,30 +85,28 @@ def test_what_is_remembered_has_its_name_at_once_also_inside_of_a_subtree() -> N
         (ScriptedReply(after_s=9.0), "the scene layer is timed out: no answer within 1 s"),
     ],
 )
-def test_what_the_scene_layer_does_not_take_is_not_remembered(
-    reply: ScriptedReply, words: str
-) -> None:
+def test_fact_refused_by_scene_layer_is_not_remembered(reply: ScriptedReply, words: str) -> None:
     tree = "remember: {favourite: tea}\non_failure: {check: known(person.favourite)}"
     one = stage(tree, remember=reply)
     assert one.tick(30, 0.1) == "failed"
     assert any(change.message.startswith(words) for change in one.changes)
 
 
-def test_nothing_is_remembered_of_somebody_who_is_not_known() -> None:
+def test_remember_fails_for_unknown_person() -> None:
     one = stage("remember: {favourite: tea}", replace(ANNA, visits=0))
     assert one.tick() == "failed"
     assert reason(one).startswith("nobody who is known by name is there")
     assert not one.environment.goals
 
 
-def test_a_text_without_an_end_is_not_sent() -> None:
+def test_overlong_fact_is_not_sent() -> None:
     one = stage(f"remember: {{favourite: {'x' * 501}}}")
     assert one.tick() == "failed"
     assert reason(one).startswith("favourite has 501 characters, expected 500 at most")
     assert not one.environment.goals
 
 
-def test_a_told_value_goes_to_the_scene_layer_and_is_waited_for_in_the_live_scene() -> None:
+def test_told_value_is_sent_and_awaited_in_scene() -> None:
     one = stage("sequence: [{set: {scene.age: 4, n: 1}}, {say: '${scene.age} ${live.age} ${n}'}]")
     assert one.tick() == "running"
     assert [goal.goal.fields for goal in one.environment.goals] == [
@@ -119,7 +117,7 @@ def test_a_told_value_goes_to_the_scene_layer_and_is_waited_for_in_the_live_scen
     assert said(one) == ["4 4 1"]
 
 
-def test_a_newer_value_in_the_live_scene_does_not_hold_the_tree_up() -> None:
+def test_newer_live_value_does_not_block_set() -> None:
     one = stage("sequence: [{set: {scene.age: 4}}, {say: '${scene.age} ${live.age}'}]")
     one.tick()
     one.set_live("age", 2.0)
@@ -128,7 +126,7 @@ def test_a_newer_value_in_the_live_scene_does_not_hold_the_tree_up() -> None:
     assert said(one) == ["4 2"]
 
 
-def test_the_change_of_the_mood_counts_from_the_scene_as_awarded() -> None:
+def test_mood_change_is_relative_to_awarded_scene() -> None:
     one = stage("sequence: [{set: {scene.mood: 1}}, {check: mood.change == -2}]", scene(mood=3))
     one.set_mood(1.0)
     assert one.tick() == "succeeded"
@@ -138,14 +136,14 @@ def test_the_change_of_the_mood_counts_from_the_scene_as_awarded() -> None:
     ("value", "words"),
     [("${1 + 8}", "set: age is 9, expected 1 to 5"), ("${number('few')}", "in the text 'few'")],
 )
-def test_a_value_out_of_range_is_not_told(value: str, words: str) -> None:
+def test_out_of_range_value_is_not_sent(value: str, words: str) -> None:
     one = stage(f'set: {{scene.age: "{value}"}}')
     assert one.tick() == "failed"
     assert words in reason(one)
     assert not one.environment.goals
 
 
-def test_a_scene_layer_that_refuses_a_told_value_fails_the_node() -> None:
+def test_set_fails_when_scene_layer_refuses_value() -> None:
     refused = ScriptedReply(result={"accepted": False, "code": "NOT_RUNNING", "message": ""})
     one = stage("set: {scene.age: 4}", analyze=refused)
     assert one.tick() == "failed"

@@ -94,7 +94,7 @@ def repeated(spec: NodeSpec, times: int) -> NodeSpec:
     )
 
 
-def test_a_plug_in_is_set_up_ticked_and_shut_down() -> None:
+def test_plugin_is_set_up_ticked_and_shut_down() -> None:
     stage = Stage(plugged(Nod, times=Literal(value=2)))
     assert stage.tick() == "running"
     assert stage.reports("tree") == [("RUNNING", "1 to go")]
@@ -104,7 +104,7 @@ def test_a_plug_in_is_set_up_ticked_and_shut_down() -> None:
     assert nod.calls == ["setup {}", "initialise", "terminate SUCCESS", "shutdown"]
 
 
-def test_fields_that_mean_something_else_at_a_start_make_a_new_object() -> None:
+def test_changed_fields_create_new_plugin_at_start() -> None:
     stage = Stage(
         repeated(
             plugged(
@@ -122,7 +122,7 @@ def test_fields_that_mean_something_else_at_a_start_make_a_new_object() -> None:
     ]
 
 
-def test_an_interrupted_plug_in_is_stopped_and_started_again() -> None:
+def test_interrupted_plugin_is_terminated_and_reinitialised() -> None:
     stage = Stage(plugged(Nod, times=Literal(value=3)))
     stage.tick()
     stage.interrupt()
@@ -132,7 +132,7 @@ def test_an_interrupted_plug_in_is_stopped_and_started_again() -> None:
     assert nod.calls[-3:] == ["initialise", "terminate SUCCESS", "shutdown"]
 
 
-def test_a_plug_in_is_set_up_once_a_run_and_started_as_often_as_its_turn_comes() -> None:
+def test_plugin_is_set_up_once_per_run() -> None:
     stage = Stage(repeated(plugged(Again), 300))
     assert stage.tick(300) == "succeeded"
     [nod] = Nod.made
@@ -149,7 +149,7 @@ class Again(Nod):
         self.times = 1
 
 
-def test_after_an_error_a_plug_in_is_taken_down_and_made_anew() -> None:
+def test_failed_plugin_is_shut_down_and_recreated() -> None:
     class Unlucky(Again):
         def update(self) -> Status:
             if len(Nod.made) < 3:
@@ -170,7 +170,7 @@ def test_after_an_error_a_plug_in_is_taken_down_and_made_anew() -> None:
 
 
 @pytest.mark.parametrize("place", ["setup", "update"])
-def test_of_several_errors_the_first_counts(place: str) -> None:
+def test_first_of_several_errors_is_reported(place: str) -> None:
     class Broken(broken(place, RuntimeError("the first"))):  # type: ignore[misc]
         def shutdown(self) -> None:
             raise RuntimeError("the second")
@@ -184,7 +184,7 @@ def test_of_several_errors_the_first_counts(place: str) -> None:
     assert stage.root.feedback_message == stage.message
 
 
-def test_keys_of_the_blackboard_are_fields_and_names_and_are_gone_after_the_run() -> None:
+def test_blackboard_keys_map_to_names_and_are_removed() -> None:
     class Doubler(Nod):
         reads: ClassVar = {"/their/mood": "mood"}
 
@@ -214,7 +214,7 @@ def test_keys_of_the_blackboard_are_fields_and_names_and_are_gone_after_the_run(
     assert not stage.environment.logged
 
 
-def test_two_names_of_a_client_for_one_key_are_removed_too() -> None:
+def test_remapped_blackboard_key_is_removed() -> None:
     class Renamer(Nod):
         def __init__(self, name: str) -> None:
             super().__init__(name)
@@ -235,7 +235,7 @@ def test_two_names_of_a_client_for_one_key_are_removed_too() -> None:
     assert "renamer" not in board.clients.values()
 
 
-def test_what_is_no_plain_data_does_not_leave_the_blackboard() -> None:
+def test_non_plain_data_does_not_leave_blackboard() -> None:
     class Leaker(Nod):
         def update(self) -> Status:
             py_trees.blackboard.Blackboard.set("leak", object())
@@ -247,7 +247,7 @@ def test_what_is_no_plain_data_does_not_leave_the_blackboard() -> None:
     assert not py_trees.blackboard.Blackboard.exists("leak")
 
 
-def test_a_cancel_stops_a_plug_in() -> None:
+def test_cancel_halts_plugin() -> None:
     stage = Stage(plugged(Nod, times=Literal(value=3)))
     stage.tick()
     stage.run.cancel("enough")
@@ -255,7 +255,7 @@ def test_a_cancel_stops_a_plug_in() -> None:
     assert Nod.made[0].status is Status.INVALID
 
 
-def test_a_plug_in_gets_copies_and_no_way_into_the_run() -> None:
+def test_plugin_gets_copies_without_access_to_run() -> None:
     given = {"list": [1, 2]}
     stage = Stage(
         repeated(
@@ -291,9 +291,7 @@ def broken(place: str, error: BaseException) -> type:
 
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
 @pytest.mark.parametrize("error", [RuntimeError("no nerve"), SystemExit(3), KeyError("x")])
-def test_whatever_a_plug_in_raises_is_a_failure_with_path_and_place(
-    place: str, error: BaseException
-) -> None:
+def test_raising_plugin_fails_with_path_and_position(place: str, error: BaseException) -> None:
     stage = Stage(plugged(broken(place, error)))
     assert stage.tick() == "failed"
     assert stage.message.endswith("(tree, a.yaml:7:3)")
@@ -327,7 +325,7 @@ def blocking(place: str) -> type:
 
 @pytest.mark.usefixtures("own_limit")
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
-def test_a_plug_in_that_blocks_is_a_failure_with_path_and_place(place: str) -> None:
+def test_blocking_plugin_fails_with_path_and_position(place: str) -> None:
     stage = Stage(plugged(blocking(place)))
     began = time.monotonic()
     assert stage.tick() == "failed"
@@ -337,7 +335,7 @@ def test_a_plug_in_that_blocks_is_a_failure_with_path_and_place(place: str) -> N
 
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
-def test_a_plug_in_that_blocks_at_its_end_does_not_hold_up_the_end(place: str) -> None:
+def test_plugin_blocking_in_shutdown_does_not_delay_end(place: str) -> None:
     stage = Stage(plugged(blocking(place)))
     stage.tick()
     stage.root._limit_s = OWN_LIMIT_S
@@ -347,7 +345,7 @@ def test_a_plug_in_that_blocks_at_its_end_does_not_hold_up_the_end(place: str) -
     assert any("blocked for more than 0.25 s (tree, a.yaml:7:3)" in text for text in told)
 
 
-def test_what_has_blocked_once_gets_less_time_to_block_again() -> None:
+def test_plugin_that_blocked_gets_shorter_limit() -> None:
     class Crowd(py_trees.composites.Sequence):
         def __init__(self, name: str) -> None:
             children = [blocking("shutdown")(f"{number}") for number in range(20)]
@@ -362,13 +360,13 @@ def test_what_has_blocked_once_gets_less_time_to_block_again() -> None:
     assert time.monotonic() - began < 20 * 0.25
 
 
-def test_an_exception_that_is_no_error_is_a_failure_too() -> None:
+def test_base_exception_fails_plugin() -> None:
     stage = Stage(plugged(broken("update", asyncio.CancelledError("told so"))))
     assert stage.tick() == "failed"
     assert stage.message == "the plug-in raised CancelledError: told so (tree, a.yaml:7:3)"
 
 
-def test_a_message_as_long_as_it_likes_is_cut() -> None:
+def test_long_plugin_message_is_truncated() -> None:
     class Talker(Nod):
         def update(self) -> Status:
             self.feedback_message = "x" * 10_000_000
@@ -380,7 +378,7 @@ def test_a_message_as_long_as_it_likes_is_cut() -> None:
 
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
-def test_a_plug_in_that_raises_at_its_end_does_not_disturb_the_end(place: str) -> None:
+def test_plugin_raising_in_shutdown_does_not_disturb_end(place: str) -> None:
     stage = Stage(plugged(broken(place, RuntimeError("no nerve"))))
     stage.tick()
     stage.run.cancel("enough")
@@ -389,7 +387,7 @@ def test_a_plug_in_that_raises_at_its_end_does_not_disturb_the_end(place: str) -
     assert any(text.endswith("RuntimeError: no nerve (tree, a.yaml:7:3)") for text in told)
 
 
-def test_a_plug_in_that_takes_other_fields_is_a_failure() -> None:
+def test_plugin_with_unexpected_fields_fails() -> None:
     class Bare(py_trees.behaviours.Success):
         def __init__(self, name: str) -> None:
             super().__init__(name)
@@ -399,7 +397,7 @@ def test_a_plug_in_that_takes_other_fields_is_a_failure() -> None:
     assert "unexpected keyword argument 'depth'" in stage.message
 
 
-def test_a_field_without_a_value_is_a_failure_and_nothing_is_made() -> None:
+def test_field_without_value_fails_before_creating_plugin() -> None:
     stage = Stage(plugged(Nod, age=Reference(name="scene.age")), awarded=scene(mood=3))
     assert stage.tick() == "failed"
     assert "'scene.age' has no value" in stage.message
@@ -407,13 +405,13 @@ def test_a_field_without_a_value_is_a_failure_and_nothing_is_made() -> None:
 
 
 @pytest.mark.parametrize("made", [dict, lambda name: 5])
-def test_what_is_no_behaviour_is_a_failure(made: Any) -> None:
+def test_plugin_that_is_not_a_behaviour_fails(made: Any) -> None:
     stage = Stage(plugged(made))
     assert stage.tick() == "failed"
     assert "expected a py_trees Behaviour" in stage.message
 
 
-def test_a_tick_without_a_status_is_a_failure() -> None:
+def test_plugin_tick_without_status_fails() -> None:
     class Dazed(Nod):
         def update(self) -> Status:
             return Status.INVALID
@@ -424,7 +422,7 @@ def test_a_tick_without_a_status_is_a_failure() -> None:
     assert "shutdown" in Nod.made[0].calls
 
 
-def test_behaviours_that_come_with_py_trees_are_leaves_too() -> None:
+def test_built_in_py_trees_behaviours_work_as_leaves() -> None:
     stage = Stage(repeated(plugged(py_trees.behaviours.Success), 2))
     assert stage.tick(2) == "succeeded"
     stage = Stage(plugged(py_trees.behaviours.Failure))
@@ -432,7 +430,7 @@ def test_behaviours_that_come_with_py_trees_are_leaves_too() -> None:
     assert stage.message == "failure"
 
 
-def test_the_children_of_a_composite_plug_in_are_set_up_and_shut_down_too() -> None:
+def test_composite_plugin_sets_up_and_shuts_down_children() -> None:
     class Pair(py_trees.composites.Sequence):
         def __init__(self, name: str) -> None:
             super().__init__(name, memory=True, children=[Nod("a"), Nod("b")])
@@ -444,7 +442,7 @@ def test_the_children_of_a_composite_plug_in_are_set_up_and_shut_down_too() -> N
         assert nod.calls[-1] == "shutdown"
 
 
-def test_a_plug_in_is_ticked_by_py_trees_itself() -> None:
+def test_py_trees_ticks_the_plugin() -> None:
     callers = []
 
     class Curious(Nod):
@@ -456,7 +454,7 @@ def test_a_plug_in_is_ticked_by_py_trees_itself() -> None:
     assert callers == ["py_trees"]
 
 
-def test_a_plug_in_with_a_way_of_its_own_to_be_ticked_keeps_it() -> None:
+def test_plugin_keeps_its_overridden_tick() -> None:
     class Twice(Nod):
         def tick_once(self) -> None:
             super().tick_once()
@@ -466,7 +464,7 @@ def test_a_plug_in_with_a_way_of_its_own_to_be_ticked_keeps_it() -> None:
     assert stage.tick() == "succeeded"
 
 
-def test_a_plug_in_that_ends_the_program_does_not() -> None:
+def test_plugin_calling_exit_does_not_end_program() -> None:
     class Quitter(Nod):
         def update(self) -> Status:
             sys.exit(1)

@@ -24,7 +24,7 @@ sequence:
 """
 
 
-def test_a_tree_manager_of_py_trees_ticks_our_trees_as_a_run_does() -> None:
+def test_py_trees_manager_ticks_tree_like_a_run() -> None:
     ours, theirs = Stage(TREE), Stage(TREE)
     seen = visitors.SnapshotVisitor()
     manager = trees.BehaviourTree(theirs.root)
@@ -42,7 +42,7 @@ def test_a_tree_manager_of_py_trees_ticks_our_trees_as_a_run_does() -> None:
     assert theirs.said == ours.said == ["hello", "good-bye"]
 
 
-def test_our_nodes_have_all_that_tools_ask_of_a_behaviour() -> None:
+def test_nodes_provide_the_py_trees_behaviour_interface() -> None:
     root = Stage(TREE).root
     nodes = list(root.iterate())
     assert len({node.id for node in nodes}) == len(nodes)

@@ -21,7 +21,7 @@ subtrees:
 """
 
 
-def test_a_subtree_hands_its_output_over_under_the_name_that_the_caller_wants() -> None:
+def test_caller_renames_subtree_outputs() -> None:
     stage = Stage(
         """
         sequence:
@@ -40,7 +40,7 @@ def test_a_subtree_hands_its_output_over_under_the_name_that_the_caller_wants() 
     assert stage.run._context.scope.blackboard == {"four": 4, "eight": 8}
 
 
-def test_without_names_outputs_keep_their_own() -> None:
+def test_subtree_outputs_keep_their_names_by_default() -> None:
     stage = Stage(
         "sequence:\n  - subtree: double\n    with: {n: 3}\n  - say: ${twice}", head=COUNT
     )
@@ -48,7 +48,7 @@ def test_without_names_outputs_keep_their_own() -> None:
     assert stage.said == ["6"]
 
 
-def test_what_a_subtree_writes_does_not_reach_the_caller_nor_another_call() -> None:
+def test_subtree_writes_stay_local_to_their_call() -> None:
     #  Only the first call writes 'half'; the second sees neither that nor the caller's.
     head = """
     subtrees:
@@ -75,7 +75,7 @@ def test_what_a_subtree_writes_does_not_reach_the_caller_nor_another_call() -> N
     assert "'half' has no value" in stage.message
 
 
-def test_a_tunable_of_another_file_is_not_taken_for_a_name_that_the_subtree_writes() -> None:
+def test_subtree_local_does_not_resolve_to_foreign_tunable() -> None:
     head = """
     subtrees:
       one:
@@ -91,7 +91,7 @@ def test_a_tunable_of_another_file_is_not_taken_for_a_name_that_the_subtree_writ
     assert "'half' has no value" in stage.message
 
 
-def test_each_start_of_a_subtree_forgets_what_an_earlier_one_wrote() -> None:
+def test_subtree_start_clears_earlier_writes() -> None:
     head = """
     tunables: {write: {default: true, description: d}}
     subtrees:
@@ -109,7 +109,7 @@ def test_each_start_of_a_subtree_forgets_what_an_earlier_one_wrote() -> None:
     assert stage.said == ["written"]
 
 
-def test_an_output_that_was_not_written_leaves_the_name_of_the_caller_as_it_is() -> None:
+def test_unwritten_output_keeps_caller_value() -> None:
     head = """
     tunables: {write: {default: true, description: d}}
     subtrees:
@@ -132,7 +132,7 @@ def test_an_output_that_was_not_written_leaves_the_name_of_the_caller_as_it_is()
     assert stage.said == ["old"]
 
 
-def test_outputs_are_handed_over_at_the_end_of_a_subtree_that_failed_too() -> None:
+def test_failed_subtree_still_returns_its_outputs() -> None:
     head = """
     subtrees:
       one:
@@ -151,7 +151,7 @@ def test_outputs_are_handed_over_at_the_end_of_a_subtree_that_failed_too() -> No
     assert stage.said == ["tried"]
 
 
-def test_a_subtree_that_is_stopped_hands_over_nothing() -> None:
+def test_interrupted_subtree_returns_no_outputs() -> None:
     head = """
     subtrees:
       one:
@@ -168,7 +168,7 @@ def test_a_subtree_that_is_stopped_hands_over_nothing() -> None:
     assert "word" not in stage.run._context.scope.blackboard
 
 
-def test_the_caller_sees_nothing_before_the_end() -> None:
+def test_caller_sees_outputs_only_at_subtree_end() -> None:
     head = """
     subtrees:
       one:
@@ -196,7 +196,7 @@ def test_the_caller_sees_nothing_before_the_end() -> None:
     assert stage.said == ["old", "new"]
 
 
-def test_inputs_follow_the_caller_while_the_subtree_runs() -> None:
+def test_running_subtree_sees_changed_inputs() -> None:
     head = """
     tunables: {t: {default: 9 s, min: 0 s, max: 60 s, description: d}}
     subtrees:
@@ -214,7 +214,7 @@ def test_inputs_follow_the_caller_while_the_subtree_runs() -> None:
     assert stage.tick() == "succeeded"
 
 
-def test_two_calls_that_run_at_the_same_time_do_not_share_names() -> None:
+def test_concurrent_subtree_calls_do_not_share_names() -> None:
     head = """
     subtrees:
       one:
@@ -237,14 +237,14 @@ def test_two_calls_that_run_at_the_same_time_do_not_share_names() -> None:
     assert stage.said == ["second", "first"]
 
 
-def test_a_once_inside_of_a_subtree_counts_for_each_place_that_calls_it() -> None:
+def test_once_in_subtree_counts_per_call_site() -> None:
     head = "subtrees: {hi: {tree: {say: Hi., once: true}}}"
     stage = Stage("repeat: 2\nsequence:\n  - subtree: hi\n  - subtree: hi", head=head)
     assert stage.tick(2) == "succeeded"
     assert stage.said == ["Hi.", "Hi."]
 
 
-def test_what_the_clean_up_reads_is_what_the_tree_has_written() -> None:
+def test_cleanup_reads_values_written_by_tree() -> None:
     stage = Stage(
         "sequence:\n  - set: {place: gate 7}\n  - wait: 9 s",
         head="on_cancel: {say: 'We were on the way to ${place}.'}",

@@ -8,7 +8,7 @@ import pytest
 from bt_agents.engine.tick_scheduler import REST_S, TickScheduler
 
 
-def test_regular_ticks_stay_on_their_grid_however_long_they_take() -> None:
+def test_ticks_stay_on_grid_regardless_of_duration() -> None:
     pace = TickScheduler(0.1, now=0.0)
     due = []
     for _ in range(4):
@@ -18,21 +18,21 @@ def test_regular_ticks_stay_on_their_grid_however_long_they_take() -> None:
     assert due == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
-def test_a_late_tick_is_followed_by_the_next_one_of_the_grid_and_not_by_those_it_missed() -> None:
+def test_late_tick_skips_missed_grid_ticks() -> None:
     pace = TickScheduler(0.1, now=0.0)
     pace.started()
     pace.finished(5.03, 5.04)
     assert pace.due == pytest.approx(5.1)
 
 
-def test_an_overrun_leaves_out_what_it_has_missed() -> None:
+def test_overrun_skips_missed_ticks() -> None:
     pace = TickScheduler(0.1, now=0.0)
     pace.started()
     pace.finished(0.0, 0.25)
     assert pace.due == pytest.approx(0.3)
 
 
-def test_news_make_an_extra_tick_at_once_and_the_grid_stays() -> None:
+def test_request_adds_immediate_tick_and_keeps_grid() -> None:
     pace = TickScheduler(1.0, now=0.0)
     pace.started()
     pace.finished(0.0, 0.001)
@@ -43,7 +43,7 @@ def test_news_make_an_extra_tick_at_once_and_the_grid_stays() -> None:
     assert pace.due == 1.0
 
 
-def test_news_soon_after_a_tick_wait_for_a_rest_as_long_as_the_tick() -> None:
+def test_early_request_waits_as_long_as_last_tick() -> None:
     pace = TickScheduler(1.0, now=0.0)
     pace.started()
     pace.finished(0.0, 0.05)
@@ -55,7 +55,7 @@ def test_news_soon_after_a_tick_wait_for_a_rest_as_long_as_the_tick() -> None:
     assert pace.due == pytest.approx(0.1 + REST_S)
 
 
-def test_news_during_a_tick_are_not_lost() -> None:
+def test_request_during_tick_is_not_lost() -> None:
     pace = TickScheduler(1.0, now=0.0)
     pace.started()
     pace.request(0.002)
@@ -63,7 +63,7 @@ def test_news_during_a_tick_are_not_lost() -> None:
     assert pace.due == pytest.approx(0.02)
 
 
-def test_a_flood_of_news_makes_one_tick_and_takes_at_most_half_of_the_time() -> None:
+def test_request_flood_uses_at_most_half_the_time() -> None:
     pace = TickScheduler(1.0, now=0.0)
     now, ticked_s, ticks = 0.0, 0.0, 0
     while now < 1.0:
@@ -79,7 +79,7 @@ def test_a_flood_of_news_makes_one_tick_and_takes_at_most_half_of_the_time() -> 
     assert ticks >= 50
 
 
-def test_whoever_hurries_does_not_wait_for_a_rest() -> None:
+def test_urgent_tick_skips_rest() -> None:
     pace = TickScheduler(1.0, now=0.0)
     pace.started()
     pace.finished(0.0, 0.05)
@@ -87,7 +87,7 @@ def test_whoever_hurries_does_not_wait_for_a_rest() -> None:
     assert pace.due == 0.06
 
 
-def test_a_deadline_between_two_ticks_is_kept() -> None:
+def test_deadline_between_ticks_is_met() -> None:
     pace = TickScheduler(1.0, now=0.0)
     pace.started()
     pace.finished(0.0, 0.001, latest=0.3)
@@ -97,7 +97,7 @@ def test_a_deadline_between_two_ticks_is_kept() -> None:
     assert pace.due == pytest.approx(0.301)
 
 
-def test_another_rate_acts_at_once() -> None:
+def test_rate_change_takes_effect_immediately() -> None:
     pace = TickScheduler(1.0, now=0.0)
     pace.started()
     pace.finished(0.0, 0.001)

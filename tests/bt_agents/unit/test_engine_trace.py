@@ -31,7 +31,7 @@ def test_an_element_has_the_values_of_its_node() -> None:
     assert values(stage, "tree") == [("SUCCESS", {})]
 
 
-def test_a_node_that_ends_with_other_values_has_an_element() -> None:
+def test_node_that_ends_reports_its_changed_values() -> None:
     stage = Stage(REACTIVE)
     stage.tick(3)
     stage.set_mood(4.5)
@@ -90,7 +90,7 @@ subtrees:
     assert values(stage, "tree/double") == [("SUCCESS", {"twice": "4"})]
 
 
-def test_what_was_told_about_the_scene_is_a_value() -> None:
+def test_set_scene_value_is_in_element() -> None:
     stage = Stage("set: {scene.age: 4}", awarded=scene(age=3, familiarity=3, mood=3))
     stage.tick()
     assert values(stage, "tree") == [("RUNNING", {"scene.age": "4"})]
@@ -113,5 +113,5 @@ def test_a_tick_reports_a_limited_number_of_values() -> None:
     [10**5000, [[0] * 1000] * 1000, {"k" * 9999: {"v" * 9999: 1}}],
     ids=["number", "list", "mapping"],
 )
-def test_a_value_of_any_size_has_a_short_text(value: object) -> None:
+def test_long_values_are_shortened(value: object) -> None:
     assert len(as_written(value)) <= 200  # type: ignore[arg-type]

@@ -44,9 +44,7 @@ choose:
         ("wait_for: level >= 4", "wait_for"),
     ],
 )
-def test_a_condition_that_cannot_be_decided_fails_its_node_with_reason_and_place(
-    node: str, place: str
-) -> None:
+def test_undecidable_condition_fails_node_with_reason_and_position(node: str, place: str) -> None:
     played = stage(node)
     assert played.tick() == "failed"
     assert played.said == []
@@ -55,7 +53,7 @@ def test_a_condition_that_cannot_be_decided_fails_its_node_with_reason_and_place
 
 
 @pytest.mark.parametrize("node", ["say: x\nwhen: level", "check: level", CHOOSE])
-def test_a_condition_that_is_a_text_is_not_taken_for_false(node: str) -> None:
+def test_text_condition_does_not_count_as_false(node: str) -> None:
     played = stage(node.replace("level >= 4", "level"))
     assert played.tick() == "failed"
     assert "cannot be decided: level (it is the text 'four', expected true or false)" in (
@@ -72,7 +70,7 @@ def test_a_condition_that_is_a_text_is_not_taken_for_false(node: str) -> None:
         "check: level >= 4\non_failure: {say: Rest well.}",
     ],
 )
-def test_who_handles_the_failure_does_not_hide_it(node: str) -> None:
+def test_handled_failure_still_reports_undecidable_condition(node: str) -> None:
     played = stage(node)
     assert played.tick() == "succeeded"
     [(level, told)] = played.environment.logged
@@ -82,7 +80,7 @@ def test_who_handles_the_failure_does_not_hide_it(node: str) -> None:
     assert played.run.result.message == f"the tree succeeded; {told}"
 
 
-def test_it_is_told_once_however_often_it_is_looked_at() -> None:
+def test_undecidable_condition_is_reported_once() -> None:
     played = stage("check: level >= 4\nretry: 5")
     assert played.tick(5) == "failed"
     assert len(played.environment.logged) == 1
@@ -90,7 +88,7 @@ def test_it_is_told_once_however_often_it_is_looked_at() -> None:
     assert played.run.result.message.count("cannot be decided") == 1
 
 
-def test_a_missing_value_is_still_not_so() -> None:
+def test_missing_value_still_counts_as_false() -> None:
     played = Stage(CHOOSE.replace("level", "scene.age"), awarded=scene(mood=3))
     assert played.tick() == "succeeded"
     assert played.said == ["Rest well."]

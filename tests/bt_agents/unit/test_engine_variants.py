@@ -20,19 +20,19 @@ def said(tree: str, seed: int) -> list[object]:
     return stage.said
 
 
-def test_the_same_text_never_comes_twice_running_and_all_come() -> None:
+def test_variants_never_repeat_consecutively_and_all_occur() -> None:
     texts = said(f"{GREETING}\nrepeat: 20", 1)
     assert set(texts) == {"Hello.", "Hi.", "Good day."}
     assert all(one != other for one, other in itertools.pairwise(texts))
 
 
-def test_the_seed_of_the_run_decides_which_texts_come() -> None:
+def test_run_seed_determines_variants() -> None:
     tree = f"{GREETING}\nrepeat: 20"
     assert said(tree, 7) == said(tree, 7)
     assert len({tuple(said(tree, seed)) for seed in range(5)}) == 5
 
 
-def test_names_in_a_variant_have_their_value_when_it_is_said() -> None:
+def test_variant_names_are_resolved_when_spoken() -> None:
     tree = """
 sequence:
   - set: {guest: Ann}
@@ -41,13 +41,13 @@ sequence:
     assert {text for seed in range(8) for text in said(tree, seed)} == {"Hello Ann.", "Ann"}
 
 
-def test_a_retry_asks_in_other_words() -> None:
+def test_retry_uses_another_variant() -> None:
     texts = said("{invert: true, retry: 4, say: {one_of: [Well?, Shall we?]}}", 0)
     assert len(texts) == 4
     assert texts[0] == texts[2] != texts[1] == texts[3]
 
 
 @pytest.mark.parametrize("count", [2, 5])
-def test_the_last_one_is_left_out_of_every_pick(count: int) -> None:
+def test_pick_excludes_the_last_variant(count: int) -> None:
     context = Stage("wait: 1 s", random=Random(2)).run._context
     assert {context.pick("tree", count, 1) for _ in range(99)} == {*range(count)} - {1}

@@ -11,7 +11,7 @@ CONDITION = "wait_for: {condition: live.mood >= 4, for: 2 s}"
 MESSAGE = "{topic: t, type: std_msgs/msg/Int32, until: msg.data > 3, for: 2 s, outputs: {n: data}}"
 
 
-def test_wait_for_a_condition_ends_when_it_is_true() -> None:
+def test_wait_for_ends_when_its_condition_holds() -> None:
     stage = Stage("wait_for: live.mood >= 4")
     assert stage.tick(3, step_s=1.0) == "running"
     stage.set_mood(4.0)
@@ -19,7 +19,7 @@ def test_wait_for_a_condition_ends_when_it_is_true() -> None:
     assert Stage("wait_for: scene.mood == 3").tick() == "succeeded"
 
 
-def test_a_condition_must_hold_for_its_time_without_a_break() -> None:
+def test_condition_must_hold_without_interruption() -> None:
     #  t   | mood | held | wait_for
     #  0   |  3   |  -   |   R
     #  1   |  4   |  0   |   R
@@ -36,7 +36,7 @@ def test_a_condition_must_hold_for_its_time_without_a_break() -> None:
     assert stage.after(0.1) == "succeeded"
 
 
-def test_a_condition_without_a_value_does_not_hold_yet_and_breaks_the_time() -> None:
+def test_missing_value_resets_the_hold_time() -> None:
     stage = Stage(CONDITION, awarded=scene(age=3))
     assert stage.tick() == "running"
     assert stage.reports("tree") == [("RUNNING", "'live.mood' has no value yet")]
@@ -49,13 +49,13 @@ def test_a_condition_without_a_value_does_not_hold_yet_and_breaks_the_time() -> 
     assert stage.after(2.0) == "succeeded"
 
 
-def test_a_condition_that_cannot_be_evaluated_is_a_failure() -> None:
+def test_wait_for_fails_if_condition_cannot_be_evaluated() -> None:
     stage = Stage("wait_for: 1 / live.mood > 0", awarded=scene(mood=0))
     assert stage.tick() == "failed"
     assert "by zero" in stage.message
 
 
-def test_the_time_starts_anew_after_an_interruption_and_may_be_tuned() -> None:
+def test_hold_time_is_tunable_and_restarts_after_interruption() -> None:
     stage = Stage(
         "wait_for: {condition: live.mood >= 3, for: '${hold}'}",
         head="tunables: {hold: {default: 9 s, min: 0 s, max: 60 s, description: d}}",
@@ -69,7 +69,7 @@ def test_the_time_starts_anew_after_an_interruption_and_may_be_tuned() -> None:
     assert stage.tick() == "succeeded"
 
 
-def test_a_message_that_fits_must_not_be_followed_by_one_that_does_not() -> None:
+def test_mismatching_message_resets_hold_time() -> None:
     #  t | messages | held | wait_for
     #  0 |          |  -   |   R
     #  1 |   5      |  0   |   R
@@ -87,7 +87,7 @@ def test_a_message_that_fits_must_not_be_followed_by_one_that_does_not() -> None
     assert stage.said == ["Got 7."]
 
 
-def test_a_break_in_the_tick_in_which_the_time_is_over_is_a_break() -> None:
+def test_mismatch_in_the_final_tick_resets_hold_time() -> None:
     stage = Stage(f"wait_for: {MESSAGE}")
     stage.tick()
     stage.environment.arrive("t", {"data": 5})
@@ -97,7 +97,7 @@ def test_a_break_in_the_tick_in_which_the_time_is_over_is_a_break() -> None:
     assert stage.after(2.0) == "running"
 
 
-def test_without_a_time_the_first_message_that_fits_counts() -> None:
+def test_first_matching_message_wins_without_hold_time() -> None:
     stage = Stage(
         """
         sequence:
@@ -116,14 +116,14 @@ def test_without_a_time_the_first_message_that_fits_counts() -> None:
     assert stage.said == ["Got 4."]
 
 
-def test_without_a_condition_any_message_will_do() -> None:
+def test_any_message_ends_wait_without_condition() -> None:
     stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Empty}")
     assert stage.tick() == "running"
     stage.environment.arrive("t", {})
     assert stage.tick() == "succeeded"
 
 
-def test_an_output_that_the_message_does_not_have_is_a_failure_and_nothing_is_written() -> None:
+def test_wait_for_fails_when_output_field_is_missing() -> None:
     stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Int32, outputs: {n: data, m: other}}")
     stage.tick()
     stage.environment.arrive("t", {"data": 3})
@@ -132,7 +132,7 @@ def test_an_output_that_the_message_does_not_have_is_a_failure_and_nothing_is_wr
 
 
 @pytest.mark.parametrize("end", ["success", "interrupt", "cancel", "failure"])
-def test_nobody_listens_any_more_after_the_end(end: str) -> None:
+def test_wait_for_closes_its_inbox_at_end(end: str) -> None:
     stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}")
     stage.tick()
     [(_, inbox)] = stage.environment._inboxes
@@ -147,7 +147,7 @@ def test_nobody_listens_any_more_after_the_end(end: str) -> None:
     assert inbox.closed
 
 
-def test_what_came_before_the_start_does_not_count() -> None:
+def test_messages_before_start_are_ignored() -> None:
     stage = Stage("sequence:\n  - wait: 1 s\n  - wait_for: {topic: t, type: std_msgs/msg/Empty}")
     stage.tick()
     stage.environment.arrive("t", {})
@@ -160,7 +160,7 @@ def test_what_came_before_the_start_does_not_count() -> None:
     assert stage.tick() == "succeeded"
 
 
-def test_a_wait_says_once_what_it_waits_for_however_the_values_move() -> None:
+def test_wait_reports_its_condition_only_once() -> None:
     # tick     0        1        2        3
     # mood     3        3.1      3.2      3.3
     # told     ▶        –        –        –

@@ -12,7 +12,7 @@ from bt_agents.host.health import TickCounts, files_health, servers_health, tick
 from bt_agents_core.health import Health
 
 
-def test_files_with_problems_are_an_error_that_names_them():
+def test_file_problems_are_an_error_naming_the_files():
     assert files_health(9, ()).message == "agents: 9, all files are in order"
     health = files_health(9, [("agents/a.yaml", "no skill 'sya'"), ("b", "does not bid")])
     assert health.level is Health.ERROR
@@ -20,14 +20,14 @@ def test_files_with_problems_are_an_error_that_names_them():
     assert health.values["agents/a.yaml"] == "no skill 'sya'"
 
 
-def test_ticks_that_took_too_long_are_a_warning_that_names_the_agent():
+def test_tick_overruns_are_a_warning_naming_the_agent():
     assert ticks_health(TickCounts(agent="guide")).level is Health.OK
     health = ticks_health(TickCounts(agent="guide", overruns=3))
     assert (health.level, health.values["too long"]) == (Health.WARN, "3")
     assert "guide" in health.message
 
 
-def test_a_server_that_is_unreachable_is_silent_until_it_answers_a_goal():
+def test_unreachable_server_is_silent_until_it_answers():
     servers = SilentServers()
     servers.ended("say", GoalState.UNREACHABLE, "no server after 2 s")
     health = servers_health(servers.reasons, {})
@@ -37,7 +37,7 @@ def test_a_server_that_is_unreachable_is_silent_until_it_answers_a_goal():
     assert servers_health(servers.reasons, {}).level is Health.OK
 
 
-def test_two_servers_of_one_action_are_a_warning_until_one_is_left():
+def test_duplicate_action_servers_raise_a_warning():
     now = [0.0]
     changes = []
     graph = GraphProblems(clock=lambda: now[0])
@@ -53,7 +53,7 @@ def test_two_servers_of_one_action_are_a_warning_until_one_is_left():
     assert changes == [["/carry"], []]
 
 
-def test_a_server_that_was_started_anew_is_no_second_one_before_the_graph_has_forgotten_it():
+def test_restarted_server_is_not_a_duplicate_at_first():
     now = [0.0]
     graph = GraphProblems(clock=lambda: now[0])
     assert graph.look("/carry", ["/a", "/a"]) == ""
@@ -62,7 +62,7 @@ def test_a_server_that_was_started_anew_is_no_second_one_before_the_graph_has_fo
 
 
 @pytest.mark.parametrize("state", [GoalState.CANCELLED, GoalState.TIMED_OUT])
-def test_a_goal_that_was_cancelled_or_timed_out_says_nothing_of_its_server(state: GoalState):
+def test_cancelled_or_timed_out_goal_keeps_server_state(state: GoalState):
     servers = SilentServers()
     servers.ended("ask", state, "")
     assert servers.reasons == {}
@@ -71,7 +71,7 @@ def test_a_goal_that_was_cancelled_or_timed_out_says_nothing_of_its_server(state
     assert servers.reasons == {"say": "gone"}
 
 
-def test_no_more_silent_servers_are_remembered_than_there_is_room_for():
+def test_number_of_remembered_silent_servers_is_bounded():
     servers = SilentServers()
     for number in range(MOST_SERVERS + 10):
         servers.ended(f"server{number}", GoalState.UNREACHABLE, "gone")

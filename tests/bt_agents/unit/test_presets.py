@@ -72,7 +72,7 @@ def test_two_hosts_share_the_presets_of_a_folder(folder):
     assert list(Presets(folder).by_name) == list(other.by_name) == ["morning", "night"]
 
 
-def test_a_file_of_an_author_is_read_after_a_change(folder):
+def test_file_edited_by_author_is_read_again(folder):
     presets = Presets(folder)
     path = write(folder, "early.yaml", preset_text("early", {"a.patience": "12 s"}))
     presets.refresh()
@@ -102,7 +102,7 @@ def test_a_broken_file_is_never_overwritten(folder):
     assert broken.read_text() == "values: [\n"
 
 
-def test_a_name_like_that_of_another_preset_is_refused(folder):
+def test_name_with_file_of_other_preset_is_refused(folder):
     presets = Presets(folder)
     presets.save("care home", {"a.patience": "12 s"})
     with pytest.raises(Refused, match="FILE_TAKEN"):
@@ -110,7 +110,7 @@ def test_a_name_like_that_of_another_preset_is_refused(folder):
     assert values(presets, "care home") == {"a.patience": "12 s"}
 
 
-def test_the_second_file_of_a_name_is_a_problem(folder):
+def test_second_file_with_same_name_is_reported(folder):
     write(folder, "one.yaml", preset_text("morning", {"a.patience": "12 s"}))
     two = write(folder, "two.yaml", preset_text("morning", {"a.patience": "3 s"}))
     presets = Presets(folder)
@@ -119,7 +119,7 @@ def test_the_second_file_of_a_name_is_a_problem(folder):
 
 
 @pytest.mark.parametrize("name", ["", " x", "x\n", "x" * 61, "\x00", "a\u2028b", "..", "/"])
-def test_a_name_without_letters_or_of_control_characters_is_refused(folder, name):
+def test_unusable_preset_name_is_refused(folder, name):
     with pytest.raises(Refused, match="BAD_NAME: a preset cannot be called"):
         Presets(folder).save(name, VALUES)
     assert not folder.exists()
@@ -158,7 +158,7 @@ def test_presets_and_their_values_are_bounded(folder, monkeypatch):
     assert "a host takes at most 2 presets" in presets.problems[late]
 
 
-def test_a_disk_that_takes_nothing_leaves_no_file(folder, monkeypatch):
+def test_full_disk_leaves_no_preset_file(folder, monkeypatch):
     def full(*_arguments: object) -> None:
         raise OSError(28, "No space left on device")
 

@@ -11,7 +11,7 @@ from bt_agents_language.files.folder_reader import read_trees
 from reload_harness import agent, new_folder, write
 
 
-def test_what_waits_and_what_is_broken_is_said_though_nothing_has_changed() -> None:
+def test_pending_and_broken_versions_are_always_reported() -> None:
     assert reload_lines([], "", []) == ["nothing has changed"]
     assert reload_lines([], "version 4 of ann waits", ["a.yaml:1:1: error[x]: y"]) == [
         "version 4 of ann waits for the end of the run; 'bt-agents reload --now' cancels it",
@@ -19,12 +19,12 @@ def test_what_waits_and_what_is_broken_is_said_though_nothing_has_changed() -> N
     ]
 
 
-def test_a_problem_that_the_change_names_is_not_said_twice() -> None:
+def test_problem_named_by_change_is_reported_once() -> None:
     changed = ["ann: a.yaml is broken, version 3 stays in force: a.yaml:1:1: error[x]: y"]
     assert reload_lines(changed, "", ["a.yaml:1:1: error[x]: y"]) == changed
 
 
-def test_a_problem_comes_with_its_hint(tmp_path: Path) -> None:
+def test_problem_includes_its_hint(tmp_path: Path) -> None:
     folder = new_folder(tmp_path / "trees")
     write(folder, "ann", agent("ann", "{syy: hi}"))
     [problem] = AgentVersions(read_trees(folder)).folder_problems()

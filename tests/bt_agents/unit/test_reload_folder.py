@@ -35,12 +35,12 @@ def changed(before, after) -> list[bool]:
     return [id(one) not in known for one in after.files]
 
 
-def test_nothing_is_new_when_nothing_has_changed(folder):
+def test_poll_finds_nothing_in_unchanged_folder(folder):
     watch = FolderWatch(read_trees(folder))
     assert [watch.poll() for _ in range(5)] == [None] * 5
 
 
-def test_only_the_changed_file_is_read_again(folder):
+def test_only_changed_file_is_reread(folder):
     trees = read_trees(folder)
     read = []
     watch = FolderWatch(trees, lambda: read.append(1))
@@ -52,7 +52,7 @@ def test_only_the_changed_file_is_read_again(folder):
     assert changed(trees, after) == [False, True, False]
 
 
-def test_what_changes_between_the_start_and_the_first_look_is_seen(folder):
+def test_change_before_first_poll_is_detected(folder):
     trees = read_trees(folder)
     watch = FolderWatch(trees)
     write(folder, "bob", agent("bob", "{say: bye}"))
@@ -60,14 +60,14 @@ def test_what_changes_between_the_start_and_the_first_look_is_seen(folder):
     assert changed(trees, after) == [False, True, False]
 
 
-def test_a_touched_file_is_no_change(folder):
+def test_touched_file_is_not_a_change(folder):
     watch = FolderWatch(read_trees(folder))
     settled(watch)
     os.utime(folder / "agents" / "bob.yaml", (1, 1))
     assert settled(watch) is None
 
 
-def test_a_file_that_is_still_being_written_waits_until_it_stands_still(folder):
+def test_file_being_written_is_read_once_stable(folder):
     watch = FolderWatch(read_trees(folder))
     settled(watch)
     file = folder / "agents" / "bob.yaml"
@@ -81,7 +81,7 @@ def test_a_file_that_is_still_being_written_waits_until_it_stands_still(folder):
     assert after.files[1].text == text
 
 
-def test_a_file_that_never_stands_still_is_read_in_the_end(folder):
+def test_constantly_changing_file_is_read_eventually(folder):
     watch = FolderWatch(read_trees(folder))
     settled(watch)
     found = []
@@ -92,13 +92,13 @@ def test_a_file_that_never_stands_still_is_read_in_the_end(folder):
     assert found[-1] is not None
 
 
-def test_a_look_that_is_asked_for_does_not_wait(folder):
+def test_requested_poll_skips_settling(folder):
     watch = FolderWatch(read_trees(folder))
     write(folder, "bob", agent("bob", "{say: bye}"))
     assert watch.poll(settle=False) is not None
 
 
-def test_an_editor_may_write_by_rename_and_leave_swap_files(folder):
+def test_editor_renames_and_swap_files_are_handled(folder):
     trees = read_trees(folder)
     watch = FolderWatch(trees)
     settled(watch)
@@ -114,7 +114,7 @@ def test_an_editor_may_write_by_rename_and_leave_swap_files(folder):
     assert after.broken == ()
 
 
-def test_another_file_of_the_same_size_and_time_is_a_change(folder):
+def test_change_keeping_size_and_mtime_is_detected(folder):
     file = folder / "agents" / "bob.yaml"
     stamp = (file.stat().st_atime_ns, file.stat().st_mtime_ns)
     watch = FolderWatch(read_trees(folder))
@@ -124,7 +124,7 @@ def test_another_file_of_the_same_size_and_time_is_a_change(folder):
     assert settled(watch) is not None
 
 
-def test_a_file_that_is_deleted_and_made_again_between_two_looks_is_none_that_was_gone(folder):
+def test_file_recreated_between_polls_is_not_a_change(folder):
     watch = FolderWatch(read_trees(folder))
     settled(watch)
     file = folder / "agents" / "bob.yaml"
@@ -135,7 +135,7 @@ def test_a_file_that_is_deleted_and_made_again_between_two_looks_is_none_that_wa
     assert settled(watch) is None
 
 
-def test_a_file_that_stays_away_is_gone_and_a_new_one_is_there(folder):
+def test_poll_reports_deleted_and_added_files(folder):
     trees = read_trees(folder)
     watch = FolderWatch(trees)
     settled(watch)
@@ -147,7 +147,7 @@ def test_a_file_that_stays_away_is_gone_and_a_new_one_is_there(folder):
 
 
 @pytest.mark.parametrize("part", ["", "agents", "skills"])
-def test_a_folder_that_vanishes_takes_nothing_with_it_and_says_so(folder, part):
+def test_missing_folder_keeps_agents_and_reports_a_problem(folder, part):
     trees = read_trees(folder)
     watch = FolderWatch(trees)
     settled(watch)
@@ -164,7 +164,7 @@ def test_a_folder_that_vanishes_takes_nothing_with_it_and_says_so(folder, part):
     assert specs(back) == specs(trees)
 
 
-def test_a_changed_scene_is_not_read_but_said(folder):
+def test_changed_scene_is_reported_but_not_reread(folder):
     trees = read_trees(folder)
     watch = FolderWatch(trees)
     scene = folder / "scene.yaml"
@@ -178,7 +178,7 @@ def test_a_changed_scene_is_not_read_but_said(folder):
     assert settled(watch).problems == ()
 
 
-def test_a_changed_library_reads_those_again_that_import_it_one_through_the_other(folder):
+def test_changed_library_rereads_direct_and_transitive_importers(folder):
     libraries = folder / "libraries"
     (libraries / "more.yaml").write_text(
         "format: 1\nimports: [libraries/manners.yaml]\n"
@@ -193,7 +193,7 @@ def test_a_changed_library_reads_those_again_that_import_it_one_through_the_othe
     assert {n for n, one in specs(after).items() if one != specs(trees)[n]} == {"ann"}
 
 
-def test_a_library_that_says_the_same_to_an_agent_leaves_it_as_it_is(folder):
+def test_irrelevant_library_change_keeps_the_agent(folder):
     head = "imports: [libraries/manners.yaml]\n"
     write(folder, "ann", agent("ann", "{subtree: greet}", head))
     trees = read_trees(folder)
@@ -203,7 +203,7 @@ def test_a_library_that_says_the_same_to_an_agent_leaves_it_as_it_is(folder):
     assert specs(settled(watch)) == specs(trees)
 
 
-def test_a_broken_library_is_reported_and_breaks_those_that_import_it(folder):
+def test_broken_library_breaks_its_importers(folder):
     head = "imports: [libraries/manners.yaml]\n"
     write(folder, "ann", agent("ann", "{subtree: greet}", head))
     watch = FolderWatch(read_trees(folder))
@@ -218,7 +218,7 @@ def test_a_broken_library_is_reported_and_breaks_those_that_import_it(folder):
     assert [one.name for one in mended.agents] == ["ann", "bob", "zoe"]
 
 
-def test_a_changed_text_reads_those_again_that_insert_it(folder):
+def test_changed_text_rereads_agents_that_use_it(folder):
     (folder / "scene.yaml").write_text((folder / "scene.yaml").read_text() + "language: de\n")
     texts = folder / "texts" / "de.yaml"
     texts.parent.mkdir()
@@ -240,7 +240,7 @@ def test_a_changed_text_reads_those_again_that_insert_it(folder):
     assert [one.name for one in settled(watch).agents] == ["ann", "bob", "zoe"]
 
 
-def test_a_text_that_is_broken_is_reported_and_the_others_stay(folder):
+def test_broken_text_file_breaks_only_its_users(folder):
     (folder / "scene.yaml").write_text((folder / "scene.yaml").read_text() + "language: de\n")
     texts = folder / "texts" / "de.yaml"
     texts.parent.mkdir()
@@ -253,7 +253,7 @@ def test_a_text_that_is_broken_is_reported_and_the_others_stay(folder):
     assert [one.file.name for one in after.broken] == ["ann.yaml", "de.yaml"]
 
 
-def test_changed_skills_read_all_agents_again_and_broken_ones_none(folder):
+def test_changed_skills_reread_all_agents_unless_broken(folder):
     trees = read_trees(folder)
     watch = FolderWatch(trees)
     settled(watch)
@@ -274,7 +274,7 @@ def test_changed_skills_read_all_agents_again_and_broken_ones_none(folder):
     assert "beep" in more.symbols.skills
 
 
-def test_of_two_files_with_one_name_the_one_that_had_it_keeps_it_even_when_it_breaks(folder):
+def test_first_holder_keeps_duplicate_agent_name(folder):
     watch = FolderWatch(read_trees(folder))
     settled(watch)
     write(folder, "aaa", agent("zoe"))
@@ -291,7 +291,7 @@ def test_of_two_files_with_one_name_the_one_that_had_it_keeps_it_even_when_it_br
     assert taken.holders["zoe"].name == "aaa.yaml"
 
 
-def test_two_files_may_swap_their_names(folder):
+def test_two_files_can_swap_agent_names(folder):
     watch = FolderWatch(read_trees(folder))
     write(folder, "ann", agent("bob"))
     write(folder, "bob", agent("ann"))
@@ -316,7 +316,7 @@ def test_tests_scripts_presets_and_hidden_files_change_nothing(folder):
     assert settled(watch) is None
 
 
-def test_reading_can_be_stopped(folder):
+def test_poll_can_be_stopped(folder):
     watch = FolderWatch(read_trees(folder))
     watch.poll()
     write(folder, "ann", agent("ann", "{say: bye}"))
@@ -325,7 +325,7 @@ def test_reading_can_be_stopped(folder):
         watch.poll(settle=False)
 
 
-def test_a_reading_that_fails_is_tried_again(folder, monkeypatch):
+def test_failed_reading_is_retried(folder, monkeypatch):
     failures = [1]
 
     def pause() -> None:
@@ -342,7 +342,7 @@ def test_a_reading_that_fails_is_tried_again(folder, monkeypatch):
     assert watch.poll().agents[0].tree.fields["text"].value == "bye"
 
 
-def test_the_agents_may_move_to_another_file(folder):
+def test_agent_can_move_to_another_file(folder):
     trees = read_trees(folder)
     watch = FolderWatch(trees)
     settled(watch)

@@ -77,7 +77,7 @@ def changes(*cards: Message) -> list[str]:
         (agent(), agent("bob"), ["ann does not bid any more", "bob bids now"]),
     ],
 )
-def test_a_change_on_a_card_is_one_line(before: Any, now: Any, words: list[str]) -> None:
+def test_card_change_is_described_in_one_line(before: Any, now: Any, words: list[str]) -> None:
     assert changes(card(before), card(now)) == words
 
 
@@ -102,7 +102,7 @@ def test_a_change_on_a_card_is_one_line(before: Any, now: Any, words: list[str])
         ),
     ],
 )
-def test_what_becomes_of_the_agent_is_told_as_it_is(before: Any, now: Any, words: str) -> None:
+def test_diff_describes_what_happens_to_agent(before: Any, now: Any, words: str) -> None:
     assert changes(card(before), card(now)) == [words]
 
 
@@ -120,14 +120,12 @@ def test_what_becomes_of_the_agent_is_told_as_it_is(before: Any, now: Any, words
         ((TAKEN,), ["no longer: bob: already registered"]),
     ],
 )
-def test_a_problem_of_the_folder_that_is_mended_is_told(
-    problems: tuple[Problem, ...], words: list[str]
-) -> None:
+def test_fixed_folder_problem_is_reported(problems: tuple[Problem, ...], words: list[str]) -> None:
     assert changes(card(agent(), problems=problems), card(agent())) == words
     assert changes(card(agent(), problems=problems), card(agent(), problems=problems[:1])) == []
 
 
-def test_the_own_file_of_an_agent_is_told_of_once_when_it_is_mended() -> None:
+def test_fixed_agent_file_is_reported_once() -> None:
     assert changes(card(agent("ann", 1, False, BROKEN)), card(agent())) == [
         "ann: its file is good again"
     ]
@@ -142,17 +140,17 @@ def test_the_own_file_of_an_agent_is_told_of_once_when_it_is_mended() -> None:
         (agent(removal_reason=GONE), GONE),
     ],
 )
-def test_why_an_agent_is_kept_is_said_in_a_few_words(degraded: Any, why: str) -> None:
+def test_degraded_reason_is_short(degraded: Any, why: str) -> None:
     assert degraded_reason(degraded) == why
 
 
-def test_a_problem_of_the_folder_is_told_once() -> None:
+def test_folder_problem_is_reported_once() -> None:
     one = card(agent(), problems=(SCENE,))
     assert changes(card(agent()), one) == ["scene.yaml has changed"]
     assert changes(card(agent()), one, one) == []
 
 
-def test_the_first_card_of_a_start_of_a_host_is_no_news() -> None:
+def test_first_card_of_host_instance_reports_nothing() -> None:
     assert changes(card(agent())) == []
     assert changes(card(agent(version=7)), card(agent(), instance="other")) == []
     assert changes(card(), card(agent())) == []

@@ -35,7 +35,7 @@ def in_force(watched: Watched, name: str) -> tuple[int, str]:
     return version.number, version.change
 
 
-def test_a_changed_tree_is_replaced_when_the_agent_does_not_run(watched):
+def test_changed_tree_of_idle_agent_is_replaced(watched):
     ann = watched.in_force["ann"]
     said = edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
     assert said == [
@@ -58,7 +58,7 @@ def fail(watched: Watched, name: str) -> list[str]:
     return [reported.text]
 
 
-def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_reading(watched):
+def test_failed_version_is_rolled_back_and_retried(watched):
     write(watched.folder, "bob", agent("bob", "{say: bye}"))
     assert fail(watched, "bob") == [
         "bob: version 2 could not be brought into force, version 1 stays: OSError: disk"
@@ -73,7 +73,7 @@ def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_readi
     assert not watched.versions.states["bob"].problems
 
 
-def test_an_agent_that_could_not_be_added_is_not_there_and_is_tried_again(watched):
+def test_failed_addition_of_agent_is_retried(watched):
     write(watched.folder, "cid", agent("cid"))
     assert fail(watched, "cid") == ["cid: version 1 could not be added: OSError: disk"]
     assert "cid" not in watched.versions.states
@@ -81,7 +81,7 @@ def test_an_agent_that_could_not_be_added_is_not_there_and_is_tried_again(watche
     assert "add cid: new agent from cid.yaml, version 1 in force" in said
 
 
-def test_a_changed_default_is_a_change_of_values_also_while_the_agent_runs(watched):
+def test_changed_default_updates_running_agent(watched):
     edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("8 s")))
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("12 s")))
@@ -102,25 +102,25 @@ def test_a_changed_default_is_a_change_of_values_also_while_the_agent_runs(watch
         ("# a comment\n", "only comments or layout changed"),
     ],
 )
-def test_what_is_not_the_tree_comes_into_force_at_once(watched, head, words):
+def test_changes_outside_tree_take_effect_immediately(watched, head, words):
     watched.running = "bob"
     assert edit(watched, "bob", agent("bob", head=head)) == [
         f"update bob: version 2 in force ({words})"
     ]
 
 
-def test_a_changed_profile_says_which_parameter(watched):
+def test_profile_change_names_its_parameter(watched):
     text = agent("bob").replace("{age: 3}", "{age: 4.5}")
     assert edit(watched, "bob", text) == ["update bob: version 2 in force (profile age: 3 → 4.5)"]
 
 
-def test_a_new_tunable_is_a_change_of_the_tree(watched):
+def test_new_tunable_waits_like_a_tree_change(watched):
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", head=TUNABLES.format("8 s")))
     assert said == ["report bob: version 2 waits for the end of its run (tunable patience added)"]
 
 
-def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
+def test_changed_tree_waits_for_end_of_run(watched):
     before = watched.in_force["bob"]
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", "{say: bye}"))
@@ -135,7 +135,7 @@ def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
     assert watched.versions.states["bob"].current.number == 2
 
 
-def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
+def test_only_newest_version_waits_and_can_be_reverted(watched):
     watched.running = "bob"
     edit(watched, "bob", agent("bob", "{say: bye}"))
     edit(watched, "bob", agent("bob", "{say: adieu}"))
@@ -147,7 +147,7 @@ def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
     assert watched.versions.states["bob"].current.number == 1
 
 
-def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wrong(watched):
+def test_broken_file_keeps_last_good_version(watched):
     before = watched.in_force["bob"]
     (said,) = edit(watched, "bob", agent("bob", "{sya: hello}"))
     assert said.startswith("report bob: bob.yaml is broken, version 1 stays in force: ")
@@ -162,7 +162,7 @@ def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wr
     assert watched.in_force["bob"] is before
 
 
-def test_a_file_that_breaks_while_a_version_waits_lets_that_wait_on(watched):
+def test_broken_file_keeps_the_waiting_version(watched):
     watched.running = "bob"
     edit(watched, "bob", agent("bob", "{say: bye}"))
     (said,) = edit(watched, "bob", "[")
@@ -171,7 +171,7 @@ def test_a_file_that_breaks_while_a_version_waits_lets_that_wait_on(watched):
     assert watched.versions.states["bob"].problems
 
 
-def test_new_agents_come_and_deleted_ones_go(watched):
+def test_agents_are_added_and_removed_with_their_files(watched):
     assert edit(watched, "mia", agent("mia")) == [
         "add mia: new agent from mia.yaml, version 1 in force"
     ]
@@ -184,7 +184,7 @@ def test_new_agents_come_and_deleted_ones_go(watched):
     ]
 
 
-def test_an_agent_with_another_name_in_the_same_file_was_renamed(watched):
+def test_agent_name_change_in_file_renames_agent(watched):
     said = edit(watched, "bob", agent("rob"))
     assert said == [
         "remove bob: removed, bob.yaml calls it 'rob' now",
@@ -192,7 +192,7 @@ def test_an_agent_with_another_name_in_the_same_file_was_renamed(watched):
     ]
 
 
-def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(watched):
+def test_deleted_running_agent_leaves_at_end_of_run(watched):
     watched.running = "bob"
     text = (watched.folder / "agents" / "bob.yaml").read_text()
     (watched.folder / "agents" / "bob.yaml").unlink()
@@ -208,7 +208,7 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(watched):
     assert watched.poll() == []
 
 
-def test_only_agents_with_the_wanted_tags_are_there(folder):
+def test_only_agents_with_requested_tags_are_loaded(folder):
     write(folder, "ann", agent("ann", head="tags: [x]\n"))
     watched = Watched(folder, "x")
     assert set(watched.in_force) == {"ann"}
@@ -220,7 +220,7 @@ def test_only_agents_with_the_wanted_tags_are_there(folder):
     ]
 
 
-def test_a_library_changes_its_agents_and_says_so(watched):
+def test_library_change_updates_its_agents(watched):
     head = "imports: [libraries/manners.yaml]\n"
     edit(watched, "bob", agent("bob", "{subtree: greet}", head))
     (watched.folder / "libraries" / "manners.yaml").write_text(MANNERS.replace("Good", "Fine"))
@@ -228,7 +228,7 @@ def test_a_library_changes_its_agents_and_says_so(watched):
     assert in_force(watched, "bob") == (3, "tree changed: 1 node changed")
 
 
-def test_two_nodes_that_change_places_are_another_order(watched):
+def test_swapped_nodes_are_reported_as_reordered(watched):
     edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
     said = edit(watched, "bob", agent("bob", "{sequence: [{say: b}, {say: a}]}"))
     assert said == ["replace bob: version 3 in force (tree changed: nodes in another order)"]

@@ -97,7 +97,7 @@ LEAVES = {
 
 
 @pytest.mark.parametrize("word", LEAVES)
-def test_a_skill_of_ros4hri_is_told_who_calls_how_urgently_and_whom_it_is_for(word, play):
+def test_ros4hri_goal_carries_caller_priority_and_person(word, play):
     tree, name, fields = LEAVES[word]
     sent, told = goal(play(tree))
     assert sent == name
@@ -106,12 +106,12 @@ def test_a_skill_of_ros4hri_is_told_who_calls_how_urgently_and_whom_it_is_for(wo
     assert {key: told[key] for key in fields} == fields
 
 
-def test_what_an_urgent_scene_has_a_robot_do_has_a_higher_priority(play):
+def test_urgent_scene_raises_skill_priority(play):
     _, told = goal(play("say: Fire!", awarded=replace(ANNA, urgent=True)))
     assert told["meta"] == {"caller": "/agents", "priority": 192}
 
 
-def test_a_skill_without_anybody_is_for_anybody_and_later_for_who_has_come(skills):
+def test_skill_addresses_person_present_when_it_starts(skills):
     spec = read("{sequence: [{say: Hello?}, {wait: 1 s}, {say: Hello.}]}", "ros4hri", skills)
     nobody = replace(ANNA, person=False, person_id="")
     answers = {"/skill/say": [ScriptedReply(result=FINE)]}
@@ -123,14 +123,14 @@ def test_a_skill_without_anybody_is_for_anybody_and_later_for_who_has_come(skill
 
 
 @pytest.mark.parametrize("word", LEAVES)
-def test_a_result_with_an_error_code_is_a_failure_though_ros_says_it_has_succeeded(word, play):
+def test_result_error_code_fails_succeeded_goal(word, play):
     tree, name, _ = LEAVES[word]
     stage = play(tree, result={"result": CODE})
     assert stage.outcome == "failed"
     assert stage.root.feedback_message == f"{name} failed: code 4: a call of higher priority"
 
 
-def test_a_result_without_an_error_code_is_a_success(play):
+def test_zero_error_code_is_a_success(play):
     assert play("say: Hello.", result=FINE).outcome == "succeeded"
 
 
@@ -142,13 +142,13 @@ def test_a_result_without_an_error_code_is_a_success(play):
         ({"error_code": 0, "error_msg": ""}, "its server gave up and says nothing about why"),
     ],
 )
-def test_an_aborted_goal_gives_its_code_as_the_reason(result, reason, play):
+def test_aborted_goal_reports_its_error_code(result, reason, play):
     stage = play("say: Hello.", result={"result": result}, state=GoalState.ABORTED)
     assert stage.outcome == "failed"
     assert stage.root.feedback_message == f"/skill/say aborted: {reason}"
 
 
-def test_nodes_that_name_an_interface_themselves_know_the_run_and_codes_too(skills):
+def test_raw_nodes_support_run_fields_and_error_codes(skills):
     spec = read(
         "service: {name: note, type: std_srvs/srv/SetBool, request: {data: true},\n"
         "    error_code: {field: success, success: 1, message: message}}",
@@ -166,7 +166,7 @@ def test_nodes_that_name_an_interface_themselves_know_the_run_and_codes_too(skil
     assert sent.fields == {"data": "a"}
 
 
-def test_an_answer_that_is_not_in_the_json_text_of_ask_fails_it(play):
+def test_ask_fails_when_json_lacks_the_answer(play):
     stage = play("ask: Where to?", result={**FINE, "answers": "{}"})
     assert stage.outcome == "failed"
     assert "result.answers#answer" in stage.root.feedback_message
@@ -176,7 +176,7 @@ def test_an_answer_that_is_not_in_the_json_text_of_ask_fails_it(play):
 
 
 @pytest.mark.parametrize("robot", ["nav2", "ros4hri"])
-def test_drive_has_the_pose_of_the_named_place_in_the_frame_of_the_map(robot, play):
+def test_drive_sends_map_pose_of_named_place(robot, play):
     _, told = goal(play("drive: gate 12", robot))
     pose = told["pose"]
     assert pose["header"] == {"frame_id": "map"}
@@ -188,7 +188,7 @@ def test_drive_has_the_pose_of_the_named_place_in_the_frame_of_the_map(robot, pl
     assert told["pose"]["pose"]["orientation"] == {"z": 0.0, "w": 1.0}
 
 
-def test_nav2_tells_the_distance_that_is_left_and_fails_with_its_code(play):
+def test_nav2_reports_remaining_distance_and_error_code(play):
     stage = play(
         "drive: gate 12",
         "nav2",
@@ -202,7 +202,7 @@ def test_nav2_tells_the_distance_that_is_left_and_fails_with_its_code(play):
     assert stage.root.feedback_message == expected
 
 
-def test_a_place_that_nobody_has_declared_fails_the_leaf_and_names_those_there_are(play, skills):
+def test_undeclared_place_fails_leaf_and_lists_known_places(play, skills):
     stage = play("drive: gate 13", "nav2")
     assert stage.outcome == "failed"
     assert stage.environment.goals == []
@@ -213,7 +213,7 @@ def test_a_place_that_nobody_has_declared_fails_the_leaf_and_names_those_there_a
     assert "no skills file has the key 'places'" in stage.root.feedback_message
 
 
-def test_of_several_preferred_robots_the_first_that_offers_a_skill_counts(skills):
+def test_first_preferred_robot_offering_skill_is_bound(skills):
     def bound(robot: str) -> dict[str, str]:
         found = read_skills(sorted(skills.iterdir()), DefinedInterfaces(), robot)
         return {

@@ -38,19 +38,19 @@ def code(control: RunControl, epoch: str = "", number: int = 0) -> str:
     return ""
 
 
-def test_only_the_run_under_way_is_meant(control: Told) -> None:
+def test_only_the_current_run_is_addressed(control: Told) -> None:
     assert code(control) == code(control, "e1", 3) == ""
     assert code(control, "e1", 2) == code(control, "e0", 3) == "OTHER_ROUND"
     control.end()
     assert code(control) == "NOT_RUNNING"
 
 
-def test_a_tree_that_has_ended_is_not_paused(control: Told) -> None:
+def test_ended_tree_cannot_be_paused(control: Told) -> None:
     control.end_ticking()
     assert code(control) == "ENDING"
 
 
-def test_a_pause_names_who_wanted_it_and_ends_with_a_resume(control: Told) -> None:
+def test_pause_names_its_author_until_resume(control: Told) -> None:
     control.pause("anna")
     assert (control.paused, control.pause_text) == (True, "paused by anna")
     with pytest.raises(Refused, match="paused by anna already"):
@@ -61,7 +61,7 @@ def test_a_pause_names_who_wanted_it_and_ends_with_a_resume(control: Told) -> No
         control.resume("ben")
 
 
-def test_a_pause_ends_with_its_run_and_with_its_tree(control: Told) -> None:
+def test_pause_ends_with_its_run_or_tree(control: Told) -> None:
     control.pause("anna")
     control.end_ticking()
     assert not control.paused
@@ -71,7 +71,7 @@ def test_a_pause_ends_with_its_run_and_with_its_tree(control: Told) -> None:
     assert not control.paused
 
 
-def test_a_tick_that_stops_before_a_node_pauses_the_run_once(control: Told) -> None:
+def test_tick_holding_a_node_pauses_run_once(control: Told) -> None:
     assert control.on_tick(["tree/0.ask"])
     assert (control.paused, control.paused_at) == (True, "tree/0.ask")
     assert not control.on_tick(["tree/1.say"])
@@ -80,13 +80,13 @@ def test_a_tick_that_stops_before_a_node_pauses_the_run_once(control: Told) -> N
     assert (control.paused, control.paused_at) == (True, "")
 
 
-def test_a_tick_that_stops_nowhere_is_told_to_nobody(control: Told) -> None:
+def test_tick_without_held_node_notifies_no_one(control: Told) -> None:
     before = control.changes
     assert not control.on_tick([])
     assert control.changes == before
 
 
-def test_breakpoints_outlive_the_run_and_are_replaced_for_each_agent(control: Told) -> None:
+def test_breakpoints_outlive_run_and_are_per_agent(control: Told) -> None:
     control.set_breakpoints("guide", ["tree/0.ask", "tree/0.ask"], NODES, "anna")
     control.set_breakpoints("other", ["tree"], NODES, "anna")
     control.end()
@@ -95,13 +95,13 @@ def test_breakpoints_outlive_the_run_and_are_replaced_for_each_agent(control: To
     assert control.breakpoints == {"other": ("tree",)}
 
 
-def test_a_breakpoint_needs_a_node_and_a_near_one_is_named(control: Told) -> None:
+def test_breakpoint_on_unknown_node_suggests_nearest(control: Told) -> None:
     with pytest.raises(Refused, match=r"no node 'tree/0\.aks'; did you mean 'tree/0\.ask'"):
         control.set_breakpoints("guide", ["tree/0.aks"], NODES, "anna")
     assert control.breakpoints == {}
 
 
-def test_the_number_of_breakpoints_is_bounded(control: Told) -> None:
+def test_number_of_breakpoints_is_bounded(control: Told) -> None:
     nodes = [f"tree/{number}.say" for number in range(MOST_BREAKPOINTS)]
     control.set_breakpoints("guide", nodes, nodes, "anna")
     with pytest.raises(Refused) as refused:
@@ -110,6 +110,6 @@ def test_the_number_of_breakpoints_is_bounded(control: Told) -> None:
     assert "other" not in control.breakpoints
 
 
-def test_a_pause_says_where_a_breakpoint_stopped_it() -> None:
+def test_pause_text_names_node_of_breakpoint() -> None:
     assert pause_text("tree/0.ask", "anna") == "paused before tree/0.ask"
     assert pause_text("", "") == "paused"

@@ -22,7 +22,7 @@ from bt_agents_core.errors import Refused
 from tree_harness import Stage
 
 
-def test_a_snapshot_is_due_at_a_change_and_a_little_before_its_period_is_over() -> None:
+def test_snapshot_is_due_on_change_or_near_period() -> None:
     schedule = SnapshotSchedule()
     assert schedule.take(0.0, changed=False, period_s=math.inf)
     assert not schedule.take(9.0, changed=False, period_s=10.0)
@@ -31,7 +31,7 @@ def test_a_snapshot_is_due_at_a_change_and_a_little_before_its_period_is_over() 
     assert not schedule.take(1e9, changed=False, period_s=math.inf)
 
 
-def test_a_stream_is_over_when_nobody_has_subscribed_for_long_enough() -> None:
+def test_unsubscribed_stream_ends_after_its_timeout() -> None:
     use = StreamUse(0.0)
     assert not use.is_over(UNUSED_S - 0.1)
     assert use.update(1, 9.0)
@@ -44,12 +44,12 @@ def test_a_stream_is_over_when_nobody_has_subscribed_for_long_enough() -> None:
 
 
 @pytest.mark.parametrize("period_s", [math.nan, -1.0, -math.inf])
-def test_a_period_that_is_none_is_refused(period_s: float) -> None:
+def test_invalid_snapshot_period_is_refused(period_s: float) -> None:
     with pytest.raises(Refused, match="expected a number of seconds"):
         SnapshotParameters.checked(period_s, False, False)
 
 
-def test_statistics_are_those_of_the_last_ten_ticks() -> None:
+def test_statistics_cover_the_last_ten_ticks() -> None:
     ticks = TickStatistics()
     assert ticks.interval.average == 0.0
     ticks.add(100.0, 160.0)
@@ -62,18 +62,18 @@ def test_statistics_are_those_of_the_last_ten_ticks() -> None:
     assert ticks.interval.variance == pytest.approx(980.1)
 
 
-def test_a_node_has_the_same_random_looking_identifier_for_ever() -> None:
+def test_node_id_is_a_stable_uuid() -> None:
     first = node_id("guide", "tree/0.say")
     assert first == node_id("guide", "tree/0.say")
     assert first.version == 4
     assert len({first, node_id("guide", "tree/1.say"), node_id("other", "tree/0.say")}) == 3
 
 
-def test_names_are_keys_with_slashes() -> None:
+def test_names_become_keys_with_slashes() -> None:
     assert [key_of(name) for name in ("scene.mood", "answer")] == ["/scene/mood", "/answer"]
 
 
-def test_variables_are_chosen_by_name_and_by_the_nodes_that_have_answered() -> None:
+def test_variables_are_filtered_by_name_and_visited_nodes() -> None:
     keys = ["/answer", "/scene/mood"]
     assert chosen([], keys, None) == keys
     assert chosen(["answer.text", "/nobody"], keys, None) == ["/answer.text", "/nobody"]
@@ -81,7 +81,7 @@ def test_variables_are_chosen_by_name_and_by_the_nodes_that_have_answered() -> N
     assert chosen([], keys, {"/scene/mood"}) == ["/scene/mood"]
 
 
-def test_the_first_value_of_a_key_is_initialised_and_later_ones_replace_it() -> None:
+def test_first_write_of_key_is_shown_as_initialised() -> None:
     known: dict[str, str] = {}
     found = activities(
         [
@@ -99,7 +99,7 @@ def test_the_first_value_of_a_key_is_initialised_and_later_ones_replace_it() -> 
     assert known == {"/word": "'b'"}
 
 
-def test_values_stand_below_each_other() -> None:
+def test_table_aligns_its_values() -> None:
     assert table([("/a", "1"), ("/long", "2")]) == "    /a    : 1\n    /long : 2"
     assert table([]) == ""
 
@@ -108,9 +108,7 @@ def active(watched: WatchedRun) -> list[str]:
     return [node.path for node, state in watched.nodes() if state.active and node.path]
 
 
-def test_the_nodes_that_answer_in_a_tick_are_active_also_after_a_breakpoint_is_taken_away() -> (
-    None
-):
+def test_nodes_ticked_after_breakpoint_removal_are_active() -> None:
     stage = Stage("sequence: [{wait: 1 s}, {wait: 1 s}]")
     watched = WatchedRun(stage.run)
     stage.run.set_breakpoints(["tree/0.wait"])
@@ -129,7 +127,7 @@ def test_the_nodes_that_answer_in_a_tick_are_active_also_after_a_breakpoint_is_t
     assert not watched.changed
 
 
-def test_after_the_last_watcher_a_tree_is_ticked_as_before_the_first() -> None:
+def test_tree_ticks_normally_after_last_watcher_leaves() -> None:
     stage = Stage("sequence: [{wait: 1 s}, {wait: 1 s}]")
     stage.tick()
     watched = WatchedRun(stage.run)
@@ -144,7 +142,7 @@ def test_after_the_last_watcher_a_tree_is_ticked_as_before_the_first() -> None:
     assert active(watched) == ["tree", "tree/0.wait"]
 
 
-def test_two_traces_of_a_tree_end_in_any_order() -> None:
+def test_two_traces_close_in_any_order() -> None:
     stage = Stage("sequence: [{set: {word: a}}, {wait: 1 s}]")
     first = ValueTrace(stage.run.root)
     second = ValueTrace(stage.run.root, repeated=True)

@@ -62,7 +62,7 @@ def files(path: Path) -> list[str]:
     return sorted(one.name for one in path.parent.iterdir())
 
 
-def test_what_was_written_is_there_after_a_restart(path):
+def test_restart_reads_the_written_changes(path):
     log = ChangeLog(path, Disk())
     written = history(revision(1, 8.0, 12.0), revision(2, 12.0, 8.0, of=1), revision(3, 8.0, 10.0))
     log.write(written)
@@ -75,7 +75,7 @@ def test_what_was_written_is_there_after_a_restart(path):
 
 
 @pytest.mark.parametrize("value", [True, 1, 1.0, "1.0 s", "it's «1»\n", 2**63 - 1, 1e300])
-def test_a_value_keeps_its_type(path, value):
+def test_stored_value_keeps_its_type(path, value):
     log = ChangeLog(path, Disk())
     log.write(history(revision(1, "", value), default=""))
     log.close()
@@ -83,7 +83,7 @@ def test_a_value_keeps_its_type(path, value):
     assert (found, type(found)) == (value, type(value))
 
 
-def test_a_change_outlives_a_process_that_is_killed(path):
+def test_change_survives_a_killed_process(path):
     program = (
         "import os, signal, sys\n"
         "from pathlib import Path\n"
@@ -106,7 +106,7 @@ def test_a_change_outlives_a_process_that_is_killed(path):
 
 
 @pytest.mark.parametrize("torn", [b"", b'{"format":1,"revi', b"\0" * 500])
-def test_a_power_cut_takes_only_what_was_not_flushed(path, torn):
+def test_power_cut_loses_only_unflushed_revisions(path, torn):
     disk = Disk()
     log = ChangeLog(path, disk)
     log.write(tuned(12.0))
@@ -152,7 +152,7 @@ def test_writes_before_a_flush_starts_share_it(path):
     assert in_force(path) == 41.0
 
 
-def test_a_history_written_during_a_flush_is_flushed_next(path, monkeypatch):
+def test_write_during_flush_is_flushed_next(path, monkeypatch):
     disk = Disk(at_once=False)
     log = ChangeLog(path, disk)
     log.write(tuned(12.0))
@@ -185,7 +185,7 @@ def test_a_history_written_during_a_flush_is_flushed_next(path, monkeypatch):
     ],
     ids=["text", "bytes", "deep", "list", "empty", "large"],
 )
-def test_a_damaged_file_is_set_aside_with_a_warning(path, content, words, monkeypatch):
+def test_damaged_file_is_set_aside_with_warning(path, content, words, monkeypatch):
     monkeypatch.setattr(change_log, "MOST_BYTES", 1000 if len(content) == 2000 else 10**6)
     path.parent.mkdir()
     path.write_bytes(content)
@@ -222,7 +222,7 @@ def test_a_file_of_another_format_is_left_alone(path):
 
 
 @pytest.mark.parametrize(("number", "code"), [(28, "STORAGE_FULL"), (5, "CANNOT_WRITE")])
-def test_a_disk_that_takes_nothing_refuses(path, monkeypatch, number, code):
+def test_unwritable_file_refuses_changes(path, monkeypatch, number, code):
     log = ChangeLog(path, Disk())
     log.write(tuned(12.0))
 
@@ -236,7 +236,7 @@ def test_a_disk_that_takes_nothing_refuses(path, monkeypatch, number, code):
     assert in_force(path) == 12.0
 
 
-def test_two_hosts_cannot_have_the_same_file(path):
+def test_two_hosts_cannot_share_a_file(path):
     first = ChangeLog(path, Disk())
     with pytest.raises(BtAgentsError, match="in use by another host; give each host a file"):
         ChangeLog(path, Disk())
@@ -244,7 +244,7 @@ def test_two_hosts_cannot_have_the_same_file(path):
     ChangeLog(path, Disk()).close()
 
 
-def test_a_file_that_cannot_be_opened_is_named(tmp_path):
+def test_unopenable_file_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     (tmp_path / "folder.json").mkdir()
     for path in (tmp_path / "file" / "tunings.json", tmp_path / "folder.json"):

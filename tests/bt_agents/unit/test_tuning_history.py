@@ -59,7 +59,7 @@ def _named(values: dict[str, Setting]) -> dict[str, Setting]:
     return {name.replace("_", ".", 1): value for name, value in values.items()}
 
 
-def test_an_undo_gives_back_what_was_and_is_a_revision_itself():
+def test_undo_restores_value_as_a_new_revision():
     desk = Desk(a_x=1)
     desk.set(a_x=2)
     assert desk.undo() == 1
@@ -70,7 +70,7 @@ def test_an_undo_gives_back_what_was_and_is_a_revision_itself():
     ]  # fmt: skip
 
 
-def test_a_redo_makes_it_again_and_it_can_be_undone_again():
+def test_redo_reapplies_change_and_is_undoable():
     desk = Desk(a_x=1)
     desk.set(a_x=2)
     desk.undo()
@@ -80,7 +80,7 @@ def test_a_redo_makes_it_again_and_it_can_be_undone_again():
     assert desk.values == {"a.x": 1}
 
 
-def test_a_new_change_ends_what_could_be_redone():
+def test_new_change_clears_redo():
     desk = Desk(a_x=1, b_x=1)
     desk.set(a_x=2)
     desk.undo()
@@ -90,12 +90,12 @@ def test_a_new_change_ends_what_could_be_redone():
 
 
 @pytest.mark.parametrize("word", ["undo", "redo"])
-def test_nothing_to_take_back_is_said(word):
+def test_undo_and_redo_refuse_when_empty(word):
     with pytest.raises(Refused, match=f"NOTHING_TO_{word.upper()}: no change of a to {word}"):
         getattr(Desk(a_x=1), word)("a")
 
 
-def test_values_that_were_set_together_are_undone_together():
+def test_values_set_together_are_undone_together():
     desk = Desk(a_x=1, b_x=1)
     desk.set(a_x=2, b_x=2)
     desk.undo("b")
@@ -104,7 +104,7 @@ def test_values_that_were_set_together_are_undone_together():
     assert desk.values == {"a.x": 2, "b.x": 2}
 
 
-def test_the_undo_of_an_agent_leaves_later_changes_of_others():
+def test_agent_undo_keeps_later_changes_of_others():
     desk = Desk(a_x=1, b_x=1)
     desk.set(a_x=2)
     desk.set(b_x=2)
@@ -116,7 +116,7 @@ def test_the_undo_of_an_agent_leaves_later_changes_of_others():
     assert desk.values == {"a.x": 1, "b.x": 2}
 
 
-def test_a_change_waits_while_a_later_one_of_the_same_value_stands():
+def test_change_with_later_dependents_cannot_be_undone():
     desk = Desk(a_x=1, b_x=1)
     desk.set(a_x=2, b_x=2)
     desk.set(b_x=3)
@@ -127,7 +127,7 @@ def test_a_change_waits_while_a_later_one_of_the_same_value_stands():
     assert desk.values == {"a.x": 1, "b.x": 1}
 
 
-def test_what_is_not_possible_any_more_is_passed_over_and_named():
+def test_impossible_undo_is_skipped_and_named():
     desk = Desk(a_x=1, b_x=1)
     desk.set(b_x=2)
     desk.set(a_x=2)
@@ -139,7 +139,7 @@ def test_what_is_not_possible_any_more_is_passed_over_and_named():
     assert desk.undo() == 2
 
 
-def test_the_tick_rate_belongs_to_no_agent():
+def test_tick_rate_belongs_to_no_agent():
     change = TuningChange(name="tick_rate", before=20.0, after=30.0)
     history = TuningHistory().with_revision(
         TuningRevision(number=1, stamp=0.0, cause=TuningCause(author="x"), changes=(change,)),
@@ -150,7 +150,7 @@ def test_the_tick_rate_belongs_to_no_agent():
     assert history.find(TuningAction.UNDO, [], lambda _n, _v: True)[1] == {"tick_rate": 20.0}
 
 
-def test_ten_thousand_changes_leave_a_bounded_history():
+def test_history_of_ten_thousand_changes_is_bounded():
     desk = Desk(a_x=0)
     for value in range(1, 10_001):
         desk.set(a_x=value)
@@ -163,7 +163,7 @@ def test_ten_thousand_changes_leave_a_bounded_history():
         desk.undo()
 
 
-def test_large_revisions_are_bounded_but_the_last_is_whole():
+def test_large_revisions_are_bounded_except_the_last():
     desk = Desk(**{f"a_x{number}": 0 for number in range(MOST_CHANGES + 1)})
     desk.set(a_x1=1)
     desk.set(**{f"a_x{number}": 2 for number in range(MOST_CHANGES + 1)})

@@ -64,7 +64,7 @@ class Host:
         )
 
 
-def test_values_set_together_share_a_revision_with_author_and_reason():
+def test_values_set_together_share_one_revision():
     store = Host().store
     revision = store.set({"a.patience": 12.0, "a.attempts": 3, "tick_rate": 20.0}, ANNA)
     assert revision is not None
@@ -90,13 +90,13 @@ def test_one_impossible_value_of_a_set_changes_nothing():
     assert (host.changed, host.store.history.revision) == ([], 0)
 
 
-def test_the_same_value_again_is_no_revision():
+def test_unchanged_value_creates_no_revision():
     store = Host().store
     assert store.set({"a.patience": 8.0}, ANNA) is None
     assert store.history.revision == 0
 
 
-def test_a_value_that_was_not_changed_after_what_its_author_saw_may_be_set():
+def test_value_unchanged_since_seen_revision_is_accepted():
     store = Host().store
     store.check_unchanged({"a.patience"}, 0)
     store.set({"a.patience": 12.0}, ANNA)
@@ -105,7 +105,7 @@ def test_a_value_that_was_not_changed_after_what_its_author_saw_may_be_set():
     store.check_unchanged({"tick_rate"}, 0)
 
 
-def test_a_value_that_was_changed_meanwhile_is_refused_with_who_changed_it():
+def test_concurrently_changed_value_is_refused_with_its_author():
     store = Host().store
     store.set({"a.patience": 12.0}, ANNA)
     with pytest.raises(Refused, match="CHANGED_MEANWHILE") as refused:
@@ -116,7 +116,7 @@ def test_a_value_that_was_changed_meanwhile_is_refused_with_who_changed_it():
     )
 
 
-def test_an_undo_is_a_change_that_others_have_to_see():
+def test_undo_counts_as_a_concurrent_change():
     host = Host()
     host.store.set({"a.patience": 12.0}, ANNA)
     host.undo()
@@ -124,7 +124,7 @@ def test_an_undo_is_a_change_that_others_have_to_see():
         host.store.check_unchanged({"a.patience"}, 1)
 
 
-def test_a_revision_that_is_forgotten_or_of_another_start_counts_as_changed():
+def test_unknown_seen_revision_counts_as_changed():
     store = Host().store
     with pytest.raises(Refused, match="revision 7 is not known here any more"):
         store.check_unchanged({"a.patience"}, 7)
@@ -135,7 +135,7 @@ def test_a_revision_that_is_forgotten_or_of_another_start_counts_as_changed():
     store.check_unchanged({"a.patience"}, store.history.revision)
 
 
-def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):
+def test_undo_without_effect_still_counts_as_undone(tmp_path):
     first = Host(tmp_path / "t.json")
     first.store.set({"a.patience": 12.0}, ANNA)
     first.store.close()
@@ -151,7 +151,7 @@ def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):
     assert Host(tmp_path / "t.json").store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
 
 
-def test_a_restart_brings_back_the_values_and_what_can_be_undone(tmp_path):
+def test_restart_restores_values_and_undo_history(tmp_path):
     first = Host(tmp_path / "t.json")
     first.store.set({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
     first.store.set({"a.attempts": 4}, ANNA)
@@ -181,9 +181,7 @@ def _changed(**changes: object) -> tuple[TunableParameter, ...]:
         (_changed(maximum=10.0), 8.0, r"a.patience is 12 s, expected 2 s to 10 s"),
     ],
 )
-def test_a_file_that_has_changed_meanwhile_overrules_what_was_tuned(
-    tmp_path, parameters, value, why
-):
+def test_changed_file_overrides_tuned_value(tmp_path, parameters, value, why):
     first = Host(tmp_path / "t.json")
     first.store.set({"a.patience": 12.0}, ANNA)
     first.store.close()
@@ -200,7 +198,7 @@ def test_a_file_that_has_changed_meanwhile_overrules_what_was_tuned(
     assert third.store.history.revision == 2
 
 
-def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
+def test_tuned_value_survives_absence_of_its_agent(tmp_path):
     first = Host(tmp_path / "t.json")
     first.store.set({"a.patience": 12.0}, ANNA)
     first.store.close()
@@ -222,7 +220,7 @@ def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
         ({"description": "how very long"}, 12.0),
     ],
 )
-def test_a_changed_default_wins_and_other_changes_keep_the_value_where_they_can(changes, value):
+def test_only_changed_default_or_range_replaces_tuned_value(changes, value):
     store = Host().store
     store.set({"a.patience": 12.0}, ANNA)
     [parameter] = [one for one in _changed(**changes) if one.name == "a.patience"]
@@ -238,7 +236,7 @@ def test_a_changed_default_wins_and_other_changes_keep_the_value_where_they_can(
         ("", "nothing here is called ''"),
     ],
 )
-def test_an_unknown_name_is_refused_with_the_nearest(name, words):
+def test_unknown_parameter_is_refused_with_suggestion(name, words):
     with pytest.raises(Refused, match=f"UNKNOWN_PARAMETER: ({words})"):
         Host().store.read([name], ["1"])
 
@@ -251,12 +249,12 @@ def test_an_unknown_name_is_refused_with_the_nearest(name, words):
         (["a.patience", "a.patience"], ["1", "2"], "DUPLICATE|OUT_OF_RANGE"),
     ],
 )
-def test_names_and_values_have_to_fit(names, texts, code):
+def test_names_and_values_must_match(names, texts, code):
     with pytest.raises(Refused, match=code):
         Host().store.read(names, texts)
 
 
-def test_a_preset_brings_back_tuned_values_and_those_of_the_files(tmp_path):
+def test_preset_restores_tuned_and_default_values(tmp_path):
     store = Host(presets=tmp_path).store
     assert store.save("evening", ["a"])[0] == 3
     store.set({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
@@ -268,7 +266,7 @@ def test_a_preset_brings_back_tuned_values_and_those_of_the_files(tmp_path):
     assert store.presets.get("morning").values["a.patience"] == "12 s"
 
 
-def test_a_preset_leaves_out_what_is_gone_and_refuses_what_does_not_fit(tmp_path):
+def test_preset_skips_missing_and_refuses_invalid_values(tmp_path):
     store = Host(presets=tmp_path).store
     store.presets.save("old", {"a.patience": "12 s", "b.rate": "1"})
     assert store.preset("old") == ({"a.patience": 12.0}, ["b.rate"])
@@ -280,7 +278,7 @@ def test_a_preset_leaves_out_what_is_gone_and_refuses_what_does_not_fit(tmp_path
         store.preset("gone")
 
 
-def test_an_unknown_agent_is_refused_with_the_nearest():
+def test_unknown_agent_is_refused_with_suggestion():
     store = Host().store
     for ask in (
         lambda agents: store.find(TuningAction.UNDO, agents),
@@ -291,7 +289,7 @@ def test_an_unknown_agent_is_refused_with_the_nearest():
             ask(["b"])
 
 
-def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, monkeypatch):
+def test_file_change_applies_even_if_storing_fails(tmp_path, monkeypatch):
     host = Host(tmp_path / "t.json")
 
     def full(*_arguments: object) -> None:
@@ -308,22 +306,22 @@ def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, mo
 
 
 @pytest.mark.parametrize("text", ["x" * 301, "two\nlines", "\x1b[2J"])
-def test_words_from_outside_are_one_line_that_can_be_shown(text):
+def test_external_text_must_be_one_printable_line(text):
     with pytest.raises(Refused, match="BAD_TEXT: the reason is"):
         checked_line(text, "the reason")
 
 
-def test_the_character_that_cannot_be_shown_is_named():
+def test_unprintable_character_is_named():
     with pytest.raises(Refused, match=r"the reason is 'a b', with the character '\\n'; expected"):
         checked_line("a\nb", "the reason")
 
 
-def test_a_tunable_without_its_agent_is_asked_whose_it_is():
+def test_tunable_without_agent_is_refused_with_candidates():
     with pytest.raises(Refused, match=r"UNKNOWN_PARAMETER: whose 'patience'\? a\.patience$"):
         Host().store.read(["patience"], ["5"])
 
 
-def test_an_empty_text_is_shown_in_quotes():
+def test_empty_text_is_shown_in_quotes():
     parameter = replace(
         PARAMETERS[0], name="a.place", key="place", type=FieldType.TEXT, default="dock"
     )
@@ -333,7 +331,7 @@ def test_an_empty_text_is_shown_in_quotes():
     assert store.format_changes(revision.changes) == "a.place: dock → ''"
 
 
-def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):
+def test_value_written_into_file_is_no_longer_tuned(tmp_path):
     file = tmp_path / "t.json"
     first = Host(file)
     first.store.set({"a.patience": 12.0}, ANNA)
@@ -346,7 +344,7 @@ def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):
     assert Host(file).store.value("a.patience") == 8.0
 
 
-def test_the_same_is_noticed_at_a_start(tmp_path):
+def test_value_written_into_file_is_noticed_at_start(tmp_path):
     file = tmp_path / "t.json"
     first = Host(file)
     first.store.set({"a.patience": 12.0}, ANNA)

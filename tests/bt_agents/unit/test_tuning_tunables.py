@@ -32,7 +32,7 @@ tunables:
 PARAMETERS = {parameter.key: parameter for parameter in parameters_of(agent("wait: 0 s", HEAD))}
 
 
-def test_an_agent_has_parameters_for_its_tunables_and_its_learning_rate():
+def test_agent_parameters_include_tunables_and_learning_rate():
     names = [parameter.name for parameter in parameters_of(agent("wait: 0 s", HEAD))]
     assert names[0] == "a.patience"
     assert names[-1] == "a.learning_rate"
@@ -55,7 +55,7 @@ def test_an_agent_has_parameters_for_its_tunables_and_its_learning_rate():
         ("turn", "180 deg", math.pi),
     ],
 )
-def test_a_text_means_what_it_means_in_a_file(key, text, value):
+def test_text_parses_as_in_an_agent_file(key, text, value):
     read = PARAMETERS[key].read(text)
     assert read == value
     assert type(read) is type(value)
@@ -80,7 +80,7 @@ def test_a_text_means_what_it_means_in_a_file(key, text, value):
         ("learning_rate", "1.1", "OUT_OF_RANGE"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_words(key, text, words):
+def test_invalid_text_is_refused_with_reason(key, text, words):
     with pytest.raises(Refused, match=words):
         PARAMETERS[key].read(text)
 
@@ -98,13 +98,13 @@ def test_what_does_not_fit_is_refused_with_words(key, text, words):
         ("place", 3.0, "WRONG_TYPE"),
     ],
 )
-def test_a_value_of_the_wrong_kind_is_refused(key, value, code):
+def test_value_of_wrong_type_is_refused(key, value, code):
     with pytest.raises(Refused) as error:
         PARAMETERS[key].check(value)
     assert error.value.code == code
 
 
-def test_a_time_without_a_range_is_a_time_all_the_same():
+def test_duration_without_range_is_still_validated():
     parameter = TunableParameter(
         name="a.t",
         agent="a",
@@ -119,7 +119,7 @@ def test_a_time_without_a_range_is_a_time_all_the_same():
             parameter.check(value)
 
 
-def test_the_end_of_a_range_is_possible_off_its_steps():
+def test_range_limit_is_allowed_off_step():
     parameter = TunableParameter(
         name="a.n", agent="a", key="n", kind=TunableKind.TUNABLE, type=FieldType.NUMBER,
         default=0.0, minimum=-0.3, maximum=0.35, step=0.1,
@@ -128,7 +128,7 @@ def test_the_end_of_a_range_is_possible_off_its_steps():
         assert parameter.check(value) == value
 
 
-def test_the_tick_rate_has_a_range():
+def test_tick_rate_has_a_range():
     assert TICK_RATE.read("30") == 30.0
     with pytest.raises(Refused, match="expected 1 to 200"):
         TICK_RATE.read("0")
@@ -147,5 +147,5 @@ def test_the_tick_rate_has_a_range():
         (math.pi / 2, FieldType.ANGLE, "90 deg"),
     ],
 )
-def test_a_value_is_written_as_an_author_would(value, field_type, text):
+def test_value_is_formatted_in_author_notation(value, field_type, text):
     assert format_value(value, field_type) == text

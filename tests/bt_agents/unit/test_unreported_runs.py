@@ -18,14 +18,14 @@ def rounds(runs: list[Run]) -> list[int]:
     return [run.round for run in runs]
 
 
-def test_a_run_is_for_every_market_but_its_own() -> None:
+def test_run_is_reported_to_every_other_market() -> None:
     runs = UnreportedRuns()
     runs.store(ended(1))
     assert runs.of_others("e1") == []
     assert rounds(runs.of_others("e2")) == [1]
 
 
-def test_what_was_handed_over_is_forgotten_and_not_kept_again() -> None:
+def test_acknowledged_run_is_not_kept_again() -> None:
     runs = UnreportedRuns()
     runs.store(ended(1))
     runs.acknowledge(runs.of_others("e2"))
@@ -34,7 +34,7 @@ def test_what_was_handed_over_is_forgotten_and_not_kept_again() -> None:
 
 
 @pytest.mark.parametrize("event", [Run.ENDED, Run.REFUSED])
-def test_a_run_that_its_market_has_closed_is_forgotten(event: int) -> None:
+def test_run_closed_by_its_market_is_forgotten(event: int) -> None:
     runs = UnreportedRuns()
     runs.store(ended(1))
     runs.store(ended(2))
@@ -42,14 +42,14 @@ def test_a_run_that_its_market_has_closed_is_forgotten(event: int) -> None:
     assert rounds(runs.of_others("e2")) == [2]
 
 
-def test_a_run_that_its_market_had_given_up_before_it_ended_is_not_kept() -> None:
+def test_run_closed_before_its_end_is_not_kept() -> None:
     runs = UnreportedRuns()
     runs.on_run_event(ended(1))
     runs.store(ended(1))
     assert runs.of_others("e2") == []
 
 
-def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
+def test_run_survives_refusal_by_another_agent() -> None:
     runs = UnreportedRuns()
     runs.on_run_event(ended(1, event=Run.REFUSED, agent="talker"))
     runs.store(ended(1))
@@ -57,14 +57,14 @@ def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
 
 
 @pytest.mark.parametrize("event", [Run.STARTED, Run.CANCELLING])
-def test_a_run_that_goes_on_is_not_closed(event: int) -> None:
+def test_ongoing_run_is_not_closed(event: int) -> None:
     runs = UnreportedRuns()
     runs.on_run_event(ended(1, event=event))
     runs.store(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
 
 
-def test_the_same_round_of_another_market_is_another_run() -> None:
+def test_same_round_of_another_market_is_another_run() -> None:
     runs = UnreportedRuns()
     runs.store(ended(1))
     runs.on_run_event(ended(1, epoch="e0"))
@@ -80,7 +80,7 @@ def test_the_same_round_of_another_market_is_another_run() -> None:
         (Run.BY_HOST, (Run.NOT_SAID, "")),
     ],
 )
-def test_a_run_says_by_whom_its_market_has_stopped_it(
+def test_run_names_who_made_its_market_stop_it(
     cause: int, told: tuple[int, str], news_first: bool
 ) -> None:
     runs = UnreportedRuns()
@@ -98,7 +98,7 @@ def test_a_run_says_by_whom_its_market_has_stopped_it(
     assert (kept.stopped_by, kept.stop_reason) == told
 
 
-def test_only_the_last_ones_are_kept() -> None:
+def test_only_the_latest_runs_are_kept() -> None:
     runs = UnreportedRuns()
     for number in range(MOST_UNREPORTED + 3):
         runs.store(ended(number))

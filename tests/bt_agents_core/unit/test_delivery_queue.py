@@ -25,7 +25,7 @@ class Post:
         return letter
 
 
-def test_letters_are_sent_in_order_and_the_next_one_only_after_the_answer():
+def test_queue_sends_next_message_only_after_acknowledgement():
     post = Post()
     for letter in ("a", "b"):
         assert post.letters.enqueue(letter) is None
@@ -36,7 +36,7 @@ def test_letters_are_sent_in_order_and_the_next_one_only_after_the_answer():
     assert (post.send(), len(post.letters)) == (None, 0)
 
 
-def test_a_letter_without_an_answer_in_time_is_due_again():
+def test_unacknowledged_message_is_resent_after_timeout():
     post = Post()
     post.letters.enqueue("a")
     post.send()
@@ -48,7 +48,7 @@ def test_a_letter_without_an_answer_in_time_is_due_again():
     assert not post.letters.overdue
 
 
-def test_a_letter_to_somebody_who_has_gone_is_due_at_once():
+def test_lost_peer_makes_message_due_immediately():
     post = Post()
     post.letters.enqueue("a")
     post.send()
@@ -56,7 +56,7 @@ def test_a_letter_to_somebody_who_has_gone_is_due_at_once():
     assert post.send() == "a"
 
 
-def test_a_late_answer_to_an_earlier_sending_counts_once():
+def test_late_acknowledgement_counts_once():
     post = Post()
     for letter in ("a", "b"):
         post.letters.enqueue(letter)
@@ -69,7 +69,7 @@ def test_a_late_answer_to_an_earlier_sending_counts_once():
 
 
 @pytest.mark.parametrize("under_way", [False, True])
-def test_too_many_letters_push_the_oldest_one_out_even_when_it_is_under_way(under_way):
+def test_full_queue_drops_oldest_message_even_in_flight(under_way):
     post = Post(most=2)
     post.letters.enqueue("a")
     if under_way:
@@ -81,7 +81,7 @@ def test_too_many_letters_push_the_oldest_one_out_even_when_it_is_under_way(unde
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_whatever_gets_lost_on_the_way_each_letter_arrives_in_order(seed):
+def test_messages_arrive_in_order_despite_losses(seed):
     random = Random(seed)
     post = Post(most=100)
     arrived: list[str] = []

@@ -14,7 +14,7 @@ DATA = {"faces": [{"mood": 3.0}, {"mood": 4.0}], "names": ("a", "b"), "text": "a
     ("path", "value"),
     [("faces.1.mood", 4.0), ("names.0", "a"), ("faces.0", {"mood": 3.0}), ("text", "abc")],
 )
-def test_a_path_goes_by_field_names_and_numbers_of_items(path, value):
+def test_path_follows_field_names_and_item_indices(path, value):
     assert value_at(DATA, path, item_of) == value
 
 
@@ -32,7 +32,7 @@ def test_a_path_goes_by_field_names_and_numbers_of_items(path, value):
         ("", NoSuchField, "", ""),
     ],
 )
-def test_a_path_that_leads_nowhere_says_how_far_it_went(path, error, part, found):
+def test_invalid_path_reports_how_far_it_resolved(path, error, part, found):
     with pytest.raises(NoSuchField) as caught:
         value_at(DATA, path, item_of)
     assert type(caught.value) is error

@@ -57,7 +57,7 @@ BEGIN, HEARD, HELD_UP, END = "begin", "heard", "held up since", "end"
         ),
     ],
 )
-def test_silence_is_counted_from_the_last_sign_of_life(
+def test_silence_is_measured_from_last_heartbeat(
     events: list[tuple[str, float, object]], now: float, silence: float
 ) -> None:
     lease = MarketLease(1.0)
@@ -75,7 +75,7 @@ def test_silence_is_counted_from_the_last_sign_of_life(
     assert lease.silence(now) == pytest.approx(silence)
 
 
-def test_another_lease_counts_at_once() -> None:
+def test_changed_lease_takes_effect_immediately() -> None:
     lease = MarketLease(1.0)
     lease.begin("a", 0.0)
     lease.on_heartbeat("a", 0.0)

@@ -28,7 +28,7 @@ def _berlin(monkeypatch):
         (1_751_327_999.0, LocalTime(hour=1, weekday="tuesday")),
     ],
 )
-def test_a_moment_has_the_hour_and_the_day_of_the_time_zone(stamp_s, expected):
+def test_local_time_uses_hour_and_weekday_of_timezone(stamp_s, expected):
     assert local_time(stamp_s) == expected
 
 
@@ -36,10 +36,10 @@ def test_a_moment_has_the_hour_and_the_day_of_the_time_zone(stamp_s, expected):
     ("seconds", "hour", "weekday"),
     [(0, 22, "sunday"), (3599.9, 22, "sunday"), (3600, 23, "sunday"), (7200, 0, "monday")],
 )
-def test_hours_and_days_go_on(seconds, hour, weekday):
+def test_local_time_advances_hours_and_weekdays(seconds, hour, weekday):
     begin = LocalTime(hour=22, weekday="sunday")
     assert begin.after(seconds) == LocalTime(hour=hour, weekday=weekday)
 
 
-def test_the_next_hour_is_always_ahead():
+def test_next_hour_is_always_in_the_future():
     assert [next_hour_s(at) for at in (0.0, 3599.0, 3600.0)] == [3600.0, 3600.0, 7200.0]

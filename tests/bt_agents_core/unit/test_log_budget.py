@@ -6,7 +6,7 @@ from __future__ import annotations
 from bt_agents_core.log_budget import LogBudget
 
 
-def test_the_last_line_of_a_period_says_that_others_are_left_out() -> None:
+def test_last_line_of_period_announces_suppressed_lines() -> None:
     now_s = 100.0
     budget = LogBudget(2, 5.0, lambda: now_s)
     assert budget.line("one") == "one"

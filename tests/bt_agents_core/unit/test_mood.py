@@ -66,7 +66,7 @@ def changes(
     return [course.see(second, live) for second, live in enumerate(lives)]
 
 
-def test_the_change_is_measured_against_the_scene_as_awarded():
+def test_mood_change_is_relative_to_awarded_scene():
     assert changes(scene(4.0), scene(4.0), scene(2.5), scene(5.0)) == [0.0, -1.5, 1.0]
 
 
@@ -79,7 +79,7 @@ def test_the_change_is_measured_against_the_scene_as_awarded():
         scene(5.0, origin=Origin.DEFAULT),
     ],
 )
-def test_without_an_awarded_mood_the_first_known_live_one_is_the_start(awarded):
+def test_first_live_mood_replaces_missing_awarded_mood(awarded):
     seen = changes(awarded, scene(NAN), scene(3.0), scene(2.0))
     assert seen == pytest.approx([NAN, 0.0, -1.0], nan_ok=True)
 
@@ -93,18 +93,18 @@ def test_without_an_awarded_mood_the_first_known_live_one_is_the_start(awarded):
         scene(1.0, origin=Origin.DEFAULT),
     ],
 )
-def test_a_mood_that_nobody_sees_makes_the_change_unknown_until_it_is_back(gap):
+def test_unobserved_mood_makes_change_unknown(gap):
     seen = changes(scene(4.0), scene(3.0), gap, scene(3.0))
     assert seen == pytest.approx([-1.0, NAN, -1.0], nan_ok=True)
 
 
-def test_a_mood_of_too_little_confidence_is_not_known():
+def test_low_confidence_mood_is_unknown():
     lives = [scene(2.0, confidence=c) for c in (0.49, 0.5, 1.0)]
     seen = changes(scene(4.0), *lives, confidence=0.5)
     assert seen == pytest.approx([NAN, -2.0, -2.0], nan_ok=True)
 
 
-def test_a_space_without_a_mood_knows_no_change():
+def test_space_without_mood_has_no_mood_change():
     space = SceneSpace(parameters=SPACE.parameters, mood=None)
     assert changes(scene(4.0), scene(1.0), space=space) == pytest.approx([NAN], nan_ok=True)
 
@@ -112,7 +112,7 @@ def test_a_space_without_a_mood_knows_no_change():
 # --- the baseline -------------------------------------------------------------------------
 
 
-def test_a_baseline_is_the_mean_over_its_time_not_over_its_scenes():
+def test_baseline_is_a_time_weighted_mean():
     course = Course(scene(5.0), baseline_s=4.0)
     assert math.isnan(course.see(1.0, scene(2.0)))
     for at in (4.0, 4.1, 4.2, 4.3):
@@ -123,7 +123,7 @@ def test_a_baseline_is_the_mean_over_its_time_not_over_its_scenes():
     assert course.see(9.0, scene(1.5)) == pytest.approx(-1.0)
 
 
-def test_a_baseline_leaves_out_the_time_in_which_no_mood_was_known():
+def test_baseline_excludes_time_without_known_mood():
     course = Course(scene(5.0), baseline_s=4.0)
     course.see(0.0, scene(2.0))
     course.see(1.0, scene(NAN))
@@ -131,7 +131,7 @@ def test_a_baseline_leaves_out_the_time_in_which_no_mood_was_known():
     assert course.tick(4.0) == pytest.approx(3.0 - 2.5)
 
 
-def test_a_baseline_begins_with_the_first_known_mood():
+def test_baseline_starts_at_first_known_mood():
     course = Course(scene(5.0), baseline_s=2.0)
     course.see(0.0, scene(NAN))
     course.see(10.0, scene(3.0))
@@ -139,7 +139,7 @@ def test_a_baseline_begins_with_the_first_known_mood():
     assert course.tick(12.5) == 0.0
 
 
-def test_a_baseline_in_which_the_mood_was_lost_at_once_begins_again():
+def test_baseline_restarts_when_mood_is_lost_immediately():
     course = Course(scene(5.0), baseline_s=2.0)
     course.see(0.0, scene(3.0))
     course.see(0.0, scene(NAN))
@@ -159,14 +159,14 @@ def test_a_baseline_in_which_the_mood_was_lost_at_once_begins_again():
         ("", ["", "anna", "ben"], [True, True, False]),
     ],
 )
-def test_somebody_else_is_nobody(awarded, lives, there):
+def test_other_person_counts_as_absent(awarded, lives, there):
     addressee = Addressee(scene(4.0, person_id=awarded))
     seen = [addressee.mask(scene(1.0, person_id=one)) for one in lives]
     assert [one.person for one in seen] == there
     assert [not math.isnan(mood_of(one, SPACE)) for one in seen] == there
 
 
-def test_a_given_mood_gives_way_to_the_first_that_is_measured() -> None:
+def test_first_measured_mood_replaces_given_mood() -> None:
     course = Course(scene(4.0, origin=Origin.GIVEN))
     assert course.see(0.0, scene(4.0, origin=Origin.GIVEN)) == 0.0
     assert course.see(1.0, scene(3.0)) == 0.0
@@ -174,12 +174,12 @@ def test_a_given_mood_gives_way_to_the_first_that_is_measured() -> None:
     assert course.see(3.0, scene(1.0, origin=Origin.GIVEN)) == -2.0
 
 
-def test_what_is_given_after_a_given_mood_is_a_change() -> None:
+def test_second_given_mood_counts_as_change() -> None:
     course = Course(scene(4.0, origin=Origin.GIVEN))
     assert course.see(1.0, scene(2.5, origin=Origin.GIVEN)) == -1.5
 
 
-def test_a_measured_mood_without_enough_confidence_is_no_start() -> None:
+def test_low_confidence_mood_does_not_replace_given_mood() -> None:
     course = Course(scene(4.0, origin=Origin.GIVEN), confidence=0.5)
     assert math.isnan(course.see(1.0, scene(3.0, confidence=0.2)))
     assert course.see(2.0, scene(2.0)) == 0.0

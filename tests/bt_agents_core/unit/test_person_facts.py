@@ -33,7 +33,7 @@ from tree_harness import scene
         (0.5, None, 0.5),
     ],
 )
-def test_a_text_a_number_and_a_truth_are_facts(
+def test_text_number_and_boolean_are_valid_facts(
     value: object, wanted: FieldType | None, expected: Fact
 ) -> None:
     found = fact("favourite", value, wanted)
@@ -57,7 +57,7 @@ def test_a_text_a_number_and_a_truth_are_facts(
         ("a", ["tea"], None, "BAD_VALUE"),
     ],
 )
-def test_anything_else_is_refused(
+def test_other_fact_types_are_refused(
     key: str, value: object, wanted: FieldType | None, code: str
 ) -> None:
     with pytest.raises(Refused) as refused:
@@ -66,7 +66,7 @@ def test_anything_else_is_refused(
     assert len(refused.value.reason) < 200
 
 
-def test_the_facts_of_a_person_are_bounded_and_each_stands_once() -> None:
+def test_facts_of_person_are_bounded_and_unique() -> None:
     many = [(f"k{number}", "x") for number in range(MOST_FACTS + 1)]
     assert len(facts(many[:-1])) == MOST_FACTS
     assert facts([("a", "x"), ("b", None)]) == {"a": "x"}
@@ -76,7 +76,7 @@ def test_the_facts_of_a_person_are_bounded_and_each_stands_once() -> None:
         assert refused.value.code == code
 
 
-def test_a_message_with_a_list_is_refused_and_one_without_a_value_forgets() -> None:
+def test_list_fact_is_refused_and_unset_fact_forgets() -> None:
     def message(kind: int) -> SimpleNamespace:
         return SimpleNamespace(key="a", value=SimpleNamespace(type=kind, integer_value=3))
 
@@ -87,7 +87,7 @@ def test_a_message_with_a_list_is_refused_and_one_without_a_value_forgets() -> N
         assert refused.value.code == code
 
 
-def test_only_somebody_who_is_known_by_name_has_a_name() -> None:
+def test_only_known_person_has_name_and_facts() -> None:
     anna = replace(scene(), person_id="anna", visits=2, remembered={"favourite": "tea"})
     assert [anna.of_person(one) for one in ("name", "visits", "favourite")] == ["anna", 2, "tea"]
     for nobody in (replace(anna, visits=0), replace(anna, person_id="")):

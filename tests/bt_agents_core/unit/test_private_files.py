@@ -33,16 +33,14 @@ def mode(path: Path) -> int:
 
 
 @pytest.mark.usefixtures("umask")
-def test_what_is_made_is_private_whatever_the_umask(tmp_path: Path) -> None:
+def test_created_files_are_private_under_any_umask(tmp_path: Path) -> None:
     folder = tmp_path / "a" / "b"
     make_private_folder(folder)
     make_private_file(folder / "file")
     assert [mode(one) for one in (folder.parent, folder, folder / "file")] == [0o700, 0o700, 0o600]
 
 
-def test_a_folder_that_was_there_keeps_its_rights_unless_it_lies_within_one_of_ours(
-    tmp_path: Path,
-) -> None:
+def test_existing_folder_keeps_its_mode_outside_our_root(tmp_path: Path) -> None:
     ours = tmp_path / "bt-agents"
     folder = ours / "trees" / "one"
     folder.mkdir(parents=True)
@@ -59,13 +57,13 @@ def test_a_folder_that_was_there_keeps_its_rights_unless_it_lies_within_one_of_o
     ]
 
 
-def test_a_folder_for_everybody_is_left_alone(tmp_path: Path) -> None:
+def test_shared_sticky_folder_is_unchanged(tmp_path: Path) -> None:
     tmp_path.chmod(0o1777)
     make_private_folder(tmp_path, within=tmp_path)
     assert mode(tmp_path) == 0o1777
 
 
-def test_a_file_that_was_there_is_tightened_and_keeps_its_content(tmp_path: Path) -> None:
+def test_existing_file_is_tightened_and_keeps_content(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("old")
     for before, after in ((0o644, 0o600), (0o666, 0o600), (0o600, 0o600), (0o770, 0o700)):
@@ -74,7 +72,7 @@ def test_a_file_that_was_there_is_tightened_and_keeps_its_content(tmp_path: Path
         assert (mode(file), file.read_text()) == (after, "old")
 
 
-def test_what_is_no_file_is_left_alone() -> None:
+def test_device_files_are_unchanged() -> None:
     device = Path(os.devnull)
     before = mode(device)
     os.close(open_private(device, os.O_WRONLY))
@@ -84,7 +82,7 @@ def test_what_is_no_file_is_left_alone() -> None:
 
 
 @pytest.mark.usefixtures("umask")
-def test_a_database_is_private_with_its_logs(tmp_path: Path) -> None:
+def test_database_and_its_logs_are_private(tmp_path: Path) -> None:
     file = tmp_path / "ledger.sqlite"
     make_private_database(file)
     with closing(sqlite3.connect(file, isolation_level=None)) as database:

@@ -51,24 +51,24 @@ def measured(name: str, value: float) -> SceneValue:
         ([None, 3], "NOT_A_NUMBER"),
     ],
 )
-def test_a_bad_vector_is_refused_with_its_name(values: list[float], code: str) -> None:
+def test_invalid_vector_is_refused_with_its_name(values: list[float], code: str) -> None:
     with pytest.raises(Refused) as refused:
         SPACE.vector(values, what="bid of guide")
     assert refused.value.code == code
     assert refused.value.reason.startswith("bid of guide: ")
 
 
-def test_a_good_vector_is_returned_as_floats() -> None:
+def test_valid_vector_is_returned_as_floats() -> None:
     assert SPACE.vector([1, 5]) == (1.0, 5.0)
 
 
-def test_nan_stands_for_a_missing_value_only_where_that_is_allowed() -> None:
+def test_nan_means_missing_only_where_allowed() -> None:
     assert math.isnan(SPACE.vector([NAN, 5], missing=True)[0])
     with pytest.raises(Refused):
         SPACE.vector([INF, 5], missing=True)
 
 
-def test_named_values_are_put_in_order_and_every_name_is_needed() -> None:
+def test_named_values_are_ordered_and_must_be_complete() -> None:
     assert SPACE.from_mapping({"mood": 2, "age": 4}) == (4.0, 2.0)
     with pytest.raises(Refused, match="no value for mood"):
         SPACE.from_mapping({"age": 4})
@@ -76,7 +76,7 @@ def test_named_values_are_put_in_order_and_every_name_is_needed() -> None:
         SPACE.from_mapping({"age": 4, "moood": 2})
 
 
-def test_what_is_missing_is_nan_in_order_and_left_out_by_name() -> None:
+def test_missing_value_is_nan_in_vector_but_unnamed() -> None:
     vector = SPACE.ordered({"mood": 2.0})
     assert math.isnan(vector[0])
     assert vector[1] == 2.0
@@ -98,20 +98,20 @@ def test_what_is_missing_is_nan_in_order_and_left_out_by_name() -> None:
         ),
     ],
 )
-def test_a_bad_scene_is_refused_with_its_name(values: list[SceneValue], code: str) -> None:
+def test_invalid_scene_is_refused_with_code(values: list[SceneValue], code: str) -> None:
     with pytest.raises(Refused) as refused:
         SPACE.scene(values)
     assert refused.value.code == code
 
 
-def test_a_scene_comes_back_in_the_order_of_the_space() -> None:
+def test_scene_values_follow_the_space_order() -> None:
     values = SPACE.scene([SceneValue.missing("mood"), measured("age", 4)])
     assert [value.name for value in values] == ["age", "mood"]
     assert values[0].value == 4
     assert math.isnan(values[1].value)
 
 
-def test_clamping_moves_into_the_range_and_keeps_what_is_missing() -> None:
+def test_clamp_limits_values_and_keeps_missing_ones() -> None:
     low, high = SPACE.clamp((0.0, 9.0))
     assert (low, high) == (1.0, 5.0)
     assert math.isnan(SPACE.clamp((NAN, 3.0))[0])
@@ -129,9 +129,7 @@ def test_clamping_moves_into_the_range_and_keeps_what_is_missing() -> None:
         ("", "", ""),
     ],
 )
-def test_the_id_of_a_scene_tells_which_one_it_goes_back_to(
-    scene_id: str, origin: str, first: str
-) -> None:
+def test_scene_id_names_its_origin_scene(scene_id: str, origin: str, first: str) -> None:
     assert (origin_id(scene_id), first_id(scene_id)) == (origin, first)
     assert origin_id(follow_up_id(origin, 3)) == origin
 
@@ -141,14 +139,14 @@ def with_pain() -> SceneSpace:
     return SceneSpace(parameters=(pain, *SPACE.parameters), mood="mood")
 
 
-def test_parameters_that_no_profile_has_come_last() -> None:
+def test_unprofiled_parameters_come_last() -> None:
     space = with_pain()
     assert space.names == ("age", "mood", "pain")
     assert (space.profiles.names, space.profiles.left_out) == (("age", "mood"), ("pain",))
     assert SPACE.profiles is SPACE
 
 
-def test_a_profile_is_not_asked_for_what_no_profile_has() -> None:
+def test_profile_excludes_unprofiled_parameters() -> None:
     profiles = with_pain().profiles
     assert profiles.from_mapping({"age": 2, "mood": 3}) == (2.0, 3.0)
     with pytest.raises(Refused, match="no profile has 'pain'") as refused:
@@ -156,7 +154,7 @@ def test_a_profile_is_not_asked_for_what_no_profile_has() -> None:
     assert refused.value.code == "UNKNOWN_PARAMETER"
 
 
-def test_profiles_are_compared_with_the_values_that_they_have() -> None:
+def test_profiles_are_compared_on_profiled_parameters_only() -> None:
     space = with_pain()
     values = space.scene([measured("pain", 8), measured("age", 2), measured("mood", 3)])
     scene = Scene(scene_id="s", label="", person=True, values=values)
@@ -166,7 +164,7 @@ def test_profiles_are_compared_with_the_values_that_they_have() -> None:
     assert space.compared(scene) is scene
 
 
-def test_a_mood_may_be_what_no_profile_has() -> None:
+def test_mood_can_be_unprofiled() -> None:
     mood = SceneParameter(name="mood", minimum=1, maximum=5, default=3, profiled=False)
     space = SceneSpace(parameters=(mood, SPACE.parameters[0]), mood="mood")
     values = space.scene([measured("mood", 4), measured("age", 2)])
@@ -174,7 +172,7 @@ def test_a_mood_may_be_what_no_profile_has() -> None:
     assert space.profiles.mood is None
 
 
-def test_two_missing_values_of_a_parameter_are_equal_wherever_their_nans_come_from() -> None:
+def test_missing_values_are_equal_despite_distinct_nans() -> None:
     missing = SceneValue.missing("age")
     received = replace(missing, value=float("nan"), age_s=float("nan"), std=float("nan"))
     assert received == missing

@@ -23,7 +23,7 @@ from bt_agents_core.run_key import RunKey
         ([0.1, 2.4, 2.5, 4.0], 0.3, 1.5),
     ],
 )
-def test_after_a_gap_it_is_waited_for_news(
+def test_stall_holds_off_until_messages_are_read(
     looks: list[float], wait_s: float, lasted_s: float
 ) -> None:
     held_up = StallDetector(0.0, limit_s=0.55, settle_s=0.3)
@@ -65,7 +65,7 @@ def after_a_hold_up(*heard_before: RunKey) -> AwardMonitor:
         ([STRANGE, MINE], False, True),
     ],
 )
-def test_a_run_goes_on_when_its_market_names_it_and_is_given_away_when_it_twice_does_not(
+def test_run_survives_stall_only_if_market_confirms_it(
     heard: list[RunKey], given_away: bool, goes_on: bool
 ) -> None:
     word = after_a_hold_up(MINE)
@@ -73,26 +73,26 @@ def test_a_run_goes_on_when_its_market_names_it_and_is_given_away_when_it_twice_
     assert (word.hold_off_s(MINE, 2.5) == 0.0) == goes_on
 
 
-def test_what_waited_to_be_read_during_a_hold_up_confirms_nothing() -> None:
+def test_message_queued_during_stall_confirms_nothing() -> None:
     word = after_a_hold_up(MINE)
     assert not word.on_heartbeat(MINE, MINE, 2.1)
     assert word.hold_off_s(MINE, 2.4) > 0.0
 
 
-def test_a_market_that_has_never_named_a_run_is_not_waited_for() -> None:
+def test_market_that_never_named_run_is_not_awaited() -> None:
     word = after_a_hold_up()
     assert word.hold_off_s(MINE, 2.2) == pytest.approx(0.1)
     assert word.hold_off_s(MINE, 2.4) == 0.0
 
 
-def test_without_a_run_every_sign_of_life_will_do() -> None:
+def test_any_heartbeat_confirms_without_a_run() -> None:
     word = after_a_hold_up(MINE)
     assert not word.on_heartbeat(STRANGE, None, 2.5)
     assert word.stall.confirmed
 
 
 @pytest.mark.parametrize(("said", "over"), [(MINE, False), (LATER, True), (STRANGE, False)])
-def test_a_round_is_over_when_its_market_is_at_a_later_one(said: RunKey, over: bool) -> None:
+def test_round_is_over_once_market_names_later_one(said: RunKey, over: bool) -> None:
     word = AwardMonitor(0.0)
     word.on_heartbeat(said, None, 0.0)
     assert word.is_over(MINE) == over

@@ -27,7 +27,7 @@ def claim(trees: Path, home: Path, explicit: str = "") -> StateFolder:
     return claim_state(trees, explicit, home)
 
 
-def test_two_projects_keep_nothing_in_the_same_place(tmp_path: Path, home: Path) -> None:
+def test_two_projects_use_separate_state_folders(tmp_path: Path, home: Path) -> None:
     one = claim(make(tmp_path / "one" / "trees"), home)
     other = claim(make(tmp_path / "other" / "trees"), home)
     assert one.path != other.path
@@ -38,7 +38,7 @@ def test_two_projects_keep_nothing_in_the_same_place(tmp_path: Path, home: Path)
     assert {file.parent for file in files} == {one.path}
 
 
-def test_a_start_finds_what_the_one_before_has_kept(tmp_path: Path, home: Path) -> None:
+def test_restart_finds_the_previous_state_folder(tmp_path: Path, home: Path) -> None:
     trees = make(tmp_path / "one" / "trees")
     first = claim(trees, home)
     again = claim(trees, home)
@@ -46,7 +46,7 @@ def test_a_start_finds_what_the_one_before_has_kept(tmp_path: Path, home: Path) 
     assert find_state(trees, home=home) == again
 
 
-def test_looking_writes_nothing(tmp_path: Path, home: Path) -> None:
+def test_finding_state_writes_nothing(tmp_path: Path, home: Path) -> None:
     trees = make(tmp_path / "one" / "trees")
     found = find_state(trees, home=home)
     assert not home.exists()
@@ -54,9 +54,7 @@ def test_looking_writes_nothing(tmp_path: Path, home: Path) -> None:
     assert claim(trees, home).path == found.path
 
 
-def test_a_folder_that_was_moved_takes_along_what_it_has_learned(
-    tmp_path: Path, home: Path
-) -> None:
+def test_moved_trees_folder_keeps_its_state(tmp_path: Path, home: Path) -> None:
     trees = make(tmp_path / "one" / "trees")
     first = claim(trees, home)
     moved = Path(shutil.move(trees, tmp_path / "elsewhere"))
@@ -68,7 +66,7 @@ def test_a_folder_that_was_moved_takes_along_what_it_has_learned(
     assert claim(make(trees), home).path != first.path
 
 
-def test_a_copy_says_so_once_and_begins_anew(tmp_path: Path, home: Path) -> None:
+def test_copied_trees_folder_gets_new_state_and_note(tmp_path: Path, home: Path) -> None:
     trees = make(tmp_path / "one" / "trees")
     first = claim(trees, home)
     copied = Path(shutil.copytree(trees, tmp_path / "copy" / "trees"))
@@ -82,14 +80,14 @@ def test_a_copy_says_so_once_and_begins_anew(tmp_path: Path, home: Path) -> None
     assert claim(trees, home).path == first.path
 
 
-def test_without_its_file_a_folder_is_known_by_its_path(tmp_path: Path, home: Path) -> None:
+def test_folder_without_id_file_is_known_by_path(tmp_path: Path, home: Path) -> None:
     trees = make(tmp_path / "one" / "trees")
     first = claim(trees, home)
     (trees / ID_FILE).unlink()
     assert claim(trees, home).path == first.path
 
 
-def test_an_installed_folder_gets_no_file(
+def test_installed_folder_gets_no_id_file(
     tmp_path: Path, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trees = make(tmp_path / "installation" / "share" / "bt_agents_trees")
@@ -100,7 +98,7 @@ def test_an_installed_folder_gets_no_file(
 
 
 @pytest.mark.parametrize("text", ["../../etc", "a/b", "a b", "", "x" * 81, "\x00", "-rf"])
-def test_an_id_that_is_none_leads_nowhere(tmp_path: Path, home: Path, text: str) -> None:
+def test_invalid_folder_id_is_refused(tmp_path: Path, home: Path, text: str) -> None:
     trees = make(tmp_path / "one" / "trees")
     (trees / ID_FILE).write_text(f"{text}\n")
     if not text:
@@ -110,7 +108,7 @@ def test_an_id_that_is_none_leads_nowhere(tmp_path: Path, home: Path, text: str)
         claim(trees, home)
 
 
-def test_a_named_place_belongs_to_one_folder(tmp_path: Path, home: Path) -> None:
+def test_named_state_folder_belongs_to_one_trees_folder(tmp_path: Path, home: Path) -> None:
     one, other = make(tmp_path / "one" / "trees"), make(tmp_path / "other" / "trees")
     place = str(tmp_path / "robot")
     assert claim(one, home, place).path == tmp_path / "robot"
@@ -123,12 +121,12 @@ def test_a_named_place_belongs_to_one_folder(tmp_path: Path, home: Path) -> None
     assert f"was {one} before" in claim(other, home, place).note
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, home: Path) -> None:
+def test_unwritable_state_folder_suggests_the_state_option(tmp_path: Path, home: Path) -> None:
     home.write_text("a file")
     with pytest.raises(BtAgentsError, match="name another folder with --state"):
         claim(make(tmp_path / "one" / "trees"), home)
 
 
-def test_the_home_of_all_follows_xdg() -> None:
+def test_state_home_follows_xdg() -> None:
     assert state_home({"XDG_STATE_HOME": "/x"}) == Path("/x/bt-agents")
     assert state_home({}) == Path.home() / ".local" / "state" / "bt-agents"

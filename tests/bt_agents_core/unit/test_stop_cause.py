@@ -19,7 +19,7 @@ from bt_agents_core.stop_cause import STOPPERS, StopCause, StoppedBy, stopper
         (StopCause.BY_HOST, StoppedBy.NOT_SAID, "host"),
     ],
 )
-def test_whoever_stops_a_run_has_a_word_that_files_may_use(
+def test_each_stop_cause_has_word_usable_in_files(
     cause: StopCause, by: StoppedBy, word: str
 ) -> None:
     assert stopper(cause, by) == word
@@ -27,5 +27,5 @@ def test_whoever_stops_a_run_has_a_word_that_files_may_use(
 
 
 @pytest.mark.parametrize("number", [-1, 4, 255])
-def test_a_number_that_means_nobody_is_nobody(number: int) -> None:
+def test_unknown_stopper_number_means_not_said(number: int) -> None:
     assert StoppedBy.of(number) is StoppedBy.NOT_SAID

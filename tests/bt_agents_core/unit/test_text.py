@@ -26,42 +26,42 @@ from bt_agents_core.text import (
 )
 
 
-def test_a_long_text_ends_with_an_ellipsis_inside_of_its_length():
+def test_ellipsis_counts_towards_maximum_length():
     assert ellipsize("a" * EXCERPT) == "a" * EXCERPT
     assert ellipsize("a" * (EXCERPT + 1)) == "a" * (EXCERPT - 1) + "…"
     assert ellipsize("abcd", 3) == "ab…"
 
 
-def test_an_excerpt_is_one_line_without_a_space_before_the_ellipsis():
+def test_excerpt_is_one_line_without_space_before_ellipsis():
     assert excerpt(" a\n b ", 10) == "a b"
     assert excerpt("ab cdef", 4) == "ab…"
 
 
-def test_a_quoted_text_is_one_line_and_short():
+def test_quoted_text_is_one_short_line():
     assert quote("a\n  b") == "'a b'"
     assert len(quote("a" * 1000)) == EXCERPT + 2
 
 
-def test_a_printable_line_has_no_control_characters():
+def test_printable_line_has_no_control_characters():
     assert printable_line("a\x1b[2Jb\n\tc\u202e") == "a [2Jb c"
 
 
 @pytest.mark.parametrize(
     ("words", "text"), [((), ""), (("a",), "a"), (("a", "b"), "a and b"), ("abc", "a, b and c")]
 )
-def test_words_are_joined_as_in_a_sentence(words, text):
+def test_words_join_as_in_a_sentence(words, text):
     assert join_words(words) == text
     assert join_words(words, "or") == text.replace("and", "or")
 
 
-def test_of_many_words_the_first_are_shown():
+def test_only_first_of_many_words_are_shown():
     assert join_first("abcd") == "a, b, c, d"
     assert join_first("abcde") == "a, b, c, d and 1 more"
     assert join_quoted("abcde") == "'a', 'b', 'c', 'd', 'e'"
     assert join_quoted("abcdef") == "'a', 'b', 'c', 'd', 'e', …"
 
 
-def test_numbers_have_few_digits_and_a_real_minus_sign():
+def test_numbers_have_few_digits_and_true_minus_sign():
     assert format_number(-1.23456789) == "−1.23457"
     assert format_number(-0.0) == "0"
     assert format_number(1.23456, 3) == "1.23"
@@ -79,7 +79,7 @@ def test_numbers_have_few_digits_and_a_real_minus_sign():
         ("a\u200db \u200d\u200d", r"a\u200db \u200d\u200d"),
     ],
 )
-def test_what_a_terminal_would_obey_or_hide_is_shown_by_number(text, shown):
+def test_control_and_invisible_characters_are_escaped(text, shown):
     assert printable(text) == shown
 
 
@@ -95,16 +95,16 @@ def test_what_a_terminal_would_obey_or_hide_is_shown_by_number(text, shown):
         "日本\u3000語",
     ],
 )
-def test_words_of_any_language_stay_as_they_are(text):
+def test_text_of_any_language_is_unchanged(text):
     assert printable(text) == text
 
 
-def test_of_several_lines_each_is_printable():
+def test_each_of_several_lines_is_printable():
     assert printable_lines("a\tb\n\x1b[2J\r\n") == "a\tb\n\\x1b[2J\\r\n"
 
 
 @given(st.text(st.characters() | st.sampled_from("\u200c\u200d\x1b\u202eé👩")))
-def test_a_printable_text_is_in_one_line_and_stays_as_it_is(text):
+def test_printable_is_idempotent_and_yields_one_line(text):
     shown = printable(text)
     assert printable(shown) == shown
     assert len(shown.splitlines()) <= 1

@@ -34,7 +34,7 @@ def near() -> Path | None:
     return caught.value.near
 
 
-def test_this_folder_is_taken_or_that_called_trees_in_it(
+def test_current_folder_or_its_trees_subfolder_is_used(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make(here / "trees")
@@ -43,12 +43,12 @@ def test_this_folder_is_taken_or_that_called_trees_in_it(
     assert find_trees() == Path()
 
 
-def test_the_installed_trees_are_taken_only_when_they_are_asked_for(here: Path) -> None:
+def test_installed_trees_are_used_only_on_request(here: Path) -> None:
     assert near() is None
     assert find_trees(SHIPPED) == here.parent / "installation" / "share" / "bt_agents_trees"
 
 
-def test_one_above_or_beside_is_proposed_and_not_taken(
+def test_nearby_trees_folder_is_only_suggested(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     beside = make(here / "hospital" / "trees")
@@ -59,7 +59,7 @@ def test_one_above_or_beside_is_proposed_and_not_taken(
     assert near() == beside
 
 
-def test_a_folder_that_is_named_must_be_one_and_the_right_one_is_proposed(here: Path) -> None:
+def test_wrong_named_folder_is_refused_with_suggestion(here: Path) -> None:
     make(here / "hospital" / "trees")
     with pytest.raises(BtAgentsError, match="did you mean 'hospital/trees'"):
         find_trees("hospital")
@@ -68,7 +68,7 @@ def test_a_folder_that_is_named_must_be_one_and_the_right_one_is_proposed(here: 
     assert find_trees("hospital/trees") == Path("hospital") / "trees"
 
 
-def test_files_of_an_installation_are_told_from_those_of_a_checkout_it_links_to(
+def test_symlinked_checkout_does_not_count_as_installed(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     installed = find_trees(SHIPPED)

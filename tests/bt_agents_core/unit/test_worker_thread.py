@@ -16,7 +16,7 @@ from bt_agents_core.worker_thread import WorkerThread
 HANG_S = 30.0
 
 
-def test_work_is_done_in_order_and_what_it_raises_is_told_by_its_result() -> None:
+def test_work_runs_in_order_and_futures_carry_errors() -> None:
     thread, done = WorkerThread("files"), []
 
     def broken() -> None:
@@ -35,7 +35,7 @@ def test_work_is_done_in_order_and_what_it_raises_is_told_by_its_result() -> Non
         thread.submit(broken)
 
 
-def test_what_waits_is_done_before_a_shutdown_that_waits_ends() -> None:
+def test_waiting_shutdown_finishes_queued_work() -> None:
     thread, done = WorkerThread("files"), []
     for number in range(3):
         thread.submit(lambda number: time.sleep(0.01) or done.append(number), number)
@@ -43,7 +43,7 @@ def test_what_waits_is_done_before_a_shutdown_that_waits_ends() -> None:
     assert done == [0, 1, 2]
 
 
-def test_what_still_waits_when_it_is_given_up_is_not_done() -> None:
+def test_cancelling_shutdown_drops_queued_work() -> None:
     thread, begun, go = WorkerThread("files"), threading.Event(), threading.Event()
     under_way = thread.submit(lambda: begun.set() or go.wait(HANG_S))
     waiting = thread.submit(lambda: "read")
@@ -55,7 +55,7 @@ def test_what_still_waits_when_it_is_given_up_is_not_done() -> None:
         waiting.result(HANG_S)
 
 
-def test_a_process_ends_although_its_work_hangs() -> None:
+def test_process_exits_despite_hanging_work() -> None:
     code = (
         "import threading\n"
         "from bt_agents_core.worker_thread import WorkerThread\n"

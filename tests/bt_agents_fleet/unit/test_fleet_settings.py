@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[3]
 ANNA = FleetSettings(robot="anna", address="host=db.example sslmode=verify-full")
 
 
-def test_settings_are_read_as_they_were_written_and_are_for_their_owner_alone(tmp_path):
+def test_settings_round_trip_and_are_owner_only(tmp_path):
     folder = tmp_path / "state"
     file = write_settings(folder, ANNA)
     write_settings(folder, ANNA)
@@ -35,7 +35,7 @@ def test_settings_are_read_as_they_were_written_and_are_for_their_owner_alone(tm
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
 
 
-def test_who_has_not_joined_is_told_how(tmp_path):
+def test_missing_settings_error_explains_how_to_join(tmp_path):
     with pytest.raises(Refused, match=r"NOT_JOINED.*bt-agents fleet join"):
         read_settings(tmp_path)
 
@@ -44,19 +44,19 @@ def test_who_has_not_joined_is_told_how(tmp_path):
     "text",
     ["", "[]", "{}", '{"robot": "a", "address": 3}', '{"robot": "a", "address": "b", "c": 1}'],
 )
-def test_settings_that_make_no_sense_are_refused(tmp_path, text):
+def test_invalid_settings_are_refused(tmp_path, text):
     (tmp_path / FLEET_SETTINGS).write_text(text)
     with pytest.raises(Refused, match="BAD_SETTINGS"):
         read_settings(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["", "Anna", "a b", "-a", "a" * 64, "ä", "a/b", "a\n"])
-def test_a_name_that_no_robot_has_is_refused(name):
+def test_invalid_robot_name_is_refused(name):
     with pytest.raises(Refused, match="BAD_ROBOT"):
         checked_robot(name)
 
 
-def test_the_password_comes_from_its_file_or_the_environment(tmp_path):
+def test_password_comes_from_its_file_or_environment(tmp_path):
     file = tmp_path / "password"
     file.write_text("secret\n")
     file.chmod(0o600)
@@ -66,7 +66,7 @@ def test_the_password_comes_from_its_file_or_the_environment(tmp_path):
     assert password_of(ANNA, {}) == ""
 
 
-def test_a_password_that_others_may_read_is_refused(tmp_path):
+def test_password_file_readable_by_others_is_refused(tmp_path):
     file = tmp_path / "password"
     file.write_text("secret\n")
     file.chmod(0o640)
@@ -78,13 +78,13 @@ def test_a_password_that_others_may_read_is_refused(tmp_path):
         password_of(settings)
 
 
-def test_a_status_that_is_not_there_or_damaged_is_none(tmp_path):
+def test_missing_or_damaged_status_reads_as_empty(tmp_path):
     assert read_status(tmp_path) == {}
     (tmp_path / "fleet-status.json").write_text("{")
     assert read_status(tmp_path) == {}
 
 
-def test_a_change_of_an_agents_file_changes_what_is_shared(tmp_path):
+def test_changed_agent_file_changes_shared_layers(tmp_path):
     trees = Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))
     shares = Shares(trees)
     assert shares.read() == {}
@@ -100,9 +100,7 @@ def test_a_change_of_an_agents_file_changes_what_is_shared(tmp_path):
     ("share", "layers"),
     [("place", SharedLayers.PLACES), ("everything", SharedLayers.ALL), ("nothing", None)],
 )
-def test_layers_of_persons_are_shared_where_the_scene_file_and_the_agents_both_say_so(
-    tmp_path, share, layers
-):
+def test_person_layers_require_scene_and_agent_consent(tmp_path, share, layers):
     trees = Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))
     with (trees / "scene.yaml").open("a") as scene:
         scene.write("\nshare_persons: true\n")
@@ -112,7 +110,7 @@ def test_layers_of_persons_are_shared_where_the_scene_file_and_the_agents_both_s
     assert Shares(trees).read().get("attentive_guide") is layers
 
 
-def test_without_the_client_of_the_database_the_command_says_what_it_needs():
+def test_missing_database_client_is_named_by_command():
     program = (
         "import sys; sys.modules['psycopg'] = None; sys.argv = ['bt-agents', 'fleet', 'status']\n"
         "from bt_agents_tools.cli import main\n"

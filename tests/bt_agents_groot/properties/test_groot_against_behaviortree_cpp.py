@@ -110,7 +110,7 @@ def our_end(text: str) -> tuple[bool, tuple[object, ...]]:
 
 
 @pytest.mark.parametrize("seed", range(300))
-def test_a_tree_without_remarks_ends_as_in_behaviortree_cpp(seed):
+def test_tree_without_remarks_ends_like_in_behaviortree_cpp(seed):
     text = Trees(seed).file()
     expected = their_end(text)
     remarks, found = our_end(text)
@@ -121,7 +121,7 @@ def test_a_tree_without_remarks_ends_as_in_behaviortree_cpp(seed):
     "step", ["<Script code='n += m'/>", "<ScriptCondition code='m != 4' _onSuccess='n += 1'/>"]
 )
 @pytest.mark.parametrize("if_empty", ["SUCCESS", "FAILURE"])
-def test_a_loop_ends_as_in_behaviortree_cpp(step, if_empty):
+def test_loop_ends_like_in_behaviortree_cpp(step, if_empty):
     loop = f"<LoopDouble queue='1;4;2' value='{{m}}' if_empty='{if_empty}'>{step}</LoopDouble>"
     text = (
         f'<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>{START}{loop}</Sequence>'

@@ -143,7 +143,7 @@ def elements(element: Element) -> object:
 
 @given(trees)
 @settings(max_examples=100, deadline=None, derandomize=True)
-def test_a_tree_is_the_same_after_going_there_and_back(tree):
+def test_tree_survives_round_trip(tree):
     text = agent_text(tree)
     there = export_agent(Source("a.yaml", text), SYMBOLS)
     back = import_agent(Source("t.xml", there.text), "a", SYMBOLS)
@@ -179,7 +179,7 @@ formulas: st.SearchStrategy[Formula] = st.recursive(
 
 @given(formulas)
 @settings(max_examples=300, deadline=None, derandomize=True)
-def test_a_formula_is_the_same_in_both_languages(formula):
+def test_formula_is_the_same_in_both_languages(formula):
     dotted = {"scene__age": "scene.age", "live__person": "live.person"}
     [read] = parse_script(as_script(formula), lambda name: dotted.get(name, name))
     if not _joins(formula):

@@ -31,7 +31,7 @@ def run(tmp_path, monkeypatch, capsys) -> Callable[..., tuple[str, str]]:
     return call
 
 
-def test_an_import_writes_an_agent_that_can_be_read(run, tmp_path):
+def test_import_writes_readable_agent(run, tmp_path):
     (tmp_path / "Night Patrol.xml").write_text(XML.format(more=""))
     out, err = run("import", "groot", "Night Patrol.xml", "-o", "patrol.yaml")
     assert out == "wrote patrol.yaml\n"
@@ -39,14 +39,14 @@ def test_an_import_writes_an_agent_that_can_be_read(run, tmp_path):
     assert read_agent(tmp_path / "patrol.yaml", SYMBOLS).name == "night_patrol"
 
 
-def test_without_a_file_to_write_the_agent_is_printed(run, tmp_path):
+def test_import_without_output_prints_agent(run, tmp_path):
     (tmp_path / "patrol.xml").write_text(XML.format(more=""))
     out, _ = run("import", "groot", "patrol.xml", "--agent", "Walker")
     assert "\nagent: walker\n" in out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["patrol.xml", "trees"]
 
 
-def test_what_is_not_translated_and_what_is_missing_is_listed(run, tmp_path):
+def test_untranslated_nodes_and_missing_skills_are_listed(run, tmp_path):
     more = "<UnsetBlackboard key='x'/><WaveHand/>"
     (tmp_path / "patrol.xml").write_text(XML.format(more=more))
     _, err = run("import", "groot", "patrol.xml", "-o", "patrol.yaml")
@@ -58,7 +58,7 @@ def test_what_is_not_translated_and_what_is_missing_is_listed(run, tmp_path):
     ]
 
 
-def test_what_is_still_wrong_with_the_agent_is_said(run, tmp_path):
+def test_remaining_agent_errors_are_reported(run, tmp_path):
     (tmp_path / "patrol.xml").write_text(XML.format(more="<Say rate='1.2'/>"))
     _, err = run("import", "groot", "patrol.xml", "-o", "patrol.yaml")
     assert err.startswith("before it can run, mend this:\npatrol.yaml:")
@@ -66,7 +66,7 @@ def test_what_is_still_wrong_with_the_agent_is_said(run, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["import", "export"])
-def test_a_file_that_is_there_is_not_overwritten(run, tmp_path, command):
+def test_existing_file_is_not_overwritten(run, tmp_path, command):
     (tmp_path / "there.txt").write_text("mine")
     with pytest.raises(BtAgentsError, match=r"there is a file 'there\.txt' already"):
         run(command, "groot", "attentive_guide", "-o", "there.txt")
@@ -74,14 +74,14 @@ def test_a_file_that_is_there_is_not_overwritten(run, tmp_path, command):
 
 
 @pytest.mark.parametrize("command", ["import", "export"])
-def test_a_place_that_cannot_be_written_is_an_error_in_words(run, tmp_path, command):
+def test_unwritable_path_is_a_readable_error(run, tmp_path, command):
     (tmp_path / "patrol.xml").write_text(XML.format(more=""))
     source = "patrol.xml" if command == "import" else "attentive_guide"
     with pytest.raises(BtAgentsError, match="'nowhere/x' cannot be written: No such file"):
         run(command, "groot", source, "-o", "nowhere/x")
 
 
-def test_a_bad_file_is_refused_with_its_errors(run, tmp_path):
+def test_invalid_file_is_rejected_with_its_errors(run, tmp_path):
     (tmp_path / "patrol.xml").write_text("<root>")
     with pytest.raises(ReadError, match=r"patrol\.xml:1:7: error\[xml-syntax\]"):
         run("import", "groot", "patrol.xml")
@@ -108,7 +108,7 @@ PROJECT = """<?xml version="1.0" encoding="UTF-8"?>
         ('<include path="parts/visit.xml"/>', ("parts/visit.xml", "round.xml", "--tree", "Round")),
     ],
 )
-def test_a_project_of_several_files_becomes_one_agent(run, tmp_path, more, words):
+def test_project_of_several_files_becomes_one_agent(run, tmp_path, more, words):
     (tmp_path / "parts").mkdir()
     (tmp_path / "round.xml").write_text(ROUND.format(more=more))
     (tmp_path / "parts" / "visit.xml").write_text(VISIT)
@@ -127,7 +127,7 @@ def test_a_project_of_several_files_becomes_one_agent(run, tmp_path, more, words
         ("", ("parts/visit.xml", "--tree", "Ruond"), "unknown-subtree"),
     ],
 )
-def test_a_project_that_is_not_whole_is_refused_where_it_says_so(run, tmp_path, more, words, code):
+def test_incomplete_project_is_rejected_with_position(run, tmp_path, more, words, code):
     (tmp_path / "parts").mkdir()
     (tmp_path / "round.xml").write_text(ROUND.format(more=more))
     (tmp_path / "parts" / "visit.xml").write_text(VISIT)
@@ -135,7 +135,7 @@ def test_a_project_that_is_not_whole_is_refused_where_it_says_so(run, tmp_path, 
         run("import", "groot", "round.xml", *words)
 
 
-def test_a_tree_of_a_file_that_is_not_named_is_a_skill(run, tmp_path):
+def test_tree_of_unnamed_file_becomes_skill(run, tmp_path):
     (tmp_path / "round.xml").write_text(ROUND.format(more='<include path="round.xml"/>'))
     out, err = run("import", "groot", "round.xml")
     assert "\n    - visit:\n        place: kitchen\n" in out
@@ -144,20 +144,20 @@ def test_a_tree_of_a_file_that_is_not_named_is_a_skill(run, tmp_path):
 
 
 @pytest.mark.parametrize("agent", ["attentive_guide", "trees/agents/attentive_guide.yaml"])
-def test_an_export_names_an_agent_or_its_file(run, tmp_path, agent):
+def test_export_accepts_agent_name_or_file(run, tmp_path, agent):
     out, _ = run("export", "groot", agent, "-o", "guide.xml")
     assert out == "wrote guide.xml\n"
     assert 'main_tree_to_execute="AttentiveGuide"' in (tmp_path / "guide.xml").read_text()
 
 
-def test_an_agent_that_is_not_there_is_refused_with_the_likely_one(run):
+def test_missing_agent_error_suggests_likely_name(run):
     with pytest.raises(BtAgentsError, match=r"no agent 'atentive_guide' .*mean 'attentive"):
         run("export", "groot", "atentive_guide")
     with pytest.raises(ReadError, match="no-file"):
         run("export", "groot", "trees/agents/nobody.yaml")
 
 
-def test_a_folder_stands_for_its_files(run, tmp_path):
+def test_folder_stands_for_its_files(run, tmp_path):
     folder = tmp_path / "objectives"
     folder.mkdir()
     call = '<root><BehaviorTree ID="Go Out"><SubTree ID="Greet"/></BehaviorTree></root>'
@@ -170,7 +170,7 @@ def test_a_folder_stands_for_its_files(run, tmp_path):
     assert "\n  greet:\n" in out
 
 
-def test_a_folder_without_files_is_refused(run, tmp_path):
+def test_folder_without_xml_files_is_rejected(run, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(BtAgentsError, match="no XML file in the folder 'empty'"):
         run("import", "groot", "empty")

@@ -99,11 +99,11 @@ def element(tree: str) -> str:
         ("say: '{who}'", '<Say text="json:&quot;{who}&quot;"/>'),
     ],
 )  # fmt: skip
-def test_a_node_becomes_what_groot2_knows_or_a_node_of_its_own_name(tree, expected):
+def test_node_becomes_builtin_or_custom_groot_node(tree, expected):
     assert element(tree) == expected
 
 
-def test_every_node_that_behaviortree_cpp_does_not_know_is_declared_and_listed():
+def test_nodes_unknown_to_groot_are_declared_and_listed():
     made = exported("sequence: [say: Hi, log: x, {wait: 1 s, cooldown: 2 s}]")
     models = ET.fromstring(made.text).find("TreeNodesModel")
     assert models is not None
@@ -121,7 +121,7 @@ def test_every_node_that_behaviortree_cpp_does_not_know_is_declared_and_listed()
     assert [message.split("'")[1] for message in listed] == ["log", "cooldown"]
 
 
-def test_the_root_names_the_main_tree_and_format_4():
+def test_root_names_main_tree_and_format_4():
     root = ET.fromstring(exported("say: Hi").text)
     assert root.attrib == {"BTCPP_format": "4", "main_tree_to_execute": "MyAgent"}
     assert [one.get("ID") for one in root.findall("BehaviorTree")] == ["MyAgent"]
@@ -139,14 +139,14 @@ def test_tunables_are_ports_of_the_main_tree():
     ]
 
 
-def test_the_time_of_the_clean_up_is_listed_and_who_stopped_the_run_is_a_name_there():
+def test_clean_up_time_is_listed_and_canceller_exported():
     clean_up = "on_cancel: {say: Sorry., when: cancel.by == 'operator'}\non_cancel_within: 5 s\n"
     made = exported("say: Hi", clean_up)
     assert "cancel__by == 'operator'" in made.text
     assert any("on_cancel_within" in remark.message for remark in made.remarks)
 
 
-def test_names_that_mean_something_else_there_make_way():
+def test_conflicting_names_are_renamed():
     made = exported(
         "sequence: [subtree: say, subtree: sleep, subtree: my_agent]",
         """
@@ -161,7 +161,7 @@ def test_names_that_mean_something_else_there_make_way():
     assert len(set(ids)) == len(ids)
 
 
-def test_a_bad_agent_is_refused_with_its_own_errors():
+def test_invalid_agent_is_rejected_with_its_errors():
     with pytest.raises(ReadError, match="unknown-node"):
         exported("sya: Hello")
 
@@ -180,7 +180,7 @@ AGENTS = sorted(
 
 
 @pytest.mark.parametrize("path", AGENTS, ids=lambda path: path.stem)
-def test_the_agents_that_come_along_are_the_same_after_going_there_and_back(path):
+def test_shipped_agents_survive_round_trip(path):
     agent = read_agent(path, SYMBOLS)
     text = export_agent(read_source(path), SYMBOLS).text
     made = import_agent(Source("t.xml", text), agent.name, SYMBOLS)
@@ -205,7 +205,7 @@ skills:
 """
 
 
-def test_an_input_and_an_output_of_one_name_are_two_ports_and_one_skill_again():
+def test_input_and_output_sharing_name_survive_round_trip():
     symbols = SYMBOLS.with_skills(read_skills_text(SHIFT, "skills.yaml"))
     tree = 'tree:\n  sequence:\n    - shift: {speed: 0.3, far: 2}\n    - log: "it was ${speed}"\n'
     text = export_agent(Source("a.yaml", HEAD + tree), symbols).text
@@ -218,7 +218,7 @@ def test_an_input_and_an_output_of_one_name_are_two_ports_and_one_skill_again():
     assert not made.missing
 
 
-def test_a_name_that_may_have_no_value_is_not_set_first():
+def test_name_with_fallback_is_not_initialised():
     tree = """tree:
   sequence:
     - set: {tries: "${tries else 0 + 1}"}

@@ -88,11 +88,11 @@ BOMB = (
         (tree("<Say text='" + "a" * 2**20 + "'/>"), ["too-large 1:1"]),
     ],
 )
-def test_a_bad_file_is_refused_with_a_code_and_a_place(text, expected):
+def test_invalid_file_is_rejected_with_code_and_position(text, expected):
     assert problems(text) == expected
 
 
-def test_all_problems_of_a_file_come_in_one_pass():
+def test_one_pass_reports_all_problems():
     text = tree(
         "<Sequence><Sleep/><Sleep msec='x'/><Script code='1 +'/><Inverter/>"
         "<Repeat num_cycles='3' times='3'><AlwaysSuccess/></Repeat></Sequence>"
@@ -106,20 +106,20 @@ def test_all_problems_of_a_file_come_in_one_pass():
     ]
 
 
-def test_several_trees_need_a_main_one():
+def test_several_trees_need_a_main_tree():
     trees = "".join(f'<BehaviorTree ID="{one}"><AlwaysSuccess/></BehaviorTree>' for one in "AB")
     assert problems(f'<root BTCPP_format="4">{trees}</root>') == ["missing-attribute 1:1"]
     twice = trees.replace('"B"', '"A"')
     assert problems(f'<root BTCPP_format="4">{twice}</root>')[0].startswith("name-taken")
 
 
-def test_trees_that_all_lack_a_name_are_each_asked_for_one():
+def test_every_unnamed_tree_is_reported():
     trees = "<BehaviorTree><AlwaysSuccess/></BehaviorTree>" * 2
     found = problems(f'<root BTCPP_format="4">{trees}</root>')
     assert found == ["missing-attribute 1:24", "missing-attribute 1:69"]
 
 
-def test_a_circle_of_trees_is_refused_with_its_way():
+def test_subtree_cycle_is_rejected_with_its_path():
     circle = "".join(
         f'<BehaviorTree ID="{a}"><SubTree ID="{b}"/></BehaviorTree>' for a, b in ("AB", "BC", "CA")
     )
@@ -129,7 +129,7 @@ def test_a_circle_of_trees_is_refused_with_its_way():
         )
 
 
-def test_ports_are_checked_against_the_models_of_the_file():
+def test_ports_are_checked_against_models_of_file():
     model = '<TreeNodesModel><Action ID="Wave"><input_port name="side"/></Action></TreeNodesModel>'
     text = tree("<Wave sied='left'/>").replace("</root>", f"{model}</root>")
     assert problems(text) == ["unknown-attribute 3:7"]
@@ -140,25 +140,25 @@ def test_ports_are_checked_against_the_models_of_the_file():
 
 
 @pytest.mark.parametrize("data", [b"\xff\xfe<\x00", b"<root a='\xfc'/>", b"\x89PNG\r\n\x1a\n"])
-def test_a_file_that_is_no_text_is_refused(tmp_path, data):
+def test_non_text_file_is_rejected(tmp_path, data):
     path = tmp_path / "t.xml"
     path.write_bytes(data)
     with pytest.raises(ReadError, match="not-utf8"):
         read_source(path)
 
 
-def test_the_encoding_that_the_file_claims_does_not_matter():
+def test_declared_xml_encoding_is_ignored():
     text = '<?xml version="1.0" encoding="ISO-8859-1"?>' + tree("<Say text='Grüß Gott'/>")
     assert "Grüß Gott" in import_agent(Source("t.xml", text), "a", SYMBOLS).text
 
 
 @pytest.mark.parametrize("code", code_groups()["Import from Groot2"], ids=lambda code: code.code)
-def test_the_examples_of_the_codes_say_what_they_should(code):
+def test_code_examples_report_their_codes(code):
     assert problems(code.wrong)[0].split()[0] == code.code
     assert not problems(code.right)
 
 
-def test_random_damage_is_answered_in_time_with_a_known_code_or_accepted():
+def test_randomly_damaged_file_is_accepted_or_quickly_rejected():
     sound = tree(
         "<Sequence name='s'><Script code=\"x := 1; y := 'a' .. x\"/><Timeout msec='500'>"
         "<Say text='{x}' _skipIf='x > 2'/></Timeout><SubTree ID='U' a='{x}' _autoremap='1'/>"

@@ -165,7 +165,7 @@ def said(made: ImportedAgent, weight: RemarkLevel) -> str:
         ),
     ],
 )  # fmt: skip
-def test_a_node_becomes_what_does_the_same(inner, expected):
+def test_node_becomes_its_equivalent(inner, expected):
     made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
     assert document(made)["tree"]["sequence"][1:] == [yaml.safe_load(expected)]
     assert not made.remarks
@@ -194,7 +194,7 @@ def test_a_node_becomes_what_does_the_same(inner, expected):
         (f"<Sequence>text{S}</Sequence>", "the text inside of <Sequence>"),
     ],
 )
-def test_a_small_difference_is_noted_and_stands_in_the_file(inner, note):
+def test_small_difference_becomes_note_in_file(inner, note):
     made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
     assert note in said(made, RemarkLevel.NOTE)
     assert not said(made, RemarkLevel.LOST)
@@ -233,14 +233,14 @@ def test_a_small_difference_is_noted_and_stands_in_the_file(inner, note):
         ("<Script code='x := @t'/>", "the entry '@t' of all trees"),
     ],
 )
-def test_what_has_no_equivalent_is_listed_and_stands_in_the_file(inner, lost):
+def test_node_without_equivalent_is_listed_and_commented(inner, lost):
     made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
     assert lost in said(made, RemarkLevel.LOST)
     assert "# not translated: " in made.text
     assert "# Not everything could be translated; " in made.text
 
 
-def test_what_cannot_be_translated_fails_before_its_children_do_anything():
+def test_untranslatable_node_fails_before_its_children_run():
     made = imported(f"<Decorator ID='Rate' hz='2'>{S}</Decorator>")
     failing, child = document(made)["tree"]["sequence"]
     assert failing["fail"] is True
@@ -248,7 +248,7 @@ def test_what_cannot_be_translated_fails_before_its_children_do_anything():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_a_recovery_runs_after_each_failure_but_the_last_and_ends_the_tries_when_it_fails():
+def test_recovery_runs_between_tries_until_it_fails():
     made = imported(f"<RecoveryNode number_of_retries='2'>{F}{S}</RecoveryNode>")
     counted, tries = document(made)["tree"]["sequence"]
     assert counted == {"set": {"recoveries_1": 0}}
@@ -274,13 +274,13 @@ def test_a_recovery_runs_after_each_failure_but_the_last_and_ends_the_tries_when
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_recoveries_without_end_are_tries_without_end():
+def test_unlimited_recoveries_become_unlimited_retries():
     made = imported(f"<RecoveryNode number_of_retries='-1'>{F}{S}</RecoveryNode>")
     assert document(made)["tree"]["sequence"][1]["retry"] == "forever"
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_a_round_robin_goes_on_with_the_next_child_each_time():
+def test_round_robin_continues_with_next_child_each_time():
     made = imported(f"<RoundRobin>{S}{F}</RoundRobin>")
     assert document(made)["tree"] == {
         "retry": 2,
@@ -297,7 +297,7 @@ def test_a_round_robin_goes_on_with_the_next_child_each_time():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_a_round_robin_without_wrap_around_ends_behind_its_last_child():
+def test_round_robin_without_wrap_ends_after_last_child():
     made = imported(f"<RoundRobin wrap_around='false'>{S}{F}</RoundRobin>")
     assert document(made)["tree"] == {
         "selector": [
@@ -308,7 +308,7 @@ def test_a_round_robin_without_wrap_around_ends_behind_its_last_child():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_no_retries_mean_one_try():
+def test_zero_retries_mean_one_try():
     made = imported(f"<RecoveryNode number_of_retries='0'>{F}{S}</RecoveryNode>")
     assert document(made)["tree"] == {"check": False}
     assert "tried once" in said(made, RemarkLevel.NOTE)
@@ -317,7 +317,7 @@ def test_no_retries_mean_one_try():
 @pytest.mark.parametrize(
     ("loop", "result"), [("Repeat num_cycles", True), ("RetryUntilSuccessful num_attempts", False)]
 )
-def test_a_loop_without_times_does_nothing(loop, result):
+def test_loop_of_zero_iterations_does_nothing(loop, result):
     made = imported(f"<{loop}='0'>{S}</{loop.split()[0]}>")
     assert document(made)["tree"] == {"check": result}
     assert "never done" in said(made, RemarkLevel.NOTE)
@@ -332,7 +332,7 @@ def test_a_loop_without_times_does_nothing(loop, result):
         ("LoopString queue='hall;gate 2'", ["hall", "gate 2"]),
     ],
 )
-def test_a_loop_gives_a_name_its_values_in_turn(loop, values):
+def test_loop_assigns_values_to_name_in_turn(loop, values):
     made = imported(f"<{loop} value='{{v}}' if_empty='FAILURE'>{S}</{loop.split()[0]}>")
     first, second = values
     assert document(made)["tree"]["sequence"] == [
@@ -376,7 +376,7 @@ def while_following(repeated: dict, last: dict) -> dict:
 DONE = {"set": {"done_1": True}}
 
 
-def test_a_pipeline_repeats_its_first_child_at_a_rate_while_the_next_runs():
+def test_pipeline_repeats_first_child_while_next_runs():
     plan, follow = "<AlwaysSuccess/>", "<Sleep msec='9000'/>"
     made = imported(
         f"<PipelineSequence><RateController hz='0.5'>{plan}</RateController>{follow}"
@@ -405,7 +405,7 @@ def with_own_skills(made: ImportedAgent) -> AgentSpec:
         ("GoalUpdatedController", {"goal_updated_controller": {}}),
     ],
 )
-def test_what_limits_a_repetition_is_a_skill(controller, asked):
+def test_repetition_controllers_become_skills(controller, asked):
     tag = controller.split()[0]
     made = imported(
         f"<PipelineSequence><{controller}>{S}</{tag}><Sleep msec='9000'/></PipelineSequence>"
@@ -415,7 +415,7 @@ def test_what_limits_a_repetition_is_a_skill(controller, asked):
     with_own_skills(made)
 
 
-def test_a_pipeline_in_a_pipeline_is_written_once():
+def test_nested_pipeline_is_written_once():
     inner = "<Plan/>"
     for _ in range(4):
         inner = f"<PipelineSequence>{inner}<Follow/></PipelineSequence>"
@@ -423,7 +423,7 @@ def test_a_pipeline_in_a_pipeline_is_written_once():
     assert made.text.count("plan: {}") == 1
 
 
-def test_skills_before_the_last_child_are_asked_while_it_runs():
+def test_reactive_skills_are_checked_while_last_child_runs():
     made = imported("<ReactiveSequence><IsClear/><Sleep msec='9000'/></ReactiveSequence>")
     repeated = {"repeat": "forever", "sequence": [{"is_clear": {}}, DONE]}
     assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
@@ -431,7 +431,7 @@ def test_skills_before_the_last_child_are_asked_while_it_runs():
     with_own_skills(made)
 
 
-def test_a_reactive_fallback_with_skills_is_the_opposite():
+def test_reactive_fallback_inverts_its_skills():
     made = imported("<ReactiveFallback><IsClear/><Sleep msec='9000'/></ReactiveFallback>")
     repeated = {"repeat": "forever", "sequence": [{"invert": True, "is_clear": {}}, DONE]}
     expected = while_following(repeated, {"invert": True, "wait": "9 s"})
@@ -439,7 +439,7 @@ def test_a_reactive_fallback_with_skills_is_the_opposite():
     with_own_skills(made)
 
 
-def test_the_condition_of_a_while_may_take_time():
+def test_while_condition_may_take_time():
     made = imported(f"<WhileDoElse><IsClear/>{S}{F}</WhileDoElse>")
     assert "runs meanwhile" in said(made, RemarkLevel.NOTE)
     first, second, together = document(made)["tree"]["sequence"]
@@ -458,7 +458,7 @@ def test_the_condition_of_a_while_may_take_time():
     with_own_skills(made)
 
 
-def test_a_goal_updater_is_a_skill_before_its_child():
+def test_goal_updater_becomes_skill_before_its_child():
     made = imported(
         "<Sequence><SetBlackboard value='a' output_key='goal'/>"
         "<GoalUpdater input_goal='{goal}' output_goal='{new}'><Go goal='{new}'/></GoalUpdater>"
@@ -473,7 +473,7 @@ def test_a_goal_updater_is_a_skill_before_its_child():
     with_own_skills(made)
 
 
-def test_a_longer_path_is_asked_for_before_the_child():
+def test_longer_path_is_checked_before_the_child():
     made = imported(f"<PathLongerOnApproach prox_len='3.0'>{F}</PathLongerOnApproach>")
     assert document(made)["tree"] == {
         "selector": [
@@ -484,7 +484,7 @@ def test_a_longer_path_is_asked_for_before_the_child():
     with_own_skills(made)
 
 
-def test_a_persistent_sequence_goes_on_where_an_entry_says():
+def test_persistent_sequence_resumes_at_stored_index():
     made = imported(
         "<Sequence><Script code='at := 0'/>"
         f"<PersistentSequence current_child_idx='{{at}}'>{S}{F}</PersistentSequence></Sequence>"
@@ -501,13 +501,13 @@ def test_a_persistent_sequence_goes_on_where_an_entry_says():
 
 
 @pytest.mark.parametrize("node", ["SingleTrigger", "PauseResumeController"])
-def test_a_node_of_nav2_without_equivalent_fails_first(node):
+def test_nav2_node_without_equivalent_fails_first(node):
     made = imported(f"<{node}>{S}</{node}>")
     assert document(made)["tree"]["sequence"][0]["fail"] is True
     assert f"<{node}> has no equivalent" in said(made, RemarkLevel.LOST)
 
 
-def test_ports_of_nav2_have_the_direction_of_nav2():
+def test_nav2_ports_have_their_nav2_direction():
     made = imported(
         "<Sequence><IsGoalNearby path='{path}'/>"
         "<ComputePathToPose goal='here' path='{path}' error_code_id='{code}'/>"
@@ -523,7 +523,7 @@ def test_ports_of_nav2_have_the_direction_of_nav2():
     with_own_skills(made)
 
 
-def test_a_port_that_a_use_leaves_out_is_optional():
+def test_port_omitted_in_one_use_is_optional():
     made = imported("<Sequence><Turn angle='90' speed='0.5'/><Turn angle='30'/></Sequence>")
     skills = yaml.safe_load(skills_file(made.missing))["skills"]
     assert skills["turn"]["inputs"] == {
@@ -533,7 +533,7 @@ def test_a_port_that_a_use_leaves_out_is_optional():
     with_own_skills(made)
 
 
-def test_a_port_with_a_default_is_optional():
+def test_port_with_default_is_optional():
     model = """<TreeNodesModel><Action ID="Turn">
       <input_port name="angle" type="int"/><input_port name="speed" type="double" default="0.5"/>
       <input_port name="mode" type="int" default="fast"/><output_port name="seen" default="{s}"/>
@@ -548,7 +548,7 @@ def test_a_port_with_a_default_is_optional():
     with_own_skills(made)
 
 
-def test_a_value_that_is_copied_has_the_type_of_its_use():
+def test_copied_value_has_type_of_its_use():
     made = imported(
         "<Sequence><Script code='a := LIMIT; b := a'/><ScriptCondition code='b > 3'/></Sequence>"
     )
@@ -557,13 +557,13 @@ def test_a_value_that_is_copied_has_the_type_of_its_use():
 
 
 @pytest.mark.parametrize("before", [" \n ", "// a comment\n", ' <?xml version="1.0"?>\n'])
-def test_what_stands_before_the_first_element_is_skipped(before):
+def test_prolog_before_first_element_is_skipped(before):
     text = f"{before}<root BTCPP_format='4'><BehaviorTree ID='T'>{S}</BehaviorTree></root>"
     made = import_agent(Source("t.xml", text), "a", SYMBOLS)
     assert document(made)["tree"] == {"check": True}
 
 
-def test_of_many_trees_only_what_one_calls_is_taken():
+def test_only_trees_called_by_main_tree_are_imported():
     text = f"""<root BTCPP_format="4">
     <BehaviorTree ID="Wanted"><SubTree ID="Part"/></BehaviorTree>
     <BehaviorTree ID="Part">{S}</BehaviorTree>
@@ -575,7 +575,7 @@ def test_of_many_trees_only_what_one_calls_is_taken():
     assert document(made)["on_cancel"] == {"check": False}
 
 
-def test_a_port_has_one_direction_in_the_whole_file():
+def test_port_has_one_direction_in_whole_file():
     made = imported(
         "<Sequence><Pick kind='a' job='{j}'/><Do job='{j}'/>"
         "<Pick kind='b' job='{j}'/><Do job='{j}'/></Sequence>"
@@ -585,7 +585,7 @@ def test_a_port_has_one_direction_in_the_whole_file():
     assert (list(do.inputs), list(do.outputs)) == (["job"], [])
 
 
-def test_a_port_that_means_something_here_gets_another_name():
+def test_port_with_reserved_name_is_renamed():
     made = imported("<Announce msg='hello' times='2'/>")
     [announce] = made.missing
     assert list(announce.inputs) == ["msg_value", "times"]
@@ -600,12 +600,12 @@ def test_a_port_that_means_something_here_gets_another_name():
         ("<ScriptCondition code='k > 0 &amp;&amp; k &lt; 3'/>", "k > 0 and k < 3"),
     ],
 )
-def test_a_bare_ampersand_in_an_attribute_is_read_as_behaviortree_cpp_reads_it(written, read):
+def test_bare_ampersand_is_read_like_in_behaviortree_cpp(written, read):
     made = imported(f"<Sequence>{KNOWN}{written}</Sequence>")
     assert document(made)["tree"]["sequence"][1] == {"check": read}
 
 
-def test_a_leaf_that_is_lost_fails_and_says_so():
+def test_untranslated_leaf_fails_with_message():
     made = imported("<UnsetBlackboard key='x'/>")
     assert document(made)["tree"] == {
         "fail": True,
@@ -614,11 +614,11 @@ def test_a_leaf_that_is_lost_fails_and_says_so():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_every_built_in_node_has_a_translator():
+def test_every_builtin_node_has_a_translator():
     assert CONTROLS.keys() | SIMPLE_NODES.keys() | NAV2_NODES.keys() == BUILTINS.keys()
 
 
-def test_a_condition_that_is_a_node_is_asked_once():
+def test_condition_node_is_evaluated_once():
     asked = f"<IfThenElse><Sequence>{HOT}{HOT}</Sequence>{S}{F}</IfThenElse>"
     made = imported(f"<Sequence>{KNOWN}{asked}</Sequence>")
     assert document(made)["tree"]["sequence"][1] == {
@@ -647,7 +647,7 @@ def test_descriptions_become_comments():
     assert "tree:\n  # first\n  # second\n  sequence:\n" in made.text
 
 
-def test_names_that_a_program_gave_are_set_first():
+def test_externally_set_names_are_initialised_first():
     made = imported(
         "<Sequence><Say text='{greeting}' rate='{speed}'/>"
         "<ScriptCondition code='battery &gt; 20 &amp;&amp; ready'/></Sequence>"
@@ -658,7 +658,7 @@ def test_names_that_a_program_gave_are_set_first():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_names_become_names_of_our_language_and_stay_different():
+def test_names_are_converted_and_stay_distinct():
     made = imported("<Script code='Goal := 1; goal := 2; myGoal := 3; result := 4'/>")
     assert document(made)["tree"]["set"] == {
         "goal": 1, "goal_2": 2, "my_goal": 3, "result_2": 4,
@@ -669,7 +669,7 @@ SUB = """<BehaviorTree ID="GoThere"><Sequence>
     <Say text="{place}"/><Script code="count += 1; done := true"/></Sequence></BehaviorTree>"""
 
 
-def test_a_subtree_gets_inputs_and_outputs_from_its_uses():
+def test_subtree_gets_inputs_and_outputs_from_uses():
     made = imported(
         "<Sequence><Script code='tries := 1'/>"
         "<SubTree ID='GoThere' place='hall' count='{tries}' done='{arrived}'/>"
@@ -695,7 +695,7 @@ def test_a_subtree_gets_inputs_and_outputs_from_its_uses():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_a_subtree_that_shares_all_names_gets_them_all():
+def test_autoremap_passes_all_names_to_subtree():
     made = imported(
         "<Sequence><Script code=\"place := 'hall'; count := 0\"/>"
         "<SubTree ID='GoThere' _autoremap='true'/></Sequence>",
@@ -709,7 +709,7 @@ def test_a_subtree_that_shares_all_names_gets_them_all():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_models_of_subtrees_give_types_and_defaults():
+def test_subtree_models_give_types_and_defaults():
     model = """<TreeNodesModel><SubTree ID="GoThere">
       <input_port name="place" type="std::string" default="desk"/></SubTree></TreeNodesModel>"""
     made = imported("<SubTree ID='GoThere' count='2'/>", SUB + model)
@@ -724,7 +724,7 @@ ASKS = """<BehaviorTree ID="Asks"><ScriptCondition code="way == 'true' &amp;&amp
     </BehaviorTree>"""
 
 
-def test_what_is_compared_with_a_text_is_a_text():
+def test_value_compared_with_text_is_text():
     model = """<TreeNodesModel>
       <SubTree ID="Asks"><input_port name="way" default="false"/></SubTree>
       <SubTree ID="T"><input_port name="lid" default="true"/></SubTree></TreeNodesModel>"""
@@ -740,7 +740,7 @@ def test_what_is_compared_with_a_text_is_a_text():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_a_port_of_a_subtree_may_point_outside_by_default():
+def test_subtree_port_default_may_reference_outer_name():
     model = """<TreeNodesModel><SubTree ID="Asks"><input_port name="way" default="{road}"/>
       <input_port name="lid" default="{=}"/></SubTree></TreeNodesModel>"""
     made = imported("<SubTree ID='Asks' lid='shut'/>", ASKS + model)
@@ -748,32 +748,32 @@ def test_a_port_of_a_subtree_may_point_outside_by_default():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
-def test_models_of_several_files_complete_each_other():
+def test_models_of_several_files_are_merged():
     first = "<TreeNodesModel><Action ID='Go'><input_port name='x'/></Action></TreeNodesModel>"
     second = "<TreeNodesModel><Action ID='Go'><input_port name='y'/></Action></TreeNodesModel>"
     made = imported("<Go x='1' y='2'/>", first + second)
     assert list(made.missing[0].inputs) == ["x", "y"]
 
 
-def test_texts_are_joined_by_a_plus_of_names():
+def test_plus_of_text_names_joins_texts():
     made = imported("<Script code=\"a := 'x'; b := '1'; c := a + b\"/>")
     assert document(made)["tree"]["sequence"][1] == {"set": {"c": "${a}${b}"}}
 
 
-def test_an_input_that_nobody_gives_is_listed():
+def test_missing_and_unused_subtree_inputs_are_listed():
     made = imported("<SubTree ID='GoThere' count='2' speed='3'/>", SUB)
     assert "nothing says what 'place' is" in said(made, RemarkLevel.LOST)
     assert "'speed' is not passed on" in said(made, RemarkLevel.NOTE)
 
 
-def test_an_included_file_is_listed():
+def test_included_file_is_listed():
     made = imported("<SubTree ID='Elsewhere' a='{=}'/>", '<include path="more.xml"/>')
     assert '<include path="more.xml"> is not followed' in said(made, RemarkLevel.LOST)
     assert document(made)["tree"]["sequence"][1] == {"elsewhere": {"a": "${a}"}}
     with_own_skills(made)
 
 
-def test_an_unused_tree_called_on_cancel_is_the_clean_up():
+def test_unused_on_cancel_tree_becomes_clean_up():
     made = imported(S, f"<BehaviorTree ID='OnCancel'>{F}</BehaviorTree>")
     assert document(made)["on_cancel"] == {"check": False}
     assert "subtrees" not in document(made)
@@ -784,7 +784,7 @@ WAVE = """<TreeNodesModel><Action ID="WaveHand">
     <output_port name="seen" type="bool"/></Action></TreeNodesModel>"""
 
 
-def test_skills_that_nobody_declares_come_with_a_file_that_declares_them():
+def test_undeclared_skills_come_with_declaration_file():
     made = imported(
         "<Sequence><WaveHand side='left' times='{n}' seen='{seen}'/>"
         "<PlayTune melody='happy' volume='3'/><ScriptCondition code='seen'/></Sequence>",
@@ -799,7 +799,7 @@ def test_skills_that_nobody_declares_come_with_a_file_that_declares_them():
     assert "#   wave_hand:" in made.text
 
 
-def test_a_port_that_no_model_describes_is_an_output_if_others_use_what_it_names():
+def test_unmodelled_port_is_output_if_value_is_used():
     made = imported("<Sequence><FindFace face='{face}'/><Say text='{face}'/></Sequence>")
     assert document(made)["tree"]["sequence"][0] == {
         "find_face": {}, "outputs": {"face": "face"},
@@ -808,7 +808,7 @@ def test_a_port_that_no_model_describes_is_an_output_if_others_use_what_it_names
 
 
 @pytest.mark.parametrize("line_end", ["&#13;", "&#10;", "&#13;&#10;"])
-def test_a_line_of_a_description_stays_a_comment(line_end):
+def test_multiline_description_stays_a_comment(line_end):
     text = f"""<root BTCPP_format="4"><BehaviorTree ID="T" _description="a{line_end}on_cancel: b">
     {S}</BehaviorTree></root>"""
     made = import_agent(Source("t.xml", text), "a", SYMBOLS)
@@ -816,7 +816,7 @@ def test_a_line_of_a_description_stays_a_comment(line_end):
     assert "on_cancel" not in document(made)
 
 
-def test_the_file_is_a_whole_agent_with_the_profile_of_an_ordinary_scene():
+def test_imported_agent_is_complete_with_default_profile():
     made = imported(S)
     agent = read_agent_text(made.text, "a.yaml", SYMBOLS)
     assert agent.name == "a"
@@ -824,7 +824,7 @@ def test_the_file_is_a_whole_agent_with_the_profile_of_an_ordinary_scene():
     assert made.text.startswith("# Made from t.xml by 'bt-agents import groot'.")
 
 
-def test_the_profile_of_an_imported_agent_has_only_what_profiles_have():
+def test_imported_profile_has_only_profiled_parameters():
     mood = replace(SYMBOLS.space.parameter("mood"), profiled=False)
     others = (SYMBOLS.space.parameter("age"), SYMBOLS.space.parameter("familiarity"))
     symbols = replace(SYMBOLS, space=replace(SYMBOLS.space, parameters=(mood, *others)))

@@ -31,7 +31,7 @@ def kinds(result: Rehearsed, kind: EventKind) -> list[str]:
     return [one.node.kind for one in result.events if one.kind is kind and one.node is not None]
 
 
-def test_the_last_child_of_a_reactive_sequence_ends():
+def test_last_child_ends_reactive_sequence():
     tree = "<ReactiveSequence><IsClear/><IsBright/><Go/></ReactiveSequence>"
     result = rehearsed(tree, "go: {after: 5 s}")
     assert result.outcome is TreeOutcome.SUCCEEDED
@@ -39,14 +39,14 @@ def test_the_last_child_of_a_reactive_sequence_ends():
     assert kinds(result, EventKind.BEGINS).count("is_clear") > 3
 
 
-def test_a_condition_that_fails_stops_what_runs():
+def test_failed_condition_stops_running_child():
     tree = "<ReactiveSequence><IsClear/><Go/></ReactiveSequence>"
     result = rehearsed(tree, "go: {after: 9 s}, is_clear: [{after: 1 s}, {fails: blocked}]")
     assert result.outcome is TreeOutcome.FAILED
     assert kinds(result, EventKind.STOPS) == ["go"]
 
 
-def test_a_reactive_fallback_stops_when_its_condition_fits():
+def test_reactive_fallback_stops_once_condition_holds():
     tree = "<ReactiveFallback><IsDone/><Go/></ReactiveFallback>"
     result = rehearsed(tree, "go: {after: 9 s}, is_done: [{fails: no}, {fails: no}, {after: 1 s}]")
     assert result.outcome is TreeOutcome.SUCCEEDED
@@ -54,7 +54,7 @@ def test_a_reactive_fallback_stops_when_its_condition_fits():
     assert "go" in kinds(result, EventKind.STOPS)
 
 
-def test_a_branch_changes_with_its_condition():
+def test_branch_switches_with_its_condition():
     tree = "<WhileDoElse><IsDay/><Work/><Sleep_well/></WhileDoElse>"
     result = rehearsed(
         tree, "work: {after: 9 s}, sleep_well: {after: 4 s}, is_day: [{after: 1 s}, {fails: no}]"
@@ -68,7 +68,7 @@ def test_a_branch_changes_with_its_condition():
     ("controller", "times"),
     [("RateController hz='0.5'", 2), ("DistanceController distance='1.0'", 3)],
 )
-def test_a_plan_is_made_again_while_the_robot_follows(controller, times):
+def test_plan_is_recomputed_while_robot_follows_it(controller, times):
     tag = controller.split()[0]
     tree = f"""<PipelineSequence><{controller}><ComputePathToPose path="{{path}}"/></{tag}>
       <FollowPath path="{{path}}"/></PipelineSequence>"""
@@ -78,7 +78,7 @@ def test_a_plan_is_made_again_while_the_robot_follows(controller, times):
     assert kinds(result, EventKind.SUCCEEDS).count("compute_path_to_pose") == times
 
 
-def test_a_robot_that_is_stuck_recovers_and_goes_on():
+def test_stuck_robot_recovers_and_continues():
     tree = """<RecoveryNode number_of_retries="2">
       <FollowPath error_code_id="{code}"/>
       <Sequence><WouldAControllerRecoveryHelp error_code="{code}"/>

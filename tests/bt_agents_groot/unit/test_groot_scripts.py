@@ -43,7 +43,7 @@ def node(script: str) -> list[str]:
         ("true", "true"),
     ],
 )  # fmt: skip
-def test_a_script_that_asks_something_is_a_condition(script, expression):
+def test_query_script_becomes_condition(script, expression):
     assert condition(script) == expression
 
 
@@ -57,7 +57,7 @@ def test_a_script_that_asks_something_is_a_condition(script, expression):
         ("""x == 'both " and' .. ''""", "no operator '..'"),
     ],
 )
-def test_what_our_language_cannot_say_is_named(script, reason):
+def test_untranslatable_script_is_reported_with_reason(script, reason):
     with pytest.raises(Untranslatable, match=reason.replace("..", r"\.\.")):
         condition(script)
 
@@ -80,14 +80,14 @@ def test_what_our_language_cannot_say_is_named(script, reason):
         ("1+" * 300 + "1", 400, "more than 400 words"),
     ],
 )
-def test_a_text_that_is_no_script_is_refused_where_it_goes_wrong(script, offset, message):
+def test_invalid_script_is_rejected_at_error_offset(script, offset, message):
     with pytest.raises(ScriptError) as error:
         parse_script(script, str)
     assert message in error.value.message
     assert error.value.offset == offset
 
 
-def test_assignments_become_one_set_unless_one_needs_the_other():
+def test_assignments_merge_into_one_set_unless_dependent():
     assert node("a := 1; b := 'x'") == ["set:", "  a: 1", "  b: x"]
     assert node("a := 1; b := a + 1") == [
         "sequence:",
@@ -98,17 +98,17 @@ def test_assignments_become_one_set_unless_one_needs_the_other():
     ]
 
 
-def test_semicolons_between_assignments_may_be_left_out():
+def test_semicolons_between_assignments_are_optional():
     assert [one.name for one in parse_script("a := 1 b := 2", str)] == ["a", "b"]
 
 
-def test_texts_are_joined_inside_of_one_text():
+def test_texts_are_joined_into_one_text():
     assert node("t := 'Hello ' .. who .. '!'") == ["set:", '  t: "Hello ${who}!"']
     assert node("t := 'Hello ' + who") == ["set:", '  t: "Hello ${who}"']
     assert node("t := '${x}'") == ["set:", '  t: "$${x}"']
 
 
-def test_a_choice_of_values_becomes_a_choice_of_nodes():
+def test_conditional_value_becomes_choose_node():
     assert node("a := x > 2 ? 1 : 2") == [
         "choose:",
         "  children:",
@@ -122,7 +122,7 @@ def test_a_choice_of_values_becomes_a_choice_of_nodes():
     ]  # fmt: skip
 
 
-def test_counting_up_is_the_assignment_of_a_sum():
+def test_increment_becomes_assignment_of_sum():
     [statement] = parse_script("x += 2", str)
     assert isinstance(statement, Assignment)
     assert as_expression(statement.value) == "x + 2"
@@ -144,7 +144,7 @@ def test_counting_up_is_the_assignment_of_a_sum():
         ("""a == "it's" """, """a == "it's\""""),
     ],
 )
-def test_an_expression_is_written_as_a_script(expression, script):
+def test_expression_is_exported_as_script(expression, script):
     assert as_script(parse_formula(expression)) == script
 
 
@@ -152,11 +152,11 @@ def test_an_expression_is_written_as_a_script(expression, script):
     "expression",
     ["max(a, b) > 1", "a % 2 == 0", "a in []", "msg.data", "a else 1 > 2", "known(a)"],
 )
-def test_what_scripts_cannot_say_is_refused(expression):
+def test_expression_without_script_equivalent_is_rejected(expression):
     with pytest.raises(Untranslatable):
         as_script(parse_formula(expression))
 
 
-def test_the_opposite_of_the_opposite_is_the_thing_itself():
+def test_double_negation_restores_the_formula():
     formula = parse_formula("a and b")
     assert negated(negated(formula)) == formula

@@ -45,7 +45,7 @@ def world(start, best, rate: float, person: Person | None = None) -> SimulatedWo
 
 @SHORT
 @given(start=VECTORS, best=VECTORS, rate=st.floats(0.0, 1.0), cycles=st.integers(1, 40))
-def test_a_profile_under_equal_feedback_follows_the_closed_form(start, best, rate, cycles):
+def test_profile_under_constant_feedback_follows_closed_form(start, best, rate, cycles):
     one = world(start, best, rate)
     course = simulate(one, Arm(), draw(one, [0], cycles))
     expected = closed_form(start, best, rate, cycles)
@@ -60,7 +60,7 @@ def test_a_profile_under_equal_feedback_follows_the_closed_form(start, best, rat
     better=st.floats(0.1, 1.5),
     worse=st.floats(0.1, 1.5),
 )
-def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, fit, hold, better, worse):
+def test_simulated_reactions_match_mood_rules(noise, fit, hold, better, worse):
     person = Person(
         seconds=len(noise), noise=0.5, drift=0.4, better=better, worse=worse, hold_s=hold
     )
@@ -87,7 +87,7 @@ def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, fit, hol
 
 
 @given(runs=st.integers(1, 5000), part=st.floats(0.0, 1.0))
-def test_an_interval_holds_its_share_and_gets_narrower_with_more_runs(runs, part):
+def test_interval_contains_share_and_narrows_with_runs(runs, part):
     hits = round(part * runs)
     found, more = wilson(hits, runs), wilson(4 * hits, 4 * runs)
     assert 0.0 <= found.low <= found.share <= found.high <= 1.0
@@ -102,7 +102,7 @@ def test_an_interval_holds_its_share_and_gets_narrower_with_more_runs(runs, part
     every=st.integers(0, 4),
     share=st.floats(0.0, 1.0),
 )
-def test_wrong_feedback_depends_on_its_number_alone(seed, given_before, every, share):
+def test_wrong_feedback_depends_only_on_its_number(seed, given_before, every, share):
     errors = FeedbackErrors(space=SPACE, seed=seed, every=every, share=share)
 
     def feedback() -> SimulatedFeedback:
@@ -133,7 +133,7 @@ ROWS = st.lists(VECTORS, min_size=1, max_size=4).map(tuple)
     before=st.lists(st.sampled_from(("fixed", "one", "two", "three")), max_size=20),
     after=st.lists(st.sampled_from(("fixed", "one", "two", "three")), max_size=20),
 )
-def test_a_restart_changes_nothing_in_whose_list_goes_on_where(prepared, before, after):
+def test_restart_keeps_position_in_every_list(prepared, before, after):
     whole, rest = SimulatedFeedback(prepared), SimulatedFeedback(prepared)
     given = Counter(agent for agent in before if whole.next(agent) is not None)
     rest.resume(given)

@@ -78,7 +78,7 @@ feedbacks = st.lists(
 
 @settings(max_examples=80, deadline=None, derandomize=True)
 @given(vectors, st.floats(0.0, 1.0), rules, feedbacks)
-def test_all_that_is_learned_is_learned_again(
+def test_replay_repeats_all_learning(
     authored: tuple[float, ...],
     rate: float,
     rule: LearningRule,
@@ -130,7 +130,7 @@ bids = st.lists(vectors, min_size=1, max_size=3)
     st.sampled_from([(), ("carl",), ("bert", "anna")]),
     st.booleans(),
 )
-def test_all_that_is_decided_is_decided_again(
+def test_replay_repeats_all_decisions(
     strategy: str,
     shadow: str,
     person: dict[str, float],

@@ -54,7 +54,7 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
     ],
     ids=["plain", "split and zstd", "zstd files", "fastwrite", "no send times", "namespace"],
 )
-def test_everything_in_a_bag_is_done_again(town: Town, tmp_path: Path, how: dict[str, object]):
+def test_whole_bag_is_replayed(town: Town, tmp_path: Path, how: dict[str, object]):
     bag = write_bag(tmp_path / "morning", town.published, **how)
     result = CliRunner().invoke(replay, [str(bag)])
     assert result.exit_code == 0, result.output
@@ -65,7 +65,7 @@ def test_everything_in_a_bag_is_done_again(town: Town, tmp_path: Path, how: dict
     assert "everything is equal" not in result.output
 
 
-def test_each_command_that_reads_journals_reads_a_bag(town: Town, tmp_path: Path) -> None:
+def test_every_journal_command_reads_bags(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published, files=2, packed=True)
     shown = CliRunner().invoke(journal, [str(bag), "--out", str(tmp_path / "rounds.csv")]).output
     assert "morning_0.mcap.zstd" in shown
@@ -79,13 +79,13 @@ def test_each_command_that_reads_journals_reads_a_bag(town: Town, tmp_path: Path
     assert reasons.output.startswith("round 4: bert")
 
 
-def test_what_two_recorders_received_is_read_once(town: Town, tmp_path: Path) -> None:
+def test_messages_of_two_recorders_are_read_once(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published)
     other = shutil.copytree(bag, tmp_path / "other")
     assert len(JournalReader([bag, other]).entries()) == len(town.published)
 
 
-def test_what_a_bag_has_missed_is_never_a_difference(town: Town, tmp_path: Path) -> None:
+def test_messages_missing_from_bag_are_no_difference(town: Town, tmp_path: Path) -> None:
     for place in range(15):
         rest = [*town.published[:place], *town.published[place + 1 :]]
         recording = read([write_bag(tmp_path / str(place), rest)])
@@ -93,7 +93,7 @@ def test_what_a_bag_has_missed_is_never_a_difference(town: Town, tmp_path: Path)
         assert not [each for each in found if each.verdict is ReplayVerdict.DIFFERENT]
 
 
-def test_two_systems_in_one_bag_are_told_apart_by_their_namespace(
+def test_two_systems_in_one_bag_need_a_namespace(
     town: Town, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = Town(tmp_path / "trees")
@@ -113,9 +113,7 @@ def test_two_systems_in_one_bag_are_told_apart_by_their_namespace(
     assert read([bag], "/robot2").counts["/robot1/bt_agents/auctions"] == 4
 
 
-def test_a_file_that_is_not_there_and_messages_that_are_not_are_counted(
-    town: Town, tmp_path: Path
-) -> None:
+def test_missing_files_and_messages_are_reported(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published, files=5)
     (bag / "morning_2.mcap").unlink()
     result = CliRunner().invoke(replay, [str(bag)])
@@ -124,15 +122,13 @@ def test_a_file_that_is_not_there_and_messages_that_are_not_are_counted(
     assert "is said to hold 32 messages, found 25" in result.output
 
 
-def test_a_definition_that_the_recorder_did_not_find_is_named(town: Town, tmp_path: Path) -> None:
+def test_missing_message_definition_is_reported(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published, definitions=False)
     [first, *_] = read([bag]).problems
     assert "its recorder has not found the definition of bt_agents_interfaces/msg/" in first
 
 
-def test_a_bag_whose_recorder_was_killed_is_read_without_its_metadata(
-    town: Town, tmp_path: Path
-) -> None:
+def test_bag_of_killed_recorder_is_read_without_metadata(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published)
     (bag / "metadata.yaml").unlink()
     [file] = bag.iterdir()
@@ -141,7 +137,7 @@ def test_a_bag_whose_recorder_was_killed_is_read_without_its_metadata(
 
 
 @pytest.mark.parametrize("name", ["morning_0.db3", "morning_0.db3.zstd"])
-def test_a_bag_in_sqlite_is_refused_with_how_to_convert_it(tmp_path: Path, name: str) -> None:
+def test_sqlite_bag_is_rejected_with_conversion_command(tmp_path: Path, name: str) -> None:
     bag = tmp_path / "morning"
     bag.mkdir()
     (bag / name).write_bytes(b"SQLite format 3\0")
@@ -157,7 +153,7 @@ def test_a_bag_in_sqlite_is_refused_with_how_to_convert_it(tmp_path: Path, name:
         JournalReader([bag])
 
 
-def test_a_folder_without_a_recording_is_refused(tmp_path: Path) -> None:
+def test_folder_without_recording_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(Refused, match="NO_RECORDING: there is no journal and no bag"):
         JournalReader([tmp_path])
 
@@ -194,7 +190,7 @@ def other_numbers(text: str) -> str:
 @pytest.mark.parametrize(
     "spoil", [no_yaml, nested, anchors, too_large, without_files, other_folders]
 )
-def test_a_broken_metadata_file_costs_no_message_and_is_named(
+def test_broken_metadata_is_reported_and_loses_no_message(
     town: Town, tmp_path: Path, spoil: Callable[[str], str]
 ) -> None:
     bag = write_bag(tmp_path / "morning", town.published)
@@ -207,14 +203,14 @@ def test_a_broken_metadata_file_costs_no_message_and_is_named(
     assert str(bag) in reader.problems[0]
 
 
-def test_a_number_that_is_no_count_is_unknown(town: Town, tmp_path: Path) -> None:
+def test_invalid_message_count_is_unknown(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published)
     metadata = bag / "metadata.yaml"
     metadata.write_text(other_numbers(metadata.read_text()))
     assert recorded_files(bag).messages is None
 
 
-def test_a_torn_packed_file_is_read_up_to_where_it_ends(town: Town, tmp_path: Path) -> None:
+def test_truncated_compressed_file_is_read_to_its_end(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published, packed=True, use_chunking=False)
     file = bag / "morning_0.mcap.zstd"
     whole = file.read_bytes()
@@ -249,7 +245,7 @@ def record(opcode: int, length: int, there: int = 0) -> bytes:
     ],
     ids=["other content", "no zstd", "endless record", "large record", "empty record", "other"],
 )
-def test_a_small_packed_file_with_much_in_it_is_not_unpacked_at_once(
+def test_decompression_bomb_is_not_unpacked_at_once(
     tmp_path: Path, content: Callable[[], bytes], why: str
 ) -> None:
     path = tmp_path / "a.mcap.zstd"
@@ -263,7 +259,7 @@ def test_a_small_packed_file_with_much_in_it_is_not_unpacked_at_once(
     assert why in reader.problems[0]
 
 
-def test_a_packed_file_is_read_up_to_a_size(
+def test_compressed_file_is_read_up_to_size_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     builder = RecordBuilder()
@@ -276,7 +272,7 @@ def test_a_packed_file_is_read_up_to_a_size(
     assert "holds more than 50000 bytes" in reader.problems[0]
 
 
-def test_the_studio_looks_back_into_a_bag_beside_the_journals(town: Town, tmp_path: Path) -> None:
+def test_studio_shows_bag_beside_journals(town: Town, tmp_path: Path) -> None:
     town.write(tmp_path / "journal-2026-05-04_001.mcap")
     write_bag(tmp_path / "rosbag2_2026", town.published, files=2)
     (tmp_path / "notes").mkdir()
@@ -288,7 +284,7 @@ def test_the_studio_looks_back_into_a_bag_beside_the_journals(town: Town, tmp_pa
     assert len(of_bag.newest("rounds")) == 4
 
 
-def test_a_topic_of_another_program_makes_no_other_system(town: Town, tmp_path: Path) -> None:
+def test_topic_of_another_program_is_no_second_system(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published, namespace="/robot1")
     other = tmp_path / "chat.mcap"
     with other.open("wb") as stream:
@@ -301,12 +297,12 @@ def test_a_topic_of_another_program_makes_no_other_system(town: Town, tmp_path: 
     assert len(JournalReader([bag, other]).entries()) == len(town.published) + 1
 
 
-def test_a_path_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_missing_path_is_reported(tmp_path: Path) -> None:
     with pytest.raises(BtAgentsError, match=r"no journal .*nowhere: No such file"):
         JournalReader([tmp_path / "nowhere"])
 
 
-def test_forgetting_leaves_bags_and_names_them(town: Town, tmp_path: Path) -> None:
+def test_forget_leaves_bags_and_names_them(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "journal" / "morning", town.published)
     shutil.copy(bag / "morning_0.mcap", tmp_path / "journal" / "b.mcap.zstd")
     found = erase_from_journals(tmp_path / "journal", PersonMention("carla"))
@@ -314,13 +310,13 @@ def test_forgetting_leaves_bags_and_names_them(town: Town, tmp_path: Path) -> No
     assert (bag / "morning_0.mcap").exists()
 
 
-def test_the_label_of_a_moment_in_a_bag_is_shown(town: Town, tmp_path: Path) -> None:
+def test_bookmark_label_in_bag_is_shown(town: Town, tmp_path: Path) -> None:
     marked = PublishedMessage(topic="/bt_agents/bookmarks", message=Bookmark(label="they laughed"))
     bag = write_bag(tmp_path / "morning", [*town.published, marked])
     assert "marked: they laughed" in CliRunner().invoke(journal, [str(bag)]).output
 
 
-def test_a_file_of_a_bag_stands_for_itself(town: Town, tmp_path: Path) -> None:
+def test_single_bag_file_is_read_on_its_own(town: Town, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "morning", town.published, files=2)
     result = CliRunner().invoke(replay, [str(bag / "morning_1.mcap")])
     assert "as no host has sent its texts before" in result.output

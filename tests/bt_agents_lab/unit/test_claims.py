@@ -30,7 +30,7 @@ def opened(name: str):
 
 
 @pytest.mark.parametrize("name", ["2-aggressive", "2-moderate", "3"])
-def test_many_runs_at_once_are_each_the_experiment_with_that_seed(name):
+def test_batched_runs_equal_experiments_with_their_seeds(name):
     folder, spec = opened(name)
     spec = spec.shortened(25)
     world = world_of(folder, spec)
@@ -54,7 +54,7 @@ def test_experiment_1_reaches_its_target_in_100_cycles():
     assert records[-1].after == pytest.approx(expected, abs=1e-12)
 
 
-def test_with_each_third_feedback_5_the_mean_goes_to_a_wrong_place():
+def test_every_third_wrong_feedback_shifts_the_mean():
     folder, spec = opened("2-aggressive")
     world = world_of(folder, spec)
     assert (streams_of(world, spec, [2]).error_draw[0, :6, 0] == [1, 1, 0, 1, 1, 0]).all()
@@ -75,13 +75,13 @@ def test_with_each_third_feedback_5_the_mean_goes_to_a_wrong_place():
         ),
     ],
 )
-def test_a_verdict_says_in_how_many_runs_a_claim_holds(held, words):
+def test_verdict_states_number_of_runs_claim_holds_in(held, words):
     verdict = judged(CLAIM, held, "found", "because")
     assert verdict.text == words
     assert (verdict.reason == "") == all(held)
 
 
-def test_a_share_that_is_not_all_is_not_rounded_to_all():
+def test_share_below_all_is_not_rounded_up():
     assert [percent(share) for share in (0.0, 0.5, 0.99996, 0.0004, 1.0)] == [
         "0 %",
         "50 %",
@@ -91,9 +91,7 @@ def test_a_share_that_is_not_all_is_not_rounded_to_all():
     ]
 
 
-def test_the_command_draws_all_figures_alike_each_time_and_judges_all_claims(
-    tmp_path, monkeypatch
-):
+def test_plot_command_reproduces_figures_and_judges_all_claims(tmp_path, monkeypatch):
     # Small pictures are as good, and cheaper.
     monkeypatch.setattr(drawing, "_PNG_DPI", 30)
     folders = (tmp_path / "one", tmp_path / "two")
@@ -116,7 +114,7 @@ def test_the_command_draws_all_figures_alike_each_time_and_judges_all_claims(
     assert json.loads((folders[1] / "verdicts-3.json").read_text()) == verdicts[-2:]
 
 
-def test_a_distance_that_is_never_reached_is_said_to_be_never_reached():
+def test_unreached_distance_is_reported_as_never_reached():
     folder, spec = opened("1")
     short = claims.Paper(folder=folder, spec=spec.shortened(5))
     convergence, speed = claims.first(short)
@@ -125,13 +123,13 @@ def test_a_distance_that_is_never_reached_is_said_to_be_never_reached():
     assert speed.found == "never at rate 0.05, never at rate 0.2, never at rate 0.5"
 
 
-def test_the_figures_of_the_documents_are_small():
+def test_documented_figures_are_small():
     figures = sorted((ROOT / "docs" / "figures").glob("*.svg"))
     assert len(figures) >= 9
     assert all(figure.stat().st_size < 200_000 for figure in figures)
 
 
-def test_a_profile_in_many_runs_follows_the_closed_form():
+def test_profile_in_batched_runs_follows_closed_form():
     folder, spec = opened("1")
     world = world_of(folder, spec)
     course = replicas(world, spec, [0]).course
@@ -140,7 +138,7 @@ def test_a_profile_in_many_runs_follows_the_closed_form():
         assert np.allclose(course.profiles[0, cycle - 1, 0], expected, rtol=0, atol=1e-12)
 
 
-def test_a_verdict_links_the_figures_that_show_it():
+def test_verdict_links_its_figures():
     claim = replace(CLAIM, figures=(6, 8))
     text = as_markdown([judged(claim, [True], "f")])
     assert "- Shown by: [figure 6](figure-6.svg), [figure 8](figure-8.svg)\n" in text

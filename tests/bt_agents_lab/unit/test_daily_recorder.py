@@ -60,7 +60,7 @@ def recorder(tmp_path: Path) -> Iterator[Recorder]:
     recorder.journal.close()
 
 
-def test_a_new_day_has_a_new_file_that_begins_with_what_is_still_true(recorder: Recorder) -> None:
+def test_new_day_file_begins_with_current_facts(recorder: Recorder) -> None:
     recorder.receive(1, fact="a")
     recorder.receive(2, fact="b")
     recorder.receive(3, fact="a")
@@ -72,16 +72,14 @@ def test_a_new_day_has_a_new_file_that_begins_with_what_is_still_true(recorder: 
     assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4]
 
 
-def test_a_day_on_which_nothing_is_said_has_a_file_too(recorder: Recorder) -> None:
+def test_quiet_day_has_a_file_too(recorder: Recorder) -> None:
     recorder.receive(1, fact="a")
     recorder.today += timedelta(days=1)
     recorder.flush()
     assert ticks(recorder.file("2026-03-02")) == [1]
 
 
-def test_a_full_disk_is_said_once_and_nothing_is_lost_while_memory_lasts(
-    recorder: Recorder,
-) -> None:
+def test_full_disk_is_reported_once_and_messages_buffered(recorder: Recorder) -> None:
     recorder.receive(1)
     recorder.flush()
     recorder.full = True
@@ -98,7 +96,7 @@ def test_a_full_disk_is_said_once_and_nothing_is_lost_while_memory_lasts(
     assert "lost" not in recorder.reports[-1]
 
 
-def test_memory_is_bounded_and_what_is_lost_is_counted_and_found(
+def test_buffer_is_bounded_and_lost_messages_are_counted(
     recorder: Recorder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(daily_recorder, "MOST_WAITING", 5_000)
@@ -118,7 +116,7 @@ def test_memory_is_bounded_and_what_is_lost_is_counted_and_found(
     assert recording.lost == {"/agents/status": lost}
 
 
-def test_a_new_topic_on_a_full_disk_loses_nothing(recorder: Recorder) -> None:
+def test_new_topic_on_full_disk_loses_nothing(recorder: Recorder) -> None:
     recorder.full = True
     recorder.journal.record(recorded(1, topic="/new"))
     recorder.flush()
@@ -129,9 +127,7 @@ def test_a_new_topic_on_a_full_disk_loses_nothing(recorder: Recorder) -> None:
     assert "lost" not in recorder.reports[-1]
 
 
-def test_a_full_disk_at_midnight_keeps_the_old_file_until_there_is_room(
-    recorder: Recorder,
-) -> None:
+def test_full_disk_at_midnight_keeps_the_old_file(recorder: Recorder) -> None:
     recorder.receive(1)
     recorder.full = True
     recorder.today += timedelta(days=1)
@@ -144,9 +140,7 @@ def test_a_full_disk_at_midnight_keeps_the_old_file_until_there_is_room(
     assert kept == [1, 2, 3]
 
 
-def test_a_disk_with_room_for_the_head_of_a_file_only_loses_nothing_at_midnight(
-    recorder: Recorder,
-) -> None:
+def test_room_for_file_head_only_loses_nothing(recorder: Recorder) -> None:
     recorder.receive(1)
     recorder.flush()
     recorder.full, recorder.room = True, 60
@@ -164,7 +158,7 @@ def test_a_disk_with_room_for_the_head_of_a_file_only_loses_nothing_at_midnight(
     assert ticks(recorder.file("2026-03-02")) == [5]
 
 
-def test_a_day_whose_file_cannot_be_made_is_begun_later_without_a_gap(recorder: Recorder) -> None:
+def test_failed_day_file_is_created_later_without_gap(recorder: Recorder) -> None:
     recorder.receive(1)
     recorder.flush()
     recorder.full = True
@@ -181,7 +175,7 @@ def test_a_day_whose_file_cannot_be_made_is_begun_later_without_a_gap(recorder: 
     assert ticks(recorder.file("2026-03-02")) == [3]
 
 
-def test_each_start_of_a_day_has_a_file_of_its_own(tmp_path: Path) -> None:
+def test_each_start_creates_its_own_file(tmp_path: Path) -> None:
     for start in (1, 2, 3):
         recorder = Recorder(tmp_path)
         recorder.receive(start)
@@ -201,7 +195,7 @@ def test_each_start_of_a_day_has_a_file_of_its_own(tmp_path: Path) -> None:
     assert newest_files(tmp_path) == [recorder.file("2026-03-01", start) for start in (1, 2, 3, 4)]
 
 
-def test_two_journals_never_write_into_one_folder(tmp_path: Path) -> None:
+def test_two_journals_never_share_a_folder(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path)
     with pytest.raises(Refused, match="another journal"):
         Recorder(tmp_path)
@@ -209,7 +203,7 @@ def test_two_journals_never_write_into_one_folder(tmp_path: Path) -> None:
     Recorder(tmp_path).journal.close()
 
 
-def test_what_is_lost_at_the_end_is_said(tmp_path: Path) -> None:
+def test_messages_lost_at_close_are_reported(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "journal")
     recorder.receive(1)
     recorder.flush()
@@ -221,9 +215,7 @@ def test_what_is_lost_at_the_end_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [errno.EIO, errno.EROFS])
-def test_another_trouble_than_a_full_disk_is_not_called_one(
-    recorder: Recorder, number: int
-) -> None:
+def test_other_storage_error_is_not_called_full_disk(recorder: Recorder, number: int) -> None:
     recorder.receive(1)
     recorder.flush()
     recorder.full, recorder.error = True, number
@@ -237,7 +229,7 @@ def test_another_trouble_than_a_full_disk_is_not_called_one(
     assert "goes on" in recorder.reports[-1]
 
 
-def test_the_files_of_the_oldest_days_are_deleted_and_nothing_else(tmp_path: Path) -> None:
+def test_only_files_of_oldest_days_are_deleted(tmp_path: Path) -> None:
     folder = tmp_path / "journal"
     folder.mkdir()
     for day in range(20, 28):

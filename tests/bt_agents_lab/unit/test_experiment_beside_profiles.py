@@ -53,7 +53,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_bids_changes_and_results_have_no_column_for_it(folder: Path) -> None:
+def test_bids_and_profile_changes_omit_unprofiled_parameter(folder: Path) -> None:
     trees, spec = opened(folder)
     rows: list = []
     records = through_core(trees, spec, on_result=rows.append)
@@ -66,7 +66,7 @@ def test_bids_changes_and_results_have_no_column_for_it(folder: Path) -> None:
     ResultFile(folder / "out.csv").write(trees.scene.space.names, rows)
 
 
-def test_the_simulation_of_many_runs_is_equal(folder: Path) -> None:
+def test_batched_simulation_gives_same_result(folder: Path) -> None:
     trees, spec = opened(folder)
     records = through_core(trees, spec)
     world = world_of(trees, spec)

@@ -27,14 +27,14 @@ def run(*words: str) -> Result:
 
 
 @pytest.mark.parametrize("strategy", ["external", "rules"])
-def test_a_strategy_that_needs_more_than_the_bids_is_refused(strategy):
+def test_strategy_needing_more_than_bids_is_rejected(strategy):
     refusal = run(str(EXPERIMENTS / "3"), "--strategy", strategy).exception
     assert isinstance(refusal, BtAgentsError)
     assert f"strategy '{strategy}' is not simulated" in str(refusal)
     assert "take one of manhattan," in str(refusal)
 
 
-def test_a_scene_without_feedback_is_said_with_what_to_write(tmp_path):
+def test_missing_feedback_for_scene_error_suggests_fix(tmp_path):
     shutil.copytree(EXPERIMENTS / "3", tmp_path / "3")
     file = tmp_path / "3" / "experiment.yaml"
     lines = file.read_text().splitlines(keepends=True)
@@ -44,7 +44,7 @@ def test_a_scene_without_feedback_is_said_with_what_to_write(tmp_path):
         through_core(folder, read_experiment(file, folder.scene.space))
 
 
-def test_a_table_that_cannot_be_written_is_said_before_anything_runs(tmp_path):
+def test_unwritable_table_is_reported_before_any_run(tmp_path):
     table = tmp_path / "nowhere" / "rounds.csv"
     result = run(str(EXPERIMENTS / "1"), "--out", str(table))
     assert isinstance(result.exception, BtAgentsError)
@@ -52,7 +52,7 @@ def test_a_table_that_cannot_be_written_is_said_before_anything_runs(tmp_path):
     assert result.output == ""
 
 
-def test_the_table_has_every_round(tmp_path):
+def test_table_has_every_round(tmp_path):
     table = tmp_path / "rounds.csv"
     table.write_text("what was there before\n")
     assert run(str(EXPERIMENTS / "1"), "--out", str(table)).exit_code == 0
@@ -62,7 +62,7 @@ def test_the_table_has_every_round(tmp_path):
     assert rounds == [str(n) for n in range(1, 13)]
 
 
-def test_a_vector_stays_on_one_line_of_80_columns():
+def test_vector_stays_on_one_80_column_line():
     result = run(str(EXPERIMENTS / "recommended"))
     rows = [line for line in result.output.splitlines() if line.startswith("agent_")]
     assert len(rows) == 3
@@ -77,7 +77,7 @@ def test_a_vector_stays_on_one_line_of_80_columns():
         ("huber", "not compared with the closed form, as agent_1 does not learn by the paper's"),
     ],
 )
-def test_it_is_said_whether_there_is_a_closed_form(name: str, said: str, tmp_path: Path):
+def test_command_states_whether_closed_form_exists(name: str, said: str, tmp_path: Path):
     folder = EXPERIMENTS / name
     if name == "huber":
         folder = tmp_path / name
@@ -105,7 +105,7 @@ def listed(tmp_path: Path) -> Path:
     return folder
 
 
-def test_an_agent_with_a_list_is_taught_what_stands_there_run_by_run(listed):
+def test_feedback_list_teaches_its_agent_row_by_row(listed):
     folder = read_trees(listed)
     spec = read_experiment(listed / "experiment.yaml", folder.scene.space)
     rows = spec.feedback.sequences["agent_3"]
@@ -117,13 +117,13 @@ def test_an_agent_with_a_list_is_taught_what_stands_there_run_by_run(listed):
         assert one.after == pytest.approx(moved)
 
 
-def test_the_key_of_lists_is_explained():
+def test_sequences_key_is_explained():
     told = " ".join(CliRunner().invoke(bt_agents, ["explain", "sequences"]).output.split())
     assert "sequences key below 'feedback' of an experiment" in told
     assert "Agent → its own feedback, run by run." in told
 
 
-def test_a_list_has_no_closed_form_and_the_command_says_so(listed):
+def test_feedback_list_is_reported_without_closed_form(listed):
     result = run(str(listed))
     assert result.exit_code == 0
     assert "agent_3 does not get the same feedback after each run" in " ".join(
@@ -131,7 +131,7 @@ def test_a_list_has_no_closed_form_and_the_command_says_so(listed):
     )
 
 
-def test_a_list_that_is_used_up_is_said_with_what_to_write(listed):
+def test_exhausted_feedback_list_error_suggests_fix(listed):
     file = listed / "experiment.yaml"
     file.write_text(file.read_text().replace("repeat: true", "repeat: false"))
     refusal = run(str(listed), "--seed", "3").exception
@@ -139,7 +139,7 @@ def test_a_list_that_is_used_up_is_said_with_what_to_write(listed):
     assert "let each list be long enough, or 'repeat: true'" in str(refusal)
 
 
-def test_the_feedback_node_is_given_the_same_lists(listed):
+def test_feedback_node_receives_the_same_lists(listed):
     space = read_trees(listed).scene.space
     spec = read_experiment(listed / "experiment.yaml", space)
     again = read_experiment(Source("prepared.json", prepared_experiment(spec, space)), space)

@@ -45,7 +45,7 @@ def paper(name: str) -> Paper:
     return Paper(folder=folder, spec=spec)
 
 
-def test_no_label_of_the_papers_figures_is_cut(saved: dict[str, bool], tmp_path: Path) -> None:
+def test_paper_figures_cut_no_label(saved: dict[str, bool], tmp_path: Path) -> None:
     three = paper("3")
     paper_figures.first(tmp_path, paper("1"))
     paper_figures.second(tmp_path, {arm: paper(f"2-{arm}") for arm in RATES}, SEEDS)
@@ -53,7 +53,7 @@ def test_no_label_of_the_papers_figures_is_cut(saved: dict[str, bool], tmp_path:
     assert {f"figure-{number}.png" for number in range(5, 10)} <= saved.keys()
 
 
-def test_no_label_of_a_sweeps_figures_is_cut(saved: dict[str, bool], tmp_path: Path) -> None:
+def test_sweep_figures_cut_no_label(saved: dict[str, bool], tmp_path: Path) -> None:
     spec = replace(read_sweep(find_sweep("told")), runs=2, rounds=5)
     sweep_figures.write(tmp_path, spec, sweep(spec, 1, lambda done, total: None))
     assert {"curves.png", "robustness.png"} <= saved.keys()

@@ -81,7 +81,7 @@ def content(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def test_a_person_is_removed_from_every_file_and_it_is_said_from_which(kept: StateFolder) -> None:
+def test_person_is_removed_from_every_file_and_reported(kept: StateFolder) -> None:
     assert len(places(kept, "carla")) == 5
     others = places(kept, "dora")
     result = forget(kept, "--yes")
@@ -103,7 +103,7 @@ def test_a_person_is_removed_from_every_file_and_it_is_said_from_which(kept: Sta
     ]
 
 
-def test_the_journal_keeps_the_rounds_of_others_and_counts_what_is_gone(kept: StateFolder) -> None:
+def test_journal_keeps_other_rounds_and_counts_removed_messages(kept: StateFolder) -> None:
     [path] = kept.journal.glob("*.mcap")
     before = index_of(path)
     found = erase_from_journals(kept.journal, PersonMention("carla"))
@@ -119,13 +119,13 @@ def test_the_journal_keeps_the_rounds_of_others_and_counts_what_is_gone(kept: St
     assert [one.name for one in kept.journal.iterdir()] == [path.name]
 
 
-def test_without_a_yes_nothing_is_removed(kept: StateFolder) -> None:
+def test_nothing_is_removed_without_confirmation(kept: StateFolder) -> None:
     before = places(kept, "carla")
     assert forget(kept, answer="n\n").exit_code == 1
     assert places(kept, "carla") == before
 
 
-def test_a_journal_that_is_being_written_is_left_and_named(kept: StateFolder) -> None:
+def test_journal_being_written_is_left_and_named(kept: StateFolder) -> None:
     lock = os.open(kept.journal, os.O_RDONLY)
     fcntl.flock(lock, fcntl.LOCK_EX)
     try:
@@ -137,7 +137,7 @@ def test_a_journal_that_is_being_written_is_left_and_named(kept: StateFolder) ->
     assert places(kept, "carla") == ["journal-2026-05-04_001.mcap"]
 
 
-def test_a_bag_beside_the_journals_is_left_and_named(kept: StateFolder) -> None:
+def test_bag_beside_journals_is_left_and_named(kept: StateFolder) -> None:
     bag = kept.journal / "rosbag2_2026"
     bag.mkdir()
     (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
@@ -147,7 +147,7 @@ def test_a_bag_beside_the_journals_is_left_and_named(kept: StateFolder) -> None:
     assert "rosbag2_2026 is of 'ros2 bag' and left as it is; delete it" in result.stderr
 
 
-def test_a_ledger_that_a_node_has_open_is_left_and_the_rest_is_removed(kept: StateFolder) -> None:
+def test_ledger_in_use_is_left_and_others_cleaned(kept: StateFolder) -> None:
     with Ledger(kept.ledger):
         result = forget(kept, "--yes")
     assert result.exit_code == 1
@@ -155,7 +155,7 @@ def test_a_ledger_that_a_node_has_open_is_left_and_the_rest_is_removed(kept: Sta
     assert places(kept, "carla") == ["ledger.sqlite"]
 
 
-def test_a_file_of_which_nothing_is_left_is_deleted(tmp_path: Path) -> None:
+def test_emptied_file_is_deleted(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.published.clear()
     town.round(replace(scene("s", 4.0, 2.0, 3.0), person_id="carla"))
@@ -178,5 +178,5 @@ def test_a_file_of_which_nothing_is_left_is_deleted(tmp_path: Path) -> None:
         ("a.b", "aXb", False),
     ],
 )
-def test_a_person_is_named_by_a_whole_word(name: str, text: str, is_named: bool) -> None:
+def test_person_is_matched_by_whole_word(name: str, text: str, is_named: bool) -> None:
     assert PersonMention(name).is_in(text) == is_named

@@ -104,7 +104,7 @@ def end_type(path: str) -> str:
 
 
 @pytest.mark.parametrize(("panel", "path"), PATHS)
-def test_each_message_path_leads_to_what_its_panel_can_show(panel: str, path: str) -> None:
+def test_every_message_path_fits_its_panel(panel: str, path: str) -> None:
     found = end_type(path)
     match panel.partition("!")[0]:
         case "Plot":
@@ -134,12 +134,12 @@ def test_each_message_path_leads_to_what_its_panel_can_show(panel: str, path: st
         "/market state",
     ],
 )
-def test_a_message_path_that_leads_nowhere_would_be_noticed(wrong: str) -> None:
+def test_invalid_message_path_would_be_detected(wrong: str) -> None:
     with pytest.raises((AssertionError, KeyError, ValueError)):
         end_type(wrong)
 
 
-def test_a_journal_holds_what_the_panels_show() -> None:
+def test_journal_holds_topics_shown_by_panels() -> None:
     own = {one.name for one in published_by("journal")}
     for _, path in PATHS:
         match = TOPIC.match(path)
@@ -148,7 +148,7 @@ def test_a_journal_holds_what_the_panels_show() -> None:
         assert "journal" in topic.listeners or topic.name in own, path
 
 
-def test_the_panels_stand_in_the_layout_each_once() -> None:
+def test_every_panel_stands_in_layout_once() -> None:
     def leaves(node: Any) -> Iterator[str]:
         if isinstance(node, str):
             yield node
@@ -162,12 +162,12 @@ def test_the_panels_stand_in_the_layout_each_once() -> None:
     assert len({panel["foxglovePanelTitle"] for panel in PANELS.values()}) == len(PANELS)
 
 
-def test_the_states_of_the_market_are_named_as_its_message_names_them() -> None:
+def test_market_states_match_their_message_constants() -> None:
     for rule in PANELS["Indicator!market"]["rules"]:
         assert getattr(MarketStatus, rule["label"].upper()) == int(rule["rawValue"])
 
 
-def test_the_plots_show_the_parameters_and_an_agent_of_the_shipped_trees() -> None:
+def test_plots_show_parameters_and_agent_of_shipped_trees() -> None:
     parameters = list(yaml.safe_load((ROOT / "trees" / "scene.yaml").read_text())["parameters"])
     assert [one["label"] for one in PANELS["Plot!profile"]["paths"]] == parameters
     assert [re.findall(r'"(\w+)"', one["value"]) for one in PANELS["Plot!scene"]["paths"]] == [
@@ -176,7 +176,7 @@ def test_the_plots_show_the_parameters_and_an_agent_of_the_shipped_trees() -> No
     assert (ROOT / "trees" / "agents" / f"{LAYOUT['globalVariables']['agent']}.yaml").exists()
 
 
-def test_the_page_has_a_row_for_each_panel_with_its_message_paths() -> None:
+def test_page_has_row_with_message_paths_per_panel() -> None:
     rows = {
         cells[0]: re.findall("`([^`]+)`", cells[-1])
         for line in PAGE.splitlines()
@@ -186,7 +186,7 @@ def test_the_page_has_a_row_for_each_panel_with_its_message_paths() -> None:
         assert rows[panel["foxglovePanelTitle"]] == paths_of(panel)
 
 
-def test_the_layout_for_a_namespace_has_all_its_topics_there() -> None:
+def test_namespaced_layout_has_all_topics_in_namespace() -> None:
     [script] = re.findall(r"^sed -E '(.+)' bt_agents.json", PAGE, re.MULTILINE)
     text = subprocess.run(
         ["sed", "-E", script], input=TEXT, capture_output=True, text=True, check=True, timeout=10

@@ -19,7 +19,7 @@ TYPES = {
 }
 
 
-def test_the_types_inside_of_a_type_follow_it_once() -> None:
+def test_nested_types_follow_their_type_once() -> None:
     text = definition("a/msg/Top", TYPES.get)
     heads = [line for line in text.splitlines() if line.startswith("MSG: ")]
     assert heads == ["MSG: b/Part", "MSG: a/Leaf", "MSG: b/Inner"]
@@ -27,12 +27,12 @@ def test_the_types_inside_of_a_type_follow_it_once() -> None:
     assert text.count("=" * 80) == 3
 
 
-def test_a_type_without_text_is_named() -> None:
+def test_type_without_definition_is_reported() -> None:
     with pytest.raises(Refused, match="no definition of b/msg/Part, which a/msg/Top needs"):
         definition("a/msg/Top", {"a/msg/Top": "b/Part part"}.get)
 
 
 @pytest.mark.parametrize("name", [t for t in types_of("bt_agents_interfaces") if "msg/" in t])
-def test_each_message_of_ours_can_be_decoded_from_its_definition(name: str) -> None:
+def test_every_own_message_decodes_from_its_definition(name: str) -> None:
     text = definition(f"bt_agents_interfaces/{name}", definition_text)
     assert f"bt_agents_interfaces/{name}" in generate_dynamic(f"bt_agents_interfaces/{name}", text)

@@ -24,7 +24,7 @@ def fill(file: JournalFile, first: int, last: int, *, chunk: int = 3) -> None:
     file.flush()
 
 
-def test_a_closed_file_has_a_summary_that_any_reader_finds(tmp_path: Path) -> None:
+def test_closed_file_has_standard_summary(tmp_path: Path) -> None:
     file = JournalFile(tmp_path / "a.mcap")
     fill(file, 0, 10)
     file.close()
@@ -42,14 +42,14 @@ def test_a_closed_file_has_a_summary_that_any_reader_finds(tmp_path: Path) -> No
         assert [message.tick for _, _, _, message in middle] == [3, 4, 5]
 
 
-def test_a_file_is_never_written_over(tmp_path: Path) -> None:
+def test_existing_file_is_never_overwritten(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"of another start")
     with pytest.raises(FileExistsError):
         JournalFile(tmp_path / "a.mcap")
     assert (tmp_path / "a.mcap").read_bytes() == b"of another start"
 
 
-def test_what_is_flushed_can_be_read_while_the_file_is_open(tmp_path: Path) -> None:
+def test_flushed_messages_are_readable_from_open_file(tmp_path: Path) -> None:
     file = JournalFile(tmp_path / "a.mcap")
     for first in (0, 4, 8):
         fill(file, first, first + 4)
@@ -59,7 +59,7 @@ def test_what_is_flushed_can_be_read_while_the_file_is_open(tmp_path: Path) -> N
     file.close()
 
 
-def test_a_file_cut_anywhere_is_read_up_to_its_last_whole_record(tmp_path: Path) -> None:
+def test_truncated_file_is_readable_to_last_complete_record(tmp_path: Path) -> None:
     whole = tmp_path / "whole.mcap"
     file = JournalFile(whole)
     ends = []
@@ -91,7 +91,7 @@ def rotten(path: Path, part: int) -> bytes:
 
 
 @pytest.mark.parametrize("part", [0, 1, 2])
-def test_a_part_that_rots_costs_that_part_alone(tmp_path: Path, part: int) -> None:
+def test_corrupt_chunk_loses_only_its_own_messages(tmp_path: Path, part: int) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(rotten(path, part))
     reader = JournalReader([path])
@@ -101,7 +101,7 @@ def test_a_part_that_rots_costs_that_part_alone(tmp_path: Path, part: int) -> No
     assert "cannot be read" in problem
 
 
-def test_messages_of_a_topic_that_nothing_declares_are_counted(tmp_path: Path) -> None:
+def test_messages_of_undeclared_topic_are_counted(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     content = rotten(path, 0)
     with path.open("rb") as stream:
@@ -115,7 +115,7 @@ def test_messages_of_a_topic_that_nothing_declares_are_counted(tmp_path: Path) -
     assert "3 messages of which the topic cannot be read" in reader.problems[1]
 
 
-def test_a_write_that_fails_half_way_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+def test_failed_partial_write_leaves_file_unchanged(tmp_path: Path) -> None:
     room = 10**9
 
     def write(file: int, data: bytes, at: int) -> int:
@@ -140,7 +140,7 @@ def test_a_write_that_fails_half_way_leaves_the_file_as_it_was(tmp_path: Path) -
     assert ticks(file.path) == list(range(6))
 
 
-def test_a_head_that_cannot_be_written_leaves_no_file(tmp_path: Path) -> None:
+def test_failed_file_head_leaves_no_file(tmp_path: Path) -> None:
     def write(_file: int, _data: bytes, _at: int) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -149,7 +149,7 @@ def test_a_head_that_cannot_be_written_leaves_no_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_there_twice_is_read_once(tmp_path: Path) -> None:
+def test_duplicate_messages_are_read_once(tmp_path: Path) -> None:
     file = JournalFile(tmp_path / "a.mcap")
     fill(file, 0, 3)
     fill(file, 0, 3)

@@ -48,7 +48,7 @@ def begun(path: Path, *, bookmarks: int = 1, scenes: int = 0) -> JournalFile:
     return file
 
 
-def test_a_journal_that_is_still_written_is_read_without_a_word(tmp_path: Path) -> None:
+def test_journal_being_written_is_read_without_problems(tmp_path: Path) -> None:
     file = begun(tmp_path / "a.mcap")
     reader = JournalReader([file.path])
     assert len(reader.entries()) == 1
@@ -58,7 +58,7 @@ def test_a_journal_that_is_still_written_is_read_without_a_word(tmp_path: Path) 
     assert reader.problems == []
 
 
-def test_a_file_that_ends_in_the_middle_of_a_record_is_said_to(tmp_path: Path) -> None:
+def test_file_ending_inside_record_is_reported(tmp_path: Path) -> None:
     file = begun(tmp_path / "a.mcap")
     whole = file.path.read_bytes()
     for torn in (b"\x05", whole[-9:-1], b"\x06" + (500).to_bytes(8, "little") + bytes(20)):
@@ -71,7 +71,7 @@ def test_a_file_that_ends_in_the_middle_of_a_record_is_said_to(tmp_path: Path) -
     file.close()
 
 
-def test_what_is_not_asked_for_is_counted_and_not_kept(tmp_path: Path) -> None:
+def test_unrequested_messages_are_counted_and_not_kept(tmp_path: Path) -> None:
     file = begun(tmp_path / "a.mcap", bookmarks=2, scenes=20_000)
     file.close()
     reader = JournalReader([file.path])
@@ -96,7 +96,7 @@ def headed(library: str) -> bytes:
 
 
 @pytest.mark.parametrize("library", ["bt-agents", "bt-agents journal 2", "bt-agents journal 4"])
-def test_a_journal_of_another_format_is_refused(tmp_path: Path, library: str) -> None:
+def test_journal_of_another_format_is_rejected(tmp_path: Path, library: str) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(headed(library))
     with pytest.raises(Refused, match=rf"OTHER_FORMAT.*'{library}'.*'{LIBRARY}'"):
@@ -127,7 +127,7 @@ def end_of_messages(path: Path) -> int:
 
 
 @pytest.mark.parametrize("said", [100, 200_000_000])
-def test_a_small_file_that_unpacks_to_a_big_one_is_not_unpacked(tmp_path: Path, said: int) -> None:
+def test_decompression_bomb_is_not_unpacked(tmp_path: Path, said: int) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(packed_chunk(bytes(200_000_000), said))
     tracemalloc.start()
@@ -139,7 +139,7 @@ def test_a_small_file_that_unpacks_to_a_big_one_is_not_unpacked(tmp_path: Path, 
     assert "said to" in reader.problems[0]
 
 
-def test_a_compression_that_is_not_known_is_named(tmp_path: Path) -> None:
+def test_unknown_compression_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(packed_chunk(b"", 0, "lz4"))
     reader = JournalReader([path])
@@ -166,7 +166,7 @@ def without_lab(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_without_the_lab_the_help_of_its_commands_says_what_they_need() -> None:
+def test_help_without_lab_packages_states_the_requirement() -> None:
     done = without_lab("--help")
     assert (done.returncode, done.stderr) == (0, "")
     assert re.search(r"^  replay +\w", done.stdout, re.MULTILINE)
@@ -174,14 +174,14 @@ def test_without_the_lab_the_help_of_its_commands_says_what_they_need() -> None:
 
 
 @pytest.mark.parametrize("command", ["journal", "replay", "what-if"])
-def test_a_package_that_is_not_installed_is_named(command: str) -> None:
+def test_missing_package_is_reported(command: str) -> None:
     done = without_lab(command, "a.mcap", "--json")
     assert done.returncode == 1
     assert done.stderr.startswith("error: this command needs the package mcap; install it with")
     assert "pip install 'bt-agents[lab]'" in done.stderr
 
 
-def test_a_journal_node_without_its_packages_ends_with_a_sentence() -> None:
+def test_journal_node_without_packages_ends_with_message() -> None:
     program = (
         "import sys; sys.modules['mcap'] = None\n"
         "from bt_agents_lab import run_journal\n"
@@ -197,7 +197,7 @@ def test_a_journal_node_without_its_packages_ends_with_a_sentence() -> None:
     )
 
 
-def test_flipped_bits_end_no_command_without_a_message(tmp_path: Path) -> None:
+def test_commands_report_flipped_bits_with_a_message(tmp_path: Path) -> None:
     whole = morning(tmp_path / "trees").write(tmp_path / "a.mcap").read_bytes()
     random = Random(4)
     path = tmp_path / "b.mcap"
@@ -214,7 +214,7 @@ def test_flipped_bits_end_no_command_without_a_message(tmp_path: Path) -> None:
     assert 0 in ends
 
 
-def test_a_torn_journal_is_never_said_to_be_equal_in_everything(tmp_path: Path) -> None:
+def test_torn_journal_is_never_reported_as_fully_equal(tmp_path: Path) -> None:
     path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
     content = path.read_bytes()
     end = end_of_messages(path)

@@ -53,14 +53,14 @@ def code(call: Callable[[], object]) -> str:
     return refused.value.code
 
 
-def test_a_journal_records_from_its_start_without_a_label(recording: Recording) -> None:
+def test_journal_records_from_start_without_label(recording: Recording) -> None:
     [state] = recording.states
     assert state.is_recording
     assert state.label == ""
     assert state.file == "journal-2026-03-01_001.mcap"
 
 
-def test_what_is_received_between_stop_and_start_is_in_no_file(recording: Recording) -> None:
+def test_messages_between_stop_and_start_are_not_recorded(recording: Recording) -> None:
     recording.recorder.record(recorded(1))
     recording.control.stop()
     recording.recorder.record(recorded(2))
@@ -72,7 +72,7 @@ def test_what_is_received_between_stop_and_start_is_in_no_file(recording: Record
     assert ticks(second) == [3]
 
 
-def test_a_new_recording_begins_with_the_facts_that_hold_then(recording: Recording) -> None:
+def test_new_recording_begins_with_current_facts(recording: Recording) -> None:
     recording.control.stop()
     recording.recorder.record(recorded(7), fact="market")
     recording.recorder.record(recorded(8), fact="market")
@@ -81,7 +81,7 @@ def test_a_new_recording_begins_with_the_facts_that_hold_then(recording: Recordi
     assert ticks(sorted(recording.folder.glob("*.mcap"))[-1]) == [8]
 
 
-def test_label_notes_and_author_are_known_until_the_next_start(recording: Recording) -> None:
+def test_label_notes_and_author_last_until_next_start(recording: Recording) -> None:
     recording.control.stop()
     recording.control.start(label="morning", notes="a class", author="anna")
     state = recording.states[-1]
@@ -94,14 +94,14 @@ def test_label_notes_and_author_are_known_until_the_next_start(recording: Record
     assert recording.states[-1].notes == ""
 
 
-def test_bookmarks_are_counted_and_made_known(recording: Recording) -> None:
+def test_bookmarks_are_counted_and_published(recording: Recording) -> None:
     recording.control.mark(label="odd", notes="", author="anna")
     recording.control.mark(label="", notes="again", author="")
     assert [one.label for one in recording.bookmarks] == ["odd", ""]
     assert recording.states[-1].bookmarks == 2
 
 
-def test_what_does_not_fit_the_state_is_refused_and_changes_nothing(recording: Recording) -> None:
+def test_request_in_wrong_state_is_rejected_without_change(recording: Recording) -> None:
     assert code(recording.begin) == "RECORDING_ALREADY"
     recording.control.stop()
     assert code(recording.control.stop) == "NOT_RECORDING"
@@ -110,7 +110,7 @@ def test_what_does_not_fit_the_state_is_refused_and_changes_nothing(recording: R
     assert recording.bookmarks == []
 
 
-def test_too_many_bookmarks_are_refused(
+def test_bookmarks_beyond_limit_are_rejected(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recording_control, "MOST_BOOKMARKS", 1)
@@ -118,7 +118,7 @@ def test_too_many_bookmarks_are_refused(
     assert code(lambda: recording.control.mark(label="", notes="", author="")) == "TOO_MANY"
 
 
-def test_a_folder_that_cannot_be_written_or_is_taken_is_told(recording: Recording) -> None:
+def test_unwritable_or_locked_folder_is_reported(recording: Recording) -> None:
     recording.control.stop()
     other = lock_folder(recording.folder)
     assert code(recording.begin) == "IN_USE"
@@ -132,7 +132,7 @@ def test_a_folder_that_cannot_be_written_or_is_taken_is_told(recording: Recordin
     assert "is being recorded" in recording.begin()
 
 
-def test_another_day_is_another_file_of_the_same_recording(recording: Recording) -> None:
+def test_next_day_file_continues_the_same_recording(recording: Recording) -> None:
     recording.control.stop()
     recording.begin("night")
     recording.today = date(2026, 3, 2)

@@ -7,7 +7,7 @@ from bt_agents_core.health import Health
 from bt_agents_lab.recorder.health import recording_health
 
 
-def test_a_journal_that_cannot_write_is_an_error_and_a_stopped_one_is_none():
+def test_failed_recording_is_error_but_stopped_is_ok():
     full = recording_health(is_recording=True, file="j.mcap", trouble="disk full", dropped=7)
     assert (full.level, full.message) == (Health.ERROR, "j.mcap cannot be written: disk full")
     assert full.values["dropped"] == "7"

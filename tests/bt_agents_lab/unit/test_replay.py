@@ -72,7 +72,7 @@ def different(found: FindingCounts, kind: str) -> ReplayFinding:
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
-def test_everything_of_a_morning_is_equal(tmp_path: Path, strategy: str) -> None:
+def test_whole_morning_replays_equal(tmp_path: Path, strategy: str) -> None:
     made = morning(tmp_path / "trees", strategy=strategy, options=STRATEGIES[strategy])
     found = again(made.write(tmp_path / "a.mcap"))
     assert found.unequal == []
@@ -118,7 +118,7 @@ AUCTIONS: dict[str, Callable[[Any], None]] = {
 
 
 @pytest.mark.parametrize("what", AUCTIONS)
-def test_an_altered_decision_is_found(town: Town, tmp_path: Path, what: str) -> None:
+def test_altered_decision_is_detected(town: Town, tmp_path: Path, what: str) -> None:
     found = altered(town, tmp_path, Auction, AUCTIONS[what])
     finding = different(found, decisions.KIND)
     assert finding.where.startswith("round 1")
@@ -136,7 +136,7 @@ LESSONS: dict[str, Callable[[Any], None]] = {
 
 
 @pytest.mark.parametrize("what", LESSONS)
-def test_an_altered_change_of_a_profile_is_found(town: Town, tmp_path: Path, what: str) -> None:
+def test_altered_profile_change_is_detected(town: Town, tmp_path: Path, what: str) -> None:
     found = altered(town, tmp_path, Feedback, LESSONS[what])
     assert different(found, replay_learning.KIND).where == "revision 1 of bert"
 
@@ -150,7 +150,7 @@ def without(town: Town, path: Path, *kinds: type) -> FindingCounts:
     )
 
 
-def test_without_texts_nothing_is_called_equal(town: Town, tmp_path: Path) -> None:
+def test_replay_without_texts_finds_nothing_equal(town: Town, tmp_path: Path) -> None:
     found = without(town, tmp_path, AgentFiles)
     assert {verdict for _, verdict in found.counts} == {ReplayVerdict.NOT_RECORDED}
 
@@ -161,9 +161,7 @@ def test_without_cards_lessons_are_named_as_not_recorded(town: Town, tmp_path: P
     assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 4
 
 
-def test_scores_that_depend_on_runs_before_the_journal_are_not_called_different(
-    tmp_path: Path,
-) -> None:
+def test_scores_based_on_earlier_runs_are_not_different(tmp_path: Path) -> None:
     made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
     first = next(n for n, one in enumerate(made.published) if isinstance(one.message, Auction))
     found = again(made.write(tmp_path / "a.mcap", lambda n, m: None if n == first else m))
@@ -173,7 +171,7 @@ def test_scores_that_depend_on_runs_before_the_journal_are_not_called_different(
     assert all("does not begin with this market" in one.text for one in told)
 
 
-def test_a_run_that_the_journal_has_not_heard_of_makes_no_score_different(tmp_path: Path) -> None:
+def test_unrecorded_run_makes_no_score_different(tmp_path: Path) -> None:
     made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
     made.published = [
         one
@@ -186,7 +184,7 @@ def test_a_run_that_the_journal_has_not_heard_of_makes_no_score_different(tmp_pa
     assert found.different == 0
 
 
-def test_a_run_that_was_stopped_as_it_began_counts(tmp_path: Path) -> None:
+def test_run_stopped_at_its_start_counts(tmp_path: Path) -> None:
     made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
     first = next(one.message for one in made.published if isinstance(one.message, Run))
     first.event, first.outcome = Run.ENDED, Run.CANCELLED
@@ -195,7 +193,7 @@ def test_a_run_that_was_stopped_as_it_began_counts(tmp_path: Path) -> None:
     assert [one for one in found.unequal if one.kind == decisions.KIND] == []
 
 
-def test_an_explanation_that_names_whom_its_call_left_out_is_not_compared(tmp_path: Path) -> None:
+def test_explanation_of_excluded_agents_is_not_compared(tmp_path: Path) -> None:
     made = morning(tmp_path / "trees")
     call = next(one.message for one in made.published if isinstance(one.message, CallForBids))
     call.excluded = ["carl"]
@@ -204,9 +202,7 @@ def test_an_explanation_that_names_whom_its_call_left_out_is_not_compared(tmp_pa
     assert again(made.write(tmp_path / "a.mcap")).unequal == []
 
 
-def test_a_shadow_that_depends_on_runs_before_the_journal_is_not_called_different(
-    tmp_path: Path,
-) -> None:
+def test_shadow_based_on_earlier_runs_is_not_different(tmp_path: Path) -> None:
     made = Town(tmp_path / "trees", shadow="ucb")
     for number in range(4):
         made.round(scene(f"s{number}", age=1.0))
@@ -234,7 +230,7 @@ def test_a_missing_value_stays_missing(tmp_path: Path) -> None:
     assert again(made.write(tmp_path / "a.mcap")).unequal == []
 
 
-def test_the_command_says_that_everything_is_equal(town: Town, tmp_path: Path) -> None:
+def test_command_reports_full_equality(town: Town, tmp_path: Path) -> None:
     path = town.write(tmp_path / "a.mcap")
     result = CliRunner().invoke(replay, [str(path)])
     assert result.exit_code == 0, result.output
@@ -244,7 +240,7 @@ def test_the_command_says_that_everything_is_equal(town: Town, tmp_path: Path) -
     assert data["findings"] == []
 
 
-def test_the_command_ends_with_one_and_the_first_differences(town: Town, tmp_path: Path) -> None:
+def test_command_exits_1_and_shows_first_differences(town: Town, tmp_path: Path) -> None:
     first = next(n for n, one in enumerate(town.published) if isinstance(one.message, Auction))
 
     def alter(number: int, message: Any) -> Any:
@@ -262,7 +258,7 @@ def test_the_command_ends_with_one_and_the_first_differences(town: Town, tmp_pat
     assert "not equal" in result.output
 
 
-def test_no_command_prints_raw_text_of_a_journal(town: Town, tmp_path: Path) -> None:
+def test_raw_journal_text_is_never_printed(town: Town, tmp_path: Path) -> None:
     def alter(_: int, message: Any) -> Any:
         if isinstance(message, Auction):
             message = copy.deepcopy(message)
@@ -280,7 +276,7 @@ def test_no_command_prints_raw_text_of_a_journal(town: Town, tmp_path: Path) -> 
     assert len(decision.explanation.splitlines()) == 2
 
 
-def test_a_file_that_is_no_journal_is_refused_with_a_reason(tmp_path: Path) -> None:
+def test_non_journal_file_is_rejected_with_reason(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     for content in (b"", b"no journal", b"\x89MCAP0\r\n" + bytes(200)):
         path.write_bytes(content)

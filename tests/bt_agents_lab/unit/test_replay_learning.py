@@ -50,7 +50,7 @@ def give(profiles: Profiles, number: int, random: Random) -> None:
     )
 
 
-def test_profiles_learn_the_same_whether_the_feedback_before_is_remembered_or_read():
+def test_cached_and_reread_feedback_teach_the_same():
     histories = []
     for forgets in (False, True):
         random, ledger = Random(3), Ledger(":memory:")
@@ -69,7 +69,7 @@ def test_profiles_learn_the_same_whether_the_feedback_before_is_remembered_or_re
     assert histories[0] == histories[1]
 
 
-def test_a_feedback_reads_none_of_those_before_it(monkeypatch):
+def test_feedback_reads_no_earlier_feedback(monkeypatch):
     ledger = Ledger(":memory:")
     profiles = known(ledger)
     read = []

@@ -29,7 +29,7 @@ def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return operated
 
 
-def test_whatever_an_operator_does_replays_equal(system: OperatedSystem) -> None:
+def test_random_operation_replays_equal(system: OperatedSystem) -> None:
     recording = read(newest_files(system.journal_folder))
     found = FindingCounts(
         [*replay_decisions(recording.rounds), *replay_feedback(recording.feedbacks)]
@@ -45,7 +45,7 @@ def test_whatever_an_operator_does_replays_equal(system: OperatedSystem) -> None
     assert system.profiles.items() <= outlook.profiles.items()
 
 
-def test_the_operator_leaves_nothing_out(system: OperatedSystem) -> None:
+def test_operator_uses_every_operation(system: OperatedSystem) -> None:
     parts = ("host", "market", "feedback", "scene layer", "journal")
     learning = ("UNDO", "RESET", "IMPORT", "FORGET", "mood rule stops")
     files = ("edit skills", "edit broken", "edit library", "edit profile")

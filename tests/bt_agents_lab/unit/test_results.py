@@ -45,7 +45,7 @@ def rows_in(path: Path) -> list[dict[str, Any]]:
         return list(csv.DictReader(file))
 
 
-def test_each_round_has_its_bids_its_margin_and_its_feedback() -> None:
+def test_every_round_has_bids_margin_and_feedback() -> None:
     rows = played(20)
     for number in range(1, 21):
         (one,) = (r for r in rows if r["row"] == "round" and r["round"] == number)
@@ -59,7 +59,7 @@ def test_each_round_has_its_bids_its_margin_and_its_feedback() -> None:
         assert feedback["before_age"] == ranked[0]["value_age"]
 
 
-def test_feedback_of_an_experiment_says_whether_it_was_wrong() -> None:
+def test_experiment_feedback_states_whether_it_was_wrong() -> None:
     _, spec = opened(EXPERIMENT)
     feedbacks = [row for row in played(60) if row["row"] == "feedback"]
     names = ("age", "profession", "emotion")
@@ -69,7 +69,7 @@ def test_feedback_of_an_experiment_says_whether_it_was_wrong() -> None:
     assert {row["wrong"] for row in feedbacks} == {True, False}
 
 
-def test_csv_and_parquet_hold_the_same_with_types(tmp_path: Path) -> None:
+def test_csv_and_parquet_hold_same_typed_data(tmp_path: Path) -> None:
     rows = played(12)
     names = ("age", "profession", "emotion")
     for ending in ("csv", "parquet"):
@@ -88,7 +88,7 @@ def test_csv_and_parquet_hold_the_same_with_types(tmp_path: Path) -> None:
             assert text[column.key] == (shown.lower() if column.type is bool else shown)
 
 
-def test_a_round_gives_the_same_rows_whether_it_was_decided_here_or_published() -> None:
+def test_decided_and_published_rounds_give_the_same_rows() -> None:
     decision = decided(terms(), bids({"a": (3.0, 3.0, 2.0), "b": (1.0, 1.0, 1.0)}))
     effect = PublishAuction(decision=decision)
     message = auction_to_msg(effect, to_time(12.5))
@@ -97,7 +97,7 @@ def test_a_round_gives_the_same_rows_whether_it_was_decided_here_or_published() 
     assert here == there
 
 
-def test_a_journal_is_written_with_rounds_bids_and_feedback(tmp_path: Path) -> None:
+def test_journal_exports_rounds_bids_and_feedback(tmp_path: Path) -> None:
     town = morning(tmp_path / "trees")
     file, table = tmp_path / "a.mcap", tmp_path / "a.parquet"
     town.write(file)
@@ -116,14 +116,14 @@ def test_a_journal_is_written_with_rounds_bids_and_feedback(tmp_path: Path) -> N
     assert all(row["source"] for row in feedbacks)
 
 
-def test_a_file_of_another_ending_is_refused_before_anything_runs(tmp_path: Path) -> None:
+def test_unknown_file_extension_is_rejected_before_any_run(tmp_path: Path) -> None:
     words = ["experiment", "run", str(EXPERIMENT), "--out", str(tmp_path / "r.xlsx")]
     refusal = CliRunner().invoke(bt_agents, words).exception
     assert isinstance(refusal, BtAgentsError)
     assert "r.xlsx ends in '.xlsx', expected .csv or .parquet" in str(refusal)
 
 
-def test_who_has_no_pyarrow_is_told_what_to_do(
+def test_missing_pyarrow_error_suggests_fix(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)

@@ -83,14 +83,14 @@ def test_a_run_equals_market_and_learning_exactly(world, strategy, update):
 @pytest.mark.parametrize(
     "strategy", ["softmax", "epsilon_greedy", "thompson", "ucb", "bounded_ucb"]
 )
-def test_a_run_does_not_depend_on_which_others_are_played_with_it(strategy):
+def test_run_is_independent_of_other_runs(strategy):
     arm = Arm(strategy=strategy)
     together = simulate(PERSONS, arm, draw(PERSONS, range(5), 30), 0.2)
     alone = simulate(PERSONS, arm, draw(PERSONS, [3], 30), 0.2)
     assert np.array_equal(together.profiles[3], alone.profiles[0])
 
 
-def test_an_agent_gets_nothing_before_it_arrives_and_what_suits_it_does_not_count_till_then():
+def test_absent_agent_gets_no_award_and_counts_later():
     world = replace(PAPER, absent={"agent_5": 20})
     streams = draw(world, range(5), 40)
     course = simulate(world, Arm(strategy="bounded_ucb"), streams)
@@ -103,7 +103,7 @@ def test_an_agent_gets_nothing_before_it_arrives_and_what_suits_it_does_not_coun
     assert np.array_equal(correct & fives, (course.awarded == [[1] * 20 + [2] * 20]) & fives)
 
 
-def test_what_is_right_changes_with_the_mind_of_the_person():
+def test_correct_agent_changes_with_persons_preference():
     world = replace(PAPER, change=ChangeOfMind(after=20, best=PAPER.best[::-1]))
     streams = draw(world, [1], 40)
     course = simulate(world, Arm(tie_break="name"), streams)
@@ -115,7 +115,7 @@ def test_what_is_right_changes_with_the_mind_of_the_person():
     )
 
 
-def test_of_two_equally_good_agents_either_is_right_and_both_need_a_turn():
+def test_equally_good_agents_are_right_but_need_turns():
     world = replace(PAPER, best=MADE_FOR[[0, 0, 2]], scenes=MADE_FOR[[0, 2]])
     streams = draw(world, [1], 120)
     course = simulate(world, Arm(), streams)
@@ -127,7 +127,7 @@ def test_of_two_equally_good_agents_either_is_right_and_both_need_a_turn():
         assert found.served.tolist() == [served]
 
 
-def test_an_agent_whose_scenes_did_not_come_is_not_starved():
+def test_agent_without_matching_scenes_is_not_starved():
     streams = draw(PAPER, [1], 120)
     course = simulate(PAPER, Arm(), streams)
     streams.scene[:, -LAST:] = 0
@@ -135,18 +135,18 @@ def test_an_agent_whose_scenes_did_not_come_is_not_starved():
     assert of_runs(PAPER, streams, course).served.all()
 
 
-def test_a_shorter_run_is_the_beginning_of_a_longer_one():
+def test_shorter_run_is_prefix_of_longer_run():
     for world, wrong in ((PAPER, "another"), (PERSONS, "any")):
         short, long = (draw(world, [5, 9], rounds, wrong) for rounds in (7, 20))
         for name in ("scene", "error_draw", "wrong", "wrong_fit", "mood_noise", "ties"):
             assert np.array_equal(getattr(short, name), getattr(long, name)[:, :7]), name
 
 
-def test_a_seed_draws_what_it_has_always_drawn():
+def test_seed_draws_stay_the_same_across_versions():
     assert round_rng("epoch/4").random(2).tolist() == [0.2232831641075249, 0.6788254797385785]
 
 
-def test_no_kind_of_chance_follows_another():
+def test_random_streams_are_uncorrelated():
     streams = draw(PERSONS, [5], 400)
     kinds = (streams.error_draw, (streams.wrong_fit + 1.0) / 2.0, streams.ties[..., 0])
     table = np.corrcoef([kind.ravel() for kind in kinds])
@@ -160,7 +160,7 @@ def test_random_ties_starve_an_agent_in_a_third():
     assert found.starved == found.never
 
 
-def test_with_a_fixed_order_of_equal_bids_two_of_six_orders_starve_an_agent_always():
+def test_fixed_tie_order_always_starves_in_two_orders():
     starving = []
     for names in permutations("abc"):
         world = told(*names)
@@ -173,7 +173,7 @@ def test_with_a_fixed_order_of_equal_bids_two_of_six_orders_starve_an_agent_alwa
     assert starving == ["abc", "bac"]
 
 
-def test_the_interval_of_a_share_is_wilsons():
+def test_share_interval_is_wilson_interval():
     # Table I of Newcombe, "Two-sided confidence intervals for the single proportion", 1998.
     for hits, runs, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605)):
         found = wilson(hits, runs)

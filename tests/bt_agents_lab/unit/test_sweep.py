@@ -72,7 +72,7 @@ def changing(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("path", sorted(SWEEPS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_shipped_sweeps_are_read_and_report_other_seeds_than_were_tuned_on(path):
+def test_shipped_sweeps_report_seeds_not_tuned_on(path):
     spec = read_sweep(path)
     assert spec.runs >= 50
     assert spec.rounds >= 300
@@ -101,7 +101,7 @@ def test_shipped_sweeps_are_read_and_report_other_seeds_than_were_tuned_on(path)
         ("{calm_helper:", "{helper:", "15:28", "calm_helper"),
     ],
 )
-def test_what_is_wrong_with_a_sweep_is_told_with_its_place(changing, old, new, place, words):
+def test_sweep_errors_are_reported_with_position(changing, old, new, place, words):
     text = changing.read_text()
     assert old in text
     changing.write_text(text.replace(old, new))
@@ -111,7 +111,7 @@ def test_what_is_wrong_with_a_sweep_is_told_with_its_place(changing, old, new, p
     assert words in error.value.report
 
 
-def test_what_is_wrong_with_a_sweep_is_told_all_at_once(file):
+def test_sweep_errors_are_reported_in_one_pass(file):
     text = file.read_text().replace("runs: 6", "runs: 0").replace("sigma: 0.3", "c: 2")
     file.write_text(text.replace("window: 3", "window: 0"))
     with pytest.raises(ReadError) as error:
@@ -123,7 +123,7 @@ def test_what_is_wrong_with_a_sweep_is_told_all_at_once(file):
     ]
 
 
-def test_a_sweep_of_no_experiment_says_which_folder_it_looked_for(file):
+def test_sweep_of_missing_experiment_names_expected_folder(file):
     file.write_text(file.read_text().replace("/persons", "/nobody"))
     with pytest.raises(
         BtAgentsError, match=r"nobody' is no experiment: it has no experiment.yaml"
@@ -131,7 +131,7 @@ def test_a_sweep_of_no_experiment_says_which_folder_it_looked_for(file):
         read_sweep(file)
 
 
-def test_the_same_seed_gives_the_same_numbers_in_any_number_of_processes(file, monkeypatch):
+def test_results_are_independent_of_number_of_processes(file, monkeypatch):
     spec = replace(read_sweep(file), rounds=8)
     one = sweep(spec, 1)
     two = sweep(spec, 2)
@@ -148,7 +148,7 @@ def test_the_same_seed_gives_the_same_numbers_in_any_number_of_processes(file, m
     ]
 
 
-def test_a_sweep_says_when_agents_arrive_and_what_they_are_made_for_later(changing):
+def test_sweep_declares_late_agents_and_preference_changes(changing):
     world = read_sweep(changing).world
     assert world.absent == {"swift_assistant": 8}
     assert world.present_in(7).tolist() == [True, True, True, False]
@@ -158,14 +158,14 @@ def test_a_sweep_says_when_agents_arrive_and_what_they_are_made_for_later(changi
     assert np.array_equal(world.best_in(10)[1:], world.best[1:])
 
 
-def test_somebody_has_to_be_there_from_the_start(changing):
+def test_sweep_needs_an_agent_from_the_start(changing):
     others = "calm_helper: 2, first_guide: 2, playful_companion: 2, swift_assistant: 9"
     changing.write_text(changing.read_text().replace("swift_assistant: 9", others))
     with pytest.raises(ReadError, match="in the first round nobody is there"):
         read_sweep(changing)
 
 
-def test_measures_of_parts_are_those_of_the_whole(file):
+def test_measures_of_parts_equal_measures_of_whole(file):
     world = read_sweep(file).world
     streams = draw(world, range(8), LAST + 20)
     course = simulate(world, Arm(tie_break="random"), streams, 0.2)
@@ -176,14 +176,14 @@ def test_measures_of_parts_are_those_of_the_whole(file):
     assert summary(together(parts)) == summary(of_runs(world, streams, course))
 
 
-def test_a_run_has_converged_when_all_that_follows_is_right():
+def test_run_has_converged_once_all_later_rounds_correct():
     right = np.ones((3, 60), dtype=bool)
     right[0, :10] = False
     right[1, 59] = right[1, 58] = False
     assert converged(right).tolist() == [10.0, np.inf, 1.0]
 
 
-def test_the_command_writes_table_numbers_and_figures(file, tmp_path, monkeypatch):
+def test_command_writes_table_numbers_and_figures(file, tmp_path, monkeypatch):
     # Small pictures are as good, and cheaper.
     monkeypatch.setattr(drawing, "_PNG_DPI", 30)
     output = tmp_path / "results"
@@ -219,14 +219,14 @@ def shipped_rules() -> dict[str, LearningRule]:
     return {agent.name: agent.learning for agent in agents if agent.learning_rate}
 
 
-def test_shipped_agents_and_new_ones_learn_by_the_rule_that_starves_nobody():
+def test_shipped_and_new_agents_use_huber_rule():
     rules = shipped_rules()
     assert len(rules) > 5
     assert set(map(repr, rules.values())) == {repr(LearningRule(update=Update.HUBER))}
 
 
 @pytest.mark.parametrize("name", ["1", "2-aggressive", "2-conservative", "2-moderate", "3"])
-def test_the_papers_experiments_keep_the_papers_rule(name):
+def test_paper_experiments_keep_the_papers_rule(name):
     agents = read_trees(ROOT / "experiments" / name).agents
     assert {repr(agent.learning) for agent in agents} == {repr(LearningRule())}
 
@@ -256,7 +256,7 @@ def test_with_the_defaults_nobody_starves(world):
     assert found["paper"][0].starved.share > 0.1, "by the paper's rule some do"
 
 
-def test_a_sweep_that_is_not_there_is_answered_with_those_that_are(monkeypatch):
+def test_missing_sweep_error_lists_existing_sweeps(monkeypatch):
     monkeypatch.chdir(ROOT)
     assert find_sweep("told") == Path("experiments/sweeps/told.yaml")
     with pytest.raises(BtAgentsError, match=r"no sweep 'nobody'; there are .*persons, .*told, "):

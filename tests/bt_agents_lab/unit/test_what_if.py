@@ -35,9 +35,7 @@ def winners(found: CounterfactualResult) -> list[str]:
 
 
 @pytest.mark.parametrize("strategy", ["manhattan", "softmax", "ucb", "bounded_ucb", "thompson"])
-def test_without_a_change_everything_would_have_been_as_it_was(
-    tmp_path: Path, strategy: str
-) -> None:
+def test_unchanged_replay_gives_the_same_results(tmp_path: Path, strategy: str) -> None:
     town = morning(tmp_path / "trees", strategy=strategy)
     found = result(town, tmp_path, Changes())
     assert found.other_winners == 0
@@ -47,7 +45,7 @@ def test_without_a_change_everything_would_have_been_as_it_was(
 
 
 @pytest.mark.parametrize("strategy", ["manhattan", "ucb", "bounded_ucb"])
-def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
+def test_unchanged_replay_of_partial_journal_gives_same_results(
     tmp_path: Path, strategy: str
 ) -> None:
     town = Town(tmp_path / "trees", strategy=strategy)
@@ -64,7 +62,7 @@ def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
         assert [c.margin_now for c in found.rounds] == [c.margin_was for c in found.rounds]
 
 
-def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
+def test_other_learning_rate_moves_profiles_accordingly(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s", age=4.0))
     town.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
@@ -72,7 +70,7 @@ def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
     assert found.profiles["bert"] == (4.5 + 0.5 * (5.0 - 4.5), 2.1, 3.3)
 
 
-def test_another_rate_changes_a_later_winner(tmp_path: Path) -> None:
+def test_other_learning_rate_changes_later_winner(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s0", age=4.0))
     town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
@@ -81,7 +79,7 @@ def test_another_rate_changes_a_later_winner(tmp_path: Path) -> None:
     assert winners(result(town, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
 
 
-def test_feedback_about_a_run_of_another_agent_is_not_given(tmp_path: Path) -> None:
+def test_feedback_about_another_agents_run_is_withheld(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     assert town.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
     town.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
@@ -93,7 +91,7 @@ def test_feedback_about_a_run_of_another_agent_is_not_given(tmp_path: Path) -> N
     assert found.profiles["bert"] == (5.0, 5.0, 5.0)
 
 
-def test_agents_of_another_folder_bid_as_their_files_say(tmp_path: Path) -> None:
+def test_agents_of_another_folder_bid_by_their_files(tmp_path: Path) -> None:
     town = morning(tmp_path / "trees")
     folder = write_folder(tmp_path / "other", carla=(4.0, 2.0, 3.0), bert=(1.0, 2.0, 3.0))
     file = folder / "agents" / "bert.yaml"
@@ -124,7 +122,7 @@ def _first(town: Town, kind: type) -> Any:
 
 
 @pytest.mark.parametrize("why", LEFT_OUT)
-def test_who_was_left_out_of_a_round_stays_out(tmp_path: Path, why: str) -> None:
+def test_agents_excluded_from_round_stay_excluded(tmp_path: Path, why: str) -> None:
     town = Town(tmp_path / "trees")
     if why in ("pinned", "vetoed"):
         LEFT_OUT[why](town)
@@ -137,7 +135,7 @@ def test_who_was_left_out_of_a_round_stays_out(tmp_path: Path, why: str) -> None
     assert winners(result(town, tmp_path, Changes(agents=agents))) == ["bert"]
 
 
-def test_who_takes_the_run_in_place_of_the_winner_is_taught(tmp_path: Path) -> None:
+def test_substitute_that_ran_is_taught(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     assert town.round(scene("s0", age=4.5)) == "bert"
     _first(town, Run).agent = "anna"
@@ -147,7 +145,7 @@ def test_who_takes_the_run_in_place_of_the_winner_is_taught(tmp_path: Path) -> N
     assert found.profiles["anna"] == town.profiles["anna"]
 
 
-def test_what_the_author_writes_meanwhile_counts(tmp_path: Path) -> None:
+def test_author_edits_in_between_count(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s0", age=4.5))
     town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
@@ -163,7 +161,7 @@ def test_what_the_author_writes_meanwhile_counts(tmp_path: Path) -> None:
     assert found.profiles["bert"] == (2.0, 2.0, 2.0)
 
 
-def test_an_undo_takes_back_what_would_have_been_learned(tmp_path: Path) -> None:
+def test_undo_reverts_hypothetical_learning(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s0", age=4.5))
     town.give_feedback("bert", FeedbackKind.DIRECT, (3.5, NAN, NAN))
@@ -185,7 +183,7 @@ def test_a_robust_update_withstands_one_wrong_feedback(tmp_path: Path) -> None:
     assert result(town, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
 
 
-def test_chance_is_the_same_each_time(tmp_path: Path) -> None:
+def test_random_strategy_gives_reproducible_results(tmp_path: Path) -> None:
     town = morning(tmp_path / "trees")
     changes = Changes(strategy="softmax", options={"temperature": 5.0})
     first, second = (result(town, tmp_path, changes) for _ in range(2))
@@ -203,14 +201,14 @@ def test_chance_is_the_same_each_time(tmp_path: Path) -> None:
         ("external", {}, "not known"),
     ],
 )
-def test_what_cannot_be_is_refused_with_a_reason(
+def test_invalid_changes_are_rejected_with_reason(
     strategy: str, options: Mapping[str, float], text: str
 ) -> None:
     with pytest.raises(BtAgentsError, match=text):
         replay_with(RecordingIndex(), Changes(strategy=strategy, options=options))
 
 
-def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path) -> None:
+def test_command_prints_changed_winners_and_its_assumptions(tmp_path: Path) -> None:
     path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
     folder = write_folder(tmp_path / "other", anna=(1.0, 1.0, 3.0))
     result = CliRunner().invoke(command, [str(path), "--agents", str(folder)])
@@ -224,7 +222,7 @@ def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path
     assert [one["now"] for one in data["rounds"]] == ["anna"] * 4
 
 
-def test_only_agents_with_the_tags_that_are_named_bid(tmp_path: Path) -> None:
+def test_only_agents_with_given_tags_bid(tmp_path: Path) -> None:
     path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
     folder = write_folder(tmp_path / "other", anna=(1.0, 1.0, 3.0), bert=(4.5, 2.1, 3.3))
     file = folder / "agents" / "bert.yaml"
@@ -241,7 +239,7 @@ def test_only_agents_with_the_tags_that_are_named_bid(tmp_path: Path) -> None:
     assert "name their folder with --agents" in str(told.exception)
 
 
-def test_a_scene_without_a_name_is_shown_by_its_values(tmp_path: Path) -> None:
+def test_unlabelled_scene_is_shown_by_its_values(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
     town.round(replace(scene("0b60", age=4.5), label="", person=False))
@@ -255,7 +253,7 @@ def test_a_scene_without_a_name_is_shown_by_its_values(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["temperature=", "=1", "temperature=nan"])
-def test_an_option_that_is_no_number_is_refused(tmp_path: Path, text: str) -> None:
+def test_non_numeric_option_is_rejected(tmp_path: Path, text: str) -> None:
     result = CliRunner().invoke(command, ["--strategy", "softmax", text])
     assert result.exit_code == 2
     assert "not of the form name=number" in result.output

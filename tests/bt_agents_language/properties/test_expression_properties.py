@@ -235,7 +235,7 @@ def constant(node: Node) -> float | None:
 
 @settings(max_examples=400, deadline=None)
 @given(booleans | numbers)
-def test_an_expression_means_the_same_as_its_tree(tree):
+def test_expression_means_the_same_as_its_tree(tree):
     assume(not is_refused_by_design(tree))
     text = written(tree)
     assume(len(text) <= 1000)
@@ -263,7 +263,7 @@ RANGES = {
 
 @settings(max_examples=400, deadline=None)
 @given(booleans | numbers)
-def test_what_an_expression_gives_lies_in_its_range(tree):
+def test_expression_value_lies_in_its_range(tree):
     assume(not is_refused_by_design(tree))
     text = written(tree)
     assume(len(text) <= 1000)
@@ -298,7 +298,7 @@ plain = st.recursive(
     st.text() | st.lists(st.sampled_from(PIECES), max_size=20).map(" ".join),
     st.sampled_from([{}, {"n": ValueKind.NUMBER, "t": ValueKind.TEXT, "b": ValueKind.BOOLEAN}]),
 )
-def test_any_text_is_an_expression_or_refused_where_it_goes_wrong(text, kinds):
+def test_any_text_parses_or_is_rejected_with_position(text, kinds):
     refusal = None
     try:
         parse_expression(text, kind_of=kinds.get)
@@ -312,7 +312,7 @@ def test_any_text_is_an_expression_or_refused_where_it_goes_wrong(text, kinds):
 
 @settings(max_examples=300, deadline=None)
 @given(booleans | numbers, st.dictionaries(st.sampled_from([*VALUES]), plain))
-def test_values_of_any_kind_give_a_value_or_an_error_in_words(tree, values):
+def test_any_values_give_result_or_readable_error(tree, values):
     assume(not is_refused_by_design(tree))
     expression = parse_expression(written(tree))
 
@@ -339,7 +339,7 @@ def test_values_of_any_kind_give_a_value_or_an_error_in_words(tree, values):
 
 @settings(deadline=None)
 @given(text=st.text(alphabet=st.characters(codec="utf-8") | st.sampled_from("0123456789.,- ")))
-def test_the_number_in_any_text_is_finite_or_missing(text):
+def test_number_from_any_text_is_finite_or_missing(text):
     expression = parse_expression("number(text) else none_there")
     found = expression.evaluate({"text": text, "none_there": None}.__getitem__)
     assert found is None or math.isfinite(found)

@@ -330,43 +330,43 @@ def law(examples: int) -> settings:
 
 @law(1500)
 @given(mutants("agent"))
-def test_a_mutant_of_an_agent_is_refused_by_name_or_runs(place: Path, content: bytes) -> None:
+def test_mutated_agent_runs_or_is_rejected_with_code(place: Path, content: bytes) -> None:
     check("agent", content, place)
 
 
 @law(350)
 @given(mutants("skills"))
-def test_a_mutant_of_skills_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+def test_mutated_skills_are_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
     check("skills", content, place)
 
 
 @law(300)
 @given(mutants("library"))
-def test_a_mutant_of_a_library_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+def test_mutated_library_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
     check("library", content, place)
 
 
 @law(200)
 @given(mutants("scene"))
-def test_a_mutant_of_a_scene_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+def test_mutated_scene_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
     check("scene", content, place)
 
 
 @law(100)
 @given(mutants("market"))
-def test_a_mutant_of_a_market_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+def test_mutated_market_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
     check("market", content, place)
 
 
 @law(200)
 @given(mutants("script"))
-def test_a_mutant_of_a_script_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+def test_mutated_script_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
     check("script", content, place)
 
 
 @law(250)
 @given(mutants("test"))
-def test_a_mutant_of_a_test_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+def test_mutated_test_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
     check("test", content, place)
 
 
@@ -501,9 +501,7 @@ def node(random: Random, depth: int, parent: str = "") -> str:
 
 @law(2000)
 @given(st.randoms(use_true_random=True))
-def test_any_tree_of_the_languages_words_is_refused_by_name_or_runs(
-    place: Path, random: Random
-) -> None:
+def test_random_tree_runs_or_is_rejected_with_code(place: Path, random: Random) -> None:
     # Drawn piece by piece, a tree would take hypothesis ten times as long as its check.
     check("agent", f"{HEAD}{TUNABLES}tree: {node(random, 0)}{SUBTREES}".encode(), place)
 
@@ -550,7 +548,7 @@ def change(document: Any, luck: Random) -> None:
 
 
 @pytest.mark.parametrize(("kind", "mutations"), MUTATIONS.items())
-def test_a_file_with_nodes_in_wrong_places_is_accepted_or_refused_by_name(
+def test_misplaced_nodes_are_accepted_or_rejected_with_code(
     place: Path, kind: str, mutations: int
 ) -> None:
     documents = [yaml.load(file, Loader=yaml.CSafeLoader) for file in FILES[kind]]

@@ -170,7 +170,7 @@ def check_node(spec: NodeSpec, seen: set[str]) -> None:
 
 @settings(max_examples=1000, deadline=None)
 @given(mutants())
-def test_a_mutant_of_a_good_file_is_accepted_or_refused_by_name(mutant):
+def test_mutated_file_is_accepted_or_rejected_with_code(mutant):
     text, reader = mutant
     try:
         spec = reader(text)
@@ -186,7 +186,7 @@ def test_a_mutant_of_a_good_file_is_accepted_or_refused_by_name(mutant):
 @example("\ufeff")
 @example("{? a}")
 @example('"\\ud800"')
-def test_any_text_is_accepted_or_refused_by_name(text):
+def test_any_text_is_accepted_or_rejected_with_code(text):
     for _, reader in SEEDS[-5:]:
         try:
             reader(text)
@@ -225,7 +225,7 @@ def content(node: Node) -> object:
 
 @settings(deadline=None)
 @given(plain)
-def test_what_is_written_is_read_back_with_its_span(value):
+def test_written_values_are_read_back_with_span(value):
     text = f"k: {written(value)}\n"
     problems = Diagnostics(None)
     root = read_yaml(Source("a.yaml", text), problems)
@@ -237,7 +237,7 @@ def test_what_is_written_is_read_back_with_its_span(value):
 
 
 @given(st.text(max_size=30))
-def test_quantities_are_finite_or_refused(text):
+def test_quantities_are_finite_or_rejected(text):
     duration = partial(quantity, field_type=FieldType.DURATION)
     for read, low in ((number, -1e308), (integer, -(2**63)), (duration, 0.0)):
         with suppress(QuantityError):
@@ -247,7 +247,7 @@ def test_quantities_are_finite_or_refused(text):
 @given(
     st.integers(0, 500_000), st.sampled_from([("ms", Fraction(1, 1000)), ("s", 1), ("min", 60)])
 )
-def test_a_time_is_its_number_times_its_unit(amount, unit):
+def test_time_is_number_times_unit(amount, unit):
     name, seconds = unit
     assert quantity(f"{amount} {name}", FieldType.DURATION) == float(amount * seconds)
 
@@ -290,7 +290,7 @@ conditions: st.SearchStrategy[Pair] = st.recursive(
 
 
 @given(conditions)
-def test_a_condition_means_the_same_as_its_parts(pair):
+def test_condition_means_the_same_as_its_parts(pair):
     text, value = pair
     assert parse_expression(text).evaluate({**NUMBERS, **BOOLEANS}.__getitem__) is value
 
@@ -302,7 +302,7 @@ def test_a_condition_means_the_same_as_its_parts(pair):
         )
     )
 )
-def test_any_row_of_words_is_a_condition_or_refused_where_it_goes_wrong(words):
+def test_word_sequence_parses_or_is_rejected_with_position(words):
     text = " ".join(words)
     column = 1
     try:

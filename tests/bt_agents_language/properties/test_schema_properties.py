@@ -56,7 +56,7 @@ PLACES = [
 @given(written=WRITTEN)
 @example(written="' 5 '")
 @example(written="'${1 + 1}'")
-def test_the_schema_takes_what_the_reader_takes(place, written):
+def test_schema_accepts_trees_the_reader_accepts(place, written):
     text = f"{HEAD}tree:\n  {place.format(written)}\n"
     try:
         read_agent_text(text, "a.yaml", SYMBOLS)
@@ -69,7 +69,7 @@ def test_the_schema_takes_what_the_reader_takes(place, written):
     written=WRITTEN,
     key=st.sampled_from(["default: 3, min: {}", "default: {}", "default: 1 s, min: 0, max: {}"]),
 )
-def test_the_schema_takes_a_tunable_that_the_reader_takes(written, key):
+def test_schema_accepts_tunables_the_reader_accepts(written, key):
     tunable = key.format(written)
     text = f"{HEAD}tunables: {{t: {{{tunable}}}}}\ntree: {{say: '${{t}}'}}\n"
     try:

@@ -54,7 +54,7 @@ def values(node: Node, path: str = "") -> Iterator[tuple[str, Scalar]]:
 
 @settings(deadline=None, max_examples=300)
 @given(st.sampled_from(SEEDS), st.integers(0), NEW)
-def test_exactly_one_value_changes_in_one_line(text, at, new):
+def test_edit_changes_exactly_one_value(text, at, new):
     source = Source("a.yaml", text)
     before = list(values(read(text)))
     path, node = before[at % len(before)]
@@ -74,7 +74,7 @@ def test_exactly_one_value_changes_in_one_line(text, at, new):
 
 
 @given(st.sampled_from(SEEDS), st.integers(0))
-def test_the_same_value_again_changes_nothing_a_reader_sees(text, at):
+def test_replacing_value_with_itself_changes_no_values(text, at):
     before = list(values(read(text)))
     path, node = before[at % len(before)]
     again = dict(values(read(replace_value(Source("a.yaml", text), node, node.text))))
@@ -82,7 +82,7 @@ def test_the_same_value_again_changes_nothing_a_reader_sees(text, at):
     assert value_type(again[path]) is value_type(node)
 
 
-def test_a_plain_value_stays_plain_and_a_quoted_one_keeps_its_quotes():
+def test_edit_keeps_plain_and_quoted_style():
     source = Source("a.yaml", "a: 0.9  # rate\nb: 'x'\nc: hello\n")
     nodes = dict(values(read(source.text)))
     assert replace_value(source, nodes["/a"], "1.05") == "a: 1.05  # rate\nb: 'x'\nc: hello\n"
@@ -90,20 +90,20 @@ def test_a_plain_value_stays_plain_and_a_quoted_one_keeps_its_quotes():
     assert replace_value(source, nodes["/c"], "5") == "a: 0.9  # rate\nb: 'x'\nc: \"5\"\n"
 
 
-def test_a_comment_behind_the_sign_of_a_text_stays():
+def test_comment_after_block_sign_is_kept():
     source = Source("a.yaml", "a: |  # sign\n  text\nb: 1\n")
     node = dict(values(read(source.text)))["/a"]
     assert replace_value(source, node, "new") == 'a: "new"  # sign\nb: 1\n'
 
 
-def test_a_value_of_another_text_is_refused():
+def test_value_of_another_text_is_rejected():
     source = Source("a.yaml", "a: 1\n")
     other = dict(values(read("a:    1\n")))["/a"]
     with pytest.raises(ValueError, match=r"a\.yaml:1:7: '1' is no value of this file"):
         replace_value(source, other, "2")
 
 
-def test_what_no_file_may_hold_is_refused():
+def test_characters_invalid_in_yaml_are_rejected():
     source = Source("a.yaml", "a: 1\n")
     with pytest.raises(ValueError, match="cannot be written into a file"):
         replace_value(source, dict(values(read(source.text)))["/a"], "\0")

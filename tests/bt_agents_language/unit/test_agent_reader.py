@@ -53,7 +53,7 @@ def test_shipped_agents_are_read(path):
     assert len(set(listed)) == len(listed)
 
 
-def test_the_head_of_an_agent():
+def test_agent_head_is_read():
     spec = read_agent_text(
         """\
 format: 1
@@ -97,7 +97,7 @@ on_cancel: {light: red}
     assert spec.on_cancel.path == "on_cancel"
 
 
-def test_what_is_not_written_has_a_default():
+def test_omitted_keys_have_defaults():
     spec = read_agent_text(HEAD + "tree: {wait: 0}\n", "a.yaml", SYMBOLS)
     assert (spec.title, spec.description, spec.tags) == ("a", "", ())
     assert (spec.learning_rate, spec.requires, spec.rules) == (0.2, None, ())
@@ -122,7 +122,7 @@ def test_what_is_not_written_has_a_default():
         ("{default: 1.0, min: 0.0, max: 1.0, step: 0.3}", FieldType.NUMBER, 1.0, (0, 1, 0.3)),
     ],
 )
-def test_the_default_of_a_tunable_says_its_type(written, field_type, default, limits):
+def test_tunable_default_determines_type(written, field_type, default, limits):
     spec = agent("wait: 0", head=f"tunables: {{x: {written}}}")
     (tunable,) = spec.tunables
     assert (tunable.name, tunable.type, tunable.default) == ("x", field_type, default)
@@ -131,7 +131,7 @@ def test_the_default_of_a_tunable_says_its_type(written, field_type, default, li
 
 
 @pytest.mark.parametrize(("switch", "other"), [("succeed", "fail"), ("fail", "succeed")])
-def test_modifiers_wrap_a_node_in_one_order_however_they_are_written(switch, other):
+def test_modifiers_wrap_nodes_in_fixed_order(switch, other):
     tree = f"""
     invert: true
     timeout: 1 min
@@ -168,7 +168,7 @@ def test_modifiers_carry_their_fields():
     assert repeat.children[0].fields == {"limit": Literal(value=90.0)}
 
 
-def test_a_node_left_out_fails_only_below_a_selector():
+def test_skipped_node_fails_only_under_selector():
     def otherwise(composite: str) -> object:
         tree = f"{composite}:\n  - say: x\n    when: scene.person\n    timeout: 1 s"
         return agent(tree).tree.children[0].fields["otherwise"]
@@ -215,7 +215,7 @@ def test_paths_are_places_in_the_tree():
     ]
 
 
-def test_a_node_without_a_name_is_called_by_what_it_does():
+def test_unnamed_node_is_named_after_its_action():
     spec = agent(
         """
         sequence:
@@ -239,7 +239,7 @@ def test_a_node_without_a_name_is_called_by_what_it_does():
     ]
 
 
-def test_the_fields_of_composites_have_defaults():
+def test_composite_fields_have_defaults():
     spec = agent(
         """
         sequence:
@@ -252,7 +252,7 @@ def test_the_fields_of_composites_have_defaults():
     assert spec.children[1].fields == {"memory": Literal(value=False)}
 
 
-def test_a_skill_has_a_value_for_every_input():
+def test_skill_node_has_value_for_every_input():
     spec = agent("say: {text: Hi}").tree
     assert spec.kind == "say"
     assert spec.skill is SYMBOLS.skills["say"]
@@ -283,7 +283,7 @@ def test_texts_hold_names(written, value):
     assert spec.fields["text"] == value
 
 
-def test_values_of_any_type_keep_theirs():
+def test_any_typed_values_keep_their_types():
     spec = agent(
         "set: {a: 1, b: 1.5, c: yes, d: true, e: [1, x], f: {g: '${scene.age}'}, h: 2 s}"
     ).tree
@@ -327,14 +327,14 @@ def test_leaves_that_name_ros_directly_are_unnamed_skills():
     assert beep.skill.binding.kind is BindingKind.TOPIC
 
 
-def test_wait_for_has_a_condition_over_its_message():
+def test_wait_for_has_condition_over_message():
     spec = agent("wait_for: {topic: a, type: b/msg/C, until: msg.x.y > 1 and scene.person}").tree
     until = spec.fields["until"]
     assert isinstance(until, Expression)
     assert until.names == {"msg.x.y", "scene.person"}
 
 
-def test_a_message_is_known_in_its_condition_only():
+def test_message_is_visible_only_in_its_condition():
     assert errors("tree:\n  check: msg.data\n") == [
         "5:10: error[unknown-name]: there is no name 'msg.data' here"
     ]
@@ -359,7 +359,7 @@ def test_a_message_is_known_in_its_condition_only():
         ("check: %s > 1", "text", False),
     ],
 )
-def test_a_name_must_have_a_fitting_type(field, name, fits):
+def test_referenced_name_must_have_fitting_type(field, name, fits):
     head = """
     tunables:
       time: {default: 2 s}
@@ -375,13 +375,13 @@ def test_a_name_must_have_a_fitting_type(field, name, fits):
             agent(field % name, head)
 
 
-def test_set_gives_a_name_the_type_of_its_values():
+def test_set_gives_name_type_of_its_values():
     with pytest.raises(ReadError, match="expected a time such as '8 s', but 'a' is a text"):
         agent("sequence:\n  - set: {a: x}\n  - wait: ${a}")
     agent("sequence:\n  - set: {a: 1}\n  - set: {a: 2 s}\n  - wait: ${a}")
 
 
-def test_the_inputs_of_a_subtree_have_defaults():
+def test_subtree_inputs_have_defaults():
     spec = agent(
         "subtree: greet",
         "subtrees: {greet: {inputs: {who: {type: text, default: you}}, tree: {say: '${who}'}}}",
@@ -432,13 +432,13 @@ def test_inputs_and_names_must_agree(text, error):
     assert errors(text) == [error]
 
 
-def test_a_broken_tunable_is_known_all_the_same():
+def test_broken_tunable_remains_a_known_name():
     assert errors("tunables: {a: {default: 9, min: 1, max: 2}}\ntree: {say: '${a}'}\n") == [
         "4:25: error[out-of-range]: the default of tunable 'a' is 9, expected 1 to 2"
     ]
 
 
-def test_without_a_mood_in_the_scene_there_is_no_change_of_mood():
+def test_scene_without_mood_has_no_mood_change():
     space = SceneSpace(
         parameters=(SceneParameter(name="age", minimum=1, maximum=5, default=3),), mood=None
     )
@@ -452,13 +452,13 @@ def test_without_a_mood_in_the_scene_there_is_no_change_of_mood():
     assert "scene.yaml does not say which parameter is the mood" in error.value.report
 
 
-def test_a_chain_of_very_many_subtrees_is_too_deep_and_nothing_worse():
+def test_very_long_subtree_chain_is_too_large():
     links = "".join(f"  s{i}: {{tree: {{subtree: s{i + 1}}}}}\n" for i in range(3000))
     text = f"tree: {{subtree: s0}}\nsubtrees:\n{links}  s3000: {{tree: {{say: x}}}}\n"
     assert errors(text)[0].startswith("4:8: error[tree-too-large]")
 
 
-def test_trees_share_one_limit_of_nodes():
+def test_all_trees_share_one_node_limit():
     say = "- {say: x}\n" * (MAX_NODES // 2)
     text = f"tree:\n  sequence:\n{say}on_cancel:\n  sequence:\n{say}"
     second = MAX_NODES // 2 + 7
@@ -506,15 +506,15 @@ KNOWING = SymbolTable(SPACE, SYMBOLS.skills, FakeInterfaces())
         ),
     ],
 )
-def test_unknown_ros_types_and_fields_are_errors_with_their_place(leaf, error):
+def test_unknown_ros_types_and_fields_are_positioned_errors(leaf, error):
     assert errors(f"tree: {{{leaf}}}\n", KNOWING) == [error]
 
 
-def test_without_interfaces_ros_types_are_not_looked_up():
+def test_ros_types_are_unchecked_without_interfaces():
     agent("action: {name: a, type: other/action/X, goal: {anything: 1}}")
 
 
-def test_every_kind_of_node_and_modifier_says_what_it_is_for():
+def test_every_node_and_modifier_has_description():
     assert all(kind.description.endswith(".") for kind in NODE_TYPES.values())
     assert all(kind.description.endswith(".") for kind in DECORATORS.values())
 
@@ -527,7 +527,7 @@ def test_every_kind_of_node_and_modifier_says_what_it_is_for():
         "tree:\n  subtree: greet\n  with: {text: {one_of: [Hello., Hi.]}}\n",
     ],
 )
-def test_one_of_several_texts_stands_only_behind_a_skill(tree):
+def test_text_variants_are_allowed_only_as_skill_text(tree):
     head = "format: 1\nagent: guide\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
     with pytest.raises(ReadError) as found:
         read_agent_text(head + tree, "guide.yaml", SYMBOLS)

@@ -31,7 +31,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_shipped_folder_is_sound():
+def test_shipped_folder_has_no_errors():
     trees = read_trees(TREES)
     assert trees.broken == ()
     assert len(trees.agents) >= 4
@@ -39,13 +39,13 @@ def test_the_shipped_folder_is_sound():
     assert trees.scene.space.mood == "mood"
 
 
-def test_agents_come_in_the_order_of_their_names(folder):
+def test_agents_are_sorted_by_name(folder):
     trees = read_trees(folder)
     assert [one.name for one in trees.agents] == ["ann", "zoe"]
     assert trees.folder == folder
 
 
-def test_a_broken_agent_stops_no_other(folder):
+def test_broken_agent_does_not_affect_other_agents(folder):
     (folder / "agents" / "a.yaml").write_text(agent("bob", "{bep: }"))
     trees = read_trees(folder)
     assert [one.name for one in trees.agents] == ["ann", "zoe"]
@@ -58,7 +58,7 @@ def test_a_broken_agent_stops_no_other(folder):
 
 @pytest.mark.parametrize("word", ["sequence", "selector", "parallel", "random", "choose"])
 @pytest.mark.parametrize("written", ["{}", "{children: {}}"])
-def test_a_composite_with_an_empty_mapping_has_no_children(folder, word, written):
+def test_composite_with_empty_mapping_has_no_children(folder, word, written):
     (folder / "agents" / "a.yaml").write_text(agent("bob", f"{{{word}: {written}}}"))
     trees = read_trees(folder)
     assert [one.name for one in trees.agents] == ["ann", "zoe"]
@@ -66,7 +66,7 @@ def test_a_composite_with_an_empty_mapping_has_no_children(folder, word, written
     assert (problem.code, problem.position.line) == ("no-children", 4)
 
 
-def test_a_fault_of_the_reader_is_an_error_of_one_file_with_its_place(folder, monkeypatch):
+def test_reader_fault_becomes_positioned_error_of_one_file(folder, monkeypatch):
     read = RawNodeReader.read
 
     def faulty(reader, node, *others):
@@ -84,7 +84,7 @@ def test_a_fault_of_the_reader_is_an_error_of_one_file_with_its_place(folder, mo
     )
 
 
-def test_the_second_agent_of_a_name_is_broken(folder):
+def test_second_agent_with_same_name_is_broken(folder):
     (folder / "agents" / "z.yaml").write_text("# a copy\n" + agent("zoe"))
     (broken,) = read_trees(folder).broken
     assert broken.file.name == "z.yaml"
@@ -92,14 +92,14 @@ def test_the_second_agent_of_a_name_is_broken(folder):
     assert "z.yaml:3:1: error[duplicate-agent]: there is an agent 'zoe' already" in line
 
 
-def test_what_is_no_yaml_file_of_the_folder_is_left_alone(folder):
+def test_non_yaml_files_in_folder_are_ignored(folder):
     (folder / "agents" / ".#x.yaml").symlink_to(folder / "nowhere")
     (folder / "agents" / "x.yaml~").write_text("[")
     (folder / "agents" / "notes.txt").write_text("[")
     assert read_trees(folder).broken == ()
 
 
-def test_a_folder_that_is_called_like_a_file_is_broken(folder):
+def test_folder_with_yaml_file_name_is_broken(folder):
     (folder / "agents" / "f.yaml").mkdir()
     (broken,) = read_trees(folder).broken
     assert "error[not-a-file]" in broken.error.lines[0]
@@ -111,19 +111,19 @@ def test_a_folder_without_skills_and_agents_is_empty(tmp_path):
     assert (trees.agents, trees.broken, dict(trees.symbols.skills)) == ((), (), {})
 
 
-def test_a_broken_scene_stops_all(folder):
+def test_broken_scene_rejects_whole_folder(folder):
     (folder / "scene.yaml").write_text("format: 1\n")
     with pytest.raises(ReadError, match=r"scene.yaml:1:1: error\[missing-key\]"):
         read_trees(folder)
 
 
-def test_a_missing_scene_stops_all(folder):
+def test_missing_scene_rejects_whole_folder(folder):
     (folder / "scene.yaml").unlink()
     with pytest.raises(ReadError, match=r"error\[no-file\]"):
         read_trees(folder)
 
 
-def test_broken_skills_stop_all_and_every_file_tells_its_errors(folder):
+def test_broken_skills_reject_folder_with_all_errors(folder):
     (folder / "skills" / "a.yaml").write_text("format: 2\nskills: {}\n")
     (folder / "skills" / "b.yaml").write_text(SKILLS)
     (folder / "skills" / "robot.yaml").write_text(SKILLS)
@@ -134,7 +134,7 @@ def test_broken_skills_stop_all_and_every_file_tells_its_errors(folder):
     assert "robot.yaml:3:3: error[duplicate-skill]: there is a skill 'beep' already" in second
 
 
-def test_agents_can_be_picked_by_their_tags():
+def test_agents_can_be_selected_by_tag():
     trees = read_trees(TREES)
     names = {agent.name for agent in trees.tagged("care_home").agents}
     assert names == {"cheerful_voice", "large_print", "evening_round"}

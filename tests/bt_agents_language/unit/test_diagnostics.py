@@ -16,7 +16,7 @@ def at(line: int, column: int) -> Position:
     return Position(file="a.yaml", line=line, column=column)
 
 
-def test_a_problem_is_shown_with_its_line_a_caret_and_a_hint():
+def test_problem_is_shown_with_line_caret_and_hint():
     problems = Diagnostics(Source("a.yaml", "tree:\n  sya: Hello.\n"))
     problems.add(
         "unknown-node", at(2, 3), "there is no node 'sya'", "did you mean 'say'?", at(2, 6)
@@ -29,7 +29,7 @@ def test_a_problem_is_shown_with_its_line_a_caret_and_a_hint():
     )
 
 
-def test_problems_come_in_the_order_of_the_file():
+def test_problems_are_sorted_by_position():
     problems = Diagnostics(None)
     problems.add("syntax", at(9, 1), "c")
     problems.add("syntax", at(2, 7), "b")
@@ -41,7 +41,7 @@ def test_problems_come_in_the_order_of_the_file():
     )
 
 
-def test_the_same_problem_at_the_same_place_counts_once():
+def test_same_problem_at_same_position_counts_once():
     problems = Diagnostics(None)
     problems.add("syntax", at(1, 1), "a")
     problems.add("syntax", at(1, 1), "a")
@@ -58,7 +58,7 @@ def test_a_long_line_is_cut_around_the_caret():
 
 
 @pytest.mark.parametrize("before", ["日本語 ", "Grüß ", "e\u0301 "])
-def test_the_caret_stands_below_what_is_wrong_in_any_script(before):
+def test_caret_is_aligned_in_any_script(before):
     problems = Diagnostics(Source("a.yaml", f"{before}X"))
     problems.add("syntax", at(1, len(before) + 1), "m")
     _, _, caret = problems.error().report.splitlines()
@@ -66,13 +66,13 @@ def test_the_caret_stands_below_what_is_wrong_in_any_script(before):
     assert caret.index("^") == len("    1 | ") + width
 
 
-def test_an_end_in_a_later_line_marks_the_rest_of_the_first():
+def test_multiline_span_underlines_rest_of_first_line():
     problems = Diagnostics(Source("a.yaml", "abc def\nghi"))
     problems.add("syntax", at(1, 5), "m", end=at(2, 2))
     assert problems.error().report.splitlines()[2] == "      |     ^^^"
 
 
-def test_a_file_with_very_many_errors_ends_the_reading():
+def test_reading_stops_after_too_many_errors():
     problems = Diagnostics(None)
 
     def add_all() -> None:

@@ -180,25 +180,25 @@ def found(code: Code, example: str, folder: Path) -> tuple[Diagnostic, ...]:
 
 
 @pytest.mark.parametrize("code", SHOWN, ids=lambda code: code.code)
-def test_the_wrong_example_of_a_code_has_it_first(code, tmp_path):
+def test_wrong_example_reports_its_code_first(code, tmp_path):
     problems = found(code, code.wrong, tmp_path)
     assert [problem.code for problem in problems][:1] == [code.code], problems
     assert problems[0].severity is code.severity
 
 
 @pytest.mark.parametrize("code", SHOWN, ids=lambda code: code.code)
-def test_the_right_example_of_a_code_is_without_any_problem(code, tmp_path):
+def test_right_example_has_no_problems(code, tmp_path):
     assert found(code, code.right, tmp_path) == ()
 
 
 @pytest.mark.parametrize("code", CODES.values(), ids=CODES)
-def test_a_code_has_a_plain_name_and_a_meaning_in_one_sentence(code):
+def test_code_has_plain_name_and_one_sentence_meaning(code):
     assert CODE.fullmatch(code.code)
     assert code.meaning[0].isupper()
     assert code.meaning.endswith(".")
 
 
-def test_the_table_is_a_sound_file_with_known_keys():
+def test_code_table_is_valid_with_known_keys():
     source = read_source(TABLE)
     problems = Diagnostics(source)
     _, root = read_file(source, problems)
@@ -211,7 +211,7 @@ def test_the_table_is_a_sound_file_with_known_keys():
             assert ({*keys} >= {"meaning", "wrong", "right"}) or entry.key.text == "reader-fault"
 
 
-def test_every_code_stands_in_one_group():
+def test_every_code_belongs_to_one_group():
     assert len(CODES) == sum(map(len, code_groups().values()))
     warnings = {code.code for code in code_groups()["Warnings"]}
     assert warnings == {c.code for c in CODES.values() if c.severity is Severity.WARNING}
@@ -264,7 +264,7 @@ def sources() -> list[ast.AST]:
     return [ast.parse(path.read_text(encoding="utf-8")) for path in files]
 
 
-def test_every_code_that_is_reported_is_in_the_table():
+def test_every_reported_code_is_in_the_table():
     codes = {code for tree in sources() for code in reported(tree)}
     assert len(codes) > 60
     assert codes <= set(CODES)

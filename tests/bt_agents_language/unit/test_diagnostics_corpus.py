@@ -120,7 +120,7 @@ def outcome(corpus: Path, file: str) -> tuple[str, ReadError | None]:
 
 
 @pytest.mark.parametrize("file", EXPECTED)
-def test_every_error_is_found_where_it_is(file, corpus):
+def test_every_error_is_found_at_its_position(file, corpus):
     # The collector looks at all that thousands of other tests have left behind.
     with gc_paused():
         start = time.process_time()
@@ -134,7 +134,7 @@ def test_every_error_is_found_where_it_is(file, corpus):
 
 
 @pytest.mark.parametrize("file", [file for file in EXPECTED if file in hostile_inputs.BUILT])
-def test_no_bomb_takes_much_memory(file, corpus):
+def test_yaml_bombs_use_little_memory(file, corpus):
     tracemalloc.start()
     try:
         outcome(corpus, file)
@@ -143,7 +143,7 @@ def test_no_bomb_takes_much_memory(file, corpus):
         tracemalloc.stop()
 
 
-def test_every_code_is_provoked_by_a_file_or_by_a_test_of_its_own():
+def test_every_code_is_provoked_by_file_or_test():
     provoked = set(re.findall(r"([a-z0-9-]+) \d+:\d+", " ".join(EXPECTED.values())))
     errors = {
         code
@@ -156,7 +156,7 @@ def test_every_code_is_provoked_by_a_file_or_by_a_test_of_its_own():
     assert not provoked & ELSEWHERE
 
 
-def test_every_code_that_the_readers_know_is_in_the_table():
+def test_every_code_emitted_by_readers_is_in_table():
     emitted = re.compile(
         r"""(?:\.error|\.error_in|\.add|_give_up|_refusal|ImportProblem)\(\s*(?:event,|file,)?
         \s*"([a-z0-9-]+)" """,

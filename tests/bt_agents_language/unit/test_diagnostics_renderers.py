@@ -65,25 +65,25 @@ class Terminal(io.StringIO):
         (io.StringIO(), {}, False),
     ],
 )
-def test_only_a_terminal_that_has_not_said_no_gets_colours(stream, environment, wanted):
+def test_only_terminals_without_opt_out_get_colours(stream, environment, wanted):
     assert wants_colour(stream, environment) is wanted
 
 
-def test_colours_only_dress_the_text():
+def test_colours_do_not_change_the_text():
     dressed = as_text([problem(), WARNING], colour=True)
     assert re.sub(r"\x1b\[[0-9;]*m", "", dressed) == as_text([problem(), WARNING])
     assert "\x1b[31;1merror[unknown-node]:\x1b[0m" in dressed
     assert "\x1b[33;1mwarning[endless-speech]:\x1b[0m" in dressed
 
 
-def test_a_warning_is_called_one():
+def test_warning_is_labelled_as_warning():
     assert as_line(WARNING) == (
         "trees/agents/a.yaml:9:1: warning[endless-speech]: there is no node 'sya'"
     )
 
 
 @pytest.mark.parametrize("strange", ["\x1b[31m", "\x07", "\n", "\u202e", "\r", "\ud83d"])
-def test_what_a_terminal_would_obey_is_never_printed(strange):
+def test_terminal_control_characters_are_never_printed(strange):
     text = as_block(
         problem(
             message=f"a{strange}b",
@@ -132,11 +132,11 @@ def test_json_has_a_stable_shape():
     }
 
 
-def test_json_can_be_written_whatever_a_file_is_called():
+def test_json_accepts_any_file_name():
     as_json([problem(position=at(1, 1, "\udcff.yaml"))], {}).encode()
 
 
-def test_an_annotation_marks_the_columns_from_first_to_last():
+def test_annotation_marks_first_to_last_column():
     assert as_annotation(problem()) == (
         "::error file=trees/agents/a.yaml,line=3,col=5,endColumn=7,title=error[unknown-node]"
         "::there is no node 'sya'%0Ahint: did you mean 'say'?"
@@ -147,11 +147,11 @@ def test_an_annotation_marks_the_columns_from_first_to_last():
     )
 
 
-def test_an_annotation_over_several_lines_marks_the_rest_of_the_first():
+def test_multiline_annotation_marks_rest_of_first_line():
     assert "col=5,endColumn=15," in as_annotation(problem(end=at(5, 2)))
 
 
-def test_an_annotation_cannot_be_left_by_what_a_file_says():
+def test_file_text_cannot_escape_annotation():
     hostile = problem(
         message="50 % done\n::error::gotcha\r", position=at(1, 1, "a,line=7::b:\n.yaml")
     )
@@ -167,7 +167,7 @@ def test_problems_are_counted_by_severity():
     assert count([problem(), WARNING, WARNING], Severity.WARNING) == 2
 
 
-def test_of_each_file_only_so_many_problems_are_shown_as_text():
+def test_text_output_limits_problems_per_file():
     many = [problem(position=at(line, 1)) for line in range(1, 151)]
     other = problem(position=at(1, 1, "b.yaml"))
     text = as_text([*many, other])
@@ -177,7 +177,7 @@ def test_of_each_file_only_so_many_problems_are_shown_as_text():
 
 
 @pytest.mark.parametrize(("number", "cut"), [(499, False), (500, True)])
-def test_json_says_when_a_file_has_more_problems_than_are_listed(number, cut):
+def test_json_flags_truncated_problem_list(number, cut):
     many = [problem(position=at(line, 1)) for line in range(1, number + 1)]
     assert (
         json.loads(as_json([*many, problem(position=at(1, 1, "b.yaml"))], {}))["truncated"] is cut
@@ -195,7 +195,7 @@ def test_warnings_do_not_make_a_file_unreadable():
     assert [error.code for error in problems.error().diagnostics] == ["unknown-node"]
 
 
-def test_very_many_warnings_are_cut_and_do_not_end_the_reading():
+def test_excess_warnings_are_cut_without_stopping_the_reader():
     problems = Diagnostics(None)
     for line in range(2000):
         problems.append(replace(WARNING, position=at(line, 1)))

@@ -25,7 +25,7 @@ def spec(seed: int) -> ExperimentSpec:
     )
 
 
-def test_the_closed_form_is_the_update_applied_again_and_again() -> None:
+def test_closed_form_equals_repeated_update() -> None:
     profile = (2.5, 2.5, 2.5)
     target = (5.0, 4.0, 1.0)
     for cycle in range(1, 101):
@@ -36,9 +36,7 @@ def test_the_closed_form_is_the_update_applied_again_and_again() -> None:
 
 
 @pytest.mark.parametrize(("rate", "cycles"), [(0.05, 92), (0.2, 22), (0.5, 7)])
-def test_an_l1_error_below_0_05_takes_as_many_cycles_as_the_rate_says(
-    rate: float, cycles: int
-) -> None:
+def test_convergence_cycles_to_l1_threshold_match_learning_rate(rate: float, cycles: int) -> None:
     target = (5.0, 4.0, 1.0)
 
     def error(n: int) -> float:
@@ -48,13 +46,13 @@ def test_an_l1_error_below_0_05_takes_as_many_cycles_as_the_rate_says(
     assert error(cycles) < 0.05 <= error(cycles - 1)
 
 
-def test_the_same_seed_gives_the_same_order_and_another_seed_another() -> None:
+def test_scene_order_depends_only_on_seed() -> None:
     assert spec(1).order() == spec(1).order()
     assert spec(1).order() != spec(2).order()
     assert set(spec(1).order()) == {(1.0,), (3.0,), (5.0,)}
 
 
-def test_the_deviation_finds_the_one_round_that_is_off() -> None:
+def test_deviation_finds_single_deviating_round() -> None:
     good = [
         FeedbackRecord(round=1, scene=(5.0,), winner="a", before=(1.0,), after=(3.0,)),
         FeedbackRecord(round=2, scene=(5.0,), winner="a", before=(3.0,), after=(4.0,)),
@@ -68,7 +66,7 @@ def test_the_deviation_finds_the_one_round_that_is_off() -> None:
     assert deviation(off, *arguments) == pytest.approx(0.001)
 
 
-def test_two_recordings_differ_by_their_largest_difference_or_altogether() -> None:
+def test_recording_difference_is_largest_profile_difference_or_infinite() -> None:
     one = [FeedbackRecord(round=1, scene=(5.0,), winner="a", before=(1.0,), after=(3.0,))]
     near = [FeedbackRecord(round=7, scene=(5.0,), winner="a", before=(1.0,), after=(3.25,))]
     other = [FeedbackRecord(round=1, scene=(5.0,), winner="b", before=(1.0,), after=(3.0,))]
@@ -77,5 +75,5 @@ def test_two_recordings_differ_by_their_largest_difference_or_altogether() -> No
     assert difference(one, other) == difference(one, []) == float("inf")
 
 
-def test_a_shorter_experiment_begins_alike() -> None:
+def test_shortened_experiment_keeps_its_prefix() -> None:
     assert spec(1).shortened(10).order() == spec(1).order()[:10]

@@ -51,7 +51,7 @@ def test_an_experiment_is_read():
         assert math.isnan(mood)
 
 
-def test_each_agent_may_have_a_list_of_feedback_of_its_own():
+def test_each_agent_may_have_own_feedback_sequence():
     sequences = "sequences: {lift: [{age: 1, mood: 2}, {age: 4, mood: 5}]}"
     text = TEXT.replace("sequence: [{age: 3}]", sequences)
     spec = read_experiment(Source("e.yaml", text), SPACE)
@@ -95,7 +95,7 @@ def test_shipped_experiments_are_read(path):
         ("share: 0.25", "every: 3, value: {age: 5, mood: 9}", "10:44"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(old, new, place):
+def test_errors_are_reported_with_position(old, new, place):
     with pytest.raises(ReadError) as error:
         read_experiment(Source("e.yaml", TEXT.replace(old, new)), SPACE)
     (line,) = error.value.lines

@@ -102,7 +102,7 @@ def marked(error: ExpressionError, text: str) -> str:
         ("d in ['saturday', 'sun']", 19, "'sun'", "write one of saturday, sunday"),
     ],
 )
-def test_a_slip_is_refused_at_the_wrong_word(text, column, word, hint):
+def test_slip_is_rejected_at_the_wrong_word(text, column, word, hint):
     error = refusal(text)
     assert error.column == column
     assert marked(error, text) == word
@@ -155,7 +155,7 @@ def test_a_slip_is_refused_at_the_wrong_word(text, column, word, hint):
         ("n else 'a'", "'a'", "'else' needs a number in place of a missing one, found a text"),
     ],
 )
-def test_kinds_that_do_not_fit_are_refused_at_the_wrong_value(text, word, message):
+def test_mismatched_kinds_are_rejected_at_wrong_value(text, word, message):
     error = refusal(text)
     assert marked(error, text) == word
     assert message in error.message
@@ -182,7 +182,7 @@ def test_kinds_that_do_not_fit_are_refused_at_the_wrong_value(text, word, messag
         ("len", 1, "write len(x)"),
     ],
 )
-def test_the_usual_slips_with_ranges_lists_and_functions_are_known(text, column, hint):
+def test_common_range_list_and_function_slips_have_hints(text, column, hint):
     error = refusal(text)
     assert error.column == column
     assert hint in error.hint
@@ -210,7 +210,7 @@ def test_the_usual_slips_with_ranges_lists_and_functions_are_known(text, column,
         ("scene.age.round()", "scene.age.round", "write round(scene.age)"),
     ],
 )
-def test_other_functions_and_methods_are_refused_with_what_is_possible(text, word, hint):
+def test_unknown_functions_and_methods_are_rejected_with_alternatives(text, word, hint):
     error = refusal(text)
     assert marked(error, text) == word
     assert hint in error.hint

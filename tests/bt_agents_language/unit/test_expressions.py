@@ -69,7 +69,7 @@ def value(text: str) -> object:
         ("endless > 5", True),
     ],
 )
-def test_an_expression_means_what_it_says(text, expected):
+def test_expression_evaluates_to_expected_value(text, expected):
     found = value(text)
     assert found == expected
     assert type(found) is type(expected)
@@ -104,7 +104,7 @@ def test_an_expression_means_what_it_says(text, expected):
         ("count between count + 1 and count - 1", False),
     ],
 )
-def test_in_and_between_are_comparisons(text, expected):
+def test_in_and_between_compare(text, expected):
     assert value(text) is expected
 
 
@@ -140,7 +140,7 @@ def test_in_and_between_are_comparisons(text, expected):
         ("round(scene.age / count, 2) == 1.33", True),
     ],
 )
-def test_functions_give_numbers(text, expected):
+def test_functions_return_numbers(text, expected):
     if expected is None:
         with pytest.raises(EvaluationError, match="too large"):
             value(text)
@@ -202,7 +202,7 @@ def test_functions_give_numbers(text, expected):
         ("(scene.person > 1) else true", "'>' needs numbers, found true"),
     ],
 )
-def test_values_that_do_not_fit_are_an_error_in_words(text, words):
+def test_mismatched_values_are_readable_errors(text, words):
     expression = parse_expression(text)
     with pytest.raises(EvaluationError) as error:
         expression.evaluate(lookup)
@@ -227,7 +227,7 @@ def test_values_that_do_not_fit_are_an_error_in_words(text, words):
         ("one moment, 7", 7),
     ],
 )
-def test_a_number_is_found_in_a_text(text, expected):
+def test_number_is_extracted_from_text(text, expected):
     found = parse_expression("number(answer)").evaluate(lambda _: text)
     assert found == expected
     assert type(found) is type(expected)
@@ -248,7 +248,7 @@ def test_a_number_is_found_in_a_text(text, expected):
         ("1.2.3", "may be read in two ways"),
     ],
 )
-def test_a_text_without_one_clear_number_is_an_error_in_words(text, words):
+def test_text_without_one_clear_number_is_an_error(text, words):
     with pytest.raises(EvaluationError) as error:
         parse_expression("number(answer)").evaluate(lambda _: text)
     assert words in str(error.value)
@@ -272,7 +272,7 @@ def test_a_text_without_one_clear_number_is_an_error_in_words(text, words):
         ("contains(place, told)", False),
     ],
 )
-def test_functions_look_into_texts(text, expected):
+def test_functions_search_texts(text, expected):
     assert value(text) == expected
 
 
@@ -295,13 +295,13 @@ def test_functions_look_into_texts(text, expected):
         ("'x' in live.items else ['x']", True),
     ],
 )
-def test_a_missing_value_is_told_and_replaced(text, expected):
+def test_missing_value_is_reported_and_replaceable(text, expected):
     found = value(text)
     assert found == expected
     assert type(found) is type(expected)
 
 
-def test_a_missing_value_is_passed_on_unless_it_does_not_matter():
+def test_missing_value_propagates_unless_irrelevant():
     with pytest.raises(MissingValue) as missing:
         value("live.mood > 2 or scene.person")
     assert missing.value.name == "live.mood"
@@ -329,12 +329,12 @@ def test_size_and_depth_are_bounded(text, words):
         parse_expression(text)
 
 
-def test_a_long_flat_expression_is_possible():
+def test_long_flat_expression_is_accepted():
     assert value(" or ".join(["count > 5"] * 70)) is False
     assert value("+".join(["1"] * 200)) == 200
 
 
-def test_names_are_known_with_their_columns():
+def test_expression_knows_names_with_columns():
     expression = parse_expression(
         "  scene.age > 2 and (place in ['x.y', other] or not max(scene.age, 3) between low and 9)"
     )
@@ -370,12 +370,12 @@ def test_names_are_known_with_their_columns():
         ("(t)", ValueKind.TEXT),
     ],
 )
-def test_the_kind_of_the_value_is_known_before_a_run(text, kind):
+def test_expression_kind_is_known_before_a_run(text, kind):
     kinds = {"a": ValueKind.NUMBER, "t": ValueKind.TEXT}
     assert parse_expression(text, kind_of=kinds.get).kind is kind
 
 
-def test_two_expressions_of_the_same_text_are_equal():
+def test_expressions_with_same_text_are_equal():
     assert parse_expression("a > 1") == parse_expression(" a > 1 ")
     assert hash(parse_expression("a > 1")) == hash(parse_expression("a > 1"))
 
@@ -390,6 +390,6 @@ def test_two_expressions_of_the_same_text_are_equal():
         "answer == other",
     ],
 )
-def test_texts_are_compared_whatever_their_capitals_and_accents(text):
+def test_text_comparison_ignores_case_and_accent_encoding(text):
     names = {"answer": "Cafe\u0301", "other": "caf\u00e9"}
     assert parse_expression(text).evaluate(names.__getitem__) is True

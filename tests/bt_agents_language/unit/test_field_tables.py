@@ -84,7 +84,7 @@ SOUND = "guests: 2\ncups: [{size: 0.2, sort: tea}]\nnames: {anna: hello}\nowner:
          "letters a-z, digits and '_', a letter first, at most 64 characters"),
     ],
 )  # fmt: skip
-def test_reader_and_schema_refuse_the_same_by_one_declaration(written, wrong, problem):
+def test_reader_and_schema_reject_the_same_values(written, wrong, problem):
     validator = Draft7Validator(file_schema(BAR, SPACE))
     assert read(SOUND) == []
     assert validator.is_valid({"format": 1, **yaml.safe_load(SOUND)})
@@ -93,7 +93,7 @@ def test_reader_and_schema_refuse_the_same_by_one_declaration(written, wrong, pr
     assert not validator.is_valid({"format": 1, **yaml.safe_load(broken)})
 
 
-def test_one_of_several_keys_can_be_asked_for():
+def test_table_can_require_one_of_several_keys():
     keys = ("each", "sequence")
     fields = tuple(FieldDecl(key, TEXT) for key in keys)
     for exclusive, both in ((False, True), (True, False)):
@@ -124,13 +124,13 @@ def tables(value: object) -> Iterator[KeyTable]:
 
 
 @pytest.mark.parametrize("kind", FILE_KINDS.values(), ids=FILE_KINDS)
-def test_a_table_names_each_key_once_and_describes_it(kind):
+def test_table_lists_and_describes_each_key_once(kind):
     for table in (*tables(kind), *kind.shared.values()):
         assert len(table.values) == len(table.fields)
         assert [one.name for one in table.fields if not one.description] == []
 
 
-def test_an_extended_table_keeps_the_place_of_a_field_that_it_replaces():
+def test_extended_table_keeps_order_of_replaced_fields():
     other = FieldDecl("size", TEXT, "Small or large.")
     table = CUP.extended(other, FieldDecl("colour", TEXT, "Of what colour."))
     assert [*table.values] == ["size", "sort", "colour"]

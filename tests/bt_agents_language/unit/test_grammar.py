@@ -23,7 +23,7 @@ def problems(text: str, head: str = "") -> list[str]:
     return [line.split("error[")[1].replace("]:", ":", 1) for line in caught.value.lines]
 
 
-def test_parallel_takes_a_number_or_names_of_children():
+def test_parallel_accepts_count_or_child_names():
     text = "parallel: {{succeed_on: {0}, children: [{{say: a, name: one}}, {{say: b}}]}}"
     assert tree(text.format("1")).fields["succeed_on"] == Literal(value=1)
     assert tree(text.format("[one]")).fields["succeed_on"] == Literal(value=(0,))
@@ -33,7 +33,7 @@ def test_parallel_takes_a_number_or_names_of_children():
     assert problems(text.format("some"))[0].startswith("bad-choice: 'succeed_on' is 'some'")
 
 
-def test_choose_has_named_cases_and_something_otherwise():
+def test_choose_has_named_cases_and_otherwise():
     spec = tree(
         """
         choose:
@@ -97,7 +97,7 @@ def test_retry_and_repeat_have_long_forms():
     assert problems("{say: x, retry: always}")[0].startswith("bad-number: ")
 
 
-def test_what_is_left_out_fails_below_a_selector_only():
+def test_skipped_node_fails_only_under_selector():
     text = "selector: [{say: x, once: true}, {say: y, cooldown: 3 s}]"
     once, cooldown = tree(text).children
     assert once.fields == {"otherwise": Literal(value="failure")}
@@ -107,12 +107,12 @@ def test_what_is_left_out_fails_below_a_selector_only():
     }
 
 
-def test_a_switch_that_is_off_is_no_modifier():
+def test_false_switch_adds_no_modifier():
     assert tree("{say: x, once: false, succeed: false, invert: false}").kind == "say"
     assert problems("{say: x, once: 3}")[0].startswith("wrong-type: 'once': expected true")
 
 
-def test_wait_for_takes_a_condition_or_a_message():
+def test_wait_for_accepts_condition_or_message():
     assert getattr(tree("wait_for: live.person").fields["condition"], "text", "") == "live.person"
     held = tree("wait_for: {condition: live.mood >= 3, for: 2 s}")
     assert held.fields["for"] == Literal(value=2.0)
@@ -129,7 +129,7 @@ def test_wait_for_takes_a_condition_or_a_message():
     assert problems(both)[0].startswith("misplaced-key: 'topic' is about a message")
 
 
-def test_log_and_give_feedback():
+def test_log_and_give_feedback_have_short_forms():
     log = tree("log: hello")
     assert log.fields == {"message": Literal(value="hello"), "level": Literal(value="info")}
     assert tree("give_feedback: positive").fields == {"kind": Literal(value="positive")}
@@ -154,13 +154,13 @@ def test_a_reference_can_be_an_expression():
     assert problems("say: '${agee + 1}'")[0].startswith("unknown-name: there is no name 'agee'")
 
 
-def test_the_wrong_token_of_an_expression_in_a_text_is_pointed_at():
+def test_error_points_at_wrong_token_in_text_expression():
     with pytest.raises(ReadError) as caught:
         agent("say: You are ${scene.agee + 1} years old.")
     assert caught.value.lines[0].startswith("a.yaml:8:18: error[unknown-name]")
 
 
-def test_outputs_can_be_renamed_beside_a_skill():
+def test_skill_outputs_can_be_renamed():
     spec = tree("sequence: [{ask: Who?, outputs: {who: answer}}, {say: 'Hello ${who}.'}]")
     assert spec.children[0].outputs == {"who": "answer"}
     assert spec.children[1].fields["text"].parts[1] == Reference(name="who")  # type: ignore[union-attr]
@@ -182,7 +182,7 @@ subtrees:
 """
 
 
-def test_a_subtree_gives_its_outputs_to_the_caller_and_keeps_the_rest():
+def test_subtree_exposes_only_its_outputs_to_caller():
     text = "sequence:\n  - subtree: ask_name\n    with: {question: Who?}\n  - say: Hello ${name}."
     spec = tree(text, SUBTREE)
     assert spec.children[0].outputs == {"name": "name"}
@@ -206,7 +206,7 @@ def test_a_subtree_gives_its_outputs_to_the_caller_and_keeps_the_rest():
         "{ask: '${answer}'}",
     ],
 )
-def test_a_name_that_nothing_has_given_a_value_yet_is_an_error(text):
+def test_name_without_value_yet_is_an_error(text):
     found = problems(text)
     assert [line.split(":")[0] for line in found] == ["no-value-yet"]
     assert "gives it one later" in found[0]
@@ -225,16 +225,16 @@ def test_a_name_that_nothing_has_given_a_value_yet_is_an_error(text):
         "sequence: [{random: [{ask: x}, {set: {answer: a}}]}, {say: '${answer}'}]",
     ],
 )
-def test_a_name_may_be_used_wherever_it_can_have_a_value(text):
+def test_name_is_usable_wherever_it_may_have_value(text):
     assert tree(text) is not None
 
 
-def test_on_cancel_may_use_what_the_tree_has_written():
+def test_on_cancel_may_read_names_written_by_tree():
     spec = agent("ask: Well?", "on_cancel: {say: '${answer}'}")
     assert spec.on_cancel is not None
 
 
-def test_a_duration_where_a_length_is_expected_is_an_error():
+def test_duration_in_place_of_length_is_an_error():
     head = """
     subtrees:
       approach: {inputs: {distance: length, turn: angle}, tree: {say: "${distance} ${turn}"}}
@@ -249,7 +249,7 @@ def test_a_duration_where_a_length_is_expected_is_an_error():
     assert problems(call.format('"${t}"', "1"), tunables)[0].startswith("wrong-value: ")
 
 
-def test_errors_below_a_misspelt_composite_are_found_too():
+def test_errors_below_misspelt_composite_are_found():
     assert problems("sequnce: [{sya: x}, {say: [1]}]") == [
         "unknown-node: there is no node or skill 'sequnce'",
         "unknown-node: there is no node or skill 'sya'",

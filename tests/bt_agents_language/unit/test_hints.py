@@ -39,7 +39,7 @@ def of_condition(condition: str) -> list[str]:
     ["answer is missing", "answer is null", "answer == missing", "answer == null",
      "scene.age is unknown", "scene.age == 'unknown'", "scene.age == unknown"],
 )  # fmt: skip
-def test_who_asks_whether_a_value_is_missing_is_told_that_this_need_not_be_asked(condition):
+def test_comparison_with_missing_gets_absent_hint(condition):
     assert of_condition(condition) == [ABSENT_HINT]
 
 
@@ -52,11 +52,11 @@ def test_who_asks_whether_a_value_is_missing_is_told_that_this_need_not_be_asked
         ("answer is not 'happy'", "write !="),
     ],
 )
-def test_only_what_can_be_a_text_is_to_be_put_in_quotation_marks(condition, hint):
+def test_quotation_hint_appears_only_for_possible_texts(condition, hint):
     assert of_condition(condition) == [hint]
 
 
-def test_a_word_for_a_comparison_becomes_one_that_is_read():
+def test_comparison_word_hints_lead_to_valid_condition():
     condition, seen = "answer is not happy", []
     for _ in range(4):
         seen.append(condition)
@@ -76,18 +76,18 @@ def test_a_word_for_a_comparison_becomes_one_that_is_read():
     ("word", "hint"),
     [(word, hint) for word, hint in HINTS["operators"].items() if hint.startswith("write ")],
 )
-def test_what_is_to_be_written_for_a_word_of_another_language_is_read(word, hint):
+def test_operator_hint_for_foreign_word_parses(word, hint):
     sign = hint.removeprefix("write ")
     between = " and c" if sign == "between" else ""
     parse_expression(sign if " " in sign else f"a {sign} b{between}")
 
 
-def test_everything_that_does_not_fit_in_one_condition_is_told():
+def test_one_condition_reports_all_its_errors():
     found = problems("tree: {say: Hello., when: scene.age > 'old' and live.person == 1 and x}\n")
     assert [one.code for one in found] == ["bad-expression", "bad-expression", "unknown-name"]
 
 
-def test_a_mood_rule_is_about_the_mood_as_it_is_now():
+def test_mood_hint_in_rule_suggests_live_mood():
     assert hints("feedback: [{when: mood < 2, give: negative}]\ntree: {say: Hello.}") == [
         "did you mean 'live.mood'?"
     ]
@@ -109,7 +109,7 @@ def test_a_mood_rule_is_about_the_mood_as_it_is_now():
         ),
     ],
 )
-def test_a_word_of_another_language_is_answered_with_the_word_for_it_here(tree, wanted):
+def test_foreign_node_word_hint_names_own_word(tree, wanted):
     found = hints(f"tree: {tree}")
     assert len(found) == len(wanted)
     assert all(word in hint for word, hint in zip(wanted, found, strict=True)), found
@@ -134,7 +134,7 @@ def test_a_word_of_another_language_is_answered_with_the_word_for_it_here(tree, 
         ("scene.mood == upset", "compare label(scene.mood) with 'upset'"),
     ],
 )
-def test_a_condition_as_people_say_it_is_answered_with_one_that_is_read(condition, hint):
+def test_natural_language_condition_hint_is_valid(condition, hint):
     (found,) = of_condition(condition)
     assert hint in found
     write = re.match(r"write (.+?)(?:, which|;|$)", found)
@@ -157,11 +157,11 @@ def test_a_condition_as_people_say_it_is_answered_with_one_that_is_read(conditio
         ),
     ],
 )
-def test_a_node_as_people_write_it_is_answered_with_the_line_to_type(text, wanted):
+def test_common_node_misspelling_hint_shows_correct_line(text, wanted):
     assert wanted in hints(text)
 
 
-def test_a_reference_without_quotes_in_braces_does_not_hide_what_else_is_wrong():
+def test_unquoted_reference_in_braces_hides_no_errors():
     found = problems(
         "tree:\n  sequence:\n    - {ask: {text: Hello ${name}, choices: [a, b]}}\n"
         "    - {say: ${other}}\n    - sya: Hello.\n"
@@ -171,7 +171,7 @@ def test_a_reference_without_quotes_in_braces_does_not_hide_what_else_is_wrong()
     ]  # fmt: skip
 
 
-def test_a_word_for_a_value_of_a_profile_is_answered_with_the_value():
+def test_profile_label_hint_gives_numeric_value():
     with pytest.raises(ReadError) as caught:
         read_agent_text(
             HEAD.replace("mood: 3", "mood: upset") + "tree: {say: Hello.}", "a.yaml", SYMBOLS
@@ -179,12 +179,12 @@ def test_a_word_for_a_value_of_a_profile_is_answered_with_the_value():
     assert caught.value.diagnostics[0].hint == "write 1, which scene.yaml calls so"
 
 
-def test_a_rule_that_is_to_stop_the_run_is_told_the_word():
+def test_mood_rule_stop_hint_suggests_cancel():
     rule = "feedback: [{when: live.mood < 2, for: 2 s, give: negative, then: stop}]\n"
     assert hints(rule + "tree: {say: Hello.}") == ["did you mean 'cancel'?"]
 
 
-def test_a_quantity_in_quotation_marks_is_mended_in_one_step():
+def test_quoted_quantity_is_fixed_in_one_step():
     text = "tunables:\n  pause: {{default: {}}}\ntree: {{wait: '${{pause}}'}}\n"
     for written, hint in (
         ("'2 s'", "write it without quotes: 2 s"),

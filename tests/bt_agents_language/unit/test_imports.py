@@ -71,7 +71,7 @@ def library(folder: Path, name: str, text: str) -> None:
     path.write_text("format: 1\n" + textwrap.dedent(text))
 
 
-def test_a_subtree_of_a_library_is_put_in_its_place_with_its_own_positions(folder):
+def test_library_subtree_keeps_its_own_positions(folder):
     call = "{sequence: [{subtree: greet, with: {who: you}}, {say: 'Ah, ${reply}.'}]}"
     spec = agent(folder, call, "libraries/manners.yaml")
     greet = spec.tree.children[0]
@@ -81,7 +81,7 @@ def test_a_subtree_of_a_library_is_put_in_its_place_with_its_own_positions(folde
     assert say.position.line == 9
 
 
-def test_a_library_can_use_another_one(folder):
+def test_library_can_import_another_library(folder):
     library(
         folder,
         "visits",
@@ -98,7 +98,7 @@ def test_a_library_can_use_another_one(folder):
     assert found == ["6:17 unknown-subtree: there is no subtree 'greet'"]
 
 
-def test_what_a_library_declares_holds_in_it_and_for_those_that_import_it(folder):
+def test_library_declarations_apply_to_it_and_importers(folder):
     tree = "{sequence: [{subtree: greet, with: {who: you}}, {check: reply >= 4}]}"
     assert problems(folder, tree, "libraries/manners.yaml") == [
         "6:63 bad-expression: 'check': '>=' needs a number on each side, found a text"
@@ -121,7 +121,7 @@ def test_what_a_library_declares_holds_in_it_and_for_those_that_import_it(folder
     )
 
 
-def test_the_library_that_has_a_subtree_is_named_where_its_import_is_forgotten(folder):
+def test_forgotten_import_hint_names_providing_library(folder):
     library(folder, "broken", "subtrees: {greet: 1}\n")
     with pytest.raises(ReadError) as caught:
         agent(folder, "{subtree: greet, with: {who: you}}")
@@ -129,7 +129,7 @@ def test_the_library_that_has_a_subtree_is_named_where_its_import_is_forgotten(f
     assert problem.hint == "add imports: [libraries/manners.yaml], which has it"
 
 
-def test_a_forgotten_import_in_a_library_makes_no_circle_of_the_libraries(folder):
+def test_forgotten_import_hint_creates_no_import_cycle(folder):
     needs = "imports: [libraries/{}.yaml]\nsubtrees: {{{}: {{tree: {{subtree: {}}}}}}}\n"
     library(folder, "first", "subtrees: {one: {tree: {subtree: two}}}\n")
     library(folder, "second", needs.format("first", "two", "one"))
@@ -138,7 +138,7 @@ def test_a_forgotten_import_in_a_library_makes_no_circle_of_the_libraries(folder
     assert "error[broken-import]" in broken["second.yaml"]
 
 
-def test_a_chain_of_a_thousand_imports_is_told_on_one_screen(folder):
+def test_thousand_nested_imports_report_on_one_screen(folder):
     for number in range(1000):
         following = f"imports: [libraries/l{number + 1}.yaml]\n" if number < 999 else ""
         library(
@@ -151,7 +151,7 @@ def test_a_chain_of_a_thousand_imports_is_told_on_one_screen(folder):
     assert any(line.endswith("places: imports are nested more than 16 deep") for line in lines)
 
 
-def test_a_library_can_bring_skills(folder):
+def test_library_can_provide_skills(folder):
     library(
         folder,
         "dance",
@@ -179,20 +179,20 @@ def test_a_library_can_bring_skills(folder):
         ("scene.yaml", "broken-import: 'scene.yaml' has errors itself"),
     ],
 )
-def test_an_import_that_leads_nowhere_is_named_where_it_stands(folder, path, expected):
+def test_invalid_import_is_reported_at_its_position(folder, path, expected):
     found = problems(folder, "{say: x}", path)
     assert len(found) == 1
     assert found[0].startswith(f"4:11 {expected}")
 
 
 @pytest.mark.parametrize("path", ["manners", "maners", "libraries/manners", "manners.txt"])
-def test_a_library_by_its_name_alone_is_answered_with_its_path(folder, path):
+def test_bare_library_name_gets_path_hint(folder, path):
     with pytest.raises(ReadError) as caught:
         agent(folder, "{say: x}", path)
     assert caught.value.diagnostics[0].hint == "write libraries/manners.yaml"
 
 
-def test_a_link_out_of_the_folder_is_not_followed(folder, tmp_path_factory):
+def test_symlink_out_of_folder_is_not_followed(folder, tmp_path_factory):
     outside = tmp_path_factory.mktemp("outside") / "x.yaml"
     outside.write_text(MANNERS)
     (folder / "libraries" / "x.yaml").symlink_to(outside)
@@ -200,14 +200,14 @@ def test_a_link_out_of_the_folder_is_not_followed(folder, tmp_path_factory):
     assert found == ["4:11 bad-import: 'libraries/x.yaml' leads out of the trees folder"]
 
 
-def test_a_pipe_is_refused_and_not_waited_for(folder):
+def test_pipe_is_rejected_without_blocking(folder):
     os.mkfifo(folder / "libraries" / "pipe.yaml")
     found = problems(folder, "{say: x}", "libraries/pipe.yaml")
     assert found[0].startswith("4:11 broken-import: 'libraries/pipe.yaml' has errors itself")
     assert "not-a-file" in found[0]
 
 
-def test_a_circle_of_imports_is_shown(folder):
+def test_import_cycle_is_shown(folder):
     library(folder, "a", "imports: [libraries/b.yaml]\nsubtrees: {x: {tree: {say: x}}}\n")
     library(folder, "b", "imports: [libraries/a.yaml]\nsubtrees: {y: {tree: {say: y}}}\n")
     found = problems(folder, "{say: x}", "libraries/a.yaml")
@@ -219,13 +219,13 @@ def test_a_circle_of_imports_is_shown(folder):
     assert [circle in broken.error.report for broken in trees.broken[1:]] == [True, True]
 
 
-def test_two_subtrees_of_one_name_are_refused(folder):
+def test_two_subtrees_with_same_name_are_rejected(folder):
     library(folder, "other", "subtrees: {greet: {tree: {say: x}}}\n")
     found = problems(folder, "{say: x}", "libraries/manners.yaml", "libraries/other.yaml")
     assert found[0].startswith("4:37 name-taken: this import brings a subtree 'greet'")
 
 
-def test_a_broken_library_breaks_those_that_import_it_and_no_other(folder):
+def test_broken_library_breaks_only_its_importers(folder):
     library(folder, "bad", "subtrees: {greet: {tree: {sya: x}}}\n")
     agent(folder, "{say: x}", "libraries/manners.yaml")
     (folder / "agents" / "b.yaml").write_text(
@@ -239,12 +239,12 @@ def test_a_broken_library_breaks_those_that_import_it_and_no_other(folder):
     assert reports == ["b.yaml", "bad.yaml"]
 
 
-def test_a_library_that_nobody_imports_is_read_all_the_same(folder):
+def test_unimported_library_is_read_too(folder):
     library(folder, "bad", "subtrees: {greet: {tree: {sya: x}}}\n")
     assert [broken.file.name for broken in read_trees(folder).broken] == ["bad.yaml"]
 
 
-def test_a_tree_of_8000_nodes_is_checked_in_less_than_a_second_of_computing(folder):
+def test_check_of_8000_nodes_takes_under_one_second(folder):
     tree = "{sequence: [" + ", ".join(f"{{say: Word {number}.}}" for number in range(8000)) + "]}"
     (folder / "agents" / "a.yaml").write_text(AGENT.format(tree=tree, imports=""))
     # The collector looks at all that thousands of other tests have left behind.

@@ -29,11 +29,11 @@ def label(text: str, **values: float) -> object:
     ("mood", "word"),
     [(1.0, "upset"), (1.4, "upset"), (1.5, "upset"), (1.6, "unhappy"), (4.9, "delighted")],
 )
-def test_the_nearest_label_is_taken_and_of_two_that_of_the_smaller_value(mood, word):
+def test_nearest_label_wins_and_ties_take_smaller_value(mood, word):
     assert label("label(live.mood)", mood=mood) == word
 
 
-def test_a_value_far_from_every_label_has_the_nearest_too():
+def test_value_far_from_labels_gets_nearest_label():
     assert nearest_label(((1.0, "first"), (3.0, "later")), 90.0) == "later"
 
 
@@ -44,7 +44,7 @@ def test_a_missing_value_has_no_label():
     assert label("known(label(live.mood))") is False
 
 
-def test_a_label_is_a_text_of_which_the_words_are_known():
+def test_label_is_a_text_with_known_words():
     assert NAMES.parse("label(live.mood)").kind is ValueKind.TEXT
     assert label("label(live.mood) == 'upset'", mood=1.0) is True
 
@@ -59,7 +59,7 @@ def test_a_label_is_a_text_of_which_the_words_are_known():
         ("label(live.moood) == 'x'", "there is no name 'live.moood' here", "live.mood"),
     ],
 )
-def test_what_can_have_no_label_is_refused(condition, message, hint):
+def test_label_of_unlabelled_value_is_rejected(condition, message, hint):
     with pytest.raises(ReadError) as error:
         agent(f"sequence:\n  - check: {condition}")
     found = [one for one in error.value.diagnostics if message in one.message]
@@ -67,13 +67,13 @@ def test_what_can_have_no_label_is_refused(condition, message, hint):
     assert hint in found[0].hint
 
 
-def test_a_label_is_said():
+def test_skill_speaks_label():
     stage = Stage("say: You look ${label(live.mood)}.", awarded=scene(mood=4.2))
     stage.tick()
     assert stage.said == ["You look content."]
 
 
-def test_a_name_that_is_given_a_label_is_given_no_number_elsewhere():
+def test_name_set_to_label_cannot_hold_number():
     with pytest.raises(ReadError, match="a text"):
         agent("sequence:\n  - set: {felt: '${label(live.mood)}'}\n  - set: {felt: 3}")
 

@@ -39,16 +39,16 @@ def errors(text: str) -> list[str]:
         ("learning_rate: 0\nlearning: {update: median}\n", 0.0),
     ],
 )
-def test_the_learning_rate_has_a_short_and_a_long_form(text, rate):
+def test_learning_rate_has_short_and_long_form(text, rate):
     assert read(text).learning_rate == rate
 
 
-def test_an_agent_that_says_nothing_learns_as_in_the_paper():
+def test_agent_without_learning_uses_paper_rule():
     assert read("").learning == LearningRule()
     assert read("").weights == {}
 
 
-def test_every_key_of_learning():
+def test_learning_accepts_all_its_keys():
     spec = read(
         """\
 learning:
@@ -83,7 +83,7 @@ weights: {age: 2, mood: 0}
     assert spec.weights == {"age": 2.0, "mood": 0.0}
 
 
-def test_a_width_belongs_to_huber():
+def test_width_requires_huber():
     rule = read("learning: {update: huber, width: {age: 0.5}}\n").learning
     assert (rule.update, rule.width) == (Update.HUBER, {"age": 0.5})
 
@@ -184,11 +184,11 @@ def test_freeze_all_stops_all_learning():
          "age, familiarity, mood, found '2'"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_one_error_at_its_place(text, line):
+def test_mistake_is_one_positioned_error(text, line):
     assert errors(text) == [line]
 
 
-def test_a_baseline_belongs_to_a_change_of_the_mood():
+def test_baseline_requires_mood_change():
     text = "feedback: [{when: live.age >= 4, give: negative, baseline: 3 s}]\n"
     assert errors(text) == [
         "5:50: error[misplaced-key]: 'baseline' has nothing to act on here: the rule does not "
@@ -196,11 +196,11 @@ def test_a_baseline_belongs_to_a_change_of_the_mood():
     ]
 
 
-def test_an_unknown_update_says_nothing_about_its_window():
+def test_unknown_update_adds_no_window_error():
     assert len(errors("learning: {update: medium, window: 3}\n")) == 1
 
 
-def test_a_mood_rule_with_all_its_keys():
+def test_mood_rule_accepts_all_its_keys():
     (rule,) = read(
         """\
 feedback:
@@ -218,7 +218,7 @@ feedback:
     assert (rule.release.text, rule.confidence) == ("mood.change > -0.5", 0.6)
 
 
-def test_a_mood_rule_without_them_fires_once_against_the_scene_as_awarded():
+def test_minimal_mood_rule_fires_once_against_awarded_scene():
     (rule,) = read("feedback: [{when: mood.change > 1, give: positive}]\n").rules
     assert (rule.baseline_s, rule.release, rule.cooldown_s, rule.confidence) == (0, None, 0, 0)
 
@@ -244,12 +244,12 @@ def test_a_mood_rule_without_them_fires_once_against_the_scene_as_awarded():
         ),
     ],
 )
-def test_a_mistake_in_a_mood_rule_is_one_error_at_its_place(keys, line):
+def test_mood_rule_mistake_is_one_positioned_error(keys, line):
     text = f"feedback: [{{when: mood.change > 1, give: positive, {keys}}}]\n"
     assert errors(text) == [line]
 
 
-def test_every_action_of_a_mood_rule_but_none_has_a_word_in_files():
+def test_every_mood_action_except_none_has_keyword():
     assert {action for action, _ in ACTIONS.values()} == {*MoodAction} - {MoodAction.NONE}
     rule: Any = schema_of(AGENT, SYMBOLS)["properties"]["feedback"]["items"]
     assert rule["properties"]["then"]["enum"] == list(ACTIONS)

@@ -40,13 +40,13 @@ def warnings_of(tree: str, head: str = "") -> list[str]:
     ],
 )
 @pytest.mark.parametrize("speech", ["say: Please clear the way.", "ask: Could you move?"])
-def test_speech_in_a_loop_without_end_is_warned_about(loop, speech):
+def test_speech_in_endless_loop_is_warned_about(loop, speech):
     assert warnings_of(f"sequence: [{{{speech}}}, {{drive: gate 4}}]\n{loop}") == [
         "endless-speech"
     ]
 
 
-def test_the_warning_stands_at_the_speech_and_names_the_loop():
+def test_warning_points_at_speech_and_names_loop():
     (warning,) = lint(
         agent("retry: forever\nsequence:\n  - drive: gate 4\n  - say: Mind the robot.")
     )
@@ -65,25 +65,25 @@ def test_the_warning_stands_at_the_speech_and_names_the_loop():
         ("repeat: 20", False),
     ],
 )
-def test_speech_in_a_loop_of_very_many_rounds_is_warned_about(loop, warned):
+def test_speech_in_very_long_loop_is_warned_about(loop, warned):
     assert warnings_of(f"say: Hello.\n{loop}") == ["endless-speech"] * warned
 
 
-def test_the_warning_about_very_many_rounds_says_how_many_at_most():
+def test_long_loop_warning_states_maximum_attempts():
     (warning,) = lint(agent("say: Mind the robot.\nretry: 500"))
     assert "of 500 attempts (line" in warning.message
     assert "500 attempts are for ever for whoever stands there" in warning.message
     assert "{attempts: 3, …}" in warning.hint
 
 
-def test_an_input_that_its_subtree_never_uses_is_warned_about_where_it_stands():
+def test_unused_subtree_input_is_warned_at_its_declaration():
     head = "subtrees:\n  greet:\n    inputs: {who: text}\n    tree: {say: Hello.}\n"
     (warning,) = lint(agent("subtree: greet\nwith: {who: Ann}", head))
     assert (warning.code, warning.position.line) == ("unused-input", 8)
     assert warning.end == warning.position._replace(column=warning.position.column + 3)
 
 
-def test_a_time_limit_inside_of_the_loop_does_not_end_it():
+def test_timeout_inside_loop_does_not_end_it():
     assert warnings_of("say: Hello.\nretry: forever\ntimeout: 5 s") == ["endless-speech"]
 
 
@@ -100,7 +100,7 @@ def test_a_time_limit_inside_of_the_loop_does_not_end_it():
         "sequence: [{show: Hello., retry: forever}]",
     ],
 )
-def test_speech_that_has_an_end_is_not_warned_about(tree):
+def test_bounded_speech_is_not_warned_about(tree):
     assert warnings_of(tree) == []
 
 
@@ -129,7 +129,7 @@ def test_speech_that_has_an_end_is_not_warned_about(tree):
         "say: B.\nwhile: 2 < 1",
     ],
 )
-def test_what_can_never_be_reached_is_warned_about(tree):
+def test_unreachable_node_is_warned_about(tree):
     assert warnings_of(tree) == ["never-reached"]
 
 
@@ -150,11 +150,11 @@ def test_what_can_never_be_reached_is_warned_about(tree):
         "choose:\n  children: [{name: a, when: live.person, say: A.}]\n  otherwise: {say: B.}",
     ],
 )
-def test_what_can_be_reached_is_not_warned_about(tree):
+def test_reachable_node_is_not_warned_about(tree):
     assert warnings_of(tree) == []
 
 
-def test_only_the_first_of_what_is_never_reached_is_named():
+def test_only_first_unreachable_node_is_named():
     assert found("selector:\n  - wait: 1 s\n  - say: B.\n  - say: C.") == ["never-reached 10:7"]
 
 
@@ -171,7 +171,7 @@ def test_only_the_first_of_what_is_never_reached_is_named():
         ("check: 0 / 0 > 1", {Outcome.SUCCESS, Outcome.FAILURE}),
     ],
 )
-def test_a_node_tells_how_it_can_end(tree, ends):
+def test_node_states_its_possible_outcomes(tree, ends):
     assert outcomes(agent(tree).tree) == ends
 
 
@@ -184,7 +184,7 @@ def test_a_node_tells_how_it_can_end(tree, ends):
         "repeat: forever\nsequence: [{sound: chirp}, {log: again}]",
     ],
 )
-def test_a_loop_without_end_that_takes_no_time_is_warned_about(tree):
+def test_endless_loop_taking_no_time_is_warned_about(tree):
     assert warnings_of(tree) == ["busy-repeat"]
 
 
@@ -198,11 +198,11 @@ def test_a_loop_without_end_that_takes_no_time_is_warned_about(tree):
         "repeat: forever\nsequence: [{log: again, repeat: {times: 2, pause: 1 s}}]",
     ],
 )
-def test_a_loop_that_takes_time_is_not_warned_about(tree):
+def test_loop_taking_time_is_not_warned_about(tree):
     assert warnings_of(tree) == []
 
 
-def test_a_wait_that_nothing_ends_is_warned_about():
+def test_unbounded_wait_is_warned_about():
     assert warnings_of("wait_for: live.person") == ["endless-wait"]
     assert warnings_of("wait_for: {topic: a, type: std_msgs/msg/Bool}") == ["endless-wait"]
 
@@ -216,11 +216,11 @@ def test_a_wait_that_nothing_ends_is_warned_about():
         "parallel: {succeed_on: one, children: [{wait_for: live.person}, {wait: 5 s}]}",
     ],
 )
-def test_a_wait_that_something_ends_is_not_warned_about(tree):
+def test_bounded_wait_is_not_warned_about(tree):
     assert warnings_of(tree) == []
 
 
-def test_two_branches_that_speak_at_the_same_time_are_warned_about():
+def test_parallel_branches_speaking_together_are_warned_about():
     tree = "parallel:\n  - say: A.\n  - sequence: [{wait: 1 s}, {ask: B?}]\n  - show: C."
     assert found(tree) == ["two-voices 10:32"]
 
@@ -241,29 +241,29 @@ TUNABLE = "tunables:\n  patience: {default: 8 s, min: 2 s, max: 30 s}\n"
         "service: {name: a, type: std_srvs/srv/Trigger, succeed_when: patience > 3}",
     ],
 )
-def test_a_tunable_that_is_read_is_not_warned_about(tree):
+def test_used_tunable_is_not_warned_about(tree):
     assert warnings_of(tree, TUNABLE) == []
 
 
-def test_a_tunable_that_nobody_reads_is_warned_about_where_it_stands():
+def test_unused_tunable_is_warned_at_its_declaration():
     (warning,) = lint(agent("wait: 1 s", TUNABLE))
     assert warning.code == "unread-tunable"
     assert (warning.position.line, warning.position.column) == (7, 3)
 
 
-def test_a_tunable_may_be_read_by_a_subtree_or_the_clean_up():
+def test_subtree_or_on_cancel_use_counts_for_tunable():
     head = TUNABLE + "on_cancel: {wait: '${patience}'}\n"
     assert warnings_of("wait: 1 s", head) == []
     head = TUNABLE + "subtrees: {pause: {tree: {wait: '${patience}'}}}\n"
     assert warnings_of("subtree: pause", head) == []
 
 
-def test_a_subtree_that_is_used_twice_is_warned_about_once():
+def test_subtree_used_twice_is_warned_about_once():
     head = "subtrees: {await: {tree: {wait_for: live.person}}}\n"
     assert warnings_of("sequence: [{subtree: await}, {subtree: await}]", head) == ["endless-wait"]
 
 
-def test_a_skill_that_no_robot_offers_is_warned_about():
+def test_skill_offered_by_no_robot_is_warned_about():
     bow = replace(
         SYMBOLS.skills["light"], name="bow", inputs=(), binding=None, unoffered="no robot"
     )
@@ -272,7 +272,7 @@ def test_a_skill_that_no_robot_offers_is_warned_about():
     assert codes(spec) == ["skill-not-offered"]
 
 
-def test_warnings_come_in_the_order_of_the_file():
+def test_warnings_are_sorted_by_position():
     tree = "sequence:\n  - wait_for: live.person\n  - log: a\n    repeat: forever\n  - wait: 1 s"
     assert found(tree, TUNABLE) == [
         "unread-tunable 7:3",
@@ -295,7 +295,7 @@ LONG = "say: Put your bag on the platform, wait until it is weighed, and take yo
         "timeout: 4 s",
     ],
 )
-def test_speech_that_its_time_limit_cuts_off_is_warned_about(tree):
+def test_speech_cut_off_by_timeout_is_warned_about(tree):
     assert warnings_of(tree) == ["cut-speech"]
 
 
@@ -308,11 +308,11 @@ def test_speech_that_its_time_limit_cuts_off_is_warned_about(tree):
         "selector: [{say: Hello.}, {wait: 10 s}]\ntimeout: 4 s",
     ],
 )
-def test_speech_that_has_the_time_it_takes_is_not_warned_about(tree):
+def test_speech_with_enough_time_is_not_warned_about(tree):
     assert "cut-speech" not in warnings_of(tree)
 
 
-def test_what_is_said_after_a_cancel_fits_into_the_time_for_it():
+def test_on_cancel_speech_must_fit_its_time_limit():
     text = "I am sorry that this did not help you, and I leave you alone now."
     (warning,) = lint(agent("wait: 1 s", f"on_cancel: {{say: '{text}'}}"))
     assert warning.code == "cut-speech"
@@ -323,7 +323,7 @@ def test_what_is_said_after_a_cancel_fits_into_the_time_for_it():
     assert warnings_of("wait: 1 s", "on_cancel: {say: Good-bye.}") == []
 
 
-def test_a_clean_up_may_give_itself_more_time_up_to_a_limit():
+def test_on_cancel_within_extends_clean_up_time():
     text = "I am sorry that this did not help you, and I leave you alone now."
     head = f"on_cancel: {{say: '{text}'}}\non_cancel_within: "
     assert warnings_of("wait: 1 s", f"{head}5 s") == []
@@ -331,7 +331,7 @@ def test_a_clean_up_may_give_itself_more_time_up_to_a_limit():
     assert (warning.code, warning.hint) == ("cut-speech", "say less")
 
 
-def test_a_text_is_as_fast_as_the_tunable_that_sets_its_rate():
+def test_speech_duration_follows_rate_tunable():
     head = "tunables: {{rate: {{default: {}, min: 0.1, max: 3.0}}}}\n"
     tree = 'say: {text: "Put your bag on the platform.", rate: "${rate}"}\ntimeout: 3 s'
     assert warnings_of(tree, head.format(1.0)) == []
@@ -348,7 +348,7 @@ def test_a_text_is_as_fast_as_the_tunable_that_sets_its_rate():
         ("[where to, when then]", False),
     ],
 )
-def test_a_text_in_brackets_that_a_comma_has_cut_is_warned_about(texts, cut):
+def test_unquoted_text_split_by_comma_is_warned_about(texts, cut):
     source = Source("a.yaml", f"format: 1\ntexts:\n  hello: {{one_of: {texts}}}\n")
     found = [*cut_texts(source)]
     assert [one.code for one in found] == ["cut-text"] * cut

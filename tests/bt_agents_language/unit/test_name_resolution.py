@@ -39,21 +39,21 @@ def value(name: str, live: SceneFacts = LIVE) -> object:
         ("clock.weekday", "sunday"),
     ],
 )
-def test_a_name_means_the_same_in_every_condition(name, expected):
+def test_name_has_same_meaning_in_every_condition(name, expected):
     assert value(name) == expected
 
 
 @pytest.mark.parametrize(
     "name", ["scene.mood", "scene.height", "live.height", "profile.height", "age", "other.age", ""]
 )
-def test_what_is_not_known_has_no_value(name):
+def test_unknown_name_has_no_value(name):
     with pytest.raises(MissingValue) as missing:
         value(name)
     assert missing.value.name == name
 
 
 @pytest.mark.parametrize("name", ["live.age", "live.person", "mood.change"])
-def test_a_stale_live_scene_has_no_values_but_says_that_it_is_stale(name):
+def test_stale_live_scene_exposes_only_stale_flag(name):
     with pytest.raises(StaleValue):
         value(name, STALE)
     assert value("live.stale", STALE) is True
@@ -62,7 +62,7 @@ def test_a_stale_live_scene_has_no_values_but_says_that_it_is_stale(name):
 @pytest.mark.parametrize(
     "name", ["live.age", "live.stale", "mood.change", "profile.age", "clock.hour"]
 )
-def test_a_condition_about_a_scene_alone_knows_nothing_else(name):
+def test_scene_only_condition_resolves_no_other_names(name):
     with pytest.raises(MissingValue):
         resolve(name, AWARDED)
 
@@ -76,7 +76,7 @@ def test_a_condition_about_a_scene_alone_knows_nothing_else(name):
         ("not scene.mood > 1", False),
     ],
 )
-def test_what_misses_a_value_is_not_surely_true(text, expected):
+def test_condition_with_missing_value_is_not_surely_true(text, expected):
     assert surely_true(parse_expression(text), value) is expected
 
 
@@ -87,7 +87,7 @@ def test_what_misses_a_value_is_not_surely_true(text, expected):
         ("scene.age", "it is the number 3, expected true or false"),
     ],
 )
-def test_what_is_neither_true_nor_false_is_told_apart_from_what_is_false(text, why):
+def test_undecided_condition_is_distinct_from_false(text, why):
     with pytest.raises(Undecided) as undecided:
         surely_true(parse_expression(text), value)
     assert str(undecided.value) == f"cannot be decided: {text} ({why})"

@@ -58,7 +58,7 @@ def check(folder: Path) -> NodeSpec:
     return next(agent.tree for agent in trees.agents if agent.name == "fresh")
 
 
-def test_an_agent_and_its_test_work_at_once(made):
+def test_new_agent_and_its_test_work_at_once(made):
     assert (
         made("fresh")
         == """\
@@ -75,14 +75,14 @@ Next:
     assert "say" in kinds(check(Path("trees")))
 
 
-def test_the_profile_is_that_of_the_folders_scene(made):
+def test_new_profile_uses_scene_of_folder(made):
     made("fresh")
     text = Path("trees/agents/fresh.yaml").read_text(encoding="utf-8")
     assert "\n  age: 3          # 1 to 5: how old the person is\n" in text
     assert "\n  familiarity: 3  # 1 to 5: how well the person knows this robot\n" in text
 
 
-def test_an_editor_is_told_of_the_schemas_beside_the_folder(made):
+def test_new_agent_refers_to_neighbouring_schema(made):
     Path("schema").mkdir()
     Path("schema/agent.schema.json").write_text("{}", encoding="utf-8")
     made("fresh")
@@ -91,27 +91,27 @@ def test_an_editor_is_told_of_the_schemas_beside_the_folder(made):
     assert "schema" not in Path("trees/agents/fresh.test.yaml").read_text(encoding="utf-8")
 
 
-def test_in_an_empty_folder_the_shipped_scene_and_skills_come_along(made):
+def test_empty_folder_gets_shipped_scene_and_skills(made):
     Path("mine").mkdir()
     text = made("fresh", "--dir", "mine")
     assert text.startswith("wrote mine/scene.yaml\nwrote mine/skills/")
     check(Path("mine"))
 
 
-def test_a_folder_that_is_not_there_is_made(made):
+def test_missing_folder_is_created(made):
     made("fresh", "--dir", "some/where")
     check(Path("some/where"))
 
 
 @pytest.mark.parametrize("default", ["1.25", "-0.0000025", "7"])
-def test_without_say_and_mood_it_still_works(made, default):
+def test_new_agent_works_without_say_and_mood(made, default):
     Path("odd").mkdir()
     Path("odd/scene.yaml").write_text(ODD_SCENE % default, encoding="utf-8")
     made("fresh", "--dir", "odd")
     assert "log" in kinds(check(Path("odd")))
 
 
-def test_say_is_not_used_when_it_needs_more_than_a_text(made):
+def test_say_needing_more_than_text_is_not_used(made):
     file = Path("trees/skills/robot.yaml")
     text = file.read_text(encoding="utf-8")
     rate = "rate: {type: number, default: 1.0,"
@@ -126,7 +126,7 @@ def test_say_is_not_used_when_it_needs_more_than_a_text(made):
     assert "say" not in kinds(check(Path("trees")))
 
 
-def test_a_library_works_and_can_be_imported(made):
+def test_new_library_works_and_can_be_imported(made):
     assert made("words", "--kind", "library").startswith("wrote trees/libraries/words.yaml\n")
     Path("trees/agents/user.yaml").write_text(
         "format: 1\nagent: user\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
@@ -140,7 +140,7 @@ def test_a_library_works_and_can_be_imported(made):
 
 
 @pytest.mark.parametrize("file", ["fresh.yaml", "fresh.test.yaml"])
-def test_nothing_is_overwritten(made, file):
+def test_existing_file_is_not_overwritten(made, file):
     path = Path("trees/agents") / file
     path.write_text("mine", encoding="utf-8")
     with pytest.raises(BtAgentsError, match=f"'{path}' is there already"):
@@ -149,7 +149,7 @@ def test_nothing_is_overwritten(made, file):
     assert len(list(path.parent.glob("fresh*"))) == 1
 
 
-def test_a_name_that_another_file_has_is_refused(made):
+def test_name_of_another_file_is_rejected(made):
     Path("trees/agents/silent_text.yaml").rename("trees/agents/quiet.yaml")
     Path("trees/agents/silent_text.test.yaml").unlink()
     with pytest.raises(BtAgentsError, match=r"'silent_text' already: trees/agents/quiet\.yaml"):
@@ -159,14 +159,14 @@ def test_a_name_that_another_file_has_is_refused(made):
 @pytest.mark.parametrize(
     ("name", "hint"), [("My Agent", "; write my_agent"), ("../x", "; write x"), ("1", "")]
 )
-def test_a_name_that_is_none_is_refused(made, name, hint):
+def test_invalid_name_is_rejected(made, name, hint):
     with pytest.raises(BtAgentsError) as error:
         made(name)
     assert str(error.value).endswith(f"at most 64 characters{hint}")
     assert str(error.value).startswith(f"'{name}' cannot be a name: ")
 
 
-def test_a_folder_of_something_else_is_refused(made):
+def test_unrelated_folder_is_rejected(made):
     Path("other").mkdir()
     Path("other/letter.txt").write_text("Dear", encoding="utf-8")
     with pytest.raises(BtAgentsError, match="'other' has no scene"):
@@ -180,14 +180,14 @@ def test_a_broken_scene_is_reported(made):
         made("fresh")
 
 
-def test_a_folder_that_cannot_be_written_is_an_error(made):
+def test_unwritable_folder_is_an_error(made):
     Path("file").write_text("", encoding="utf-8")
     with pytest.raises(BtAgentsError, match="cannot be written: Not a directory"):
         made("fresh", "--dir", "file/trees")
 
 
 @pytest.mark.parametrize("agent", ["attentive_guide", "silent_text"])
-def test_a_test_is_about_an_agent_that_is_there_and_passes(made, agent):
+def test_new_test_covers_existing_agent_and_passes(made, agent):
     file = Path(f"trees/agents/{agent}.test.yaml")
     file.unlink(missing_ok=True)
     assert made(agent, "--kind", "test") == f"wrote {file}\n\nNext:\n  bt-agents test {file}\n"
@@ -196,7 +196,7 @@ def test_a_test_is_about_an_agent_that_is_there_and_passes(made, agent):
         made("nobody", "--kind", "test")
 
 
-def test_a_script_can_be_played(made):
+def test_new_script_can_be_played(made):
     assert "bt-agents demo --script trees/scripts/monday.yaml" in made(
         "monday", "--kind", "script"
     )
@@ -204,7 +204,7 @@ def test_a_script_can_be_played(made):
     assert [visit.person for visit in script.visits] == [True, False]
 
 
-def test_a_skill_is_a_node_of_agents(made):
+def test_new_skill_is_usable_in_agents(made):
     made("sing", "--kind", "skill")
     made("fresh")
     agent = Path("trees/agents/fresh.yaml")
@@ -218,7 +218,7 @@ def test_a_skill_is_a_node_of_agents(made):
             made(taken, "--kind", "skill")
 
 
-def test_an_experiment_runs(made):
+def test_new_experiment_runs(made):
     made("mine", "--kind", "experiment")
     folder, spec = opened(Path("experiments/mine"))
     assert len(through_core(folder, spec)) == spec.rounds
@@ -226,7 +226,7 @@ def test_an_experiment_runs(made):
 
 
 @pytest.mark.parametrize("first", ["experiment", ""])
-def test_a_sweep_runs_over_the_experiment_of_its_name(made, first):
+def test_new_sweep_runs_over_experiment_of_same_name(made, first):
     if first:
         made("mine", "--kind", first)
     assert ("experiment.yaml" in made("mine", "--kind", "sweep")) is not bool(first)

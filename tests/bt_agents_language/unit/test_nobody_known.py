@@ -58,19 +58,19 @@ def problems(folder: Path, scene: str, agent: str) -> list[str]:
     ],
 )
 @pytest.mark.parametrize("persons", ["", PERSONS])
-def test_names_of_nobody_are_warned_of_once(tmp_path, tree, what, persons):
+def test_never_known_person_names_are_warned_about_once(tmp_path, tree, what, persons):
     (problem,) = problems(tmp_path, SCENE + (persons or SOURCE), tree)
     assert re.search(f"nurse.yaml:{what}", problem)
 
 
-def test_who_is_known_by_name_is_not_warned_of(tmp_path):
+def test_person_known_by_name_is_not_warned_about(tmp_path):
     assert not problems(tmp_path, SCENE + PERSONS + KNOWN, "tree: {check: person.visits > 1}")
 
 
-def test_a_value_of_a_person_whom_no_source_sees_is_warned_of(tmp_path):
+def test_value_of_unseen_person_is_warned_about(tmp_path):
     (problem,) = problems(tmp_path, SCENE, "tree: {check: live.age > 2}")
     assert problem.startswith("scene.yaml:3 nobody-known: no source sees a person")
 
 
-def test_a_value_of_a_person_whom_a_source_sees_is_not_warned_of(tmp_path):
+def test_value_of_seen_person_is_not_warned_about(tmp_path):
     assert not problems(tmp_path, SCENE + SOURCE, "tree: {check: live.age > 2}")

@@ -96,7 +96,7 @@ def tables(tree: ast.Module) -> Iterator[tuple[int, set[str]]]:
             yield node.lineno, found
 
 
-def test_nothing_but_node_types_and_behaviours_decides_by_the_key_of_a_node_type() -> None:
+def test_only_node_types_and_behaviours_branch_on_keys() -> None:
     found = []
     for path in modules():
         tree = ast.parse(path.read_text())
@@ -116,12 +116,12 @@ def test_nothing_but_node_types_and_behaviours_decides_by_the_key_of_a_node_type
         "_COUNTS = {'retry': 'attempts', 'repeat': 'times'}",
     ],
 )
-def test_what_decides_by_a_key_is_found(text: str) -> None:
+def test_branch_on_node_key_is_detected(text: str) -> None:
     tree = ast.parse(text)
     assert any(keys for _, keys in (*compared(tree), *tables(tree)))
 
 
-def test_each_type_has_its_role() -> None:
+def test_each_node_type_has_its_role() -> None:
     of_nodes = {one.role for one in NODE_TYPES.values()}
     assert of_nodes == {Role.COMPOSITE, Role.LEAF}
     assert {one.role for one in DECORATORS.values()} == {Role.DECORATOR}
@@ -131,13 +131,13 @@ def test_each_type_has_its_role() -> None:
 
 
 @pytest.mark.parametrize("key", [*ALL, "skill", "plugin"])
-def test_each_type_stands_in_the_file_of_its_name(key: str) -> None:
+def test_each_node_type_has_file_of_same_name(key: str) -> None:
     name = f"{key}_" if keyword.iskeyword(key) else key
     module = import_module(f"{catalogue.__name__.rpartition('.')[0]}.{name}")
     assert getattr(module, key.upper()).key == key
 
 
-def test_what_types_say_of_each_other_exists() -> None:
+def test_node_types_refer_only_to_existing_types() -> None:
     for one in ALL.values():
         assert {*one.siblings, *one.child_siblings} <= SIBLINGS.keys()
         assert set(one.child_keys) <= {*DECORATORS, *SIBLINGS}
@@ -148,19 +148,19 @@ def test_what_types_say_of_each_other_exists() -> None:
             assert DECORATORS[one.contrary].contrary == one.key
 
 
-def test_the_type_of_a_node_is_that_of_its_key() -> None:
+def test_node_type_is_determined_by_key() -> None:
     for key, one in ALL.items():
         assert type_of(NodeSpec(path="tree", position=HERE, kind=key, name=key)) is one
 
 
-def test_a_skill_is_a_skill_even_if_its_name_is_that_of_a_branch() -> None:
+def test_skill_named_like_branch_is_still_skill() -> None:
     skill = replace(SYMBOLS.skills["say"], name="case")
     spec = NodeSpec(path="tree", position=HERE, kind="case", name="case", skill=skill)
     assert type_of(spec) is SKILL
     assert type_of(replace(spec, skill=None, plugin=object)) is PLUGIN
 
 
-def test_groot_translates_node_types_that_exist() -> None:
+def test_groot_translates_only_existing_node_types() -> None:
     assert tree_export.NODES.keys() <= NODE_TYPES.keys()
     assert tree_export.DECORATED.keys() <= DECORATORS.keys()
 
@@ -204,7 +204,9 @@ def use(key: str) -> None:
 @pytest.mark.parametrize(
     ("key", "module", "group"), [("chime", CHIME, "leaf"), ("gently", GENTLY, "decorator")]
 )
-def test_a_new_type_is_one_file(tmp_path: Path, key: str, module: str, group: str) -> None:
+def test_new_node_type_needs_only_one_file(
+    tmp_path: Path, key: str, module: str, group: str
+) -> None:
     root = Path(catalogue.__file__).parents[catalogue.__name__.count(".") - 1]
     copy = tmp_path / root.name
     shutil.copytree(root, copy, ignore=shutil.ignore_patterns("__pycache__"))
@@ -228,7 +230,7 @@ def resources_of(node: str) -> Resources:
     return type_of(spec).resources(spec)
 
 
-def test_a_type_says_what_its_nodes_use_outside_of_the_tree() -> None:
+def test_node_type_declares_external_resources() -> None:
     topic = "{topic: t, type: std_msgs/msg/Bool"
     wanted = ("t", "std_msgs/msg/Bool")
     assert resources_of(f"wait_for: {topic}}}") == Resources(topic=wanted)

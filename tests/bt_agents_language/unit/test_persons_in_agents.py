@@ -32,7 +32,7 @@ def problems(tree: str, head: str = "") -> list[str]:
     return [f"{one.code}: {one.message} ({one.hint})" for one in caught.value.diagnostics]
 
 
-def test_scene_yaml_says_what_is_remembered_and_what_is_of_the_person() -> None:
+def test_scene_yaml_declares_remembered_and_personal_values() -> None:
     spec = read_scene_text(SCENE.format(remembers="{tea: boolean, n: number}"), "scene.yaml")
     assert spec.space.remembers == {"tea": FieldType.BOOLEAN, "n": FieldType.NUMBER}
     assert spec.personal == {"pain"}
@@ -47,14 +47,14 @@ def test_scene_yaml_says_what_is_remembered_and_what_is_of_the_person() -> None:
         (f"{{{', '.join(f'k{n}: text' for n in range(33))}}}", "out-of-range: at most 32 values"),
     ],
 )
-def test_slips_of_what_is_remembered_are_named(remembers: str, problem: str) -> None:
+def test_errors_in_remembered_values_are_reported(remembers: str, problem: str) -> None:
     with pytest.raises(ReadError) as caught:
         read_scene_text(SCENE.format(remembers=remembers), "scene.yaml")
     [one] = caught.value.diagnostics
     assert f"{one.code}: {one.message}".startswith(problem)
 
 
-def test_a_person_can_be_named_in_requires_conditions_and_texts() -> None:
+def test_requires_conditions_and_texts_may_name_person() -> None:
     spec = agent(
         "say: ${person.name} ${person.favourite else 'tea'}\nwhen: person.visits > 1",
         "requires: person.visits > 1 and person.favourite == 'tea'",
@@ -101,7 +101,7 @@ def test_a_person_can_be_named_in_requires_conditions_and_texts() -> None:
         ),
     ],
 )
-def test_slips_are_named(tree: str, problem: str) -> None:
+def test_errors_about_persons_are_reported(tree: str, problem: str) -> None:
     [found] = problems(tree)
     assert found.startswith(problem)
 
@@ -110,7 +110,7 @@ def outcomes(node: NodeSpec) -> frozenset[Outcome]:
     return type_of(node).outcomes(node, ())
 
 
-def test_a_node_that_asks_the_scene_layer_may_fail() -> None:
+def test_node_using_scene_layer_may_fail() -> None:
     assert outcomes(agent("set: {n: 1}").tree) == {Outcome.SUCCESS}
     for tree in ("set: {n: 1, scene.age: 3}", "remember: {favourite: tea}"):
         node = agent(tree).tree
@@ -118,12 +118,12 @@ def test_a_node_that_asks_the_scene_layer_may_fail() -> None:
         assert type_of(node).resources(node).binding is not None
 
 
-def test_a_value_of_the_scene_is_no_name_of_the_tree() -> None:
+def test_scene_value_is_not_a_tree_name() -> None:
     spec = agent("sequence: [{set: {scene.age: 3}}, {say: '${scene.age}'}]")
     assert spec.warnings == ()
 
 
-def test_a_rehearsal_says_who_the_person_is() -> None:
+def test_rehearsal_declares_its_person() -> None:
     spec = agent("say: hello")
     said = scenario(spec, "person: {name: anna, visits: 3, remembers: {favourite: tea}}\nseed: 1")
     assert said.person
@@ -143,7 +143,7 @@ def test_a_rehearsal_says_who_the_person_is() -> None:
         ("anna", "true or false"),
     ],
 )
-def test_slips_about_the_person_of_a_rehearsal_are_named(person: str, problem: str) -> None:
+def test_errors_about_rehearsal_person_are_reported(person: str, problem: str) -> None:
     with pytest.raises(ReadError) as caught:
         cases_for(agent("say: hello"), f"- name: one\n  person: {person}\n  ends: succeeded")
     assert problem in str(caught.value)
@@ -159,7 +159,7 @@ def test_slips_about_the_person_of_a_rehearsal_are_named(person: str, problem: s
         ({"set": {"scene.age": "old"}}, False),
     ],
 )
-def test_an_editor_knows_what_can_be_remembered_and_told(tree: object, sound: bool) -> None:
+def test_schema_covers_remembered_and_set_scene_values(tree: object, sound: bool) -> None:
     profile = {"age": 3, "familiarity": 3, "mood": 3}
     document = {"format": 1, "agent": "a", "profile": profile, "tree": tree}
     assert Draft7Validator(schema_of(AGENT, SYMBOLS)).is_valid(document) is sound

@@ -107,7 +107,7 @@ tree_harness.SYMBOLS = replace(tree_harness.SYMBOLS, plugins=installed_plugins()
 """
 
 
-def test_a_behaviour_of_another_package_is_a_node(package):
+def test_behaviour_of_another_package_is_a_node(package):
     script = PLAY + textwrap.dedent(
         """
         played = tree_harness.Stage("sequence: [{blink: 3, name: eyes}, {say: done}]")
@@ -122,7 +122,7 @@ def test_a_behaviour_of_another_package_is_a_node(package):
     assert said == ["done"]
 
 
-def test_its_fields_are_checked_like_those_of_any_node(package):
+def test_plugin_fields_are_checked_like_own_fields(package):
     script = PLAY + textwrap.dedent(
         """
         for tree in ("blink: 0", "blink: {times: 2, pause: 3 m}", "blink: {tims: 2}"):
@@ -137,7 +137,7 @@ def test_its_fields_are_checked_like_those_of_any_node(package):
     assert codes == ["out-of-range", "bad-duration", "unknown-key"]
 
 
-def test_the_names_that_it_writes_are_known_and_have_a_type(package):
+def test_plugin_outputs_are_known_and_typed(package):
     entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
     entries.write_text(entries.read_text() + "hears = their_nodes:Hears\n")
     script = PLAY + textwrap.dedent(
@@ -157,7 +157,7 @@ def test_the_names_that_it_writes_are_known_and_have_a_type(package):
     assert "error[" in misfit
 
 
-def test_explain_says_what_a_plugin_is_and_which_are_installed(package):
+def test_explain_plugin_lists_installed_plugins(package):
     printed = command(package, "explain", "plugin", "--dir", "TREES")
     assert "setup(node=…)" in printed
     assert "CheckData and FromConstant" in printed
@@ -175,7 +175,7 @@ def test_explain_says_what_a_plugin_is_and_which_are_installed(package):
         ("thing = their_nodes:NoBehaviour", "is no py_trees.behaviour.Behaviour class"),
     ],
 )
-def test_a_plugin_that_cannot_be_a_node_stops_no_other(package, entry, words):
+def test_invalid_plugin_does_not_affect_other_plugins(package, entry, words):
     entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
     entries.write_text(entries.read_text() + entry + "\n")
     script = """
@@ -211,7 +211,7 @@ def clashing(package: Path) -> Path:
     return package
 
 
-def test_check_warns_of_a_plugin_that_cannot_be_used(clashing):
+def test_check_warns_about_unusable_plugin(clashing):
     printed = command(clashing, "check", "TREES")
     assert "warning[bad-plugin]: node 'hop' of their-nodes (their_nodes:Missing)" in printed
     assert "cannot be loaded: AttributeError" in printed
@@ -219,7 +219,7 @@ def test_check_warns_of_a_plugin_that_cannot_be_used(clashing):
     assert "error" not in printed.replace("AttributeError", "")
 
 
-def test_a_plugin_named_like_a_skill_is_one_problem_and_the_skill_stays(clashing):
+def test_plugin_named_like_skill_is_rejected_once(clashing):
     printed = command(clashing, "check", "TREES")
     assert printed.count("node 'say' of their-nodes") == 1
     assert "has the name of the skill 'say' (" in printed
@@ -227,7 +227,7 @@ def test_a_plugin_named_like_a_skill_is_one_problem_and_the_skill_stays(clashing
     assert command(clashing, "explain", "say", "--dir", "TREES").startswith("say skill Speak")
 
 
-def test_explain_lists_the_plugins_that_are_left_out(clashing):
+def test_explain_lists_rejected_plugins(clashing):
     printed = command(clashing, "explain", "--dir", "TREES")
     assert "left out node 'hop' of their-nodes" in printed
     assert "blink" in printed

@@ -99,7 +99,7 @@ def test_angles_are_radians(text, radians):
         ("9" * 100_000, ""),
     ],
 )
-def test_what_is_no_time_is_refused_with_a_way_to_mend_it(text, hint):
+def test_invalid_time_is_rejected_with_hint(text, hint):
     with pytest.raises(QuantityError) as error:
         duration(text)
     assert hint in error.value.hint
@@ -127,7 +127,7 @@ def test_what_is_no_time_is_refused_with_a_way_to_mend_it(text, hint):
         (length, "far", "expected a length such as '1.5 m', found 'far'", ""),
     ],
 )
-def test_a_quantity_of_another_dimension_is_refused_by_what_it_is(read, text, message, hint):
+def test_quantity_of_wrong_dimension_is_rejected(read, text, message, hint):
     with pytest.raises(QuantityError) as error:
         read(text)
     assert message in error.value.message
@@ -162,7 +162,7 @@ def test_numbers_are_read(text, value):
         ("１", ""),  # noqa: RUF001
     ],
 )
-def test_what_is_no_number_is_refused_with_a_way_to_mend_it(text, hint):
+def test_invalid_number_is_rejected_with_hint(text, hint):
     with pytest.raises(QuantityError) as error:
         number(text)
     assert hint in error.value.hint
@@ -178,7 +178,7 @@ def test_whole_numbers_are_read(text, value):
 @pytest.mark.parametrize(
     "text", ["2.0", "1e3", "010", "1.5", str(2**63), "9" * 100_000, "1e999", "x"]
 )
-def test_what_is_no_whole_number_is_refused(text):
+def test_invalid_whole_number_is_rejected(text):
     with pytest.raises(QuantityError):
         integer(text)
 
@@ -198,12 +198,12 @@ def test_what_is_no_whole_number_is_refused(text):
         ("5 s later", None, None),
     ],
 )
-def test_the_unit_says_what_a_quantity_measures(text, exact, meant):
+def test_unit_determines_quantity_type(text, exact, meant):
     assert quantity_type(text) is exact
     assert quantity_type(text, strict=False) is meant
 
 
-def test_times_of_a_clock_are_known():
+def test_clock_times_are_recognised():
     assert is_clock("1:30")
     assert is_clock("12:30:59")
     assert not is_clock("1:300")
@@ -240,5 +240,5 @@ def test_times_of_a_clock_are_known():
         (1234567, FieldType.INTEGER, "1234567"),
     ],
 )
-def test_values_are_spoken_with_a_pleasant_unit(value, field_type, words):
+def test_values_are_formatted_with_readable_unit(value, field_type, words):
     assert format_quantity(value, field_type) == words

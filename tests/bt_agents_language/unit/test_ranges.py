@@ -40,7 +40,7 @@ def decided(text: str) -> list[tuple[str, bool]]:
         "min(age, gain, 0) > 0",
     ],
 )
-def test_a_comparison_outside_of_the_ranges_is_never_true(text):
+def test_comparison_outside_range_is_never_true(text):
     assert decided(text) == [(text, False)]
 
 
@@ -55,7 +55,7 @@ def test_a_comparison_outside_of_the_ranges_is_never_true(text):
         "age > gain - 2",
     ],
 )
-def test_a_comparison_that_holds_in_the_whole_ranges_is_always_true(text):
+def test_comparison_covering_range_is_always_true(text):
     assert decided(text) == [(text, True)]
 
 
@@ -76,15 +76,15 @@ def test_a_comparison_that_holds_in_the_whole_ranges_is_always_true(text):
         "age == 3",
     ],
 )
-def test_what_a_run_has_to_show_is_left_open(text):
+def test_comparison_within_range_stays_undecided(text):
     assert decided(text) == []
 
 
-def test_the_comparison_is_named_that_is_decided_and_not_the_whole():
+def test_warning_names_decided_comparison_not_whole_condition():
     assert decided("other and not age > 7 or gain < 3") == [("age > 7", False), ("gain < 3", True)]
 
 
-def test_a_whole_condition_is_decided_by_one_side_of_and():
+def test_one_side_of_and_decides_whole_condition():
     assert parse_expression("age > 7 and other", range_of=RANGES.get).range == Range(0, 0)
     assert parse_expression("age < 7 or other", range_of=RANGES.get).range == Range(1, 1)
 
@@ -96,7 +96,7 @@ def told(text: str) -> list[str]:
     return [one.message for one in lint(read_agent_text(HEAD + text, "a", SYMBOLS))]
 
 
-def test_the_warning_says_what_the_range_is():
+def test_warning_states_the_range():
     assert told("tree: {say: Hello., when: live.person and scene.age > 7}") == [
         "'scene.age > 7' is never true: scene.age is 1 to 5"
     ]
@@ -105,7 +105,7 @@ def test_the_warning_says_what_the_range_is():
     ]
 
 
-def test_a_change_of_mood_is_at_most_as_large_as_its_range():
+def test_mood_change_is_bounded_by_mood_range():
     (message,) = told("feedback: [{when: mood.change <= -5, give: negative}]\ntree: {wait: 1 s}")
     assert message == "'mood.change <= -5' is never true: mood.change is -4 to 4"
 
@@ -126,7 +126,7 @@ def test_a_change_of_mood_is_at_most_as_large_as_its_range():
         ("live.mood < 2", False),
     ],
 )
-def test_a_rule_that_fires_at_the_smallest_change_of_the_mood_needs_a_time(when, hasty):
+def test_mood_rule_on_smallest_change_needs_duration(when, hasty):
     rule = "feedback: [{{when: {}{}, give: positive}}]\ntree: {{wait: 1 s}}"
     expected = [
         "this fires at the smallest change of the mood, even where it is only measured anew"
@@ -154,7 +154,7 @@ def test_a_rule_that_fires_at_the_smallest_change_of_the_mood_needs_a_time(when,
         ("age > 4 and age < 2 and age + gain > 3", False),
     ],
 )
-def test_a_condition_whose_parts_exclude_each_other_goes_only_one_way(text, always):
+def test_contradictory_condition_has_constant_value(text, always):
     assert [one for _, one in decided(text)] == [always]
 
 
@@ -171,11 +171,11 @@ def test_a_condition_whose_parts_exclude_each_other_goes_only_one_way(text, alwa
         "abs(age) > 3 and abs(age) < 2",
     ],
 )
-def test_a_condition_that_can_be_both_is_not_decided(text):
+def test_satisfiable_condition_stays_undecided(text):
     assert decided(text) == []
 
 
-def test_the_smallest_condition_is_told():
+def test_smallest_constant_condition_is_reported():
     assert decided("here or age > 4 and age < 2") == [("age > 4 and age < 2", False)]
     assert decided("here and (age > 6 or age < 0)") == [("age > 6", False), ("age < 0", False)]
 
@@ -214,22 +214,20 @@ tree:
         ),
     ],
 )
-def test_a_condition_over_hours_and_choices_that_goes_only_one_way_is_told(
-    condition, message, hint
-):
+def test_constant_condition_on_hours_or_choices_is_reported(condition, message, hint):
     text = HEAD + TREE.replace("CONDITION", condition)
     [warning] = lint(read_agent_text(text, "a.yaml", SYMBOLS))
     assert (warning.code, warning.message) == ("constant-condition", message)
     assert warning.hint == hint
 
 
-def test_a_name_that_other_nodes_write_too_can_be_any_text():
+def test_name_also_written_elsewhere_can_be_any_text():
     tree = TREE.replace("CONDITION", "answer == 'D'")
     more = tree.replace("    - say", "    - ask: Or which?\n    - say")
     assert not [*lint(read_agent_text(HEAD + more, "a.yaml", SYMBOLS))]
 
 
-def test_hours_over_midnight_are_two_comparisons():
+def test_hours_across_midnight_need_two_comparisons():
     with pytest.raises(ExpressionError) as error:
         parse_expression("clock.hour between 22 and 6")
     assert error.value.hint == "write clock.hour >= 22 or clock.hour < 6"

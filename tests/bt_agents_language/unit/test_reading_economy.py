@@ -51,7 +51,7 @@ def collector() -> Iterator[None]:
 
 @pytest.mark.usefixtures("collector")
 @pytest.mark.parametrize("text", [TREE, TREE.replace("scene.age >= 4", "scene.aeg >= 4")])
-def test_reading_leaves_no_cycles_that_only_the_collector_could_free(text: str) -> None:
+def test_reader_leaves_no_reference_cycles(text: str) -> None:
     def attempt() -> None:
         with suppress(ReadError):
             read(text)
@@ -66,34 +66,34 @@ def test_reading_leaves_no_cycles_that_only_the_collector_could_free(text: str) 
 @pytest.mark.usefixtures("collector")
 @pytest.mark.parametrize("on", [True, False])
 @pytest.mark.parametrize("text", [TREE, "tree: {sya: Hello.}\n"])
-def test_the_collector_is_on_or_off_after_reading_as_it_was_before(text: str, on: bool) -> None:
+def test_reader_restores_garbage_collector_state(text: str, on: bool) -> None:
     gc.enable() if on else gc.disable()
     with suppress(ReadError):
         read(text)
     assert gc.isenabled() is on
 
 
-def test_a_condition_that_is_written_twice_is_there_once() -> None:
+def test_repeated_condition_is_stored_once() -> None:
     agent = read(TREE)
     (check,) = of_kind(agent, "check")
     (case,) = (one for one in of_kind(agent, "case") if one.fields)
     assert check.fields["condition"] is case.fields["condition"]
 
 
-def test_the_same_words_are_another_condition_where_their_names_have_other_types() -> None:
+def test_same_text_with_other_types_is_another_condition() -> None:
     tree = "tree: {check: x == 'a'}\n"
     assert of_kind(read(f"tunables: {{x: {{default: a}}}}\n{tree}"), "check")
     with pytest.raises(ReadError, match="cannot compare a number with a text"):
         read(f"tunables: {{x: {{default: 1, min: 0, max: 2}}}}\n{tree}")
 
 
-def test_defaults_that_are_not_written_are_shared_by_all_nodes() -> None:
+def test_nodes_share_omitted_defaults() -> None:
     agent = read("tree: {sequence: [{say: Hello.}, {say: Good bye.}]}\n")
     first, second = of_kind(agent, "say")
     assert first.fields["rate"] is second.fields["rate"]
     assert first.outputs is second.outputs
 
 
-def test_a_moved_node_differs_in_nothing_but_its_path_and_children() -> None:
+def test_moved_node_changes_only_path_and_children() -> None:
     for spec in iter_nodes(read(TREE).tree):
         assert spec.moved("x", ()) == replace(spec, path="x", children=())

@@ -31,7 +31,7 @@ HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 WORDS = [*NODE_TYPES, *SYMBOLS.skills, *DECORATORS, *SIBLINGS]
 
 
-def test_every_word_has_a_page_and_no_other_has():
+def test_every_word_has_exactly_one_page():
     assert [page.key for page in node_pages(SYMBOLS)] == WORDS
     assert node_page("sya", SYMBOLS) is None
 
@@ -42,7 +42,7 @@ def test_every_word_of_the_language_has_an_example():
 
 
 @pytest.mark.parametrize("key", WORDS)
-def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
+def test_word_example_uses_it_in_runnable_tree(key):
     page = node_page(key, SYMBOLS)
     assert page is not None
     assert f"{key}:" in page.example
@@ -60,7 +60,7 @@ def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
     run.tick()
 
 
-def test_a_page_says_what_is_needed_and_what_is_taken_otherwise():
+def test_page_lists_required_fields_and_defaults():
     page = node_page("ask", SYMBOLS)
     assert page is not None
     assert page.group is Group.SKILL
@@ -77,14 +77,14 @@ def test_a_page_says_what_is_needed_and_what_is_taken_otherwise():
     assert [one.name for one in page.outputs] == ["answer"]
 
 
-def test_a_page_of_a_modifier_says_where_it_acts():
+def test_modifier_page_states_its_nesting_order():
     page = node_page("retry", SYMBOLS)
     assert page is not None
     assert "inside of when, once" in page.note
     assert "around repeat, timeout" in page.note
 
 
-def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
+def test_plugin_page_is_built_from_fields():
     blink = NodeType(
         key="blink",
         main="colour",
@@ -124,7 +124,7 @@ def test_a_node_without_fields_takes_no_value():
     assert (problem.code, problem.message) == ("wrong-type", "'blink' has no fields, found '3'")
 
 
-def test_an_example_of_a_skill_is_as_one_would_write_it():
+def test_skill_example_looks_hand_written():
     page = node_page("ask", SYMBOLS)
     assert page is not None
     assert page.example == (
@@ -133,7 +133,7 @@ def test_an_example_of_a_skill_is_as_one_would_write_it():
 
 
 @pytest.mark.parametrize("name", ["greet", "tell", "ask_twice", "clear_the_way"])
-def test_the_example_of_a_subtree_of_a_library_imports_it(name):
+def test_library_subtree_example_imports_its_library(name):
     libraries = SYMBOLS.libraries
     assert libraries is not None
     subtree = libraries.load("libraries/manners.yaml").subtrees[name]
@@ -145,14 +145,14 @@ def test_the_example_of_a_subtree_of_a_library_imports_it(name):
 
 
 @pytest.mark.parametrize("key", TOPICS)
-def test_the_example_of_a_topic_works(key):
+def test_topic_example_works(key):
     page = topic(key, SPACE)
     assert page is not None
     assert page.key == key
     read_agent_text(HEAD + page.example, "example.yaml", SYMBOLS)
 
 
-def test_topics_name_every_unit_operator_function_and_scene_value():
+def test_topics_list_all_units_operators_functions_and_values():
     def words(key):
         page = topic(key, SPACE)
         assert page is not None
@@ -169,6 +169,6 @@ def test_topics_name_every_unit_operator_function_and_scene_value():
 
 
 @pytest.mark.parametrize("name", GENERATED)
-def test_a_generated_file_is_what_the_tables_say(name):
+def test_generated_file_matches_the_tables(name):
     written = (ROOT / name).read_text(encoding="utf-8")
     assert written == GENERATED[name](), "run scripts/generate"

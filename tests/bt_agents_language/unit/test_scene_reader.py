@@ -36,13 +36,13 @@ def test_a_scene_becomes_a_space_and_sources():
     assert (spec.person.parameter, spec.person.points) == ("person", ())
 
 
-def test_the_shipped_scene_has_a_source_for_every_parameter():
+def test_shipped_scene_has_source_for_every_parameter():
     spec = read_scene(TREES / "scene.yaml")
     assert {source.parameter for source in spec.sources} == set(spec.space.names)
     assert spec.person is not None
 
 
-def test_sources_and_mood_can_be_left_out():
+def test_sources_and_mood_are_optional():
     spec = read_scene_text("format: 1\nparameters: {a: {min: 0, max: 1, default: 0}}", "s.yaml")
     assert (spec.sources, spec.person, spec.space.mood) == ((), None, None)
 
@@ -63,7 +63,7 @@ def test_sources_and_mood_can_be_left_out():
         ("2 s}", "2 s, map: {0: 1, 1: 1}}", "7:77: error[unknown-key]"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(old, new, error):
+def test_errors_are_reported_with_position(old, new, error):
     assert old in TEXT
     with pytest.raises(ReadError) as found:
         read_scene_text(TEXT.replace(old, new), "s.yaml", FakeInterfaces())

@@ -43,7 +43,7 @@ def lines(text: str) -> list[str]:
     return list(found.value.lines)
 
 
-def test_an_agent_uses_it_and_gives_no_value_for_it():
+def test_agent_uses_parameter_without_profile_value():
     assert read().profile == (4.0,)
 
 
@@ -58,29 +58,29 @@ def test_an_agent_uses_it_and_gives_no_value_for_it():
         ("set: {scene.pain: 2}", "give_feedback: {kind: direct, values: {pain: 2}}"),
     ],
 )
-def test_what_is_about_profiles_may_not_name_it(old, new):
+def test_profile_keys_may_not_name_the_parameter(old, new):
     (line, *_) = lines(AGENT_TEXT.replace(old, new))
     assert "error[wrong-value]: no profile has 'pain': scene.yaml says 'profile: false'" in line
 
 
-def test_its_value_in_a_profile_is_no_name():
+def test_profile_value_of_parameter_is_unknown_name():
     (line, *_) = lines(AGENT_TEXT.replace("live.pain <= 2", "profile.pain <= 2"))
     assert "unknown-name" in line
 
 
-def test_a_weight_of_what_counts_in_no_distance_is_a_contradiction():
+def test_weight_of_parameter_without_profile_is_rejected():
     with pytest.raises(ReadError, match="'profile: false' says that it counts in no distance"):
         read_scene_text(
             SCENE_TEXT.replace("profile: false", "profile: false, weight: 2"), "s.yaml"
         )
 
 
-def test_one_parameter_at_least_is_part_of_profiles():
+def test_profiles_need_at_least_one_parameter():
     with pytest.raises(ReadError, match="no parameter is part of profiles"):
         read_scene_text(SCENE_TEXT.replace("default: 3}", "default: 3, profile: false}"), "s.yaml")
 
 
-def test_a_drawn_agent_and_the_schema_of_its_file_show_no_value_for_it():
+def test_drawing_and_schema_show_no_profile_value():
     assert "pain" not in outline(read(), SYMBOLS.space, 80).splitlines()[1]
     profile = file_schema(AGENT, SYMBOLS.space)["properties"]["profile"]
     assert (list(profile["properties"]), profile["required"]) == (["age"], ["age"])

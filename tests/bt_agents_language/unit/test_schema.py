@@ -90,12 +90,12 @@ def in_tree(node: str) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_schema_is_a_json_schema(kind):
+def test_schema_is_valid_json_schema(kind):
     Draft7Validator.check_schema(json.loads(schema_text(KINDS[kind], SYMBOLS)))
 
 
 @pytest.mark.parametrize("path", list(shipped()), ids=lambda path: str(path.relative_to(ROOT)))
-def test_every_shipped_file_is_taken(path):
+def test_schema_accepts_every_shipped_file(path):
     words = FOLDERS.get(path.parent) or FOLDERS[path.parents[1]]
     validator = Draft7Validator(schema_of(KINDS[kind_of(path)], words))
     found = validator.iter_errors(loaded(read_source(path).text))
@@ -103,7 +103,7 @@ def test_every_shipped_file_is_taken(path):
 
 
 @pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.name)
-def test_every_shipped_sweep_is_taken(path):
+def test_schema_accepts_every_shipped_sweep(path):
     experiment = (path.parent / loaded(path.read_text())["experiment"]).resolve()
     validator = Draft7Validator(schema_of(KINDS["sweep"], FOLDERS[experiment]))
     found = validator.iter_errors(loaded(path.read_text()))
@@ -119,7 +119,7 @@ def test_every_shipped_sweep_is_taken(path):
         ("- ucb", "- {name: ucb, sigma: much}"),
     ],
 )
-def test_what_the_reader_of_sweeps_refuses_is_refused(right, wrong):
+def test_schema_rejects_invalid_sweeps(right, wrong):
     text = (
         "format: 1\nexperiment: ../3\nruns: 6\nrounds: 9\nseed: 0\n"
         "strategies:\n  - ucb\nupdates:\n  - plain\n"
@@ -129,19 +129,19 @@ def test_what_the_reader_of_sweeps_refuses_is_refused(right, wrong):
 
 
 @pytest.mark.parametrize("path", list(accepted()), ids=lambda path: str(path.relative_to(CORPUS)))
-def test_every_file_is_taken_that_the_readers_take(path):
+def test_schema_accepts_every_file_the_readers_accept(path):
     assert problems(kind_of(path), read_source(path).text) == []
 
 
 @pytest.mark.parametrize("key", [*NODE_TYPES, *SYMBOLS.skills, *DECORATORS, *SIBLINGS])
-def test_every_word_of_the_language_is_described_in_a_node(key):
+def test_node_schema_describes_every_word(key):
     properties = schema_of(AGENT, SYMBOLS)["definitions"]["node"]["properties"]
     assert properties[key]["description"]
     assert properties[key]["markdownDescription"].startswith(properties[key]["description"])
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_key_is_described(kind):
+def test_schema_describes_every_key(kind):
     def undescribed(part: object, at: str) -> Iterator[str]:
         if isinstance(part, list):
             for item in part:
@@ -191,7 +191,7 @@ def test_every_key_is_described(kind):
         "check: 5",
     ],
 )
-def test_a_slip_in_a_tree_is_refused(node):
+def test_schema_rejects_errors_in_trees(node):
     assert in_tree(node)
 
 
@@ -210,11 +210,11 @@ def test_a_slip_in_a_tree_is_refused(node):
         "say: Hello.\ninvert: 'true'",
     ],
 )
-def test_what_the_readers_take_in_a_tree_is_taken(node):
+def test_schema_accepts_valid_trees(node):
     assert in_tree(node) == []
 
 
-def test_the_profile_is_held_to_the_scene():
+def test_schema_checks_profile_against_scene():
     text = "format: 1\nagent: a\nprofile: {age: 9, mood: x, size: 1}\ntree: {wait: 1 s}\n"
     found = "\n".join(problems("agent", text))
     assert "9 is greater than the maximum of 5" in found
@@ -223,7 +223,7 @@ def test_the_profile_is_held_to_the_scene():
     assert "'x' does not match" in found
 
 
-def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
+def test_schema_types_fields_of_plugin_nodes():
     fields = (
         NodeField(name="seconds", type=FieldType.DURATION, description="how long"),
         NodeField(name="mode", content=Content.CONSTANT, required=False, words=("slow", "fast")),
@@ -268,7 +268,7 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
     assert properties["blink"]["description"] == "Blinks."
 
 
-def test_the_command_writes_what_it_then_finds_up_to_date(tmp_path):
+def test_schema_command_output_passes_its_check(tmp_path):
     run = CliRunner().invoke
     arguments = [str(TREES), "--output", str(tmp_path / "schema")]
     assert run(schema, [*arguments, "--check"]).exit_code == 1

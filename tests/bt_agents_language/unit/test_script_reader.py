@@ -14,7 +14,7 @@ from bt_agents_language.yaml.source import Source
 from tree_harness import SPACE, TREES
 
 
-def test_a_visit_knows_what_the_person_does():
+def test_visit_describes_persons_actions():
     text = """\
 format: 1
 title: A day
@@ -58,7 +58,7 @@ visits:
         ('{label: a, name: "an\\nna"}', "bad-name"),
     ],
 )
-def test_a_name_is_that_of_somebody_who_is_there(visit: str, problem: str):
+def test_script_name_must_belong_to_present_person(visit: str, problem: str):
     with pytest.raises(ReadError) as caught:
         read_script(Source("s.yaml", f"format: 1\ntitle: t\nvisits:\n  - {visit}\n"), SPACE)
     assert [one.code for one in caught.value.diagnostics] == [problem]

@@ -31,7 +31,7 @@ def skills(text: str) -> dict[str, SkillSpec]:
     )
 
 
-def test_what_a_skills_file_says_of_its_servers_stands_in_the_binding() -> None:
+def test_binding_holds_server_settings_from_skills_file() -> None:
     text = (CORPUS / "skills/valid_servers.yaml").read_text(encoding="utf-8")
     read = read_skills_text(text.partition("bindings:")[0], "s.yaml")
     drive, light = (read[name].binding for name in ("drive", "light"))
@@ -48,7 +48,7 @@ def test_what_a_skills_file_says_of_its_servers_stands_in_the_binding() -> None:
     assert light.heartbeat.within_s == 0.5
 
 
-def test_what_is_not_written_is_as_usual() -> None:
+def test_omitted_timeouts_have_defaults() -> None:
     binding = SYMBOLS.skills["ask"].binding
     assert binding is not None
     assert binding.timeouts == Timeouts(server_s=3.0, accept_s=3.0, result_s=None)
@@ -65,7 +65,7 @@ skills:
 """
 
 
-def test_a_field_of_the_feedback_must_be_there_where_its_type_is_known() -> None:
+def test_feedback_field_must_exist_in_known_type() -> None:
     assert skills(FROM.format(path="feedback.good.good"))["go"].binding is not None
     with pytest.raises(ReadError, match=r"5:42: error\[unknown-ros-field\].*in the feedback"):
         skills(FROM.format(path="feedback.bad"))
@@ -82,7 +82,7 @@ def test_a_field_of_the_feedback_must_be_there_where_its_type_is_known() -> None
         )
 
 
-def test_another_robot_binds_an_output_to_its_own_feedback() -> None:
+def test_another_robot_binds_output_to_own_feedback() -> None:
     words = """
     skills:
       go:
@@ -97,7 +97,7 @@ def test_another_robot_binds_an_output_to_its_own_feedback() -> None:
     assert (binding.outputs, binding.feedback) == ({}, {"left": "good"})
 
 
-def test_a_service_has_no_feedback_but_maybe_a_field_of_that_name() -> None:
+def test_service_field_named_feedback_is_plain_result() -> None:
     text = """
     skills:
       go:
@@ -119,7 +119,7 @@ parallel:
 """
 
 
-def test_the_shipped_drive_tells_how_far_it_still_is() -> None:
+def test_shipped_drive_reports_remaining_distance() -> None:
     told_on_the_way = ((1.0, {"remaining_m": 40.0}), (2.0, {"remaining_m": 12.0}))
     stage = Stage(DRIVE, answers={"drive": [ScriptedReply(after_s=9.0, feedback=told_on_the_way)]})
     stage.tick()
@@ -130,7 +130,7 @@ def test_the_shipped_drive_tells_how_far_it_still_is() -> None:
     assert stage.said == ["Nearly there."]
 
 
-def test_a_rehearsal_gives_feedback_from_the_start_where_it_is_told_to_and_else_none() -> None:
+def test_rehearsal_gives_only_declared_feedback_from_start() -> None:
     given = rehearsed(DRIVE, "answers: {drive: {outputs: {remaining: 5 m}}}")
     assert events_of(given, EventKind.BEGINS) == [(0.0, "drive"), (0.0, "say")]
     nothing = rehearsed("sequence:\n  - drive: gate 12\n  - log: ${remaining}")
@@ -138,12 +138,12 @@ def test_a_rehearsal_gives_feedback_from_the_start_where_it_is_told_to_and_else_
     assert "'remaining' has no value" in nothing.message
 
 
-def test_a_skill_that_never_ends_times_out_in_a_rehearsal_as_on_the_robot() -> None:
+def test_never_ending_skill_times_out_in_rehearsal() -> None:
     result = rehearsed("say: Hello.", "answers: {say: {ends: never}}")
     assert result.message.startswith("say timed out: no result within 120 s")
 
 
-def test_the_keys_survive_groot() -> None:
+def test_server_keys_survive_groot_round_trip() -> None:
     path = CORPUS / "agents/valid_servers.yaml"
     source = Source("a.yaml", path.read_text(encoding="utf-8"))
     before = read_agent_text(source.text, "a.yaml", SYMBOLS)
@@ -157,14 +157,14 @@ def test_the_keys_survive_groot() -> None:
             assert other.skill.binding == one.skill.binding
 
 
-def test_every_shipped_action_notices_the_death_of_its_server() -> None:
+def test_every_shipped_action_has_heartbeat() -> None:
     read = read_trees(TREES)
     assert not read.broken
     robots = [SYMBOLS.skills[name].binding for name in ("say", "ask", "show", "drive")]
     assert all(binding is not None and binding.heartbeat is not None for binding in robots)
 
 
-def test_a_raw_leaf_has_timeouts_of_its_own() -> None:
+def test_raw_leaf_has_own_timeouts() -> None:
     tree = agent("service: {name: a, type: a/srv/B, timeouts: {result: 500 ms}}").tree
     assert tree.skill is not None
     assert tree.skill.binding is not None

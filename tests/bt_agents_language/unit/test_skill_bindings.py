@@ -47,14 +47,14 @@ def bound(skill: SkillSpec) -> str:
     return skill.binding.name if skill.binding is not None else skill.unoffered
 
 
-def test_the_first_robot_counts_unless_another_one_is_preferred(tmp_path):
+def test_first_robot_wins_unless_another_is_preferred(tmp_path):
     robots = (("one", "known_msgs"), ("two", "known_msgs"))
     assert bound(ask(tmp_path, *robots)) == "ask_one"
     assert bound(ask(tmp_path, *robots, prefer="two")) == "ask_two"
     assert bound(ask(tmp_path, *robots, prefer="nobody")) == "ask_one"
 
 
-def test_a_robot_whose_package_is_not_installed_is_passed_over(tmp_path):
+def test_robot_with_missing_package_is_skipped(tmp_path):
     robots = (("one", "absent_msgs"), ("two", "known_msgs"))
     assert bound(ask(tmp_path, *robots)) == "ask_two"
     assert bound(ask(tmp_path, *robots, prefer="one")) == "ask_two"
@@ -73,12 +73,12 @@ def test_a_robot_whose_package_is_not_installed_is_passed_over(tmp_path):
         ("tow", ["no skills file binds the robot 'tow', which is preferred; did you mean 'two'?"]),
     ],
 )  # fmt: skip
-def test_a_robot_that_is_preferred_in_vain_is_told(tmp_path, prefer, told):
+def test_unavailable_preferred_robot_is_reported(tmp_path, prefer, told):
     skill = ask(tmp_path, ("one", "absent_msgs"), ("two", "known_msgs"), prefer=prefer)
     assert list(binding_problems({"ask": skill}, prefer)) == told
 
 
-def test_a_skill_that_nobody_offers_says_why_and_keeps_its_agents_from_bidding(tmp_path):
+def test_unoffered_skill_keeps_its_agents_from_bidding(tmp_path):
     skill = ask(tmp_path, ("one", "absent_msgs"))
     assert skill.unoffered == "one: the ROS package 'absent_msgs' is not installed"
     spec = read_agent_text(
@@ -89,7 +89,7 @@ def test_a_skill_that_nobody_offers_says_why_and_keeps_its_agents_from_bidding(t
     assert spec.unoffered == (f"skill 'ask': {skill.unoffered}",)
 
 
-def test_a_skill_without_any_binding_is_a_word_without_a_robot(tmp_path):
+def test_skill_without_binding_names_no_robot(tmp_path):
     assert bound(ask(tmp_path)) == "no robot is bound to it"
 
 
@@ -105,7 +105,7 @@ def test_a_skill_without_any_binding_is_a_word_without_a_robot(tmp_path):
         ("${text}", "${txt}", "unknown-name"),
     ],
 )
-def test_a_wrong_binding_is_named_where_it_stands(tmp_path, old, new, expected):
+def test_invalid_binding_is_reported_at_its_position(tmp_path, old, new, expected):
     ask(tmp_path, ("one", "known_msgs"))
     path = tmp_path / "one.yaml"
     path.write_text(path.read_text().replace(old, new))
@@ -115,7 +115,7 @@ def test_a_wrong_binding_is_named_where_it_stands(tmp_path, old, new, expected):
     assert caught.value.lines[0].startswith(str(path))
 
 
-def test_the_shipped_words_can_be_said_by_a_ros4hri_robot():
+def test_shipped_skills_bind_to_ros4hri_robot():
     files = sorted((TREES / "skills").iterdir())
     skills = read_skills(files, robot="ros4hri")
     assert bound(skills["say"]) == "/skill/say"

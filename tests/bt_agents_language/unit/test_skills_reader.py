@@ -35,7 +35,7 @@ skills:
 """
 
 
-def test_a_skill_becomes_inputs_outputs_and_a_binding():
+def test_skill_has_inputs_outputs_and_binding():
     skill = read_skills_text(ASK, "s.yaml")["ask"]
     assert (skill.name, skill.description, skill.main) == ("ask", "Ask.", "text")
     assert [(one.name, one.type, one.required, one.default) for one in skill.inputs] == [
@@ -62,7 +62,7 @@ def test_shipped_skills_cover_every_kind_of_interface():
     assert {skill.binding.kind for skill in skills.values()} == set(BindingKind)
 
 
-def test_unknown_fields_of_ros_types_are_errors_with_their_place():
+def test_unknown_ros_fields_are_positioned_errors():
     with pytest.raises(ReadError) as error:
         read_skills_text(ASK.replace("goal: {good", "goal: {bad"), "s.yaml", FakeInterfaces())
     assert [line.split(": ")[0] for line in error.value.lines] == [
@@ -73,6 +73,6 @@ def test_unknown_fields_of_ros_types_are_errors_with_their_place():
     assert all("unknown-ros-field" in line for line in error.value.lines)
 
 
-def test_a_condition_of_a_skill_sees_the_result_only():
+def test_skill_condition_sees_only_the_result():
     with pytest.raises(ReadError, match=r"18:21: error\[unknown-name\]"):
         read_skills_text(ASK.replace("result.good !=", "wait !="), "s.yaml")

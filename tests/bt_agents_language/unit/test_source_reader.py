@@ -92,23 +92,23 @@ def test_every_key_of_a_source_is_read():
     assert not one.per_person
 
 
-def test_a_latched_source_needs_no_limit_of_staleness():
+def test_latched_source_needs_no_stale_after():
     (one,) = scene(source(stale_after="", latched="true")).sources
     assert one.stale_after_s == math.inf
 
 
-def test_a_source_that_is_not_latched_needs_one():
+def test_unlatched_source_needs_stale_after():
     assert "needs the key 'stale_after'" in problems(source(stale_after="", latched="false"))[0]
     tracked = source(field="good_list", id="good_word", stale_after="", latched="false")
     assert "needs the key 'stale_after'" in problems(SOURCE, persons(tracked=tracked))[0]
 
 
-def test_true_and_false_stand_in_a_table_however_they_are_written():
+def test_table_keys_accept_any_boolean_spelling():
     (one,) = scene(source(field="good_truth", table="{True: 5, FALSE: 1}")).sources
     assert one.table == (("true", 5.0), ("false", 1.0))
 
 
-def test_how_much_nearer_another_must_be_is_a_length():
+def test_better_by_is_a_length():
     nearest = "{{rule: nearest, source: {{from: tracked, field: good}}, better_by: {}}}"
     for written, metres in (("30 cm", 0.3), ("0.3", 0.3), ("1 m", 1.0)):
         spec = scene(more=persons(addressee=nearest.format(written)))
@@ -116,7 +116,7 @@ def test_how_much_nearer_another_must_be_is_a_length():
     assert "0 m or more" in problems(SOURCE, persons(addressee=nearest.format("-1 cm")))[0]
 
 
-def test_a_topic_has_one_type_wherever_it_stands():
+def test_topic_has_one_type_everywhere():
     other = source(type="known_msgs/msg/Y")
     found = problems(f"[{SOURCE}, {other}]")
     assert len(found) == 1
@@ -129,31 +129,31 @@ def test_a_topic_has_one_type_wherever_it_stands():
 
 
 @pytest.mark.parametrize("name", ["person", "stale", "place", "persons", "person_id"])
-def test_what_a_scene_says_of_itself_is_no_parameter(name):
+def test_reserved_scene_name_cannot_be_a_parameter(name):
     text = f"format: 1\nparameters: {{{name}: {{min: 0, max: 1, default: 0}}}}"
     with pytest.raises(ReadError, match="has a meaning of its own"):
         read_scene_text(text, "s.yaml")
 
 
-def test_a_parameter_may_have_several_sources_which_stand_where_they_begin():
+def test_parameter_may_have_several_positioned_sources():
     spec = scene(f"[{SOURCE}, {source(topic='b')}]")
     assert [one.topic for one in spec.sources] == ["a", "b"]
     assert [one.position.column for one in spec.sources] == [10, 10 + len(SOURCE) + 2]
 
 
-def test_parameters_have_weights_and_rules_for_what_is_missing():
+def test_parameters_have_weights_and_missing_rules():
     spec = scene(parameter="weight: 2, missing: estimate")
     assert [parameter.weight for parameter in spec.space.parameters] == [2.0, 1.0]
     assert spec.missing_rule("mood") is MissingRule.ESTIMATE
     assert spec.missing_rule("age") is MissingRule.LEAVE_OUT
 
 
-def test_a_scene_without_anybody_has_declared_values():
+def test_scene_without_person_has_declared_values():
     spec = scene(more="no_person: {mood: 3}")
     assert [parameter.unattended for parameter in spec.space.parameters] == [3.0, None]
 
 
-def test_persons_are_tracked_known_and_addressed_by_declared_rules():
+def test_persons_have_tracked_known_and_addressee_sources():
     by = source(topic="p/<person>/x")
     spec = scene(
         source(topic="f/<face>/age"),
@@ -173,7 +173,7 @@ def test_persons_are_tracked_known_and_addressed_by_declared_rules():
     assert addressee.source.placeholders == ("person",)
 
 
-def test_who_came_first_is_addressed_where_nothing_else_is_written():
+def test_addressee_rule_defaults_to_first():
     assert scene(more=persons()).persons.addressee.rule is AddresseeRule.FIRST
     assert scene(more=persons(addressee="first")).persons.addressee.rule is AddresseeRule.FIRST
 
@@ -228,7 +228,7 @@ def problems(source: str, more: str = "", parameter: str = "") -> list[str]:
         ({"from": "traced", "topic": "", "type": ""}, "bad-choice", "did you mean 'tracked'?"),
     ],
 )
-def test_what_is_wrong_with_a_source_is_told(keys, code, words):
+def test_source_errors_are_reported(keys, code, words):
     found = problems(source(**keys), "", "")
     assert f"error[{code}]" in found[0]
     assert words in " ".join(found)
@@ -268,13 +268,13 @@ def test_what_is_wrong_with_a_source_is_told(keys, code, words):
         (persons(tracked=source(field="good_list", topic="<x>")), "unknown-name", ""),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_persons_and_places_is_told(more, code, words):
+def test_person_and_place_errors_are_reported(more, code, words):
     found = problems(SOURCE, more, "")
     assert f"error[{code}]" in found[0]
     assert words in " ".join(found)
 
 
-def test_with_persons_nothing_else_says_whether_somebody_is_there():
+def test_persons_exclude_separate_person_source():
     found = problems(SOURCE, f"{persons()}\nsources_: 1", "")
     assert "unknown-key" in found[0]
     text = SCENE.format(source=f"{SOURCE}\n  person: {SOURCE}", more=persons(), parameter="")
@@ -290,5 +290,5 @@ def test_with_persons_nothing_else_says_whether_somebody_is_there():
         ("wieght: 2", "unknown-key"),
     ],
 )
-def test_what_is_wrong_with_a_parameter_is_told(parameter, code):
+def test_parameter_errors_are_reported(parameter, code):
     assert f"error[{code}]" in problems(SOURCE, "", parameter)[0]

@@ -56,7 +56,7 @@ def problems(case: str) -> list[str]:
     return list(caught.value.lines)
 
 
-def test_a_case_says_everything_that_a_rehearsal_needs() -> None:
+def test_case_describes_whole_rehearsal() -> None:
     [case] = cases_for(
         AGENT,
         """
@@ -100,7 +100,7 @@ def test_a_case_says_everything_that_a_rehearsal_needs() -> None:
     assert cancel.cancel == Cancellation(by="operator", reason="operator")
 
 
-def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
+def test_case_holds_positioned_expectations() -> None:
     [case] = cases_for(
         AGENT,
         """
@@ -193,7 +193,7 @@ def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
         ("during: [{at: tree/7.x, cancel: a}]", "[unknown-path]"),
     ],
 )  # fmt: skip
-def test_slips_are_named(case: str, expected: str) -> None:
+def test_errors_are_reported_with_position(case: str, expected: str) -> None:
     text = f"- name: a\n  {case}\n" + ("" if "expect" in case else "  expect: {ends: failed}\n")
     if not expected:
         assert cases_for(AGENT, text).cases
@@ -204,13 +204,13 @@ def test_slips_are_named(case: str, expected: str) -> None:
     assert lines[0].startswith("a.test.yaml:5:" if "expect: {e" not in text else "a.test.yaml:")
 
 
-def test_all_slips_of_a_file_are_named_in_one_pass() -> None:
+def test_one_pass_reports_all_errors() -> None:
     assert (
         len(problems("- name: a\n- expect: {ends: won}\n- name: b\n  seed: x\n  expect: 3")) == 5
     )
 
 
-def test_cases_have_different_names() -> None:
+def test_case_names_must_differ() -> None:
     case = "- name: a\n  expect: {ends: failed}\n"
     assert "[name-taken]: there is a case 'a' already (line 4)" in problems(case * 2)[0]
 
@@ -220,12 +220,12 @@ def test_a_file_without_cases_is_refused() -> None:
 
 
 @pytest.mark.parametrize("name", ["a", "a.yaml"])
-def test_the_agent_is_named_by_its_name_or_file(name: str) -> None:
+def test_agent_is_referenced_by_name_or_file(name: str) -> None:
     text = f"format: 1\ntest: {name}\ncases: [{{name: x, expect: {{ends: failed}}}}]"
     assert read_test_text(text, "a.test.yaml", [AGENT], SYMBOLS).agent is AGENT
 
 
-def test_an_unknown_agent_is_an_error_with_the_nearest_name() -> None:
+def test_unknown_agent_error_suggests_nearest_name() -> None:
     text = "format: 1\ntest: attentive_gide\ncases: [{name: x, expect: {ends: failed}}]"
     agents = read_trees(TREES).agents
     with pytest.raises(ReadError) as caught:
@@ -247,11 +247,11 @@ def test_an_unknown_agent_is_an_error_with_the_nearest_name() -> None:
         ("**", "tree/0.say", True),
     ],
 )
-def test_wildcards_fit_paths(pattern: str, path: str, fits: bool) -> None:
+def test_wildcards_match_paths(pattern: str, path: str, fits: bool) -> None:
     assert matches(pattern, path) is fits
 
 
-def test_test_files_are_no_agents(tmp_path: Path) -> None:
+def test_test_files_are_not_agents(tmp_path: Path) -> None:
     for name in ("scene.yaml", "skills", "libraries", "agents"):
         (tmp_path / name).symlink_to(TREES / name)
     files = [one.file for one in read_trees(tmp_path).agents]
@@ -260,9 +260,7 @@ def test_test_files_are_no_agents(tmp_path: Path) -> None:
     assert list((TREES / "agents").glob("*.test.yaml"))
 
 
-def test_a_test_of_an_agent_whose_file_is_broken_says_that_and_lists_no_others(
-    tmp_path: Path,
-) -> None:
+def test_broken_agent_file_is_reported_for_its_test(tmp_path: Path) -> None:
     (tmp_path / "porter.yaml").write_text("format: 1\n")
     for name in ("porter", "porter.yaml"):
         text = f"format: 1\ntest: {name}\ncases: [{{name: x, expect: {{ends: failed}}}}]\n"
@@ -274,7 +272,7 @@ def test_a_test_of_an_agent_whose_file_is_broken_says_that_and_lists_no_others(
         assert "possible here" not in problem.hint
 
 
-def test_replacements_are_bounded_by_the_size_of_a_tree() -> None:
+def test_replacements_are_bounded_by_tree_size() -> None:
     spec = agent("sequence: [" + "{say: a}, " * 300 + "]")
     many = "{sequence: [" + "{wait: 1 s}, " * (MAX_NODES // 300) + "]}"
     with pytest.raises(ReadError, match="tree-too-large"):

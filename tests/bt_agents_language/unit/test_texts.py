@@ -71,7 +71,7 @@ def folder(tmp_path: Path) -> Folder:
     return Folder(tmp_path)
 
 
-def test_a_text_is_that_of_the_language_of_the_folder_or_of_another_that_is_asked_for(folder):
+def test_text_follows_requested_or_folder_language(folder):
     assert folder.said("${t.hello}") == Literal(value="Hallo.")
     assert folder.said("${t.hello}", "en") == Literal(value="Hello.")
     assert folder.problems()[:1] == [
@@ -80,7 +80,7 @@ def test_a_text_is_that_of_the_language_of_the_folder_or_of_another_that_is_aske
     ]
 
 
-def test_names_in_a_text_are_those_of_the_place_where_it_is_inserted(folder):
+def test_text_names_resolve_at_insertion_point(folder):
     tree = folder.read().agents[0].tree
     assert tree.children[2].fields["text"] == Text(
         parts=("Fertig, ", Reference(name="guest"), "?")
@@ -88,7 +88,7 @@ def test_names_in_a_text_are_those_of_the_place_where_it_is_inserted(folder):
     assert folder.problems() == []
 
 
-def test_a_text_stands_in_the_middle_of_another_and_in_lists(folder):
+def test_text_can_be_inserted_inside_texts_and_lists(folder):
     assert folder.said('"${t.hello} ${t.hello}!"') == Literal(value="Hallo. Hallo.!")
     folder.tree('tree: {ask: {text: a, choices: ["${t.hello}", no]}}\n')
     assert [item.value for item in folder.read().agents[0].tree.fields["choices"].items] == [
@@ -97,7 +97,7 @@ def test_a_text_stands_in_the_middle_of_another_and_in_lists(folder):
     ]
 
 
-def test_one_of_several_texts_is_taken_where_a_skill_says_one(folder):
+def test_text_variants_are_allowed_only_in_skills(folder):
     folder.write("texts/de.yaml", DE + "  bye: {one_of: [Ade., 'Bis ${clock.weekday}.']}\n")
     variants = folder.said("${t.bye}")
     assert isinstance(variants, Variants)
@@ -110,14 +110,14 @@ def test_one_of_several_texts_is_taken_where_a_skill_says_one(folder):
     assert "'t.bye' is one of several texts" in broken.error.lines[0]
 
 
-def test_a_longer_text_is_the_one_that_counts_where_speech_is_cut_off(folder):
+def test_longest_variant_decides_cut_speech_warning(folder):
     long = "Bitte legen Sie Ihre Tasche auf die Plattform, wenn Sie so weit sind."
     folder.write("texts/de.yaml", f"{DE}  bye: {{one_of: [Ade., '{long}']}}\n")
     folder.tree('tree: {say: "Gut. ${t.bye}", timeout: 3 s}\n')
     assert [one.code for one in lint(folder.read().agents[0])] == ["cut-speech"]
 
 
-def test_a_condition_compares_with_a_text_without_names(folder):
+def test_condition_may_compare_with_plain_text(folder):
     folder.tree("tree: {sequence: [ask: a, check: 'contains(lower(answer), t.hello)']}\n")
     condition = folder.read().agents[0].tree.children[1].fields["condition"]
     assert condition.evaluate(lambda _: "na, HALLO.") is False
@@ -130,7 +130,7 @@ def test_a_condition_compares_with_a_text_without_names(folder):
     assert "'t.ask' has a name in it, which an expression cannot fill in" in broken.error.lines[0]
 
 
-def test_what_is_wrong_in_a_text_is_told_where_it_stands_and_in_every_language(folder):
+def test_text_errors_are_positioned_for_every_language(folder):
     folder.write("texts/en.yaml", EN.replace("${guest}", "${gest}"))
     assert [one.partition(": ")[2] for one in folder.problems()] == [
         "unknown-name: there is no name 'gest' here | did you mean 'guest'?"
@@ -143,7 +143,7 @@ def test_what_is_wrong_in_a_text_is_told_where_it_stands_and_in_every_language(f
     assert folder.read("en").broken
 
 
-def test_a_wrong_text_is_one_problem(folder):
+def test_wrong_text_is_one_problem(folder):
     folder.write("texts/de.yaml", DE.replace("${guest}", "${gest}"))
     tree = "tree: {sequence: [{set: {guest: Ann}}, {say: '${t.ask}'}, {show: '${t.ask}'}]}\n"
     for name in ("ann", "bob"):
@@ -155,7 +155,7 @@ def test_a_wrong_text_is_one_problem(folder):
     assert folder.read().report.count("there is no name 'gest' here") == 1
 
 
-def test_an_unknown_text_is_told_with_the_one_that_is_meant(folder):
+def test_unknown_text_error_suggests_nearest_text(folder):
     folder.tree('tree: {say: "${t.helo}"}\n')
     (first, *_) = folder.problems()
     assert first == (
@@ -164,7 +164,7 @@ def test_an_unknown_text_is_told_with_the_one_that_is_meant(folder):
     )
 
 
-def test_a_text_that_a_language_lacks_is_told_and_one_that_nothing_inserts(folder):
+def test_missing_and_unused_texts_are_reported(folder):
     folder.write("texts/de.yaml", DE + "  bye: Ade.\n")
     assert folder.problems() == [
         "texts/de.yaml:5:3: unused-text: nothing inserts the text 'bye' | "
@@ -174,7 +174,7 @@ def test_a_text_that_a_language_lacks_is_told_and_one_that_nothing_inserts(folde
     ]
 
 
-def test_a_text_that_only_a_library_inserts_is_used(folder):
+def test_text_inserted_only_by_library_is_used(folder):
     folder.write("texts/de.yaml", DE + "  bye: Ade.\n")
     folder.write("texts/en.yaml", EN + "  bye: Bye.\n")
     library = 'format: 1\nsubtrees: {leave: {tree: {say: "${t.bye}"}}}\n'
@@ -186,7 +186,7 @@ def test_a_text_that_only_a_library_inserts_is_used(folder):
     assert folder.problems() == []
 
 
-def test_an_agent_may_have_a_language_of_its_own_with_the_libraries_that_it_imports(folder):
+def test_agent_language_applies_to_its_imported_libraries(folder):
     library = 'format: 1\nsubtrees: {greet: {tree: {say: "${t.hello}"}}}\n'
     folder.write("libraries/manners.yaml", library)
     tree = "imports: [libraries/manners.yaml]\n" + TREE + "    - subtree: greet\n"
@@ -208,13 +208,13 @@ def test_an_agent_may_have_a_language_of_its_own_with_the_libraries_that_it_impo
     assert folder.problems() == []
 
 
-def test_an_agent_whose_own_language_has_no_texts_is_told_so(folder):
+def test_agent_language_without_texts_is_an_error(folder):
     folder.tree("language: fr\n" + TREE)
     (first, *_) = folder.problems()
     assert "there are no texts in the language 'fr'" in first
 
 
-def test_without_a_language_texts_are_refused_with_what_to_write(folder):
+def test_texts_without_language_are_rejected_with_hint(folder):
     folder.write("scene.yaml", SCENE.replace("language: de\n", ""))
     (broken,) = folder.read().broken
     assert "no language is chosen for the texts that this file inserts" in broken.error.report
@@ -222,7 +222,7 @@ def test_without_a_language_texts_are_refused_with_what_to_write(folder):
     assert not folder.read("en").broken
 
 
-def test_a_language_without_texts_is_refused(folder):
+def test_language_without_texts_is_rejected(folder):
     with pytest.raises(BtAgentsError, match=r"no texts in the language 'fr'.*some in de and en"):
         folder.read("fr")
     with pytest.raises(BtAgentsError, match="no texts in the language"):
@@ -230,7 +230,7 @@ def test_a_language_without_texts_is_refused(folder):
     assert FolderTexts(folder.path, "../agents/guide").broken is None
 
 
-def test_a_broken_file_of_texts_breaks_the_agents_that_insert_them_and_no_other(folder):
+def test_broken_text_file_breaks_only_its_users(folder):
     folder.write("texts/de.yaml", "format: 1\ntexts: 3\n")
     folder.write("agents/plain.yaml", HEAD.replace("guide", "plain") + "tree: {say: Hello.}\n")
     trees = folder.read()
@@ -254,13 +254,13 @@ def test_a_broken_file_of_texts_breaks_the_agents_that_insert_them_and_no_other(
         ("{hello: a, hello: b}", "[duplicate-key]"),
     ],
 )
-def test_a_file_of_texts_says_what_is_wrong_with_it(texts, problem):
+def test_text_file_errors_are_reported(texts, problem):
     with pytest.raises(ReadError) as error:
         read_texts(Source("de.yaml", f"format: 1\ntexts: {texts}\n"))
     assert problem in error.value.report
 
 
-def test_a_text_cannot_insert_another_one_so_that_none_contains_itself(folder):
+def test_text_cannot_insert_another_text(folder):
     folder.write("texts/de.yaml", "format: 1\ntexts: {hello: '${t.hello}', ask: b}\n")
     (broken,) = folder.read().broken
     first = broken.error.diagnostics[0]
@@ -269,7 +269,7 @@ def test_a_text_cannot_insert_another_one_so_that_none_contains_itself(folder):
     assert "${t.hello}" in first.excerpt
 
 
-def test_what_all_texts_of_a_file_lack_is_told_once(folder):
+def test_shared_text_problem_is_reported_once(folder):
     folder.write("scene.yaml", SCENE.replace("language: de\n", ""))
     folder.tree(TREE + "    - when: \"'a' == t.hello\"\n      say: ${t.hello}\n")
     (broken,) = folder.read().broken
@@ -306,7 +306,7 @@ def refusal(folder, text):
     return one
 
 
-def test_a_case_speaks_the_language_that_it_names(folder):
+def test_case_uses_its_declared_language(folder):
     test = read_cases(folder)
     german, english = test.cases
     (says,) = german.expectations
@@ -316,7 +316,7 @@ def test_a_case_speaks_the_language_that_it_names(folder):
     assert english.scenario.answers[0].answers[0].outputs == {"answer": "Hello."}
 
 
-def test_the_language_of_a_test_file_is_that_of_the_cases_that_name_none(folder):
+def test_test_file_language_is_default_of_its_cases(folder):
     text = TEST.replace("language: en", "language: de").replace(
         '[Hello., "Ready, Ann?"]', '[Hallo., "Bereit, Ann?"]'
     )
@@ -328,20 +328,20 @@ def test_the_language_of_a_test_file_is_that_of_the_cases_that_name_none(folder)
     assert problem.message == "there are no texts in the language 'eng'"
 
 
-def test_a_case_in_a_language_without_texts_is_refused(folder):
+def test_case_in_language_without_texts_is_rejected(folder):
     problem = refusal(folder, TEST.replace("language: en", "language: eng"))
     assert problem.message == "there are no texts in the language 'eng'"
     assert problem.hint == "did you mean 'en'?"
 
 
-def test_a_case_of_an_agent_with_a_language_of_its_own_names_none(folder):
+def test_case_cannot_override_language_of_agent(folder):
     folder.tree("language: de\n" + TREE)
     problem = refusal(folder, TEST)
     assert problem.code == "contradiction"
     assert "says 'language: de'" in problem.message
 
 
-def test_a_case_in_a_language_in_which_the_agent_is_broken_is_refused(folder):
+def test_case_in_language_with_broken_agent_is_rejected(folder):
     folder.write("texts/en.yaml", "format: 1\ntexts: {ask: Ready?}\n")
     problem = refusal(folder, TEST)
     assert "'guide' has errors in the language 'en': there is no text 'hello'" in problem.message
@@ -354,7 +354,7 @@ def test_a_case_in_a_language_in_which_the_agent_is_broken_is_refused(folder):
         ("{one_of: [Ready?, Done?]}", "'t.ask' is one of several texts, and a test needs a"),
     ],
 )
-def test_a_test_inserts_only_texts_that_are_whole(folder, text, why):
+def test_test_inserts_only_complete_texts(folder, text, why):
     folder.write("texts/de.yaml", f"format: 1\ntexts:\n  hello: Hallo.\n  ask: {text}\n")
     problem = refusal(folder, TEST.replace('t.hello}"]}}', 't.ask}"]}}'))
     assert why in problem.message

@@ -45,7 +45,7 @@ def tunable(text: str) -> Tunable | None:
         ("default: 1:30", FieldType.TEXT, ("1:30", None, None)),
     ],
 )
-def test_the_default_and_the_range_say_the_type(text, field_type, values):
+def test_default_and_range_determine_type(text, field_type, values):
     read = tunable(text)
     assert read is not None
     assert read.type is field_type
@@ -70,7 +70,7 @@ def test_the_default_and_the_range_say_the_type(text, field_type, values):
         ("default: 9, min: 1, max: 5, step: 3", "out-of-range", "is 9, expected 1 to 5"),
     ],
 )
-def test_what_is_wrong_is_said_once_and_with_its_unit(text, code, words):
+def test_tunable_error_is_reported_once_with_unit(text, code, words):
     with pytest.raises(ReadError) as error:
         tunable(text)
     (line,) = error.value.lines
@@ -78,13 +78,13 @@ def test_what_is_wrong_is_said_once_and_with_its_unit(text, code, words):
     assert words in line
 
 
-def test_minutes_that_are_written_as_metres_are_the_slip():
+def test_minutes_written_as_metres_are_one_error():
     with pytest.raises(ReadError) as error:
         tunable("default: 8 m, min: 2 s, max: 30 s")
     assert [line.partition(": error")[0] for line in error.value.lines] == ["a.yaml:1:14"]
 
 
-def test_two_wrong_limits_are_two_errors():
+def test_two_invalid_limits_are_two_errors():
     with pytest.raises(ReadError) as error:
         tunable("default: 8 s, min: 2 m, max: 30 m")
     assert [line.partition(": error")[0] for line in error.value.lines] == [

@@ -31,7 +31,7 @@ def refused_by_schema(tree: str) -> bool:
     return bool(list(SCHEMA.iter_errors(loaded(f"{HEAD}tree: {{{tree}}}\n"))))
 
 
-def test_variants_stand_in_the_place_of_the_main_text_beside_the_other_inputs():
+def test_variants_replace_main_text_beside_other_inputs():
     spec = node("say: {one_of: [Hello., Hi.], rate: 0.8}")
     assert spec.fields["text"] == Variants(texts=(Literal(value="Hello."), Literal(value="Hi.")))
     assert spec.fields["rate"] == Literal(value=0.8)
@@ -39,7 +39,7 @@ def test_variants_stand_in_the_place_of_the_main_text_beside_the_other_inputs():
     assert not refused_by_schema("say: {one_of: [Hello., Hi.], rate: 0.8}")
 
 
-def test_a_skill_whose_main_text_may_be_left_out_takes_them_too():
+def test_optional_main_text_accepts_variants():
     assert node("show: {one_of: [Hello., Hi.]}").variants
 
 
@@ -59,7 +59,7 @@ def test_a_skill_whose_main_text_may_be_left_out_takes_them_too():
         ("log: {one_of: [a, b]}", "unknown-key", "no key 'one_of'", "", True),
     ],
 )
-def test_what_is_wrong_with_them_is_said(tree, code, message, hint, by_schema):
+def test_variant_errors_are_reported(tree, code, message, hint, by_schema):
     with pytest.raises(ReadError) as error:
         agent(tree)
     [found] = [one for one in error.value.diagnostics if one.code == code]
@@ -68,19 +68,19 @@ def test_what_is_wrong_with_them_is_said(tree, code, message, hint, by_schema):
     assert refused_by_schema(tree) is by_schema
 
 
-def test_the_longest_of_them_decides_whether_speech_is_cut_off():
+def test_longest_variant_decides_cut_speech_warning():
     long = "Put your bag on the platform, please, and tell me when you are ready to go."
     warnings = lint(agent(f"{{say: {{one_of: [Hi., '{long}', Hello.]}}, timeout: 2 s}}"))
     assert [one.code for one in warnings] == ["cut-speech"]
     assert not lint(agent("{say: {one_of: [Hi., Hello.]}, timeout: 2 s}"))
 
 
-def test_a_tunable_that_only_a_variant_names_is_read():
+def test_tunable_used_only_in_variant_counts_as_used():
     head = "tunables: {place: {default: gate 7, description: where to}}"
     assert not lint(agent("say: {one_of: [Hi., 'To ${place}.']}", head))
 
 
-def test_a_picture_shows_them_all():
+def test_drawing_shows_all_variants():
     shown = format_value(node("say: {one_of: [Hello., 'Hi ${clock.hour}.']}").fields["text"])
     assert shown == 'one of "Hello.", "Hi ${clock.hour}."'
 
@@ -92,7 +92,7 @@ def test_a_picture_shows_them_all():
         "ask: {one_of: ['Shall we?', 'Ready, ${clock.weekday}?'], choices: [yes, no], wait: 3 s}",
     ],
 )
-def test_groot_keeps_them(tree):
+def test_groot_round_trip_keeps_variants(tree):
     text = f"{HEAD}tree: {{{tree}}}\n"
     exported = export_agent(Source("a.yaml", text), SYMBOLS)
     imported = import_agent(Source("a.xml", exported.text), "a", SYMBOLS)

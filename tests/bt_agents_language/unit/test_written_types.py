@@ -17,7 +17,7 @@ def report(tree: str, subtree: str = "") -> str:
     return error.value.report
 
 
-def test_an_output_that_is_declared_as_a_number_cannot_be_an_answer():
+def test_number_output_cannot_come_from_answer():
     text = report(
         "subtree: measure",
         "outputs: {level: {type: number}}, tree: {ask: x, outputs: {level: answer}}",
@@ -26,7 +26,7 @@ def test_an_output_that_is_declared_as_a_number_cannot_be_an_answer():
     assert "declare it as it is, {level: text}, or give it another value" in text
 
 
-def test_nor_can_it_be_the_output_of_another_subtree():
+def test_number_output_cannot_come_from_subtree_text():
     inner = "inner: {outputs: {level: text}, tree: {set: {level: four}}}"
     with pytest.raises(ReadError, match="expected a number, but 'subtree' gives it a text"):
         agent(
@@ -45,7 +45,7 @@ def test_nor_can_it_be_the_output_of_another_subtree():
         ("duration", "3 m", "'level'", ""),
     ],
 )
-def test_what_is_set_is_read_as_the_output_is_declared(output, value, found, hint):
+def test_set_value_is_read_as_declared_output_type(output, value, found, hint):
     text = report(
         "subtree: measure", f"outputs: {{level: {output}}}, tree: {{set: {{level: {value}}}}}"
     )
@@ -53,14 +53,14 @@ def test_what_is_set_is_read_as_the_output_is_declared(output, value, found, hin
     assert hint in text
 
 
-def test_a_number_that_is_set_where_a_text_is_declared_is_a_text():
+def test_number_set_into_text_output_becomes_text():
     spec = agent(
         "subtree: measure", "subtrees: {measure: {outputs: {a: text}, tree: {set: {a: 12}}}}"
     )
     assert spec.tree.children[0].fields["a"].value == "12"
 
 
-def test_a_name_that_gets_two_kinds_of_value_is_refused_at_the_second():
+def test_second_type_for_name_is_rejected():
     text = report("sequence: [set: {came: false}, set: {came: flase}]")
     assert "'came' gets a text here, but true or false from 'set' in line 8" in text
     assert "did you mean 'false'?" in text
@@ -68,10 +68,10 @@ def test_a_name_that_gets_two_kinds_of_value_is_refused_at_the_second():
     assert "'answer' gets a text here, but a number from 'set' in line 9" in text
 
 
-def test_a_name_that_copies_an_answer_is_a_text():
+def test_copy_of_answer_is_a_text():
     text = report("sequence: [ask: x, set: {level: '${answer}'}, check: level >= 4]")
     assert "'>=' needs a number on each side, found a text" in text
 
 
-def test_skills_may_use_one_name_for_outputs_of_different_kinds():
+def test_skills_may_share_output_name_across_types():
     agent("sequence: [ask: x, {drive: x, outputs: {answer: remaining}}]")

@@ -143,7 +143,7 @@ def tree(text: str) -> str:
         ),
     ],
 )
-def test_a_slip_is_named_in_the_line_where_it_is(text, place, message, hint):
+def test_syntax_error_is_reported_on_its_line(text, place, message, hint):
     if not place:
         # In an only line it is a text for YAML, so that the tree is what complains.
         assert found(tree(text)) == ["not-a-node 5:3"]
@@ -154,7 +154,7 @@ def test_a_slip_is_named_in_the_line_where_it_is(text, place, message, hint):
 
 
 @pytest.mark.parametrize("first", ["format:1", "format", "format = 1"])
-def test_a_slip_in_the_first_line_is_not_reported_in_the_second(first):
+def test_first_line_error_is_reported_on_first_line(first):
     text = HEAD.replace("format: 1", first) + "tree: {say: Hello.}\n"
     (error, *_) = report(text).diagnostics
     assert (error.code, error.position.line) == ("syntax", 1)
@@ -172,34 +172,34 @@ def test_a_slip_in_the_first_line_is_not_reported_in_the_second(first):
         "tags: [a, b}",
     ],
 )
-def test_after_a_slip_that_can_only_mean_one_thing_all_other_errors_are_found(line):
+def test_unambiguous_syntax_error_hides_no_other_errors(line):
     text = HEAD + line + "\ntree:\n  sequence:\n    - sya: Hello.\n    - wait: 3 parsecs\n"
     assert [one.split()[0] for one in found(text)] == ["syntax", "unknown-node", "bad-duration"]
     assert found(text)[1:] == ["unknown-node 7:7", "bad-duration 8:13"]
 
 
-def test_a_mended_line_has_its_own_errors_where_they_stand():
+def test_errors_in_repaired_line_keep_their_positions():
     text = tree("sequence:\n  - sya:Hello ${who}.\n    timeout: 5 s")
     assert found(text) == ["unknown-node 6:7", "syntax 6:10", "unknown-name 6:19"]
 
 
-def test_several_slips_are_found_in_one_pass():
+def test_several_syntax_errors_are_found_in_one_pass():
     text = tree("sequence\n  - say:A.\n    timeout: 5 s\n  -wait: 2 s\n  - say: B: C")
     assert found(text) == ["syntax 5:3", "syntax 6:10", "syntax 8:5", "syntax 9:13"]
 
 
-def test_after_a_slip_that_could_mean_anything_other_keys_are_still_looked_through():
+def test_other_keys_are_checked_after_ambiguous_error():
     text = HEAD + "tree:\n  say: A.\n timeout: 5 s\ntitle: A: B\ntags: {a: b]\n"
     assert found(text) == ["syntax 6:2", "syntax 7:9", "syntax 8:12"]
 
 
-def test_a_file_that_is_nothing_but_slips_ends():
+def test_number_of_syntax_errors_is_bounded():
     for line in ("a: b: c\n", "}\n", "- a\nb\n"):
         slips = [one for one in found(line * 500) if one.startswith("syntax")]
         assert 1 <= len(slips) <= MAX_SYNTAX_ERRORS
 
 
-def test_places_in_a_mended_text_are_those_of_the_file():
+def test_repaired_text_keeps_positions_of_file():
     source = Source("a.yaml", "ab:c\nd: e\n")
     mended = PatchedSource(source, Edit(start=3, stop=3, text=" "))
     assert mended.text == "ab: c\nd: e\n"
@@ -214,17 +214,17 @@ def test_places_in_a_mended_text_are_those_of_the_file():
 @pytest.mark.parametrize(
     ("index", "rest"), [(0, "b: 2\n"), (4, "b: 2\n"), (12, "a:\n  - 1\n# c\n")]
 )
-def test_a_section_is_a_key_of_the_file_with_all_below_it(index, rest):
+def test_section_is_top_level_key_with_its_block(index, rest):
     mended = without_section(Source("a.yaml", "a:\n  - 1\n# c\nb: 2\n"), index + (index == 12) * 2)
     assert mended is not None
     assert mended.text == rest
 
 
-def test_a_file_of_one_section_leaves_nothing():
+def test_removal_of_only_section_leaves_nothing():
     assert without_section(Source("a.yaml", "a: 1\n"), 2) is None
 
 
-def test_a_document_after_a_slip_keeps_what_stands_before_and_behind_it():
+def test_document_keeps_entries_around_syntax_error():
     problems = Diagnostics(Source("a.yaml", ""))
     _, root = read_document(Source("a.yaml", "a: 1\nb:2\nc: 3\n"), problems)
     assert isinstance(root, Mapping)
@@ -233,7 +233,7 @@ def test_a_document_after_a_slip_keeps_what_stands_before_and_behind_it():
 
 
 @pytest.mark.parametrize("behind", ["", " = x", ":x\nb: 1: 2", "\uff1a x", " - x: y: z"])
-def test_a_very_long_word_is_shortened_in_every_message(behind):
+def test_very_long_word_is_shortened_in_messages(behind):
     text = "format: 1\n" + "a" * 400 + behind + "\ntree: {say: x}\n"
     with pytest.raises(ReadError) as caught:
         read_agent_text(text, "a.yaml", SYMBOLS)

@@ -10,7 +10,7 @@ def _shown(act: Act) -> tuple[ActKind, str, str, tuple[str, ...], float]:
     return act.kind, act.text, act.clip, act.choices, act.rate
 
 
-def test_each_act_says_what_a_person_sees_of_it() -> None:
+def test_each_act_describes_its_visible_effect() -> None:
     say = Say(" Hello ", 1.5, pace=1.0, voice=None)
     ask = Ask("Shall we go?", ["Yes", " "], 0.0, pace=1.0, voice=None)
     assert _shown(say) == (ActKind.SAY, "Hello", "", (), 1.5)
@@ -19,7 +19,7 @@ def test_each_act_says_what_a_person_sees_of_it() -> None:
     assert _shown(Drive("gate", pace=1.0)) == (ActKind.DRIVE, "gate", "", (), 1.0)
 
 
-def test_a_question_waits_from_the_end_of_its_words_to_its_answer() -> None:
+def test_question_waits_from_end_of_speech_to_answer() -> None:
     ask = Ask("Shall we go?", ["Yes", "No"], 10.0, pace=1.0, voice=None)
     ask.begin(0.0)
     assert not ask.is_waiting

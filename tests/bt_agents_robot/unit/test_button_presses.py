@@ -6,7 +6,7 @@ from __future__ import annotations
 from bt_agents_robot.button_presses import ButtonPresses
 
 
-def test_a_button_is_pressed_once_after_its_time_as_soon_as_somebody_listens() -> None:
+def test_due_button_is_pressed_once_someone_listens() -> None:
     listening: set[str] = set()
     presses = ButtonPresses()
     presses.plan("ok", 1.0)
@@ -20,7 +20,7 @@ def test_a_button_is_pressed_once_after_its_time_as_soon_as_somebody_listens() -
     assert presses.give_up(3.0) == []
 
 
-def test_a_button_that_is_named_twice_before_it_is_pressed_is_pressed_once() -> None:
+def test_button_planned_twice_is_pressed_once() -> None:
     presses = ButtonPresses()
     presses.plan("ok", 1.0)
     presses.plan("ok", 1.2)
@@ -30,7 +30,7 @@ def test_a_button_that_is_named_twice_before_it_is_pressed_is_pressed_once() -> 
     assert presses.due(10.0, lambda _: True) == ["ok"]
 
 
-def test_a_button_whose_time_has_not_come_is_not_missed() -> None:
+def test_button_not_yet_due_is_not_missed() -> None:
     presses = ButtonPresses()
     presses.plan("ok", 1.0)
     assert presses.give_up(0.5) == []

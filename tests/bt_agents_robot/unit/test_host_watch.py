@@ -34,13 +34,13 @@ def hosts() -> Watched:
     return Watched()
 
 
-def test_goals_of_a_host_that_beats_go_on(hosts: Watched):
+def test_heartbeats_keep_goals_of_host_alive(hosts: Watched):
     hosts.open(FIRST)
     hosts.wait(30.0, "/agents")
     assert hosts.lost == {}
 
 
-def test_goals_of_a_host_that_is_silent_for_longer_than_its_lease_are_lost(hosts: Watched):
+def test_silence_beyond_lease_loses_goals_of_host(hosts: Watched):
     hosts.open(FIRST, SECOND)
     hosts.wait(3.0, "/agents")
     hosts.wait(0.8)
@@ -51,34 +51,34 @@ def test_goals_of_a_host_that_is_silent_for_longer_than_its_lease_are_lost(hosts
     assert hosts.lost[FIRST].startswith(reason[:-5])
 
 
-def test_a_goal_that_has_ended_is_not_lost(hosts: Watched):
+def test_ended_goal_is_not_lost(hosts: Watched):
     hosts.open(FIRST, SECOND)
     hosts.open(SECOND)
     hosts.wait(2.0)
     assert set(hosts.lost) == {SECOND}
 
 
-def test_the_heartbeat_of_another_start_keeps_nothing_alive(hosts: Watched):
+def test_heartbeat_of_another_instance_keeps_nothing_alive(hosts: Watched):
     hosts.open(FIRST)
     hosts.wait(2.0, "/agents", instance="second")
     assert set(hosts.lost) == {FIRST}
 
 
-def test_a_new_start_of_a_host_loses_the_goals_of_the_one_before_at_once(hosts: Watched):
+def test_restarted_host_loses_its_earlier_goals_immediately(hosts: Watched):
     hosts.open(FIRST)
     hosts.open(instance="second")
     hosts.wait(0.1, "/agents", instance="second")
     assert hosts.lost == {FIRST: "its host was started anew"}
 
 
-def test_one_host_says_nothing_about_the_goals_of_another(hosts: Watched):
+def test_heartbeat_does_not_cover_goals_of_other_hosts(hosts: Watched):
     hosts.open(FIRST, host="/a")
     hosts.open(SECOND, host="/b")
     hosts.wait(2.0, "/a")
     assert set(hosts.lost) == {SECOND}
 
 
-def test_a_robot_that_was_held_up_itself_reads_what_has_come_before_it_decides(hosts: Watched):
+def test_stalled_robot_reads_queued_heartbeats_before_deciding(hosts: Watched):
     hosts.open(FIRST)
     hosts.wait(1.0, "/agents")
     hosts.now += 20.0
@@ -90,7 +90,7 @@ def test_a_robot_that_was_held_up_itself_reads_what_has_come_before_it_decides(h
     assert set(hosts.lost) == {FIRST}
 
 
-def test_hosts_are_bounded_and_those_that_are_gone_make_room(hosts: Watched):
+def test_watched_hosts_are_bounded_and_lost_ones_evicted(hosts: Watched):
     names = [f"/h{number}" for number in range(MOST_HOSTS)]
     for name in names:
         hosts.open(FIRST, host=name)

@@ -47,26 +47,26 @@ def fence(*named: RunKey) -> RunFence:
         "awarded once more",
     ],
 )
-def test_what_the_market_has_gone_on_from_is_over(named, goal, over):
+def test_run_is_over_once_market_moves_on(named, goal, over):
     assert fence(*named).is_over(goal) is over
 
 
-def test_what_belongs_to_no_run_is_never_over():
+def test_goal_without_run_is_never_over():
     assert not fence(run(3), run(4)).is_over(NOBODY)
 
 
-def test_a_run_of_an_unknown_market_is_let_in():
+def test_run_of_unknown_market_is_admitted():
     assert not fence(run(3)).is_over(run(1, epoch="of a host without a market"))
 
 
-def test_the_last_run_of_an_earlier_market_may_clean_up_until_the_next_one_awards_a_run():
+def test_last_run_may_clean_up_until_next_award():
     subject = fence(run(3), run(0, "", epoch="e2"))
     assert not subject.is_over(run(3))
     subject.on_market(run(1, "mira", epoch="e2"))
     assert subject.is_over(run(3))
 
 
-def test_of_many_markets_and_runs_the_last_are_remembered():
+def test_only_latest_markets_and_runs_are_remembered():
     subject = fence(*(run(1, str(n)) for n in range(2 * MOST_RUNS)))
     assert not subject.is_over(run(1, "0"))
     assert subject.is_over(run(1, str(2 * MOST_RUNS - 2)))

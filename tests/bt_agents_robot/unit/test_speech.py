@@ -67,18 +67,18 @@ def say(
     return act
 
 
-def test_a_text_takes_its_length_over_fifteen_and_a_breath():
+def test_speaking_time_follows_text_length_rate_and_pace():
     assert speaking_time(TEXT, 1.0, 1.0) == pytest.approx(2.1)
     assert speaking_time(TEXT, 0.5, 1.0) == pytest.approx(4.2)
     assert speaking_time(TEXT, 1.0, 10.0) == pytest.approx(0.21)
 
 
-def test_the_text_never_stands_on_the_command_line():
+def test_text_is_never_passed_on_command_line():
     assert espeak_command("espeak-ng", 1.0, 1.0) == ("espeak-ng", "--stdin", "-s", "175")
     assert espeak_command("espeak-ng", 0.5, 0.1) == ("espeak-ng", "--stdin", "-s", "80")
 
 
-def test_at_a_pace_beyond_a_voice_texts_are_silent():
+def test_pace_beyond_voice_range_is_silent():
     assert espeak_command("espeak-ng", 1.0, 2.5) is not None
     assert espeak_command("espeak-ng", 1.0, 5.0) is None
 
@@ -86,7 +86,7 @@ def test_at_a_pace_beyond_a_voice_texts_are_silent():
 @pytest.mark.parametrize(
     ("text", "code"), [("", "EMPTY"), (" \n\t", "EMPTY"), ("x" * (LONGEST_TEXT + 1), "TOO_LONG")]
 )
-def test_a_text_without_words_or_without_end_is_refused(text, code):
+def test_empty_or_overlong_text_is_refused(text, code):
     with pytest.raises(Refused) as refused:
         check_text(text, "text")
     assert refused.value.code == code
@@ -101,18 +101,18 @@ def test_a_text_without_words_or_without_end_is_refused(text, code):
         (-1, "OUT_OF_RANGE"),
     ],
 )
-def test_a_rate_that_nobody_can_speak_is_refused(rate, code):
+def test_impossible_speaking_rate_is_refused(rate, code):
     with pytest.raises(Refused) as refused:
         check_rate(rate)
     assert refused.value.code == code
 
 
-def test_a_rate_of_zero_is_the_normal_one():
+def test_zero_rate_means_normal_rate():
     assert check_rate(0.0) == 1.0
     assert check_rate(2.0) == 2.0
 
 
-def test_without_a_program_a_text_takes_its_expected_time():
+def test_text_without_program_takes_its_expected_time():
     studio = Studio()
     act = say(voice=studio.voice)
     assert not studio.voice.audible
@@ -121,7 +121,7 @@ def test_without_a_program_a_text_takes_its_expected_time():
     assert studio.warnings == []
 
 
-def test_a_spoken_text_ends_with_its_program():
+def test_speech_ends_with_its_program():
     studio = Studio("espeak")
     act = say("-f /etc/passwd; rm -rf x", voice=studio.voice)
     assert studio.started == [
@@ -139,7 +139,7 @@ def test_espeak_ng_is_preferred():
     assert studio.started[0][0][0] == "/usr/bin/espeak-ng"
 
 
-def test_a_program_that_hangs_is_ended_after_twice_the_expected_time():
+def test_hanging_program_is_terminated_at_twice_expected_time():
     studio = Studio("espeak")
     act = say(voice=studio.voice)
     assert not act.is_over(104.1)
@@ -147,7 +147,7 @@ def test_a_program_that_hangs_is_ended_after_twice_the_expected_time():
     assert studio.processes[0].terminated
 
 
-def test_a_failing_program_leaves_silence_and_one_warning():
+def test_failing_program_causes_silence_and_one_warning():
     studio = Studio("espeak")
     act = say(voice=studio.voice)
     studio.processes[0].code = 1
@@ -159,7 +159,7 @@ def test_a_failing_program_leaves_silence_and_one_warning():
     assert "exit code 1" in studio.warnings[0]
 
 
-def test_a_program_that_cannot_be_started_leaves_silence_and_one_warning():
+def test_unstartable_program_causes_silence_and_one_warning():
     studio = Studio("espeak", broken=True)
     acts = [say(voice=studio.voice), say(voice=studio.voice)]
     assert [act.is_over(102.2) for act in acts] == [True, True]
@@ -167,12 +167,12 @@ def test_a_program_that_cannot_be_started_leaves_silence_and_one_warning():
 
 
 @pytest.mark.parametrize("program", ["cat", "true"])
-def test_a_program_is_handed_the_text_whether_it_reads_it_or_not(program):
+def test_program_may_ignore_text_on_stdin(program):
     process = start_process((program,), "Hello. " * 200)
     assert process.wait(timeout=10.0) == 0
 
 
-def test_a_program_that_ends_at_once_has_not_been_heard():
+def test_instantly_ending_program_still_takes_expected_time():
     studio = Studio("espeak")
     act = say(voice=studio.voice)
     studio.processes[0].code = 0
@@ -180,7 +180,7 @@ def test_a_program_that_ends_at_once_has_not_been_heard():
     assert act.is_over(102.2)
 
 
-def test_stopping_ends_the_program():
+def test_stop_terminates_the_program():
     studio = Studio("espeak")
     act = say(voice=studio.voice)
     act.stop()
@@ -188,7 +188,7 @@ def test_stopping_ends_the_program():
     assert not act.is_speaking(100.1)
 
 
-def test_the_mouth_is_held_while_speaking_only():
+def test_question_occupies_mouth_only_while_speaking():
     act = Ask("Shall we go?", (), 10.0, pace=1.0, voice=None)
     assert not act.is_speaking(100.0)
     act.begin(100.0)
@@ -203,12 +203,12 @@ def asked(*choices: str, wait_s: float = 4.0) -> Ask:
     return act
 
 
-def test_a_question_is_asked_once_when_it_has_been_spoken():
+def test_question_begins_waiting_once_after_speech():
     act = asked()
     assert [act.begins_waiting(now) for now in (100.5, 101.2, 101.3)] == [False, True, False]
 
 
-def test_an_answer_ends_the_question():
+def test_first_answer_ends_the_question():
     act = asked()
     act.begins_waiting(101.2)
     assert act.receive("  later ")
@@ -217,14 +217,14 @@ def test_an_answer_ends_the_question():
     assert not act.receive("now"), "the first answer counts"
 
 
-def test_an_early_answer_interrupts_the_question():
+def test_early_answer_interrupts_the_question():
     act = asked()
     assert act.receive("yes")
     assert act.is_over(100.2)
     assert not act.is_speaking(100.2)
 
 
-def test_with_choices_only_those_count_in_whatever_case():
+def test_only_choices_count_in_any_case():
     act = asked("Yes", "No")
     assert not act.receive("maybe")
     assert not act.receive("")
@@ -232,12 +232,12 @@ def test_with_choices_only_those_count_in_whatever_case():
     assert act.answer == "Yes"
 
 
-def test_a_question_that_waits_for_its_turn_takes_no_answer():
+def test_queued_question_accepts_no_answer():
     act = Ask("Shall we go?", (), 4.0, pace=1.0, voice=None)
     assert not act.receive("yes")
 
 
-def test_no_answer_ends_the_waiting():
+def test_question_times_out_without_answer():
     act = asked(wait_s=4.0)
     assert act.begins_waiting(101.2)
     assert not act.is_over(105.1)
@@ -245,22 +245,22 @@ def test_no_answer_ends_the_waiting():
     assert act.answer == ""
 
 
-def test_choices_that_are_all_empty_are_refused():
+def test_empty_choices_are_refused():
     with pytest.raises(Refused, match="EMPTY"):
         asked("", " ")
 
 
 @pytest.mark.parametrize("wait_s", [math.nan, math.inf, -1.0, 1e9])
-def test_a_waiting_time_that_makes_no_sense_is_refused(wait_s):
+def test_invalid_waiting_time_is_refused(wait_s):
     with pytest.raises(Refused, match="wait_s"):
         asked(wait_s=wait_s)
 
 
-def test_a_duration_of_zero_is_the_usual_one():
+def test_zero_duration_means_default():
     assert check_duration(0.0, "wait_s", ANSWER_WAIT_S) == ANSWER_WAIT_S
 
 
-def test_a_clip_and_a_text_have_their_own_durations():
+def test_clip_and_text_have_separate_durations():
     assert Show("first_time", "", 0.0, pace=1.0).duration_s == CLIP_S
     assert Show("", TEXT, 0.0, pace=2.0).duration_s == pytest.approx(1.05)
     assert Show("", TEXT, 8.0, pace=2.0).duration_s == 4.0
@@ -269,7 +269,7 @@ def test_a_clip_and_a_text_have_their_own_durations():
         Show(" ", "", 0.0, pace=1.0)
 
 
-def test_driving_takes_its_distance_at_walking_speed():
+def test_drive_covers_its_distance_at_walking_speed():
     gate, elsewhere = Drive("Gate", pace=1.0), Drive("the moon", pace=3.0)
     assert (gate.distance, gate.duration_s) == (12.0, 12.0)
     assert (elsewhere.distance, elsewhere.duration_s) == (3.0, 1.0)
@@ -278,12 +278,12 @@ def test_driving_takes_its_distance_at_walking_speed():
     assert gate.driven(999.0) == 12.0
 
 
-def test_nobody_drives_nowhere():
+def test_drive_without_reachable_destination_is_refused():
     with pytest.raises(Refused, match="UNREACHABLE"):
         Drive("Nowhere", pace=1.0)
     with pytest.raises(Refused, match="EMPTY"):
         Drive("", pace=1.0)
 
 
-def test_an_act_is_told_in_one_line():
+def test_act_is_described_in_one_line():
     assert say("Hello.\n  Who are you?").line == "says: Hello. Who are you?"

@@ -50,12 +50,12 @@ PERSON = source("person")
 SPEC = SceneSpec(space=SPACE, sources=(AGE, MOOD), person=PERSON)
 
 
-def test_values_are_turned_back_into_readings():
+def test_scene_values_convert_back_to_readings():
     found = readings(SPEC, {"age": 3.0, "mood": 4.5}, person=True)
     assert found == {AGE: 40.0, MOOD: 4.5, PERSON: 1.0}
 
 
-def test_a_word_of_a_table_is_read_where_its_value_is_nearest():
+def test_reading_uses_nearest_word_of_table():
     words = replace(MOOD, table=(("sad", 1.0), ("calm", 3.0), ("happy", 5.0)))
     spec = SceneSpec(space=SPACE, sources=(words,), person=None)
     assert readings(spec, {"mood": 3.8}, person=True) == {words: "calm"}
@@ -71,19 +71,19 @@ def test_a_word_of_a_table_is_read_where_its_value_is_nearest():
         (True, {"age": 3.0, "mood": 2.0}, False),
     ],
 )
-def test_a_visitor_is_measured_when_the_scene_says_what_was_sent(person, measured, expected):
+def test_visitor_is_measured_once_scene_matches_sent_values(person, measured, expected):
     values = {"age": 3.0, "mood": 4.5}
     assert is_measured(SPEC, values, True, person, measured) is expected
 
 
-def test_a_visitor_is_measured_as_the_words_of_a_table_say():
+def test_table_words_decide_whether_visitor_is_measured():
     words = replace(MOOD, table=(("sad", 1.0), ("calm", 3.0), ("happy", 5.0)))
     spec = SceneSpec(space=SPACE, sources=(words,), person=None)
     assert is_measured(spec, {"mood": 3.8}, True, False, {"mood": 3.0})
     assert not is_measured(spec, {"mood": 3.8}, True, False, {"mood": 5.0})
 
 
-def test_what_nobody_knows_of_a_visitor_is_not_read():
+def test_unknown_visitor_value_has_no_reading():
     found = readings(SPEC, {"mood": 4.5}, person=False)
     assert math.isnan(found[AGE])
     assert found[PERSON] == 0.0
@@ -104,28 +104,28 @@ def test_what_nobody_knows_of_a_visitor_is_not_read():
         ("", math.nan, ""),
     ],
 )
-def test_a_reading_takes_the_type_of_its_field(example, reading, value):
+def test_reading_takes_its_field_type(example, reading, value):
     found = field_value(example, reading)
     assert (found, type(found)) == (value, type(value))
 
 
-def test_a_field_of_text_cannot_carry_a_reading():
+def test_text_field_cannot_carry_a_number():
     with pytest.raises(TypeError, match="boolean or a number"):
         field_value("", 1.0)
 
 
-def test_a_field_of_numbers_cannot_carry_a_word():
+def test_numeric_field_cannot_carry_a_word():
     with pytest.raises(TypeError, match="a float, expected a text"):
         field_value(0.0, "calm")
 
 
-def test_a_reading_that_never_grows_stale_holds_up_nobody():
+def test_never_stale_reading_delays_no_visitor():
     latched = replace(AGE, stale_after_s=math.inf)
     spec = SceneSpec(space=SPACE, sources=(latched,), person=None)
     assert pause_after(spec, {"age"}, None, pace=1.0) == PAUSE_S
 
 
-def test_paths_become_nested_fields():
+def test_dotted_paths_become_nested_fields():
     fields = [("a.b", 1), ("a.c", 2), ("d", 3)]
     assert nested(fields) == {"a": {"b": 1, "c": 2}, "d": 3}
 
@@ -134,17 +134,17 @@ def visit(**values: float) -> Visit:
     return Visit(label="", person=True, values=values)
 
 
-def test_the_next_visitor_comes_after_a_short_pause():
+def test_next_visitor_comes_after_short_pause():
     assert pause_after(SPEC, {"age", "mood"}, visit(age=1.0, mood=1.0), pace=1.0) == PAUSE_S
     assert pause_after(SPEC, {"age"}, visit(age=1.0), pace=10.0) == pytest.approx(PAUSE_S / 10)
 
 
-def test_readings_of_the_last_visitor_are_stale_before_one_comes_who_is_less_known():
+def test_less_known_visitor_waits_for_stale_readings():
     assert pause_after(SPEC, {"age", "mood"}, visit(mood=1.0), pace=10.0) > AGE.stale_after_s
     assert pause_after(SPEC, {"age"}, None, pace=10.0) > AGE.stale_after_s
 
 
-def test_a_visitor_with_a_name_that_no_sensor_tells_is_refused():
+def test_named_visitor_without_name_sensor_is_refused():
     spec = SceneSpec(space=SPACE, sources=(AGE, MOOD), person=PERSON)
     visits = (Visit(label="anna comes", person=True, values={}, name="anna"),)
     with pytest.raises(Refused, match="'anna comes' has the name 'anna'") as found:

@@ -18,7 +18,7 @@ STEPS = st.lists(st.one_of(st.none(), st.integers(0, READERS - 1)), max_size=40)
 
 
 @given(depths=DEPTHS, steps=STEPS, latched=st.booleans())
-def test_each_reader_hears_in_order_what_its_queue_has_not_dropped(
+def test_readers_receive_undropped_messages_in_order(
     depths: list[int], steps: list[int | None], latched: bool
 ) -> None:
     bus = LocalBus(lambda: 0)
@@ -44,7 +44,7 @@ def test_each_reader_hears_in_order_what_its_queue_has_not_dropped(
 
 
 @given(sent=st.lists(st.integers(0, READERS - 1), max_size=60))
-def test_nobody_who_waits_is_overtaken_twice(sent: list[int]) -> None:
+def test_waiting_queue_is_served_within_one_rotation(sent: list[int]) -> None:
     bus = LocalBus(lambda: 0)
     queues = [LocalQueue(bus, index, None) for index in range(READERS)]
     for index in sent:

@@ -28,7 +28,7 @@ def tags(made: FastDdsProfile, of: str) -> list[str]:
 
 @pytest.mark.parametrize("space", SPACES, ids=["namespace", "none"])
 @pytest.mark.parametrize("root", ["dds", "profiles"])
-def test_default_participants_get_a_property_beside_those_that_they_have(tmp_path, space, root):
+def test_property_is_added_to_default_participants_only(tmp_path, space, root):
     participant = (
         '<participant profile_name="{}" is_default_profile="{}"><rtps><propertiesPolicy>'
         "<properties><property><name>a</name><value>b</value></property></properties>"
@@ -45,14 +45,14 @@ def test_default_participants_get_a_property_beside_those_that_they_have(tmp_pat
     assert len(spaces) == 1 or not space
 
 
-def test_without_a_file_there_is_a_default_participant_with_the_property():
+def test_missing_file_yields_default_participant_with_property():
     made = FastDdsProfile("")
     made.set_property("c", "d")
     assert 'is_default_profile="true"' in made.text()
     assert tags(made, "name") == ["c"]
 
 
-def test_lifespans_are_prolonged_and_nothing_else_is(tmp_path):
+def test_only_lifespans_are_extended(tmp_path):
     spans = ("<sec>1</sec>", "<nanosec>300000000</nanosec>", "<sec>DURATION_INFINITY</sec>")
     writers = "".join(
         f"<data_writer><qos><lifespan><duration>{span}</duration></lifespan></qos></data_writer>"
@@ -67,6 +67,6 @@ def test_lifespans_are_prolonged_and_nothing_else_is(tmp_path):
     assert tags(made, "nanosec") == ["500000000", "750000000"]
 
 
-def test_a_file_that_is_no_xml_is_named(tmp_path):
+def test_invalid_xml_file_is_named(tmp_path):
     with pytest.raises(BtAgentsError, match=r"profile\.xml', which cannot be read: no element"):
         profile(tmp_path, "<dds>")

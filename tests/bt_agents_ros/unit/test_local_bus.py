@@ -28,7 +28,7 @@ def taken(queue: LocalQueue) -> list[Any]:
     return [queue.take().message for _ in range(len(queue))]
 
 
-def test_a_receiver_that_changes_its_message_changes_nobody_elses(bus: LocalBus) -> None:
+def test_receivers_get_independent_copies_of_message(bus: LocalBus) -> None:
     first, second = reader(bus, FACT), reader(bus, FACT)
     writer = bus.add_writer("t", FACT, deepcopy)
     sent = [1]
@@ -41,16 +41,14 @@ def test_a_receiver_that_changes_its_message_changes_nobody_elses(bus: LocalBus)
     assert taken(reader(bus, FACT).queue) == [[1]]
 
 
-def test_a_queue_holds_the_depth_of_its_subscription_and_drops_the_oldest(bus: LocalBus) -> None:
+def test_queue_drops_oldest_messages_beyond_its_depth(bus: LocalBus) -> None:
     writer, slow = bus.add_writer("t", EVENTS, deepcopy), reader(bus)
     for number in range(5):
         bus.publish(writer, [number])
     assert taken(slow.queue) == [[2], [3], [4]]
 
 
-def test_a_late_reader_gets_what_latched_publishers_keep_and_nothing_of_others(
-    bus: LocalBus,
-) -> None:
+def test_late_reader_receives_only_kept_latched_messages(bus: LocalBus) -> None:
     first = bus.add_writer("t", replace(FACT, depth=2), deepcopy)
     gone = bus.add_writer("t", FACT, deepcopy)
     volatile = bus.add_writer("t", EVENTS, deepcopy)
@@ -72,9 +70,7 @@ def test_a_late_reader_gets_what_latched_publishers_keep_and_nothing_of_others(
         ({"kind": dict}, False),
     ],
 )
-def test_ends_of_a_topic_match_as_in_dds(
-    bus: LocalBus, asked: dict[str, Any], hears: bool
-) -> None:
+def test_endpoints_match_as_in_dds(bus: LocalBus, asked: dict[str, Any], hears: bool) -> None:
     writer, other = bus.add_writer("t", EVENTS, deepcopy), reader(bus, replace(EVENTS, **asked))
     assert bool(bus.readers_of(writer)) is bool(bus.writers_of(other)) is hears
     best_effort = bus.add_writer("u", replace(EVENTS, is_reliable=False), deepcopy)
@@ -82,7 +78,7 @@ def test_ends_of_a_topic_match_as_in_dds(
     assert not bus.readers_of(best_effort)
 
 
-def test_queues_take_turns_however_much_one_of_them_holds(bus: LocalBus) -> None:
+def test_queues_take_turns_despite_uneven_load(bus: LocalBus) -> None:
     writer, other = bus.add_writer("t", EVENTS, deepcopy), bus.add_writer("u", EVENTS, deepcopy)
     busy, quiet = reader(bus), reader(bus, topic="u")
     bus.publish(writer, [1])
@@ -96,7 +92,7 @@ def test_queues_take_turns_however_much_one_of_them_holds(bus: LocalBus) -> None
     assert not len(quiet.queue)
 
 
-def test_what_is_destroyed_receives_nothing_more(bus: LocalBus) -> None:
+def test_removed_reader_receives_nothing(bus: LocalBus) -> None:
     writer, ended = bus.add_writer("t", EVENTS, deepcopy), reader(bus)
     bus.publish(writer, [1])
     bus.remove(ended)
@@ -106,7 +102,7 @@ def test_what_is_destroyed_receives_nothing_more(bus: LocalBus) -> None:
     assert ended.queue.take() is None
 
 
-def test_a_request_comes_with_its_sender_and_its_answer_with_its_number(bus: LocalBus) -> None:
+def test_request_carries_sender_and_answer_carries_number(bus: LocalBus) -> None:
     server = bus.add_server("/s", int, LocalQueue(bus, object(), 2))
     assert bus.server_of("/s", str) is None
     found = bus.server_of("/s", int)
@@ -127,7 +123,7 @@ def test_a_request_comes_with_its_sender_and_its_answer_with_its_number(bus: Loc
     assert bus.server_of("/s", int) is None
 
 
-def test_what_goes_out_is_written_in_order_and_once(bus: LocalBus) -> None:
+def test_outgoing_messages_are_written_once_in_order(bus: LocalBus) -> None:
     written: list[int] = []
     for number in range(3):
         bus.send_out(lambda number=number: written.append(number))
@@ -136,9 +132,7 @@ def test_what_goes_out_is_written_in_order_and_once(bus: LocalBus) -> None:
     assert written == [0, 1, 2]
 
 
-def test_of_several_states_that_wait_others_get_the_last_after_what_led_to_it(
-    bus: LocalBus,
-) -> None:
+def test_only_latest_waiting_state_is_written_in_order(bus: LocalBus) -> None:
     written: list[str] = []
     for name, state_of in (("idle", "market"), ("end", None), ("busy", "market"), ("on", "robot")):
         bus.send_out(lambda name=name: written.append(name), state_of)

@@ -18,19 +18,19 @@ class Rates:
         return self._rates(sender)
 
 
-def test_a_sender_within_its_rate_is_heard() -> None:
+def test_sender_within_rate_is_accepted() -> None:
     rates = Rates()
 
     assert all(rates.accepted("a", at=0.125 * number) for number in range(50))
 
 
-def test_of_a_flood_as_many_are_accepted_as_the_rate_allows() -> None:
+def test_flood_is_limited_to_allowed_rate() -> None:
     rates = Rates()
 
     assert sum(rates.accepted("a", at=number / 1024) for number in range(1024)) in (9, 10)
 
 
-def test_a_flood_of_one_sender_takes_nothing_from_another() -> None:
+def test_flood_from_one_sender_does_not_limit_another() -> None:
     rates = Rates()
     for number in range(100):
         at = number / 8
@@ -39,7 +39,7 @@ def test_a_flood_of_one_sender_takes_nothing_from_another() -> None:
         assert rates.accepted("a", at)
 
 
-def test_senders_without_number_do_not_fill_the_memory() -> None:
+def test_number_of_remembered_senders_is_limited() -> None:
     rates = Rates()
     for number in range(5_000):
         rates.accepted(f"sender {number}", at=0.0)

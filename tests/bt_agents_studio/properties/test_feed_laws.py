@@ -53,7 +53,7 @@ def _change(store: Store, collection: str, key: str, value: object | None) -> No
 
 
 @given(st.lists(_PUT | _POLL | _GAP, max_size=60))
-def test_a_page_that_reads_now_and_then_or_comes_back_shows_what_the_store_holds(
+def test_polling_or_resumed_page_matches_the_store(
     steps: list[tuple[str, str, int | None] | str],
 ) -> None:
     store, page = Store({"log": 3}), _Page()
@@ -77,7 +77,7 @@ def _connected(store: Store, page: _Page) -> Feed:
 
 
 @given(st.lists(_PUT, max_size=60), st.integers(1, 20))
-def test_a_page_misses_nothing_however_few_removals_are_remembered(
+def test_resumed_page_is_complete_despite_forgotten_removals(
     steps: list[tuple[str, str, int | None]], most: int
 ) -> None:
     store, page = Store(most_removals=most), _Page()
@@ -95,7 +95,7 @@ def test_a_page_misses_nothing_however_few_removals_are_remembered(
     st.integers(2, 60),
     st.integers(100, 10_000),
 )
-def test_history_holds_of_each_moment_what_the_store_held(
+def test_history_reproduces_store_at_each_moment(
     steps: list[tuple[float, tuple[str, str, int | None]]], most: int, most_bytes: int
 ) -> None:
     history = History(span_s=20.0, most=most, keyframe=7, most_bytes=most_bytes)
@@ -120,7 +120,7 @@ _KEY = st.sampled_from([f"{use}{number}" for use in ("used", "other") for number
 
 
 @given(st.lists(st.tuples(st.sampled_from(["nodes", "log"]), _KEY, st.text(max_size=300))))
-def test_a_bounded_store_keeps_what_is_used(steps: list[tuple[str, str, str]]) -> None:
+def test_bounded_store_keeps_entries_in_use(steps: list[tuple[str, str, str]]) -> None:
     store = Store(
         {"log": 3}, most_bytes=2000, is_in_use=lambda _store, _name, key: key.startswith("used")
     )

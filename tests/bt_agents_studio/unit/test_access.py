@@ -61,7 +61,7 @@ def _code(call: Callable[[], object]) -> str:
 
 
 @pytest.mark.parametrize("role", SessionRole)
-def test_a_token_gives_the_role_that_it_was_made_for(role: SessionRole) -> None:
+def test_token_grants_its_role(role: SessionRole) -> None:
     access = _access()
     session = access.log_in(access.token(role))
     assert len(access.token(role)) == 64
@@ -69,11 +69,11 @@ def test_a_token_gives_the_role_that_it_was_made_for(role: SessionRole) -> None:
 
 
 @pytest.mark.parametrize("token", ["", "0" * 64, "ä" * 64, "\ud800"])
-def test_a_wrong_token_gives_nothing(token: str) -> None:
+def test_wrong_token_grants_nothing(token: str) -> None:
     assert _code(lambda: _access().log_in(token)) == "BAD_TOKEN"
 
 
-def test_a_session_id_is_no_token_and_a_token_no_session_id() -> None:
+def test_session_id_and_token_are_not_interchangeable() -> None:
     access = _access()
     token = access.token(SessionRole.OPERATE)
     session = access.log_in(token)
@@ -81,7 +81,7 @@ def test_a_session_id_is_no_token_and_a_token_no_session_id() -> None:
     assert _code(lambda: access.check(_request(session=token), ALL_ROLES)) == "NO_SESSION"
 
 
-def test_a_session_ends_when_it_is_left_or_not_used_for_long() -> None:
+def test_session_ends_after_logout_or_inactivity() -> None:
     clock = _Clock()
     access = _access(clock)
     left = access.log_in(access.token(SessionRole.VIEW))
@@ -95,7 +95,7 @@ def test_a_session_ends_when_it_is_left_or_not_used_for_long() -> None:
     assert _code(lambda: access.check(_request(session=used), ALL_ROLES)) == "NO_SESSION"
 
 
-def test_of_too_many_sessions_the_one_used_longest_ago_is_forgotten() -> None:
+def test_session_limit_evicts_least_recently_used_session() -> None:
     access = _access()
     first, second = (access.log_in(access.token(SessionRole.VIEW)) for _ in range(2))
     access.check(_request(session=first), ALL_ROLES)
@@ -105,7 +105,7 @@ def test_of_too_many_sessions_the_one_used_longest_ago_is_forgotten() -> None:
     assert _code(lambda: access.check(_request(session=second), ALL_ROLES)) == "NO_SESSION"
 
 
-def test_sessions_of_one_role_take_no_places_from_another() -> None:
+def test_session_limits_are_separate_per_role() -> None:
     access = _access()
     operator = access.log_in(access.token(SessionRole.OPERATE))
     for _ in range(2 * MOST_SESSIONS):
@@ -130,9 +130,7 @@ def test_sessions_of_one_role_take_no_places_from_another() -> None:
         ({"fetch_site": "same-site"}, "FOREIGN_ORIGIN"),
     ],
 )
-def test_a_request_that_a_foreign_page_may_have_made_is_refused(
-    fields: dict[str, str], code: str
-) -> None:
+def test_possible_cross_site_request_is_rejected(fields: dict[str, str], code: str) -> None:
     access = _access()
     session = access.log_in(access.token(SessionRole.OPERATE))
     request = _request(session=session, **fields)
@@ -149,7 +147,7 @@ def test_a_request_that_a_foreign_page_may_have_made_is_refused(
         ({"origin": OWN, "content_type": "application/x-www-form-urlencoded"}, "NOT_JSON"),
     ],
 )
-def test_a_change_needs_an_origin_and_json(fields: dict[str, str], code: str) -> None:
+def test_change_requires_origin_and_json(fields: dict[str, str], code: str) -> None:
     access = _access()
     session = access.log_in(access.token(SessionRole.OPERATE))
     request = _request(method="POST", session=session, key=access.key(session), **fields)
@@ -160,7 +158,7 @@ def test_a_change_needs_an_origin_and_json(fields: dict[str, str], code: str) ->
     assert access.check(fitting, OPERATORS) is SessionRole.OPERATE
 
 
-def test_a_change_without_a_body_needs_an_origin_only() -> None:
+def test_change_without_body_requires_only_origin() -> None:
     access = _access()
     session = access.log_in(access.token(SessionRole.PERSON))
     request = _request(method="DELETE", session=session, key=access.key(session))
@@ -168,7 +166,7 @@ def test_a_change_without_a_body_needs_an_origin_only() -> None:
     assert access.check(replace(request, origin=OWN), ALL_ROLES) is SessionRole.PERSON
 
 
-def test_a_change_needs_the_key_of_its_role() -> None:
+def test_change_requires_key_of_its_role() -> None:
     access = _access()
     sessions = {role: access.log_in(access.token(role)) for role in SessionRole}
     for role, session in sessions.items():
@@ -182,14 +180,14 @@ def test_a_change_needs_the_key_of_its_role() -> None:
                 assert _code(lambda one=with_key: access.check(one, ALL_ROLES)) == "NO_KEY"
 
 
-def test_a_later_session_has_the_same_key() -> None:
+def test_later_session_has_the_same_key() -> None:
     access = _access()
     first, second = (access.log_in(access.token(SessionRole.OPERATE)) for _ in range(2))
     change = _request(method="DELETE", session=second, origin=OWN, key=access.key(first))
     assert access.check(change, ALL_ROLES) is SessionRole.OPERATE
 
 
-def test_nothing_else_tells_the_key() -> None:
+def test_key_is_exposed_nowhere_else() -> None:
     access = _access()
     session = access.log_in(access.token(SessionRole.OPERATE))
     assert access.key(session) not in access.text()
@@ -197,7 +195,7 @@ def test_nothing_else_tells_the_key() -> None:
 
 
 @pytest.mark.parametrize("allowed", [ALL_ROLES, OBSERVERS, OPERATORS, {SessionRole.PERSON}])
-def test_what_some_roles_may_do_the_others_may_not(allowed: frozenset[SessionRole]) -> None:
+def test_operation_is_allowed_only_for_its_roles(allowed: frozenset[SessionRole]) -> None:
     access = _access()
     for role in SessionRole:
         request = _request(session=access.log_in(access.token(role)))
@@ -207,7 +205,7 @@ def test_what_some_roles_may_do_the_others_may_not(allowed: frozenset[SessionRol
             assert _code(lambda r=request: access.check(r, allowed)) == "FORBIDDEN"
 
 
-def test_a_socket_needs_an_origin() -> None:
+def test_socket_requires_origin() -> None:
     access = _access()
     session = access.log_in(access.token(SessionRole.VIEW))
     request = _request(session=session, opens_socket=True)
@@ -226,7 +224,7 @@ def _started_again(kept: str, clock: _Clock) -> AccessControl:
     )
 
 
-def test_tokens_and_sessions_survive_a_restart_and_end_in_their_time() -> None:
+def test_tokens_and_sessions_survive_restart_until_expiry() -> None:
     clock = _Clock()
     access = _access(clock)
     session = access.log_in(access.token(SessionRole.PERSON))
@@ -244,7 +242,7 @@ def test_tokens_and_sessions_survive_a_restart_and_end_in_their_time() -> None:
     assert later.token(SessionRole.VIEW) != access.token(SessionRole.VIEW)
 
 
-def test_what_changes_is_kept_and_the_use_of_a_session_once_an_hour() -> None:
+def test_changes_are_saved_and_session_use_only_hourly() -> None:
     clock, kept = _Clock(), list[str]()
     access = AccessControl(
         {HOST}, scheme="http", random_bytes=_bytes(), clock=clock, keep=kept.append
@@ -288,7 +286,7 @@ def _changed(change: Callable[[dict[str, Any]], object]) -> str:
         _changed(lambda found: found.update(sessions={"a": 1})),
     ],
 )
-def test_kept_access_that_is_damaged_is_replaced(kept: str) -> None:
+def test_damaged_access_file_is_replaced(kept: str) -> None:
     access = _started_again(kept, _Clock())
     old = _access()
     assert len({access.token(role) for role in SessionRole}) == len(SessionRole)
@@ -296,6 +294,6 @@ def test_kept_access_that_is_damaged_is_replaced(kept: str) -> None:
     assert json.loads(access.text())["sessions"] == []
 
 
-def test_addresses_of_this_machine_are_told_from_others() -> None:
+def test_loopback_addresses_are_distinguished_from_others() -> None:
     assert all(map(is_loopback, ("127.0.0.1", "127.9.9.9", "::1", "localhost")))
     assert not any(map(is_loopback, ("0.0.0.0", "192.168.1.2", "::", "robot", "")))

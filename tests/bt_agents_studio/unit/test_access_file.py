@@ -11,7 +11,7 @@ from bt_agents_studio.access import LARGEST_STATE
 from bt_agents_studio.access_file import AccessFile
 
 
-def test_what_is_written_is_read_again_and_nobody_else_can(tmp_path: Path) -> None:
+def test_written_state_is_private_and_read_back(tmp_path: Path) -> None:
     path = tmp_path / "studio-8770.json"
     assert AccessFile(path).read() == ""
     for text in ("one", "two"):
@@ -20,7 +20,7 @@ def test_what_is_written_is_read_again_and_nobody_else_can(tmp_path: Path) -> No
         assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_file_that_others_could_read_is_tightened(tmp_path: Path) -> None:
+def test_permissions_of_public_file_are_tightened(tmp_path: Path) -> None:
     path = tmp_path / "studio-8770.json"
     path.write_text("old")
     path.chmod(0o644)
@@ -28,13 +28,13 @@ def test_a_file_that_others_could_read_is_tightened(tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_of_a_file_that_is_too_large_no_more_is_read_than_is_refused(tmp_path: Path) -> None:
+def test_oversized_file_is_read_only_to_the_limit(tmp_path: Path) -> None:
     path = tmp_path / "studio-8770.json"
     path.write_text("x" * (3 * LARGEST_STATE))
     assert len(AccessFile(path).read()) == LARGEST_STATE + 1
 
 
-def test_a_place_that_cannot_be_used_is_told_once_and_nothing_is_kept(
+def test_unusable_path_is_reported_once_and_nothing_saved(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").touch()

@@ -25,7 +25,7 @@ def text(size: int = KIB) -> FileRecord:
     return FileRecord(text="x" * size)
 
 
-def test_the_entry_that_rested_longest_leaves_first() -> None:
+def test_least_recently_changed_entry_is_evicted_first() -> None:
     store = Store({"files": 2})
     for key, size in (("a", 1), ("b", 1), ("a", 2), ("c", 1)):
         store.put("files", key, text(size))
@@ -33,7 +33,7 @@ def test_the_entry_that_rested_longest_leaves_first() -> None:
     assert store.dropped == {"files": 1}
 
 
-def test_the_largest_collection_makes_room() -> None:
+def test_largest_collection_makes_room() -> None:
     store = Store(most_bytes=20 * KIB)
     store.put("moods", "1", MoodRecord(at_s=1.0, mood=1.0))
     for number in range(100):
@@ -43,7 +43,7 @@ def test_the_largest_collection_makes_room() -> None:
     assert len(json.dumps(store.snapshot(), default=vars)) < 20 * KIB
 
 
-def test_nothing_takes_the_place_of_what_is_used() -> None:
+def test_entries_in_use_are_never_evicted() -> None:
     store = Store({"files": 50}, is_in_use=lambda _store, _collection, key: key.startswith("used"))
     for number in range(50):
         store.put("files", f"used{number}", text())
@@ -55,7 +55,7 @@ def test_nothing_takes_the_place_of_what_is_used() -> None:
     assert store.keys("files") == tuple(f"used{number}" for number in range(1, 51))
 
 
-def test_an_entry_without_room_is_left_out() -> None:
+def test_entry_exceeding_the_budget_is_dropped() -> None:
     store = Store(most_bytes=20 * KIB)
     store.put("files", "a", text(30 * KIB))
     assert store.keys("files") == ()
@@ -64,11 +64,11 @@ def test_an_entry_without_room_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("value", ["\x01" * KIB, "ü€😀" * KIB, '"\\' * KIB, "plain" * KIB])
-def test_the_size_of_a_text_covers_its_json(value: str) -> None:
+def test_estimated_text_size_covers_its_json(value: str) -> None:
     assert size_of(value) >= len(json.dumps(value, ensure_ascii=False))
 
 
-def test_removed_keys_are_forgotten_when_they_are_large() -> None:
+def test_large_removed_keys_are_forgotten() -> None:
     store = Store({"files": 1})
     for number in range(2000):
         store.put("files", f"{number:020000}", text(1))
@@ -76,7 +76,7 @@ def test_removed_keys_are_forgotten_when_they_are_large() -> None:
     assert sum(len(key) for _, key in store._changed) < 5 * KIB * KIB
 
 
-def test_a_large_history_forgets_the_oldest() -> None:
+def test_large_history_forgets_oldest_changes() -> None:
     history = History(most_bytes=20 * KIB)
     store = Store(on_change=lambda change: history.record(float(store.sequence), change))
     for number in range(100):
@@ -87,7 +87,7 @@ def test_a_large_history_forgets_the_oldest() -> None:
     assert history.at(100.0)["files"]["a"] == text(KIB + 99)
 
 
-def test_a_huge_change_is_still_the_last_moment() -> None:
+def test_huge_change_is_still_the_last_moment() -> None:
     history = History(most_bytes=KIB)
     history.record(1.0, Change(collection="files", key="a", value=text(), size=2 * KIB))
     assert (history.first_s, history.last_s) == (1.0, 1.0)
@@ -113,7 +113,7 @@ def send(studio: Studio, message: object) -> None:
     studio.receive(kind, message, 1000.0, False)
 
 
-def test_a_flood_leaves_a_bounded_view(flooded: Studio) -> None:
+def test_flood_leaves_a_bounded_view(flooded: Studio) -> None:
     view = json.dumps(flooded.store.snapshot(), default=vars)
     assert len(view) < MOST_BYTES
     assert sum(size_of(one) for one in flooded.history._base.values()) < MOST_BYTES
@@ -121,7 +121,7 @@ def test_a_flood_leaves_a_bounded_view(flooded: Studio) -> None:
         assert flooded.store.get(collection, key) is not None
 
 
-def test_what_was_left_out_is_told(flooded: Studio) -> None:
+def test_dropped_entries_are_reported_in_health(flooded: Studio) -> None:
     told = flooded.store.get("health", ROOM)
     assert isinstance(told, HealthRecord)
     assert told.level == "WARN"
@@ -133,13 +133,13 @@ def test_what_was_left_out_is_told(flooded: Studio) -> None:
 @pytest.mark.parametrize(
     "message", [AgentFiles(files=["a.yaml"]), Profiles(agents=["guide"], parameters=["mood"])]
 )
-def test_a_message_that_does_not_fit_is_counted(message: object) -> None:
+def test_oversized_message_is_counted(message: object) -> None:
     studio = Studio("studio", space=SPACE)
     send(studio, message)
     assert studio.store.dropped == {type(message).__name__: 1}
 
 
-def test_calls_are_handed_over_in_their_order() -> None:
+def test_calls_are_delivered_in_order() -> None:
     done: list[int] = []
     woken: list[None] = []
     handover = Handover(lambda: woken.append(None))
@@ -150,7 +150,7 @@ def test_calls_are_handed_over_in_their_order() -> None:
     assert (done, len(woken), handover.waits) == ([0, 1, 2], 1, False)
 
 
-def test_no_more_is_taken_while_much_waits() -> None:
+def test_handover_accepts_no_more_calls_when_full() -> None:
     handover = Handover()
     post = handover.to(lambda _value: None)
     for _ in range(node.MOST_HANDED_OVER):
@@ -161,7 +161,7 @@ def test_no_more_is_taken_while_much_waits() -> None:
     assert handover.wait_for_room(0.0)
 
 
-def test_two_large_messages_fill_the_waiting_room() -> None:
+def test_two_large_messages_fill_the_handover() -> None:
     handover = Handover()
     post = handover.to(lambda _message: None)
     post(HostCard())
@@ -170,7 +170,7 @@ def test_two_large_messages_fill_the_waiting_room() -> None:
     assert not handover.wait_for_room(0.0)
 
 
-def test_a_failed_call_holds_up_no_other() -> None:
+def test_failed_call_does_not_block_others() -> None:
     done: list[int] = []
     handover = Handover()
     handover.to(lambda: 1 / 0)()
@@ -182,7 +182,7 @@ def test_a_failed_call_holds_up_no_other() -> None:
     assert done == [1]
 
 
-def test_a_delivery_ends_in_its_time() -> None:
+def test_delivery_ends_within_its_time_limit() -> None:
     handover = Handover()
     for _ in range(1000):
         handover.to(lambda: time.sleep(0.001))()

@@ -25,7 +25,7 @@ def _read(name: str, body: object, role: SessionRole = SessionRole.OPERATE):
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
-def test_each_operation_names_fields_and_constants_of_its_service(name: str) -> None:
+def test_operations_use_fields_and_constants_of_their_service(name: str) -> None:
     operation = OPERATIONS[name]
     request = getattr(services, operation.kind).Request
     fields = request.get_fields_and_field_types()
@@ -39,7 +39,7 @@ def test_each_operation_names_fields_and_constants_of_its_service(name: str) -> 
             assert {one: getattr(declared, one) for one in kind} == kind
 
 
-def test_a_host_is_part_of_the_service_and_no_field() -> None:
+def test_host_is_part_of_service_name_not_field() -> None:
     body = {"host": "/robot_1/agents", "action": "SET", "names": ["a.b"], "values": ["2 s"]}
     assert _read("tune", body) == (
         "/robot_1/agents/tune",
@@ -47,7 +47,7 @@ def test_a_host_is_part_of_the_service_and_no_field() -> None:
     )
 
 
-def test_null_says_that_there_is_no_opinion() -> None:
+def test_null_means_no_opinion() -> None:
     _, fields = _read("feedback", {"kind": "DIRECT", "values": [1, None]})
     assert fields["values"][0] == 1.0
     assert math.isnan(fields["values"][1])
@@ -89,24 +89,24 @@ def test_null_says_that_there_is_no_opinion() -> None:
         ("tune", {"host": "/" + "a" * 900}),
     ],
 )
-def test_a_malformed_request_is_refused(name: str, body: object) -> None:
+def test_malformed_request_is_rejected(name: str, body: object) -> None:
     with pytest.raises(Refused) as refused:
         _read(name, body)
     assert refused.value.code == "BAD_FIELD"
 
 
-def test_a_person_may_answer_stop_judge_and_come_and_nothing_else() -> None:
+def test_person_may_only_answer_cancel_rate_and_arrive() -> None:
     every = {**OPERATIONS, **OWN_OPERATIONS}
     allowed = {name for name, one in every.items() if SessionRole.PERSON in one.roles}
     assert allowed == {"answer", "cancel", "feedback", "scene"}
     assert not any(SessionRole.VIEW in one.roles for one in every.values())
 
 
-def test_only_an_author_writes_files() -> None:
+def test_only_authors_write_files() -> None:
     assert OWN_OPERATIONS["keep"].roles == {SessionRole.AUTHOR}
 
 
-def test_feedback_of_a_person_says_so() -> None:
+def test_feedback_of_person_names_person_as_source() -> None:
     _, fields = _read("feedback", {"kind": "POSITIVE"}, SessionRole.PERSON)
     assert fields == {"kind": 1, "source": "person"}
 
@@ -120,7 +120,7 @@ def test_feedback_of_a_person_says_so() -> None:
         ("scene", {"names": ["age"], "values": [1], "urgent": True}),
     ],
 )
-def test_a_person_names_less_than_an_operator(name: str, body: object) -> None:
+def test_person_may_set_fewer_fields_than_operator(name: str, body: object) -> None:
     _read(name, body)
     with pytest.raises(Refused, match=r"BAD_FIELD|expected"):
         _read(name, body, SessionRole.PERSON)

@@ -42,7 +42,7 @@ async def ask(
         return dict(await answer.json())
 
 
-def test_an_answer_and_a_message_are_handed_on() -> None:
+def test_answers_and_messages_are_forwarded() -> None:
     async def test(one: ServedStudio) -> None:
         done = await ask(one, "answer", text="yes")
         assert done == {"accepted": True, "code": "", "message": "answered yes"}
@@ -57,7 +57,7 @@ def test_an_answer_and_a_message_are_handed_on() -> None:
 
 
 @pytest.mark.parametrize("name", ["answer", "dry_run", "keep", "publish"])
-def test_who_may_only_look_does_none_of_it(name: str) -> None:
+def test_viewer_may_use_no_own_operation(name: str) -> None:
     async def test(one: ServedStudio) -> None:
         assert (await ask(one, name, SessionRole.VIEW))["code"] == "FORBIDDEN"
         assert one.caller.calls == []
@@ -78,7 +78,7 @@ def test_who_may_only_look_does_none_of_it(name: str) -> None:
         ("dry_run", {"across": "age", "up": "mood", "names": ["age"], "values": [1]}, "BAD_FIELD"),
     ],
 )
-def test_what_makes_no_sense_is_refused(name: str, fields: dict[str, Any], code: str) -> None:
+def test_invalid_request_is_rejected(name: str, fields: dict[str, Any], code: str) -> None:
     async def test(one: ServedStudio) -> None:
         done = await ask(one, name, **fields)
         assert (done.get("accepted", False), done["code"]) == (False, code)
@@ -101,7 +101,7 @@ def previewed(strategy: str) -> Any:
 DRY_RUN = {"names": ["age", "mood"], "values": [1, 3], "across": "age", "up": "mood"}
 
 
-def test_a_dry_run_asks_once_where_the_map_can_be_computed() -> None:
+def test_dry_run_asks_once_for_computable_map() -> None:
     async def test(one: ServedStudio) -> None:
         one.caller.previewed = previewed("manhattan")
         record = (await ask(one, "dry_run", **DRY_RUN))["record"]
@@ -114,7 +114,7 @@ def test_a_dry_run_asks_once_where_the_map_can_be_computed() -> None:
     served(test)
 
 
-def test_a_dry_run_asks_at_a_bounded_number_of_places_elsewhere() -> None:
+def test_dry_run_samples_bounded_points_for_other_strategies() -> None:
     async def test(one: ServedStudio) -> None:
         one.caller.previewed = previewed("softmax")
         record = (await ask(one, "dry_run", **DRY_RUN))["record"]
@@ -143,7 +143,7 @@ def tuned(trees: Path, patience: float) -> dict[str, tuple[Path, Sequence[Parame
     return {"/agents": (trees, states)}
 
 
-def test_what_is_kept_is_shown_first_and_then_written_as_it_was_shown(trees: Path) -> None:
+def test_keep_shows_diff_then_writes_exactly_that_diff(trees: Path) -> None:
     file = trees / "agents" / "waiter.yaml"
 
     async def test(one: ServedStudio) -> None:
@@ -163,7 +163,7 @@ def test_what_is_kept_is_shown_first_and_then_written_as_it_was_shown(trees: Pat
     served(test)
 
 
-def test_where_nothing_was_tuned_there_is_nothing_to_keep(trees: Path) -> None:
+def test_untuned_host_has_nothing_to_keep(trees: Path) -> None:
     async def test(one: ServedStudio) -> None:
         one.caller.hosts = tuned(trees, 5.0)
         done = await ask(one, "keep")
@@ -172,7 +172,7 @@ def test_where_nothing_was_tuned_there_is_nothing_to_keep(trees: Path) -> None:
     served(test)
 
 
-def test_a_broken_file_is_told_and_nothing_is_written(trees: Path) -> None:
+def test_broken_file_is_reported_and_nothing_written(trees: Path) -> None:
     file = trees / "agents" / "waiter.yaml"
 
     async def test(one: ServedStudio) -> None:
@@ -185,7 +185,7 @@ def test_a_broken_file_is_told_and_nothing_is_written(trees: Path) -> None:
     served(test)
 
 
-def test_a_bag_is_listed_and_no_file_to_download(tmp_path: Path) -> None:
+def test_bag_is_listed_but_not_downloadable(tmp_path: Path) -> None:
     bag = tmp_path / "rosbag2_2026"
     bag.mkdir()
     (bag / "metadata.yaml").write_text("what it holds")
@@ -201,7 +201,7 @@ def test_a_bag_is_listed_and_no_file_to_download(tmp_path: Path) -> None:
     served(test)
 
 
-def test_recordings_are_listed_with_their_labels_and_downloaded(tmp_path: Path) -> None:
+def test_labelled_recordings_are_listed_and_downloadable(tmp_path: Path) -> None:
     file = JournalFile(tmp_path / "journal-2026-03-01_001.mcap")
     file.add(recorded(1), 1)
     file.close()
@@ -226,7 +226,7 @@ def test_recordings_are_listed_with_their_labels_and_downloaded(tmp_path: Path) 
     served(test)
 
 
-def test_the_recording_and_its_bookmarks_are_shown_until_no_journal_is_there() -> None:
+def test_recording_and_bookmarks_are_shown_while_journal_exists() -> None:
     async def test(one: ServedStudio) -> None:
         studio, at_s = one.studio, 1000.0
         status = RecordingStatus(recording=True, file="a.mcap", label="class")

@@ -63,7 +63,7 @@ def shown() -> Shown:
     return one
 
 
-def test_the_log_names_scenes_in_words(shown: Shown) -> None:
+def test_log_names_scenes_by_label(shown: Shown) -> None:
     shown.take(Scene(scene_id="scene-7", label="a child", person=True))
     shown.take(Run(**RUN, event=Run.ENDED, message="scene 'scene-7' was cancelled"))
     assert shown.log[-2:] == ["a child", "ended: scene 'a child' was cancelled"]
@@ -79,7 +79,7 @@ def rounds_left(count: int, path: str = "tree/0.ask") -> Countdown:
     )
 
 
-def test_time_and_rounds_of_a_node_are_one_entry(shown: Shown) -> None:
+def test_remaining_time_and_rounds_share_one_entry(shown: Shown) -> None:
     shown.details(time_left(2.5), rounds_left(1))
     record = shown.get("countdowns")
     assert (record.kind, record.remaining_s, record.remaining) == ("retry", 2.5, 1)
@@ -88,9 +88,7 @@ def test_time_and_rounds_of_a_node_are_one_entry(shown: Shown) -> None:
     assert (record.remaining_s, record.remaining) == (None, 0)
 
 
-def test_a_countdown_that_is_over_is_removed_and_all_are_with_the_end_of_the_run(
-    shown: Shown,
-) -> None:
+def test_countdown_is_removed_at_its_or_runs_end(shown: Shown) -> None:
     shown.details(time_left(2.5), time_left(9.0, "tree"))
     shown.details(time_left(8.0, "tree"))
     assert shown.store.keys("countdowns") == ("guide|tree",)
@@ -103,26 +101,26 @@ def value(name: str, text: str, *, written: bool = False) -> NodeValue:
     return NodeValue(path="tree/0.ask", name=name, value=text, written=written)
 
 
-def test_the_last_value_of_each_name_is_kept_the_newest_last(shown: Shown) -> None:
+def test_last_value_per_name_is_kept_newest_last(shown: Shown) -> None:
     shown.details(values=(value("patience", "8"), value("answer", "'no'", written=True)))
     shown.details(values=(value("patience", "9"),))
     found = [(one.name, one.value, one.written) for one in shown.get("values").values]
     assert found == [("answer", "'no'", True), ("patience", "9", False)]
 
 
-def test_of_very_many_names_the_newest_are_kept(shown: Shown) -> None:
+def test_newest_of_too_many_names_are_kept(shown: Shown) -> None:
     shown.details(values=tuple(value(f"name_{number}", "1") for number in range(100)))
     names = [one.name for one in shown.get("values").values]
     assert names == [f"name_{number}" for number in range(60, 100)]
 
 
-def test_a_new_run_forgets_the_values_of_the_one_before(shown: Shown) -> None:
+def test_new_run_clears_values_of_previous_run(shown: Shown) -> None:
     shown.details(values=(value("patience", "8"),))
     shown.take(Run(**RUN | {"round": 4}, event=Run.STARTED))
     assert shown.get("values") is None
 
 
-def test_details_of_an_earlier_run_change_nothing(shown: Shown) -> None:
+def test_details_of_earlier_run_change_nothing(shown: Shown) -> None:
     shown.take(Run(**RUN | {"round": 4}, event=Run.STARTED))
     late = NodeDetails(**RUN, values=[value("patience", "8")], header=header_at(to_time(1000.5)))
     shown._projection.handle("bt_agents_interfaces/msg/NodeDetails", late, 1003.0)
@@ -134,7 +132,7 @@ def control(**fields: Any) -> RunControl:
     return RunControl(**RUN | {"host": "/agents"} | fields)
 
 
-def test_breakpoints_are_by_agent(shown: Shown) -> None:
+def test_breakpoints_are_kept_per_agent(shown: Shown) -> None:
     stops = [Breakpoint(agent="guide", path=path) for path in ("tree", "tree/0.ask")]
     shown.take(control(breakpoints=[*stops, Breakpoint(agent="other", path="tree")]))
     assert shown.get("controls", "/agents").breakpoints == {
@@ -145,7 +143,7 @@ def test_breakpoints_are_by_agent(shown: Shown) -> None:
     assert shown.get("controls", "/agents").breakpoints == {}
 
 
-def test_what_happened_tells_of_each_pause_once(shown: Shown) -> None:
+def test_log_reports_each_pause_once(shown: Shown) -> None:
     before = len(shown.log)
     shown.take(control())
     shown.take(control(paused=True, author="anna"))
@@ -156,14 +154,14 @@ def test_what_happened_tells_of_each_pause_once(shown: Shown) -> None:
     assert shown.log[before:] == ["is paused by anna", "is paused before tree/0.ask", "goes on"]
 
 
-def test_a_pause_that_ends_with_its_run_does_not_go_on(shown: Shown) -> None:
+def test_pause_ending_with_run_is_no_resume(shown: Shown) -> None:
     shown.take(control(paused=True))
     before = len(shown.log)
     shown.take(RunControl(host="/agents"))
     assert shown.log[before:] == []
 
 
-def test_changed_values_are_those_that_a_node_has_written(shown: Shown) -> None:
+def test_changed_values_belong_to_their_node(shown: Shown) -> None:
     changed = [ChangedValue(name="answer", value="'yes'")]
     change = StatusChange(
         path="tree/0.ask", name="ask", status=StatusChange.SUCCESS, values=changed
@@ -176,14 +174,14 @@ def test_changed_values_are_those_that_a_node_has_written(shown: Shown) -> None:
     assert len(shown.get("values").values) == 1
 
 
-def test_a_running_node_with_another_message_has_not_started_again(shown: Shown) -> None:
+def test_new_message_of_running_node_is_no_restart(shown: Shown) -> None:
     for message in ("", "attempt 2 of 3"):
         change = StatusChange(path="tree/0.ask", status=StatusChange.RUNNING, message=message)
         shown.take(TreeStatus(**RUN, changes=[change]))
     assert shown.get("nodes").starts == 1
 
 
-def test_a_run_whose_first_tick_is_received_before_all_else_shows_its_scene(shown: Shown) -> None:
+def test_run_shows_its_scene_despite_early_tick(shown: Shown) -> None:
     shown.take(Run(**RUN, event=Run.ENDED))
     later = {**RUN, "round": 4}
     scene = Scene(scene_id="s4", label="the last guest")
@@ -193,7 +191,7 @@ def test_a_run_whose_first_tick_is_received_before_all_else_shows_its_scene(show
     assert shown.get("scene", "").label == "the last guest"
 
 
-def test_the_scene_beside_a_run_is_the_one_that_it_was_awarded_for(shown: Shown) -> None:
+def test_running_agent_is_shown_with_its_awarded_scene(shown: Shown) -> None:
     shown.take(Run(**RUN, event=Run.ENDED))
     shown.take(Scene(scene_id="s2", label="a guest"))
     assert shown.get("scene", "").label == "a guest"
@@ -230,7 +228,7 @@ class Told:
         return self.store.get("health", "agents: files")
 
 
-def test_health_says_since_when_its_level_holds() -> None:
+def test_health_states_since_when_its_level_holds() -> None:
     told = Told()
     told.take(10.0, 0)
     told.take(11.0, 0)
@@ -245,7 +243,7 @@ def test_health_says_since_when_its_level_holds() -> None:
     assert told.shown.values == {"file": "a.yaml"}
 
 
-def test_recorded_health_whose_level_is_read_as_a_number_is_shown() -> None:
+def test_recorded_health_with_numeric_level_is_shown() -> None:
     told = Told()
     status = SimpleNamespace(level=1, name="agents: files", message="m", values=[])
     told.projection.handle(
@@ -254,7 +252,7 @@ def test_recorded_health_whose_level_is_read_as_a_number_is_shown() -> None:
     assert told.shown.level == "WARN"
 
 
-def test_health_of_which_nothing_is_told_any_more_is_stale_since_it_was_told_last() -> None:
+def test_unreported_health_is_stale_since_last_report() -> None:
     told = Told()
     told.take(10.0, 0)
     told.projection.check_health(10.0 + UNTOLD_S)
@@ -265,7 +263,7 @@ def test_health_of_which_nothing_is_told_any_more_is_stale_since_it_was_told_las
     assert (told.shown.level, told.shown.since_s) == ("OK", 20.0)
 
 
-def test_health_of_unknown_nodes_is_bounded_and_shown_as_text() -> None:
+def test_health_of_unknown_nodes_is_bounded_and_sanitised() -> None:
     told = Told()
     told.take(10.0, 77, "\x1b[31mred\n" + "x" * 10_000)
     assert told.shown.level == "77"

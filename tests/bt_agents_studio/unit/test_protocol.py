@@ -23,7 +23,7 @@ from bt_agents_studio.records import MoodRecord, QuestionRecord, QuestionsRecord
 from bt_agents_studio.store import Change
 
 
-def test_a_delta_carries_records_as_objects() -> None:
+def test_delta_carries_records_as_objects() -> None:
     question = QuestionRecord(at_s=1.5, text="<b>Ready?</b>", choices=("yes", "no"))
     record = QuestionsRecord(questions=(question,))
     changes = [
@@ -44,13 +44,13 @@ def test_a_delta_carries_records_as_objects() -> None:
     }
 
 
-def test_what_is_no_number_never_goes_out() -> None:
+def test_nan_is_never_sent() -> None:
     change = Change(collection="moods", key="1", value=MoodRecord(at_s=0.0, mood=math.nan))
     with pytest.raises(ValueError, match="not JSON compliant"):
         encode(Delta.of(1, [change]))
 
 
-def test_messages_of_a_client_are_read() -> None:
+def test_client_messages_are_decoded() -> None:
     resume = json.dumps({"type": "resume", "version": VERSION, "studio": "a", "sequence": 3})
     assert decode(resume) == Resume(version=VERSION, studio="a", sequence=3)
     assert decode('{"type":"seek","source":"","at_s":12}') == Seek(source="", at_s=12)
@@ -83,7 +83,7 @@ def test_messages_of_a_client_are_read() -> None:
         (" " * (LARGEST_MESSAGE + 1), "TOO_LARGE"),
     ],
 )
-def test_a_malformed_message_is_refused_with_a_code(text: str, code: str) -> None:
+def test_malformed_message_is_rejected_with_code(text: str, code: str) -> None:
     with pytest.raises(Refused) as refused:
         decode(text)
     assert refused.value.code == code

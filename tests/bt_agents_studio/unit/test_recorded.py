@@ -54,9 +54,7 @@ def recording(tmp_path: Path) -> Recording:
     return Recording(tmp_path)
 
 
-def test_the_newest_moment_of_what_is_being_recorded_waits_until_it_is_written(
-    recording: Recording,
-) -> None:
+def test_newest_moment_of_active_recording_waits_for_flush(recording: Recording) -> None:
     recording.writes_after = 3
     size = recording.file.path.stat().st_size
     recording.studio.recorded(recording.name, NEWEST_S)
@@ -64,17 +62,17 @@ def test_the_newest_moment_of_what_is_being_recorded_waits_until_it_is_written(
     assert recording.file.path.stat().st_size > size
 
 
-def test_a_quiet_system_keeps_nobody_waiting_for_long(recording: Recording) -> None:
+def test_quiet_system_waits_only_briefly(recording: Recording) -> None:
     recording.studio.recorded(recording.name, NEWEST_S)
     assert 1.0 < sum(recording.waits) < 1.5
 
 
-def test_an_earlier_moment_is_shown_at_once(recording: Recording) -> None:
+def test_earlier_moment_is_shown_at_once(recording: Recording) -> None:
     recording.studio.recorded(recording.name, NOW_S - 1.0)
     assert recording.waits == []
 
 
-def test_a_recording_that_has_ended_is_shown_at_once(recording: Recording) -> None:
+def test_finished_recording_is_shown_at_once(recording: Recording) -> None:
     recording.stop()
     recording.studio.recorded(recording.name, NEWEST_S)
     assert recording.waits == []

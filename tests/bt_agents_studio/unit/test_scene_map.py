@@ -44,7 +44,7 @@ def winners(*bids: MapBid, strategy: str = "manhattan", scene: dict[str, float] 
     return found, [names[row * side : (row + 1) * side] for row in range(side)]
 
 
-def test_the_nearest_wins_at_each_place() -> None:
+def test_nearest_profile_wins_at_each_point() -> None:
     found, rows = winners(YOUNG, OLD)
     assert (found.across, found.up, found.is_asked) == ("age", "mood", False)
     for row in rows:
@@ -59,7 +59,7 @@ def test_rows_go_up_and_columns_across() -> None:
     assert set(rows[-1]) == {"glad"}
 
 
-def test_weights_count_where_the_strategy_has_them() -> None:
+def test_weights_count_only_in_strategies_using_them() -> None:
     careless = bid("careless", 1.0, 2.0, 3.0, weights=(0.1, 1.0, 1.0))
     _, plain = winners(careless, OLD)
     _, weighted = winners(careless, OLD, strategy="weighted_manhattan")
@@ -67,25 +67,25 @@ def test_weights_count_where_the_strategy_has_them() -> None:
     assert weighted[0].count("careless") > plain[0].count("careless")
 
 
-def test_a_missing_value_counts_for_nobody() -> None:
+def test_missing_value_counts_for_no_agent() -> None:
     near, far = bid("near", 3.0, 2.0, 3.0), bid("far", 3.0, 5.0, 3.0)
     _, rows = winners(near, far, scene={**SCENE, "familiarity": math.nan})
     assert {name for row in rows for name in row} == {"far"}  # equal, and first by name
 
 
-def test_of_equals_the_tie_break_decides() -> None:
+def test_tie_break_decides_between_equal_bids() -> None:
     first, second = bid("a", 3.0, 2.0, 3.0, last_run=7), bid("b", 3.0, 2.0, 3.0, last_run=2)
     by_runs = computed_map("manhattan", (first, second), SCENE, AGE, MOOD, "least_recently_run")
     by_name = computed_map("manhattan", (first, second), SCENE, AGE, MOOD, "name")
     assert (by_runs.agents, by_name.agents) == (("b",), ("a",))
 
 
-def test_profiles_may_leave_out_the_last_parameters() -> None:
+def test_profiles_may_omit_trailing_parameters() -> None:
     _, rows = winners(bid("young", 1.0, 2.0), bid("old", 5.0, 2.0))
     assert (rows[0][0], rows[0][-1]) == ("young", "old")
 
 
-def test_a_bonus_is_taken_off_the_distance_everywhere() -> None:
+def test_bonus_is_subtracted_from_distance_everywhere() -> None:
     seldom = bid("young", 1.0, 2.0, 3.0, bonus=2.0)
     _, plain = winners(YOUNG, OLD, strategy="bounded_ucb")
     found, forgiven = winners(seldom, OLD, strategy="bounded_ucb")
@@ -94,7 +94,7 @@ def test_a_bonus_is_taken_off_the_distance_everywhere() -> None:
     assert plain[0].count("young") < forgiven[0].count("young")
 
 
-def test_only_where_the_scene_moves_nothing_but_the_distance_a_map_is_computed() -> None:
+def test_only_maps_of_distance_based_strategies_are_computed() -> None:
     computed = {"manhattan", "weighted_manhattan", "euclidean", "ucb", "bounded_ucb"}
     others = {"softmax", "rules", "external", "thompson", "expected_manhattan", "of a plug-in"}
     assert {one for one in computed | others if is_computed(one)} == computed
@@ -103,16 +103,16 @@ def test_only_where_the_scene_moves_nothing_but_the_distance_a_map_is_computed()
 @pytest.mark.parametrize(
     ("bids", "width", "side"), [(4, 3, FINEST), (10_000, 64, COARSEST), (300, 4, 15)]
 )
-def test_the_map_is_coarser_where_many_bid(bids: int, width: int, side: int) -> None:
+def test_map_is_coarser_with_many_bids(bids: int, width: int, side: int) -> None:
     assert side_length(bids, width) == side
 
 
-def test_a_parameter_that_is_not_there_is_refused() -> None:
+def test_unknown_parameter_is_rejected() -> None:
     height = Axis(name="height", minimum=0.0, maximum=1.0)
     with pytest.raises(Refused, match="no scene parameter 'height'"):
         computed_map("manhattan", (YOUNG,), SCENE, height, MOOD, "name")
 
 
-def test_nobody_is_a_winner_without_a_name() -> None:
+def test_map_keeps_points_without_winner() -> None:
     found = map_record(AGE, MOOD, (1.0, 5.0), (1.0,), [["", "old"]], is_asked=True)
     assert (found.agents, found.winners) == (("", "old"), (0, 1))

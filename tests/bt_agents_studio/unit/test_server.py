@@ -37,7 +37,7 @@ async def _next(socket: ClientWebSocketResponse) -> dict[str, Any]:
     return dict(json.loads(message.data))
 
 
-def test_a_page_gets_a_snapshot_then_what_changes_and_resumes_after_a_gap() -> None:
+def test_page_gets_snapshot_then_deltas_and_can_resume() -> None:
     async def test(one: ServedStudio) -> None:
         one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
         async with one.client(SessionRole.VIEW) as client:
@@ -61,7 +61,7 @@ def test_a_page_gets_a_snapshot_then_what_changes_and_resumes_after_a_gap() -> N
     served(test)
 
 
-def test_of_many_changes_a_slow_page_gets_the_newest_of_each_entry() -> None:
+def test_slow_page_gets_newest_value_of_each_entry() -> None:
     async def test(one: ServedStudio) -> None:
         async with (
             one.client(SessionRole.VIEW) as client,
@@ -81,7 +81,7 @@ def test_of_many_changes_a_slow_page_gets_the_newest_of_each_entry() -> None:
     served(test)
 
 
-def test_an_earlier_moment_stays_until_the_page_follows_again() -> None:
+def test_earlier_moment_stays_until_page_follows_again() -> None:
     async def test(one: ServedStudio) -> None:
         clock = iter(range(1000, 2000))
         one.studio._clock = lambda: float(next(clock))
@@ -105,7 +105,7 @@ def test_an_earlier_moment_stays_until_the_page_follows_again() -> None:
     served(test)
 
 
-def test_a_journal_that_is_not_there_is_told_and_the_page_goes_on() -> None:
+def test_missing_journal_is_reported_and_page_continues() -> None:
     async def test(one: ServedStudio) -> None:
         async with (
             one.client(SessionRole.VIEW) as client,
@@ -123,7 +123,7 @@ def test_a_journal_that_is_not_there_is_told_and_the_page_goes_on() -> None:
     served(test)
 
 
-def test_a_change_goes_to_its_service_and_the_answer_comes_back() -> None:
+def test_operation_is_forwarded_to_service_and_answer_returned() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client(SessionRole.OPERATE) as client:
             answer = await client.post("/api/do/cancel", json={"reason": "enough"})
@@ -136,7 +136,7 @@ def test_a_change_goes_to_its_service_and_the_answer_comes_back() -> None:
     served(test)
 
 
-def test_a_person_is_shown_the_robot_as_it_is_now_and_nothing_else() -> None:
+def test_person_sees_only_current_robot_state() -> None:
     async def test(one: ServedStudio) -> None:
         one.put("robot", "", _robot("Hello"))
         one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
@@ -164,7 +164,7 @@ def _robot(words: str) -> RobotRecord:
     return RobotRecord(acts=(act,), light="off", light_blinks=False, sound="", sounds=0)
 
 
-def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_do_not_get() -> None:
+def test_session_cookie_is_http_only_and_same_site() -> None:
     async def test(one: ServedStudio) -> None:
         token = one.access.token(SessionRole.OPERATE)
         async with one.client() as client:
@@ -180,7 +180,7 @@ def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_do_not_get() -> N
     served(test)
 
 
-def test_two_studios_of_one_address_leave_each_other_their_sessions_in_a_browser() -> None:
+def test_studios_on_one_host_keep_separate_session_cookies() -> None:
     async def test(one: ServedStudio) -> None:
         jar = CookieJar(unsafe=True)
         async with serving() as other, ClientSession(cookie_jar=jar) as browser:
@@ -197,7 +197,7 @@ def test_two_studios_of_one_address_leave_each_other_their_sessions_in_a_browser
     served(test)
 
 
-def test_whoever_has_only_the_cookie_looks_on() -> None:
+def test_cookie_without_key_allows_only_viewing() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client(SessionRole.AUTHOR) as client:
             del client.headers["Authorization"]
@@ -209,7 +209,7 @@ def test_whoever_has_only_the_cookie_looks_on() -> None:
     served(test)
 
 
-def test_every_answer_forbids_foreign_content_and_frames() -> None:
+def test_every_response_forbids_foreign_content_and_frames() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client() as client:
             for path in ("/", "/live", "/studio.js", "/api/state", "/nothing.html"):
@@ -224,7 +224,7 @@ def test_every_answer_forbids_foreign_content_and_frames() -> None:
     served(test)
 
 
-def test_the_page_is_sent_packed_to_whoever_can_unpack_it() -> None:
+def test_compressed_page_is_sent_to_supporting_clients() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client() as client:
             bodies = {}
@@ -240,7 +240,7 @@ def test_the_page_is_sent_packed_to_whoever_can_unpack_it() -> None:
     served(test)
 
 
-def test_one_page_too_many_is_refused_and_the_others_go_on() -> None:
+def test_excess_page_is_rejected_and_others_continue() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client(SessionRole.VIEW) as client:
             sockets = [await client.ws_connect("/api/socket") for _ in range(MOST_CLIENTS)]
@@ -256,7 +256,7 @@ def test_one_page_too_many_is_refused_and_the_others_go_on() -> None:
     served(test)
 
 
-def test_pages_of_one_role_take_no_places_from_another() -> None:
+def test_page_limits_are_separate_per_role() -> None:
     async def test(one: ServedStudio) -> None:
         async with (
             one.client(SessionRole.VIEW) as viewer,
@@ -271,7 +271,7 @@ def test_pages_of_one_role_take_no_places_from_another() -> None:
     served(test)
 
 
-def test_a_socket_closes_when_its_session_is_logged_out() -> None:
+def test_socket_closes_on_logout_of_its_session() -> None:
     async def test(one: ServedStudio) -> None:
         async with (
             one.client(SessionRole.VIEW) as client,
@@ -289,7 +289,7 @@ def test_a_socket_closes_when_its_session_is_logged_out() -> None:
     served(test)
 
 
-def test_the_studio_hears_whether_any_page_is_open() -> None:
+def test_studio_knows_whether_any_page_is_open() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client(SessionRole.VIEW) as client:
             first = await client.ws_connect("/api/socket")
@@ -309,7 +309,7 @@ def test_the_studio_hears_whether_any_page_is_open() -> None:
 @pytest.mark.parametrize(
     ("body", "count"), [(False, 3 * MOST_CONNECTIONS), (True, MOST_CONNECTIONS - 1)]
 )
-def test_half_sent_requests_take_no_places_of_pages(
+def test_half_sent_requests_do_not_use_page_slots(
     body: bool, count: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def test(one: ServedStudio) -> None:
@@ -342,7 +342,7 @@ async def _half(one: ServedStudio, body: bool) -> _Connection:
     return reader, writer
 
 
-def test_one_connection_too_many_is_refused() -> None:
+def test_excess_connection_is_rejected() -> None:
     async def test(one: ServedStudio) -> None:
         one.server._connections._most = 2
         async with one.client(SessionRole.VIEW) as client:
@@ -374,7 +374,7 @@ async def _status(client: ClientSession) -> int | None:
         b"POST /api/session HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
     ],
 )
-def test_what_is_no_request_prints_nothing(sent: bytes, caplog: pytest.LogCaptureFixture) -> None:
+def test_invalid_request_prints_nothing(sent: bytes, caplog: pytest.LogCaptureFixture) -> None:
     async def test(one: ServedStudio) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", one.port)
         writer.write(sent)
@@ -385,7 +385,7 @@ def test_what_is_no_request_prints_nothing(sent: bytes, caplog: pytest.LogCaptur
     assert caplog.records == []
 
 
-def test_a_late_body_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_late_request_body_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "WAIT_S", 0.1)
 
     async def test(one: ServedStudio) -> None:
@@ -554,7 +554,7 @@ _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
 @pytest.mark.parametrize(
     ("line", "headers", "body"), [one[1:] for one in _HOSTILE], ids=[one[0] for one in _HOSTILE]
 )
-def test_a_hostile_request_is_refused_and_changes_nothing(
+def test_hostile_request_is_rejected_and_changes_nothing(
     line: str, headers: dict[str, str | None], body: str
 ) -> None:
     async def test(one: ServedStudio) -> None:

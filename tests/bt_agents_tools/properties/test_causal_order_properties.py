@@ -42,7 +42,7 @@ def delivered(events: list[tuple[float, float, Links]]) -> list[tuple[int, float
 
 
 @given(lines)
-def test_every_event_is_shown_once_and_none_waits_longer_than_it_may(drawn):
+def test_each_event_is_shown_once_within_its_limit(drawn):
     events = [(came, sent, Links(causes, facts)) for came, sent, causes, facts in drawn]
     found = delivered(events)
     assert sorted(number for number, _ in found) == list(range(len(events)))
@@ -51,14 +51,14 @@ def test_every_event_is_shown_once_and_none_waits_longer_than_it_may(drawn):
 
 
 @given(lines)
-def test_without_links_events_that_come_within_a_moment_stand_as_they_were_sent(drawn):
+def test_unlinked_events_keep_their_send_order(drawn):
     events = [(came * SETTLE_S * 0.9, sent, Links()) for came, sent, _, _ in drawn]
     shown = [events[number][1] for number, _ in delivered(events)]
     assert shown == sorted(shown)
 
 
 @given(st.permutations(range(6)), st.lists(times, min_size=6, max_size=6))
-def test_a_chain_of_causes_is_shown_in_its_order_whenever_it_comes_and_was_sent(order, sent):
+def test_causal_chain_is_shown_in_causal_order(order, sent):
     chain = [
         Links(frozenset({(number - 1,)} if number else ()), frozenset({(number,)}))
         for number in range(6)

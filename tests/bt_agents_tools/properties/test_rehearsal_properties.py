@@ -33,9 +33,7 @@ MOODS = st.lists(st.tuples(st.floats(0.0, 60.0), st.floats(1.0, 5.0)), max_size=
 
 @settings(max_examples=200, derandomize=True, deadline=None)
 @given(CHANGES)
-def test_whatever_a_test_file_says_has_a_named_code_or_is_run(
-    changes: list[tuple[int, int, str]],
-) -> None:
+def test_mutated_test_file_runs_or_reports_named_code(changes: list[tuple[int, int, str]]) -> None:
     text = TEXT
     for start, length, piece in changes:
         text = text[:start] + piece + text[start + length :]
@@ -54,7 +52,7 @@ def test_whatever_a_test_file_says_has_a_named_code_or_is_run(
 
 @settings(max_examples=50, derandomize=True, deadline=None)
 @given(MOODS, st.integers(0, 3))
-def test_a_rehearsal_repeats_itself_and_time_never_runs_back(
+def test_rehearsal_is_deterministic_and_time_is_monotonic(
     moods: list[tuple[float, float]], seed: int
 ) -> None:
     during = tuple(ScriptedEvent(after_s=at, values={"mood": mood}) for at, mood in moods)

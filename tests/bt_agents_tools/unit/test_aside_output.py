@@ -26,7 +26,7 @@ def piped() -> Iterator[TextIO]:
         yield read
 
 
-def test_what_is_printed_is_written_in_order() -> None:
+def test_output_is_written_in_order() -> None:
     with piped() as read:
         with printing_aside():
             for number in range(100):
@@ -34,7 +34,7 @@ def test_what_is_printed_is_written_in_order() -> None:
         assert [read.readline() for _ in range(100)] == [f"{number}\n" for number in range(100)]
 
 
-def test_a_pipe_that_is_not_read_blocks_nobody_and_the_reader_is_told_what_is_missing() -> None:
+def test_full_pipe_does_not_block_and_reports_gap() -> None:
     found = [""]
     with piped() as read, printing_aside():
         for _ in range(LINES):
@@ -48,13 +48,13 @@ def test_a_pipe_that_is_not_read_blocks_nobody_and_the_reader_is_told_what_is_mi
     assert dropped > LINES // 2
 
 
-def test_the_end_does_not_wait_for_a_reader() -> None:
+def test_shutdown_does_not_wait_for_reader() -> None:
     with piped(), printing_aside():
         for _ in range(LINES):
             print(LINE, end="")
 
 
-def test_a_reader_that_is_gone_ends_the_printing_alone() -> None:
+def test_closed_reader_ends_only_the_printing() -> None:
     with piped() as read, printing_aside():
         read.close()
         for _ in range(100):

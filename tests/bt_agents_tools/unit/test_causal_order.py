@@ -53,7 +53,7 @@ def shown(events: list[tuple[str, Links]], now: float = SETTLE_S) -> list[str]:
 
 
 @pytest.mark.parametrize("moved", range(len(STORY)))
-def test_one_line_of_a_story_that_comes_last_still_stands_before_what_it_led_to(moved):
+def test_late_cause_is_shown_before_its_effects(moved):
     late = STORY[moved]
     others = [line for line in STORY if line is not late]
     names = shown([*others, late])
@@ -65,7 +65,7 @@ def test_one_line_of_a_story_that_comes_last_still_stands_before_what_it_led_to(
             assert names.index(name) > names.index(late[0])
 
 
-def test_the_whole_story_backwards_is_told_forwards():
+def test_reversed_events_are_shown_in_causal_order():
     names = shown(STORY[::-1])
     for before, after in (
         ("scene", "auction"),
@@ -78,13 +78,13 @@ def test_the_whole_story_backwards_is_told_forwards():
         assert names.index(before) < names.index(after)
 
 
-def test_a_line_whose_cause_never_comes_is_shown_after_a_bounded_time():
+def test_event_without_cause_is_shown_after_time_limit():
     auction = STORY[1:2]
     assert shown(auction, LONGEST_WAIT_S - 0.01) == []
     assert shown(auction, LONGEST_WAIT_S) == ["auction"]
 
 
-def test_what_waits_for_its_cause_does_not_hold_up_what_has_nothing_to_do_with_it():
+def test_waiting_event_does_not_delay_unrelated_events():
     assert shown([STORY[1], ("robot", Links())]) == ["robot"]
 
 
@@ -96,11 +96,11 @@ def test_what_waits_for_its_cause_does_not_hold_up_what_has_nothing_to_do_with_i
         Auction(**ROUND, scene=SCENE, intervention="anna awards it to bert"),
     ],
 )
-def test_a_follow_up_round_and_a_scene_that_people_award_wait_for_no_scene(auction):
+def test_follow_up_and_operator_award_need_no_scene(auction):
     assert auction_links(auction).causes == frozenset()
 
 
-def test_a_run_that_was_lost_waits_for_no_last_tick_and_a_refused_scene_for_no_run():
+def test_lost_run_and_refused_scene_do_not_wait():
     lost = run_links(Run(**ROUND, event=Run.ENDED, outcome=Run.LOST, ticks=7))
     assert lost.causes == {("run", "e", 2)}
     refused = scene_end_links(SceneEnd(epoch="e", scene_id="s1", code="BUSY"))
@@ -110,9 +110,7 @@ def test_a_run_that_was_lost_waits_for_no_last_tick_and_a_refused_scene_for_no_r
 @pytest.mark.parametrize(
     ("stamp_s", "expected_s"), [(99.9, 99.9), (100.0, 100.0), (100.5, 100.0), (3.0, 100.0)]
 )
-def test_rounds_and_ticks_count_from_their_stamps_unless_these_are_of_another_clock(
-    stamp_s, expected_s
-):
+def test_timeouts_use_stamps_unless_clocks_differ(stamp_s, expected_s):
     for kind in (Auction, TreeStatus):
         assert happened_s(kind(header=header_at(to_time(stamp_s))), 100.0) == pytest.approx(
             expected_s
@@ -120,7 +118,7 @@ def test_rounds_and_ticks_count_from_their_stamps_unless_these_are_of_another_cl
     assert happened_s(Run(header=header_at(to_time(stamp_s))), 100.0) == 100.0
 
 
-def test_facts_are_remembered_up_to_a_bound():
+def test_remembered_facts_are_bounded():
     order = CausalOrder()
     for number in range(2 * MOST_FACTS):
         links = Links(facts=frozenset({(number,)}))

@@ -64,11 +64,11 @@ def found(*paths: str) -> list[str]:
     return [f"{p.position.file}:{p.position.line} {p.code}" for p in problems]
 
 
-def test_a_good_folder_is_fine(trees):
+def test_valid_folder_has_no_problems(trees):
     assert run() == (0, "2 agents are fine\n")
 
 
-def test_an_error_is_shown_and_makes_the_exit_code_1(trees):
+def test_error_is_shown_and_exits_with_1(trees):
     write("agents/two.yaml", BROKEN.format("two"))
     assert run() == (
         1,
@@ -80,7 +80,7 @@ def test_an_error_is_shown_and_makes_the_exit_code_1(trees):
     )
 
 
-def test_a_warning_is_shown_with_its_line_and_counts_only_when_strict(trees):
+def test_warning_shows_line_and_fails_only_when_strict(trees):
     write("agents/two.yaml", WARNED.format("two"))
     code, text = run()
     assert code == 0
@@ -89,7 +89,7 @@ def test_a_warning_is_shown_with_its_line_and_counts_only_when_strict(trees):
     assert run("--strict")[0] == 1
 
 
-def test_everything_in_the_folder_is_looked_at(trees):
+def test_all_files_in_folder_are_checked(trees):
     write("agents/two.yaml", BROKEN.format("two"))
     write(
         "agents/one.test.yaml", "format: 1\ntest: nobody\ncases: [{name: a, expect: {ends: b}}]\n"
@@ -117,7 +117,7 @@ def test_unknown_values_of_a_preset_are_warnings(trees):
     ]
 
 
-def test_a_path_may_be_a_file_or_folder_in_a_trees_folder(trees):
+def test_path_accepts_file_or_folder_below_trees_folder(trees):
     write("agents/two.yaml", BROKEN.format("two"))
     write("agents/three.yaml", WARNED.format("three"))
     write("scripts/morning.yaml", "format: 1\nvisits: [{label: a}]\n")
@@ -128,7 +128,7 @@ def test_a_path_may_be_a_file_or_folder_in_a_trees_folder(trees):
     assert found("trees/agents", "trees") == found("trees") == found(".")
 
 
-def test_a_broken_skills_file_is_told_to_whom_needs_it(trees):
+def test_broken_skills_file_leaves_dependent_agents_unchecked(trees):
     write("skills/more.yaml", "format: 1\nskills: {bow: {descriptoin: a}}\n")
     checked = check_paths(["trees/agents/one.yaml"], None)
     assert [problem.code for problem in checked.problems] == ["unknown-key"]
@@ -138,7 +138,7 @@ def test_a_broken_skills_file_is_told_to_whom_needs_it(trees):
     )
 
 
-def test_scene_files_of_other_robots_are_checked_as_far_as_their_types_are_known(trees):
+def test_other_scene_files_are_checked_against_known_types(trees):
     text = (
         "format: 1\nparameters: {mood: {min: 1, max: 5, default: 3}}\nsources:\n"
         "  mood: {topic: a, type: NAME, field: msg.good + msg.bad, stale_after: 2 s}\n"
@@ -161,7 +161,7 @@ def test_scene_files_of_other_robots_are_checked_as_far_as_their_types_are_known
     ]
 
 
-def test_the_problems_of_scene_and_skills_are_told_together(trees):
+def test_scene_and_skills_problems_are_reported_together(trees):
     write("skills/more.yaml", "format: 1\nskills: {bow: {descriptoin: a}}\n")
     (trees / "scene.yaml").write_text("format: 1\nparameters: {age: {min: 1}}\n")
     assert {line.split(":")[0] for line in found()} == {
@@ -183,14 +183,14 @@ def test_a_folder_without_agents_is_an_error(trees):
         ("trees/notes.txt", "'trees/notes.txt' is no file that the robot reads"),
     ],
 )
-def test_a_path_that_is_nothing_to_check_is_refused(trees, path, words):
+def test_path_without_checkable_files_is_refused(trees, path, words):
     Path("loose.yaml").write_text(GOOD.format("loose"))
     write("notes.txt", "")
     with pytest.raises(BtAgentsError, match=words):
         run(path)
 
 
-def test_json_tells_the_same_to_programs(trees):
+def test_json_report_lists_agents_files_and_problems(trees):
     write("agents/two.yaml", BROKEN.format("two"))
     code, text = run("--format", "json")
     report = json.loads(text)
@@ -201,7 +201,7 @@ def test_json_tells_the_same_to_programs(trees):
     assert [problem["code"] for problem in report["problems"]] == ["unknown-node"]
 
 
-def test_github_gets_annotations(trees):
+def test_github_format_prints_annotations(trees):
     write("agents/two.yaml", BROKEN.format("two"))
     _, text = run("--format", "github")
     first, last = text.splitlines()
@@ -209,12 +209,12 @@ def test_github_gets_annotations(trees):
     assert last == "1 agent is fine, 1 error"
 
 
-def test_no_colour_is_written_where_the_output_is_no_terminal(trees):
+def test_output_has_no_colour_without_terminal(trees):
     write("agents/two.yaml", BROKEN.format("two"))
     assert "\x1b" not in run()[1]
 
 
-def test_a_warning_in_a_library_is_told_once_for_all_that_use_it(trees):
+def test_library_warning_is_reported_once_for_all_users(trees):
     write(
         "libraries/waits.yaml", "format: 1\nsubtrees: {await: {tree: {wait_for: live.person}}}\n"
     )
@@ -264,7 +264,7 @@ def iter_all(source, seen: list) -> list:
     return []
 
 
-def test_a_watch_goes_on_when_the_folder_is_gone_for_a_moment(trees, capsys):
+def test_watch_survives_temporarily_missing_folder(trees, capsys):
     shown: list[Checked] = []
     steps = Steps(
         lambda: (trees / "scene.yaml").rename("scene.yaml"),
@@ -276,14 +276,14 @@ def test_a_watch_goes_on_when_the_folder_is_gone_for_a_moment(trees, capsys):
     assert "error: " in capsys.readouterr().err
 
 
-def test_ctrl_c_ends_a_watch_in_order(trees, monkeypatch):
+def test_ctrl_c_ends_watch_cleanly(trees, monkeypatch):
     monkeypatch.setattr("time.sleep", Steps())
     code, text = run("--watch")
     assert code == 0
     assert "2 agents are fine\n" in text
 
 
-def test_a_look_sees_what_is_new_changed_or_gone(tmp_path):
+def test_watch_detects_new_changed_and_deleted_files(tmp_path):
     steps = Steps(
         lambda: (tmp_path / "a.yaml").write_text("1"),
         lambda: (tmp_path / "notes.txt").write_text("1"),
@@ -303,7 +303,7 @@ def test_the_shipped_agents_have_no_errors():
 
 
 @pytest.mark.parametrize("neighbour", ["loop", "pipe", "nowhere"])
-def test_a_file_is_checked_beside_one_that_cannot_be_read(trees, neighbour):
+def test_unreadable_file_does_not_stop_other_checks(trees, neighbour):
     strange = trees / "agents" / f"{neighbour}.yaml"
     if neighbour == "pipe":
         os.mkfifo(strange)
@@ -315,7 +315,7 @@ def test_a_file_is_checked_beside_one_that_cannot_be_read(trees, neighbour):
     assert f"{neighbour}.yaml" in output
 
 
-def test_an_unused_input_of_a_library_is_a_warning_and_agents_may_import_it(trees):
+def test_unused_library_input_only_warns(trees):
     write(
         "libraries/manners.yaml",
         "format: 1\nsubtrees:\n  greet: {inputs: {who: text}, tree: {say: Hello.}}\n",
@@ -326,7 +326,7 @@ def test_an_unused_input_of_a_library_is_a_warning_and_agents_may_import_it(tree
     assert found("trees/agents") == []
 
 
-def test_conditions_that_are_never_true_are_warned_about_in_libraries_and_market_rules(trees):
+def test_impossible_conditions_warn_in_libraries_and_market_rules(trees):
     write(
         "libraries/manners.yaml",
         "format: 1\nsubtrees:\n  greet: {tree: {say: Hello., when: scene.age > 7}}\n",
@@ -338,13 +338,13 @@ def test_conditions_that_are_never_true_are_warned_about_in_libraries_and_market
     ]
 
 
-def test_an_agent_that_is_imported_is_not_blamed_for_it(trees):
+def test_importing_an_agent_blames_only_the_importer(trees):
     write("agents/one.yaml", GOOD.format("one") + "imports: [agents/two.yaml]\n")
     assert found() == ["trees/agents/one.yaml:5 bad-import"]
     write("agents/one.yaml", GOOD.format("one") + "imports: [agents/one.yaml]\n")
     assert found() == ["trees/agents/one.yaml:5 bad-import"]
 
 
-def test_the_folder_one_stands_in_is_checked_when_it_is_a_trees_folder(trees, monkeypatch):
+def test_current_folder_is_checked_if_trees_folder(trees, monkeypatch):
     monkeypatch.chdir(trees)
     assert run() == (0, "2 agents are fine\n")

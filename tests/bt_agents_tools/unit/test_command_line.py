@@ -23,7 +23,7 @@ print(sorted(n for n in sys.modules if n.startswith("bt_agents") and "." in n))
 
 
 @pytest.mark.parametrize("name", all_commands())
-def test_each_command_is_found_under_its_name_and_has_short_help(name: str) -> None:
+def test_each_command_resolves_and_has_short_help(name: str) -> None:
     command = bt_agents.get_command(click.Context(bt_agents), name)
     assert command is not None
     assert command.get_short_help_str()
@@ -36,12 +36,12 @@ def test_the_help_lists_every_command() -> None:
         assert f"\n  {name} " in result.output
 
 
-def test_every_command_has_one_task() -> None:
+def test_every_command_belongs_to_one_task() -> None:
     listed = [name for names in TASKS.values() for name in names]
     assert sorted(listed) == sorted(all_commands())
 
 
-def test_the_help_says_of_each_command_what_that_says_itself() -> None:
+def test_help_repeats_own_summary_of_each_command() -> None:
     context = click.Context(bt_agents)
     formatter = click.HelpFormatter(width=1000)
     bt_agents.format_commands(context, formatter)
@@ -54,7 +54,7 @@ def test_the_help_says_of_each_command_what_that_says_itself() -> None:
         assert text == command.get_short_help_str(1000)
 
 
-def test_the_help_is_told_without_loading_any_command() -> None:
+def test_help_loads_no_command() -> None:
     code = LOADED.format(arguments=["--help"])
     said = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
@@ -64,31 +64,31 @@ def test_the_help_is_told_without_loading_any_command() -> None:
     assert "bt_agents_tools.cli.main" in loaded
 
 
-def test_an_unknown_command_is_refused_by_its_name() -> None:
+def test_unknown_command_is_refused_by_name() -> None:
     result = CliRunner().invoke(bt_agents, ["dance"])
     assert result.exit_code == 2
     assert "No such command 'dance'" in result.output
 
 
-def test_sensing_nothing_is_refused_with_what_can_be_sensed() -> None:
+def test_sense_without_values_lists_its_options() -> None:
     result = CliRunner().invoke(bt_agents, ["sense"])
     assert result.exit_code == 2
     assert "--no-person" in result.output
 
 
-def test_a_misspelt_command_is_refused_with_the_nearest() -> None:
+def test_misspelt_command_suggests_nearest() -> None:
     result = CliRunner().invoke(bt_agents, ["statsu"])
     assert result.exit_code == 2
     assert "no command 'statsu'; did you mean 'status'?" in result.output
 
 
-def test_a_word_that_is_no_command_leads_to_those_that_do_what_it_says() -> None:
+def test_common_verb_suggests_matching_command() -> None:
     result = CliRunner().invoke(bt_agents, ["undo"])
     assert result.exit_code == 2
     assert "no command 'undo'; there is 'tune --undo' for what was tuned" in result.output
 
 
-def test_what_a_word_leads_to_exists_and_no_command_is_hidden_by_it() -> None:
+def test_suggested_commands_exist_and_hide_no_command() -> None:
     for word, meant in _MEANT.items():
         assert word not in all_commands()
         for command in re.findall("'([^']+)'", meant):
@@ -100,7 +100,7 @@ def test_what_a_word_leads_to_exists_and_no_command_is_hidden_by_it() -> None:
             assert {one for one in rest if not one.isupper()} <= known, command
 
 
-def test_the_version_is_told_without_loading_any_command() -> None:
+def test_version_loads_no_command() -> None:
     code = LOADED.format(arguments=["--version"])
     said = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
@@ -123,14 +123,14 @@ def test_the_version_is_told_without_loading_any_command() -> None:
     )
 
 
-def test_the_memory_is_not_kept_in_the_file_of_the_ledger(tmp_path):
+def test_memory_must_not_share_the_ledger_file(tmp_path):
     ledger = str(tmp_path / "l.sqlite")
     result = CliRunner().invoke(bt_agents, ["up", "--memory", ledger, "--ledger", ledger])
     assert result.exit_code == 2
     assert "--memory names the ledger" in result.output
 
 
-def test_no_command_loads_ros_before_it_is_called():
+def test_commands_load_ros_only_when_called():
     program = (
         "import sys\n"
         "from bt_agents_tools.cli.main import all_commands\n"
@@ -145,13 +145,13 @@ def test_no_command_loads_ros_before_it_is_called():
 
 
 @pytest.mark.parametrize("without", ["--no-studio", "--no-robot"])
-def test_a_robot_in_the_browser_needs_the_studio_and_the_robot(without: str) -> None:
+def test_browser_robot_requires_studio_and_robot(without: str) -> None:
     result = CliRunner().invoke(bt_agents, ["up", "--robot", "browser", without])
     assert result.exit_code == 2
     assert "--robot browser needs the robot and the studio" in result.output
 
 
-def test_who_is_the_visitor_is_not_said_twice() -> None:
+def test_demo_refuses_browser_together_with_script() -> None:
     result = CliRunner().invoke(bt_agents, ["demo", "--browser", "--script", "a.yaml"])
     assert result.exit_code == 2
     assert "who is the visitor?" in result.output

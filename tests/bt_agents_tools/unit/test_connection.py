@@ -88,7 +88,7 @@ def talking(form: TableForm) -> None:
         ([], [], ""),
     ],
 )
-def test_a_command_says_which_trees_folder_the_running_system_has(
+def test_command_names_trees_folder_of_running_system(
     monkeypatch: pytest.MonkeyPatch, folders: list[str], words: list[str], said: str
 ) -> None:
     monkeypatch.setattr(observer, "Observer", lambda: System(*folders))
@@ -111,9 +111,7 @@ def words(graph: Any) -> str:
     return str(caught.value)
 
 
-def test_a_market_that_is_slow_to_be_found_is_waited_for_when_its_domain_is_held(
-    holds: Callable[[str], None],
-) -> None:
+def test_slow_market_is_awaited_while_domain_is_held(holds: Callable[[str], None]) -> None:
     holds(UP)
     graph: Any = Graph(heard_after_s=9.5)
     wait_for_market(graph, 7)
@@ -121,14 +119,14 @@ def test_a_market_that_is_slow_to_be_found_is_waited_for_when_its_domain_is_held
 
 
 @pytest.mark.usefixtures("holds")
-def test_a_market_of_which_only_the_topic_is_seen_is_waited_for() -> None:
+def test_market_known_only_by_topic_is_awaited() -> None:
     graph: Any = Graph(heard_after_s=9.5, markets=("/",))
     wait_for_market(graph, 7)
     assert graph.now == 9.5
 
 
 @pytest.mark.usefixtures("holds")
-def test_where_nothing_runs_that_is_said_soon() -> None:
+def test_missing_system_is_reported_quickly() -> None:
     graph = Graph(heard_after_s=9.5)
     assert words(graph) == (
         "no running system on ROS domain 7; start one with 'bt-agents up', or set ROS_DOMAIN_ID "
@@ -137,7 +135,7 @@ def test_where_nothing_runs_that_is_said_soon() -> None:
     assert graph.now == 3.0
 
 
-def test_a_system_that_stays_silent_is_not_said_to_be_none(holds: Callable[[str], None]) -> None:
+def test_silent_system_is_not_reported_as_missing(holds: Callable[[str], None]) -> None:
     holds(UP)
     assert words(Graph()) == (
         f"{UP} is on ROS domain 7, but its marketplace has not been heard for 10 s: it is being "
@@ -146,7 +144,7 @@ def test_a_system_that_stays_silent_is_not_said_to_be_none(holds: Callable[[str]
 
 
 @pytest.mark.usefixtures("holds")
-def test_systems_in_other_namespaces_are_named() -> None:
+def test_error_names_systems_in_other_namespaces() -> None:
     assert words(Graph(markets=("/robot1", "/robot2"))) == (
         "no running system in namespace '/' of ROS domain 7; set ROS_NAMESPACE, there is one in "
         "/robot1, /robot2"

@@ -48,7 +48,7 @@ BY_HOST = {"event": Run.ENDED, "outcome": Run.CANCELLED, "stop_cause": Run.BY_HO
         ),
     ],
 )
-def test_a_decision_says_who_stopped_its_run_and_why(
+def test_decision_names_who_stopped_run_and_why(
     events: list[dict[str, Any]], texts: list[str]
 ) -> None:
     names = SceneLabels()
@@ -61,7 +61,7 @@ def test_a_decision_says_who_stopped_its_run_and_why(
     ("strategy", "external", "times"),
     [("ucb", None, 1), ("external", External(ranking=("b",)), 0), ("manhattan", None, 0)],
 )
-def test_what_exploration_takes_off_is_told_once_and_only_where_something_explores(
+def test_exploration_bonus_is_shown_once_for_exploring_strategies(
     strategy: str, external: External | None, times: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     of = replace(

@@ -101,7 +101,7 @@ TRANSCRIPTS = [
     ("document", "text"),
     [block for block in blocks("yaml") if block[0] not in (*RUN_AS_A_WHOLE, WITH_A_PACKAGE)],
 )
-def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path) -> None:
+def test_yaml_examples_are_valid(document: str, text: str, tmp_path: Path) -> None:
     keys = yaml.safe_load(text)
     if {"test", "cases"} <= keys.keys():
         _check_test(text, document)
@@ -182,7 +182,7 @@ def _check_test(text: str, document: str) -> None:
         ("experiments", SWEEP),
     ],
 )
-def test_the_page_of_a_kind_of_file_names_every_key(document: str, kind: FileKind) -> None:
+def test_file_page_names_every_key(document: str, kind: FileKind) -> None:
     page = (ROOT / "docs" / f"{document}.md").read_text()
 
     def keys(schema: object) -> set[str]:
@@ -198,7 +198,7 @@ def test_the_page_of_a_kind_of_file_names_every_key(document: str, kind: FileKin
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("console"))
-def test_every_command_exists_with_its_options(document: str, text: str) -> None:
+def test_documented_commands_and_options_exist(document: str, text: str) -> None:
     for command in re.findall(r"bt-agents ((?:[^#\n`]|#\S)+)", text):
         name, *words = command.split()
         found = bt_agents.get_command(click.Context(bt_agents), name)
@@ -236,9 +236,7 @@ def here(tmp_path: Path, kept: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("document", "text"), [block for block in blocks("console") if block[0] not in RUN_AS_A_WHOLE]
 )
 @pytest.mark.usefixtures("here")
-def test_every_command_without_a_robot_does_what_is_written_below_it(
-    document: str, text: str
-) -> None:
+def test_documented_offline_commands_print_documented_output(document: str, text: str) -> None:
     for command, written in _sessions(text):
         output = _run(command)
         if written and output is not None:
@@ -247,13 +245,13 @@ def test_every_command_without_a_robot_does_what_is_written_below_it(
 
 @pytest.mark.parametrize(("document", "command", "written"), TRANSCRIPTS)
 @pytest.mark.usefixtures("here")
-def test_every_transcript_is_what_the_command_above_it_prints(
+def test_transcripts_match_output_of_their_commands(
     document: str, command: str, written: str
 ) -> None:
     assert _run(command) == written, f"{document}: {command}"
 
 
-def test_there_are_transcripts_to_compare() -> None:
+def test_documents_contain_transcripts() -> None:
     assert TRANSCRIPTS
 
 
@@ -277,7 +275,7 @@ def _run(line: str) -> str | None:
     return result.stdout
 
 
-def test_the_reference_names_every_node_and_every_decorator_in_order() -> None:
+def test_reference_lists_nodes_and_decorators_in_order() -> None:
     text = (ROOT / "docs" / "language.md").read_text()
     for kind in NODE_TYPES:
         assert re.search(rf"^\| .*`{kind}[:` ]", text, re.MULTILINE), kind
@@ -287,7 +285,7 @@ def test_the_reference_names_every_node_and_every_decorator_in_order() -> None:
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("python"))
-def test_every_python_example_runs_and_is_a_node_or_a_strategy(document: str, text: str) -> None:
+def test_python_examples_define_working_nodes_or_strategies(document: str, text: str) -> None:
     found: dict[str, object] = {}
     exec(compile(text, document, "exec"), found)
     if "SPEC" in found:
@@ -301,14 +299,14 @@ def test_every_python_example_runs_and_is_a_node_or_a_strategy(document: str, te
         assert read_plugins([point]).problems == ()
 
 
-def test_links_between_documents_lead_somewhere() -> None:
+def test_links_between_documents_resolve() -> None:
     for path in DOCUMENTS:
         for target in re.findall(r"\]\(([^)#:]+)\)", path.read_text()):
             assert (path.parent / target).exists(), f"{path.name}: {target}"
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "bt_agents_bringup" / "launch").glob("*.yaml")))
-def test_every_node_of_a_launch_file_is_an_executable_of_its_package(path: Path) -> None:
+def test_launch_file_nodes_are_executables_of_their_package(path: Path) -> None:
     folders = {
         re.search(r"<name>(.*)</name>", xml.read_text())[1]: xml.parent  # type: ignore[index]
         for xml in ROOT.glob("*/package.xml")
@@ -323,7 +321,7 @@ def test_every_node_of_a_launch_file_is_an_executable_of_its_package(path: Path)
 
 
 @pytest.mark.parametrize("folder", ["", "/data/day"])
-def test_a_launched_system_keeps_a_journal_only_where_it_is_told_to(folder: str) -> None:
+def test_launched_system_keeps_journal_only_on_request(folder: str) -> None:
     launch = ROOT / "bt_agents_bringup" / "launch" / "system.launch.yaml"
     entries = yaml.safe_load(launch.read_text())
     arguments = {e["arg"]["name"]: e["arg"] for e in entries["launch"] if "arg" in e}
@@ -338,7 +336,7 @@ def test_a_launched_system_keeps_a_journal_only_where_it_is_told_to(folder: str)
     assert eval(condition.replace("$(var journal)", folder)) is bool(folder)
 
 
-def test_the_demo_is_told_all_that_the_system_is_told_and_stays_in_its_namespace() -> None:
+def test_demo_launch_passes_system_arguments_and_namespace() -> None:
     folder = ROOT / "bt_agents_bringup" / "launch"
     entries = yaml.safe_load((folder / "demo.launch.yaml").read_text())["launch"]
     system = yaml.safe_load((folder / "system.launch.yaml").read_text())["launch"]

@@ -41,7 +41,7 @@ def private_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_domain_is_held_by_one_process_until_that_is_killed() -> None:
+def test_domain_is_held_until_its_process_dies() -> None:
     other = subprocess.Popen(
         [sys.executable, "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     )
@@ -67,14 +67,14 @@ def test_a_domain_is_held_by_one_process_until_that_is_killed() -> None:
     hold_domain(7, "me")
 
 
-def test_the_words_of_an_earlier_holder_are_gone(private_folder: Path) -> None:
+def test_new_holder_replaces_text_of_earlier_holder(private_folder: Path) -> None:
     lock = private_folder / "bt-agents-system-9.lock"
     lock.write_text("x" * 1000)
     hold_domain(9, "me")
     assert lock.read_text() == "me\n"
 
 
-def test_a_lock_file_that_is_a_link_to_something_else_is_not_touched(private_folder: Path) -> None:
+def test_symlinked_lock_file_is_not_touched(private_folder: Path) -> None:
     precious = private_folder / "precious"
     precious.write_text("mine")
     os.symlink(precious, private_folder / "bt-agents-system-5.lock")
@@ -83,7 +83,7 @@ def test_a_lock_file_that_is_a_link_to_something_else_is_not_touched(private_fol
     assert precious.read_text() == "mine"
 
 
-def test_the_lock_lies_in_the_runtime_folder_of_the_user(private_folder: Path) -> None:
+def test_lock_lives_in_user_runtime_folder(private_folder: Path) -> None:
     hold_domain(11, "me")
     [lock] = private_folder.iterdir()
     assert lock.name == "bt-agents-system-11.lock"
@@ -99,7 +99,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("named", [{}, {"XDG_RUNTIME_DIR": ""}, {"XDG_RUNTIME_DIR": "relative"}])
-def test_without_a_runtime_folder_the_user_has_one_for_each_machine(
+def test_missing_runtime_folder_uses_state_folder_per_machine(
     temporary: Path, named: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # What another user has made there keeps nobody out.
@@ -112,14 +112,14 @@ def test_without_a_runtime_folder_the_user_has_one_for_each_machine(
         assert found.stat().st_mode & 0o777 == 0o700
 
 
-def test_without_a_home_a_private_temporary_folder_holds_locks(temporary: Path) -> None:
+def test_missing_home_falls_back_to_private_temporary_folder(temporary: Path) -> None:
     (temporary / "file").write_text("")
     found = runtime_folder({"XDG_STATE_HOME": str(temporary / "file")})
     assert found == temporary / f"bt-agents-{os.getuid()}"
     assert found.stat().st_mode & 0o777 == 0o700
 
 
-def test_a_folder_that_others_can_write_or_that_is_a_link_holds_no_lock(temporary: Path) -> None:
+def test_shared_or_symlinked_folder_holds_no_lock(temporary: Path) -> None:
     (temporary / "file").write_text("")
     homeless = {"XDG_STATE_HOME": str(temporary / "file")}
     fallback = temporary / f"bt-agents-{os.getuid()}"
@@ -135,7 +135,7 @@ def test_a_folder_that_others_can_write_or_that_is_a_link_holds_no_lock(temporar
 
 
 @pytest.mark.parametrize("participant", [0, 7, 119])
-def test_a_domain_that_somebody_uses_without_a_lock_is_not_reserved(participant: int) -> None:
+def test_domain_used_without_lock_is_not_reserved(participant: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         for first in range(FIRST, FIRST + 60):
             try:
@@ -146,7 +146,7 @@ def test_a_domain_that_somebody_uses_without_a_lock_is_not_reserved(participant:
         assert reserve_domain() != first
 
 
-def test_so_many_commands_join_a_domain_at_once_and_no_more() -> None:
+def test_concurrent_joins_per_domain_are_limited() -> None:
     with ExitStack() as joining:
         for _ in range(MOST_JOINING):
             joining.enter_context(turn_to_join(7))

@@ -64,18 +64,18 @@ def change(path: str, status: int, message: str = "", name: str = "", **values: 
     )  # fmt: skip
 
 
-def test_a_scene_says_the_words_of_its_values_and_what_is_missing() -> None:
+def test_scene_shows_value_labels_and_missing_values() -> None:
     assert told(("scene", scene())) == [
         "    scene  age 1 (a child), familiarity missing, mood 3 (neutral)"
     ]
 
 
-def test_nothing_known_and_nobody_there_is_said_in_words() -> None:
+def test_empty_scene_without_person_is_stated_in_words() -> None:
     nobody = scene(mood=math.nan, age=math.nan, person=False)
     assert told(("scene", nobody)) == ["    scene  no person, nothing else is known"]
 
 
-def test_an_auction_shows_each_bid_each_refusal_and_the_reason() -> None:
+def test_auction_shows_bids_refusals_and_reason() -> None:
     awarded = auction(
         outcome=1,
         reason="a 1.0 = |4−3|",
@@ -89,7 +89,7 @@ def test_an_auction_shows_each_bid_each_refusal_and_the_reason() -> None:
     ]
 
 
-def test_a_challenge_says_whether_the_run_goes_on() -> None:
+def test_challenge_says_whether_run_continues() -> None:
     words = "b 0.5 for the new scene, a who runs has 2.5: better by 2.0, margin 1.0"
     assert told(
         ("scene", scene()),
@@ -101,13 +101,13 @@ def test_a_challenge_says_whether_the_run_goes_on() -> None:
     ]
 
 
-def test_a_scene_says_its_label_and_that_it_is_urgent() -> None:
+def test_scene_shows_label_and_urgency() -> None:
     assert told(("scene", scene(label="[Mrs] Smith", urgent=True))) == [
         "    scene  urgent [Mrs] Smith: age 1 (a child), familiarity missing, mood 3 (neutral)"
     ]
 
 
-def test_a_scene_that_was_not_heard_is_told_with_its_auction() -> None:
+def test_unheard_scene_is_shown_with_its_auction() -> None:
     again = auction(outcome=1, reason="a 1.0", scene=scene(scene_id="s1+again"))
     assert told(("scene", scene()), ("auction", again)) == [
         "    scene  age 1 (a child), familiarity missing, mood 3 (neutral)",
@@ -116,7 +116,7 @@ def test_a_scene_that_was_not_heard_is_told_with_its_auction() -> None:
     ]
 
 
-def test_a_scene_that_has_to_wait_is_said_to_wait() -> None:
+def test_waiting_scene_is_shown_as_waiting() -> None:
     assert told(
         ("market", MarketStatus()),
         ("market", MarketStatus(queued=1, agent="a", state=MarketStatus.RUNNING)),
@@ -131,7 +131,7 @@ def test_a_scene_that_has_to_wait_is_said_to_wait() -> None:
     ]
 
 
-def test_hosts_that_scenes_wait_for_are_named_when_they_change() -> None:
+def test_awaited_hosts_are_named_on_change() -> None:
     waiting = MarketStatus(queued=2, awaited_hosts=["/agents"])
     assert told(
         ("market", waiting),
@@ -150,7 +150,7 @@ def cleaning() -> tuple[str, Message]:
     return "tree", Message(agent="a", tick=9, changes=[change("on_cancel", 1)])
 
 
-def test_a_host_that_stops_its_run_without_the_market_is_said_to() -> None:
+def test_run_stopped_by_host_is_shown() -> None:
     assert told(("run", run_event(1)), cleaning(), cleaning()) == [
         "      run  a starts",
         "      run  stopping a: its host hears no market",
@@ -159,7 +159,7 @@ def test_a_host_that_stops_its_run_without_the_market_is_said_to() -> None:
     ]
 
 
-def test_scenes_are_called_by_their_labels_not_by_their_ids() -> None:
+def test_scenes_are_named_by_label_instead_of_id() -> None:
     stopped = run_event(2, message="preempted by scene 's2': b 0.5, s1 has 'none'")
     lost = Message(code="LOST", message="asked again as scene 's1+again'", scene_id="s1")
     assert told(
@@ -171,14 +171,14 @@ def test_scenes_are_called_by_their_labels_not_by_their_ids() -> None:
     ]  # fmt: skip
 
 
-def test_a_scene_without_a_label_is_called_by_what_is_known_of_it() -> None:
+def test_unlabelled_scene_is_named_by_its_values() -> None:
     refused = Message(code="BUSY", message="scene 's1' is under way", scene_id="s2")
     assert told(("scene", scene()), ("end", refused))[1:] == [
         "    scene  's2' busy: scene 'age 1, mood 3' is under way"
     ]
 
 
-def test_a_run_that_the_market_stops_is_not_said_to_be_stopped_by_its_host() -> None:
+def test_market_stop_is_not_attributed_to_host() -> None:
     stopped = run_event(2, message="she says stop")
     assert told(("run", run_event(1)), ("run", stopped), cleaning()) == [
         "      run  a starts",
@@ -202,7 +202,7 @@ def tuned(revision: int, *reasons: str) -> tuple[str, Message]:
     return "tunings", Message(host="/agents", revision=revision, tunings=tunings)
 
 
-def test_each_tuning_is_told_once_and_none_of_before_the_start() -> None:
+def test_tuning_is_shown_once_and_only_after_start() -> None:
     assert told(
         tuned(1, "long ago"),
         tuned(2, "long ago", "Mrs Smith is slow"),
@@ -213,7 +213,7 @@ def test_each_tuning_is_told_once_and_none_of_before_the_start() -> None:
     ]
 
 
-def test_the_end_of_a_scene_is_told_when_no_run_has_told_it() -> None:
+def test_scene_end_is_shown_unless_run_reported_it() -> None:
     assert told(
         ("scene", scene(label="Anna")),
         ("end", Message(code="QUEUE_FULL", message="10 wait, at most 10 may", scene_id="s1")),
@@ -223,12 +223,12 @@ def test_the_end_of_a_scene_is_told_when_no_run_has_told_it() -> None:
     )[1:] == ["    scene  'Anna' queue full: 10 wait, at most 10 may"]
 
 
-def test_a_run_ends_with_its_outcome_in_words() -> None:
+def test_run_end_shows_outcome_in_words() -> None:
     ended = run_event(3, outcome=4, duration_s=1.5, ticks=30, message="no heartbeat", orphans=[])
     assert told(("run", ended)) == ["      run  a lost after 1.5 s, 30 ticks: no heartbeat"]
 
 
-def test_mood_is_told_only_during_a_run_and_only_when_it_has_changed() -> None:
+def test_mood_is_shown_during_runs_on_change() -> None:
     assert told(
         ("live", scene(mood=1.0)),
         ("run", run_event(1)),
@@ -243,7 +243,7 @@ def test_mood_is_told_only_during_a_run_and_only_when_it_has_changed() -> None:
     ]
 
 
-def test_a_tick_shows_first_what_ended_then_what_began_parents_first() -> None:
+def test_tick_shows_ended_nodes_then_started_parents_first() -> None:
     changes = [
         change("tree/0.say", 2),
         change("tree/1.sequence/0.ask", 1, "Where to?"),
@@ -265,7 +265,7 @@ def test_changed_values_are_shown_with_their_node() -> None:
     ]
 
 
-def test_a_run_is_said_to_start_once_and_before_its_first_tick() -> None:
+def test_run_start_is_shown_once_before_first_tick() -> None:
     first = Message(agent="a", epoch="e", round=2, tick=1, changes=[change("tree/0.say", 1)])
     again = run_event(1, round=3)
     assert told(("tree", first), ("run", run_event(1)), ("run", again)) == [
@@ -275,7 +275,7 @@ def test_a_run_is_said_to_start_once_and_before_its_first_tick() -> None:
     ]
 
 
-def test_a_modifier_is_shown_when_it_made_something_fail() -> None:
+def test_modifier_is_shown_when_it_causes_failure() -> None:
     changes = [change("tree/0.say@timeout", 3, "not done within 5 s")]
     assert told(("tree", Message(agent="a", tick=7, changes=changes))) == [
         "     tree     7   ✘ 0.say@timeout not done within 5 s"
@@ -300,7 +300,7 @@ def test_feedback_shows_the_profile_before_and_after() -> None:
     ]
 
 
-def test_a_profile_that_was_tuned_says_by_whom() -> None:
+def test_tuned_profile_names_its_author() -> None:
     feedback = Message(
         **KINDS,
         agent="a",
@@ -318,7 +318,7 @@ def test_a_profile_that_was_tuned_says_by_whom() -> None:
     ]
 
 
-def test_a_long_line_is_wrapped_at_words_behind_its_column_on_a_terminal() -> None:
+def test_long_line_wraps_at_words_within_its_column() -> None:
     output = io.StringIO()
     terminal = Console(file=output, width=40, color_system=None, force_terminal=True)
     ended = run_event(3, outcome=1, duration_s=1.5, ticks=30, message="all is said", orphans=[])
@@ -329,12 +329,12 @@ def test_a_long_line_is_wrapped_at_words_behind_its_column_on_a_terminal() -> No
     ]
 
 
-def test_of_a_long_text_of_others_the_start_is_shown() -> None:
+def test_long_foreign_text_is_truncated() -> None:
     (line,) = told(("act", "x" * 20_000))
     assert line == f"    robot  {'x' * (LONGEST_TEXT - 1)}…"
 
 
-def test_a_flood_of_events_prints_so_many_lines() -> None:
+def test_printed_lines_are_limited_during_event_flood() -> None:
     output, now_s = io.StringIO(), 0.0
     printer = EventPrinter(Console(file=output, width=500), SPACE, lambda: now_s)
     for _ in range(3 * MOST_LINES):
@@ -349,7 +349,7 @@ def test_a_flood_of_events_prints_so_many_lines() -> None:
     assert output.getvalue().endswith("    robot  again\n")
 
 
-def test_a_flood_of_runs_is_counted_up_to_a_bound() -> None:
+def test_run_counts_are_bounded() -> None:
     printer = EventPrinter(Console(file=io.StringIO()), SPACE)
     for number in range(MOST_COUNTED + 1):
         agent = f"{number}" + "a" * 20_000
@@ -359,11 +359,11 @@ def test_a_flood_of_runs_is_counted_up_to_a_bound() -> None:
     assert max(len(agent) for agent, _ in printer.runs) == 180
 
 
-def test_what_a_person_wrote_is_never_taken_for_markup() -> None:
+def test_user_text_is_never_parsed_as_markup() -> None:
     assert told(("act", "says: [red]hello[/red]")) == ["    robot  says: [red]hello[/red]"]
 
 
-def test_the_summary_shows_every_profile_whole_on_a_narrow_terminal() -> None:
+def test_summary_shows_full_profiles_on_narrow_terminal() -> None:
     output = io.StringIO()
     story = EventPrinter(Console(file=output, width=80, color_system=None), SPACE)
     story.profiles({"professional_express": [3.0, 5.0, 3.0], "attentive_guide": [4.0, 1.5, 3.0]})
@@ -388,14 +388,14 @@ def test_the_summary_shows_every_profile_whole_on_a_narrow_terminal() -> None:
     assert re.search(r"professional_express +– +– +\[3, 5, 3\]\n", shown)
 
 
-def test_a_stop_is_told_with_who_wants_it() -> None:
+def test_stop_names_its_requester() -> None:
     stopped = run_event(2, stopped_by=2, message="mood.change <= -1 held 2 s")
     assert told(("run", stopped)) == [
         "      run  stopping a (mood rule): mood.change <= -1 held 2 s"
     ]
 
 
-def test_the_summary_names_only_what_profiles_have() -> None:
+def test_summary_names_only_profile_parameters() -> None:
     pain = SceneParameter(name="pain", minimum=0.0, maximum=10.0, default=0.0, profiled=False)
     output = io.StringIO()
     space = SceneSpace(parameters=(pain, *SPACE.parameters), mood="mood")
@@ -417,7 +417,7 @@ def test_the_summary_names_only_what_profiles_have() -> None:
         ("greeting", "Hello.", ["▶ greeting Hello.", "✔ greeting"]),
     ],
 )
-def test_a_node_that_is_named_by_references_is_shown_with_their_values(
+def test_node_name_shows_values_of_its_references(
     name: str, message: str, filled: list[str]
 ) -> None:
     def tree(tick: int, *changes: Message) -> tuple[str, Message]:

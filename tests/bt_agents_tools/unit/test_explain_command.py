@@ -37,7 +37,7 @@ def page(word: str) -> str:
     return console.file.getvalue()
 
 
-def test_a_code_is_explained_by_its_meaning_and_two_examples():
+def test_code_page_shows_meaning_and_two_examples():
     assert explained("two-nodes") == (
         "error[two-nodes]  part of an agent file\n"
         "\n"
@@ -58,7 +58,7 @@ def test_a_code_is_explained_by_its_meaning_and_two_examples():
 
 
 @pytest.mark.parametrize("word", ["error[tab]", "error[tab]:", "tab", " tab:"])
-def test_a_code_may_be_copied_from_a_report(word):
+def test_code_can_be_pasted_from_report(word):
     assert page(word).startswith("error[tab]")
 
 
@@ -67,7 +67,7 @@ def test_refusal_is_explained_by_its_sentence():
     assert explained("NOT_PAUSED:") == f"NOT_PAUSED  a refusal at run time\n\n{sentence}"
 
 
-def test_a_skill_is_explained_by_its_fields_and_what_it_gives():
+def test_skill_page_shows_fields_and_outputs():
     text = explained("ask")
     assert text.startswith("ask  skill\n\nAsk a question")
     assert "  ask: {text: …, choices: …, wait: …}" in text
@@ -81,18 +81,18 @@ def test_every_code_has_a_page(code):
 
 
 @pytest.mark.parametrize("word", [page.key for page in node_pages(SYMBOLS)])
-def test_every_word_of_the_language_has_a_page(word):
+def test_every_language_keyword_has_page(word):
     assert page(word).startswith(f"{word}  ")
 
 
-def test_an_example_is_whole_however_narrow_the_terminal():
+def test_example_is_never_cut_on_narrow_terminal():
     console = Console(file=io.StringIO(), width=40)
     print_page(console, explanation("wait_for", SYMBOLS))
     line = "      - wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}\n"
     assert line in console.file.getvalue()
 
 
-def test_a_subtree_of_a_library_is_explained_with_what_imports_it():
+def test_library_subtree_page_lists_its_importers():
     assert explained("greet") == (
         "greet  subtree of a library\n"
         "\n"
@@ -114,7 +114,7 @@ def test_a_subtree_of_a_library_is_explained_with_what_imports_it():
     )
 
 
-def test_a_topic_is_explained_by_its_tables():
+def test_topic_page_shows_its_tables():
     assert "  length  mm, cm, m or km, for example 1.5 m; a bare number is in m\n" in (
         explained("units")
     )
@@ -124,7 +124,7 @@ def test_a_topic_is_explained_by_its_tables():
     assert "live.mood  live.person  live.stale  the others have no value\n" in explained("names")
 
 
-def test_a_library_with_errors_explains_nothing(tmp_path):
+def test_broken_library_explains_nothing(tmp_path):
     folder = tmp_path / "trees"
     shutil.copytree(TREES, folder)
     (folder / "libraries" / "odd.yaml").write_text("format: 1\n", encoding="utf-8")
@@ -133,13 +133,13 @@ def test_a_library_with_errors_explains_nothing(tmp_path):
     assert "odd.yaml" not in result.output
 
 
-def test_without_a_word_all_are_listed():
+def test_missing_argument_lists_all_words():
     text = explained().split()
     assert {"sequence", "say", "retry", "greet", "units", "unknown-node", "BUSY"} <= set(text)
     assert {*installed_kinds()} <= set(text)
 
 
-def test_a_kind_of_file_is_explained_by_its_keys():
+def test_file_kind_page_lists_its_keys():
     assert explained("market") == (
         "market  file\n"
         "\n"
@@ -151,7 +151,7 @@ def test_a_kind_of_file_is_explained_by_its_keys():
     )
 
 
-def test_a_sweep_is_explained_where_the_lab_is_installed(monkeypatch):
+def test_sweep_page_requires_installed_lab(monkeypatch):
     text = page("sweep")
     assert text.startswith("sweep  file")
     assert "Runs of strategies and learning rules" in text
@@ -163,14 +163,14 @@ def test_a_sweep_is_explained_where_the_lab_is_installed(monkeypatch):
         page("sweep")
 
 
-def test_a_key_of_a_file_is_explained_with_the_keys_below_it():
+def test_file_key_page_lists_nested_keys():
     text = explained("tunables")
     assert text.startswith("tunables  key of an agent file\n\nValues that may change")
     assert "tunables: names and tunables" in text
     assert "2, 2.0, 8 s, true, a text." in " ".join(text.split())
 
 
-def test_a_key_of_several_files_has_each_meaning():
+def test_shared_file_key_shows_every_meaning():
     text = page("seed")
     assert "seed  key below 'cases' of a test file" in text
     assert "seed  key of an experiment" in text
@@ -188,13 +188,13 @@ def test_a_key_of_several_files_has_each_meaning():
         ("choices", ["choices  key of ask"]),
     ],
 )
-def test_a_word_of_several_places_has_a_page_for_each(word, headings):
+def test_ambiguous_word_has_page_for_each_meaning(word, headings):
     text = page(word)
     assert [heading for heading in headings if heading not in text] == []
 
 
 @pytest.mark.parametrize("word", file_words(installed_kinds()))
-def test_every_key_of_a_file_has_a_page(word):
+def test_every_file_key_has_page(word):
     assert page(word).strip().startswith(word)
 
 
@@ -209,13 +209,13 @@ def test_every_key_of_a_file_has_a_page(word):
         ("qqqqqq", "'bt-agents explain' lists all"),
     ],
 )
-def test_an_unknown_word_gets_the_most_similar_one(word, hint):
+def test_unknown_word_suggests_most_similar(word, hint):
     with pytest.raises(BtAgentsError) as error:
         CliRunner().invoke(explain, [word, "--dir", str(TREES)], catch_exceptions=False)
     assert str(error.value) == f"there is no word or code '{word}'; {hint}"
 
 
-def test_without_a_trees_folder_the_language_itself_is_explained(tmp_path, monkeypatch):
+def test_language_is_explained_without_trees_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("AMENT_PREFIX_PATH", "")
     monkeypatch.setattr("sys.prefix", str(tmp_path))

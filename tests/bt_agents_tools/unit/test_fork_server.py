@@ -80,7 +80,7 @@ def forks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Forks]:
     subject.server.close()
 
 
-def test_a_forked_process_has_what_was_asked_for_and_nothing_of_the_server(forks: Forks) -> None:
+def test_forked_process_inherits_only_requested_state(forks: Forks) -> None:
     process = forks.start(VARIABLE="value")
     until(lambda: process.poll() is not None)
     found = json.loads(forks.said().splitlines()[0])
@@ -97,9 +97,7 @@ def test_a_forked_process_has_what_was_asked_for_and_nothing_of_the_server(forks
     assert os.environ.get("VARIABLE") is None
 
 
-def test_a_forked_process_is_stopped_and_killed_like_any_other_and_outlives_the_server(
-    forks: Forks,
-) -> None:
+def test_forked_process_handles_signals_and_outlives_server(forks: Forks) -> None:
     asked, killed = forks.start(STAYS="yes"), forks.start(STAYS="yes")
     forks.server.close()
     assert (asked.poll(), killed.poll()) == (None, None)
@@ -109,7 +107,7 @@ def test_a_forked_process_is_stopped_and_killed_like_any_other_and_outlives_the_
     killed.kill()  # it is over, and its number may be somebody else's
 
 
-def test_without_the_server_a_process_loads_its_modules_itself(forks: Forks) -> None:
+def test_process_loads_own_modules_without_server(forks: Forks) -> None:
     forks.server.close()
     component = Component(name="one", module="loaded_before")
     process, ready = spawn(component, forks.log, 1, forks.server)
@@ -119,7 +117,7 @@ def test_without_the_server_a_process_loads_its_modules_itself(forks: Forks) -> 
     assert json.loads(forks.said().splitlines()[0])["loaded_here"]
 
 
-def test_the_server_ends_with_whoever_has_started_it() -> None:
+def test_server_ends_with_its_parent() -> None:
     program = (
         "import os, time\n"
         "from bt_agents_tools.launcher.fork_server import ForkServer\n"

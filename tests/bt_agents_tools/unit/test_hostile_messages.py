@@ -114,7 +114,7 @@ def answered_call(
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS, key=str), ids=lambda kind: kind.__name__)
-def test_no_field_of_any_message_or_answer_stays_hostile(kind: Any) -> None:
+def test_every_message_and_response_field_is_sanitized(kind: Any) -> None:
     message = hostile(kind)
     shown = list(texts(make_printable(message)))
     assert shown == list(texts(message))
@@ -122,7 +122,7 @@ def test_no_field_of_any_message_or_answer_stays_hostile(kind: Any) -> None:
     assert sum("\n" in text for text in shown) == (kind in OF_SEVERAL_LINES)
 
 
-def test_the_observer_hands_out_printable_messages_and_answers_only(
+def test_observer_returns_only_printable_messages_and_responses(
     graph: list[Callable[[], None]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[Any] = []
@@ -180,7 +180,7 @@ EVENTS: Sequence[tuple[str, Any]] = (
 
 
 @pytest.mark.parametrize(("name", "message"), EVENTS)
-def test_no_event_reaches_the_terminal_raw(name: str, message: Any) -> None:
+def test_events_reach_terminal_sanitized(name: str, message: Any) -> None:
     shown = printed((name, message))
     assert raw(shown) == ""
     assert not any(line.startswith("[FATAL]") for line in shown.splitlines())
@@ -195,7 +195,7 @@ def test_no_event_reaches_the_terminal_raw(name: str, message: Any) -> None:
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("graph")
-def test_no_command_prints_raw_text_of_others(words: str) -> None:
+def test_commands_print_foreign_text_sanitized(words: str) -> None:
     result = CliRunner().invoke(bt_agents, words.split())
     assert result.exception is None
     assert "title" in result.output
@@ -203,7 +203,7 @@ def test_no_command_prints_raw_text_of_others(words: str) -> None:
 
 
 @pytest.mark.usefixtures("graph")
-def test_what_a_command_is_refused_for_is_printable_too() -> None:
+def test_refusal_reason_is_sanitized() -> None:
     with pytest.raises(BtAgentsError, match="title") as refused:
         CliRunner().invoke(bt_agents, ["tune", "x.y=1"], catch_exceptions=False)
     assert raw(str(refused.value)) == ""

@@ -70,14 +70,14 @@ def edit(trees: Path, after: str) -> FileEdit:
     )
 
 
-def test_only_cases_of_the_agent_that_pass_now_and_would_fail_are_found(trees: Path) -> None:
+def test_only_cases_broken_by_change_are_found(trees: Path) -> None:
     [result] = broken_by(find_tests([trees]), {"waiter": edit(trees, SLOW).agent})
     assert [case.case.name for case in result.cases] == ["it does not take long"]
     [result] = broken_by(find_tests([trees]), {"waiter": edit(trees, AGENT).agent})
     assert result.cases == ()
 
 
-def test_a_test_file_with_errors_is_named(trees: Path) -> None:
+def test_broken_test_file_is_named(trees: Path) -> None:
     path = trees / "agents" / "waiter.test.yaml"
     path.write_text(TESTS.replace("within", "withn"))
     [result] = broken_by([path], {"waiter": edit(trees, SLOW).agent})
@@ -94,7 +94,7 @@ def test_a_test_file_with_errors_is_named(trees: Path) -> None:
         (("--dry-run",), "", 0, False),
     ],
 )
-def test_what_makes_a_test_fail_is_written_only_after_a_question(
+def test_change_that_breaks_test_requires_confirmation(
     trees: Path, monkeypatch: pytest.MonkeyPatch, arguments, typed, code, is_written
 ) -> None:
     result = run(trees, monkeypatch, SLOW, *arguments, typed=typed)
@@ -105,7 +105,7 @@ def test_what_makes_a_test_fail_is_written_only_after_a_question(
     assert ((trees / "agents" / "waiter.yaml").read_text() == SLOW) == is_written
 
 
-def test_what_changes_no_test_is_written_without_a_question(
+def test_harmless_change_is_written_without_confirmation(
     trees: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     result = run(trees, monkeypatch, AGENT.replace("default: 5 s", "default: 6 s"))

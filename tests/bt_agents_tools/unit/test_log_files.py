@@ -28,7 +28,7 @@ for number in range(2000):
 """
 
 
-def test_the_end_of_a_log_is_printable(tmp_path: Path) -> None:
+def test_log_tail_is_printable(tmp_path: Path) -> None:
     log = LogFile(tmp_path / "log")
     with log.open(1) as file:
         file.write("a\x1b[2J\u202e\n".encode())
@@ -36,9 +36,7 @@ def test_the_end_of_a_log_is_printable(tmp_path: Path) -> None:
     assert log.tail(3) == [r"a\x1b[2J\u202e"]
 
 
-def test_only_the_end_of_a_huge_log_is_read_and_nothing_of_an_earlier_start(
-    tmp_path: Path,
-) -> None:
+def test_log_tail_reads_only_end_of_current_start(tmp_path: Path) -> None:
     log = LogFile(tmp_path / "log")
     with log.open(1) as file:
         file.write(b"of the first start\n")
@@ -56,9 +54,7 @@ def test_only_the_end_of_a_huge_log_is_read_and_nothing_of_an_earlier_start(
     assert time.monotonic() - begin < 1.0
 
 
-def test_a_log_that_is_too_large_is_emptied_while_its_process_goes_on_writing(
-    tmp_path: Path,
-) -> None:
+def test_oversized_log_is_truncated_during_writing(tmp_path: Path) -> None:
     log = LogFile(tmp_path / "agents.log", most_bytes=250)
     with log.open(1) as file:
         process = subprocess.Popen(
@@ -87,7 +83,7 @@ def test_a_log_that_is_too_large_is_emptied_while_its_process_goes_on_writing(
     assert {number for number in range(2000) if number % 100 >= 51} <= kept
 
 
-def test_a_log_is_left_alone_up_to_its_bound(tmp_path: Path) -> None:
+def test_log_below_size_limit_is_kept(tmp_path: Path) -> None:
     log = LogFile(tmp_path / "agents.log", most_bytes=400)
     with log.open(1) as file:
         file.write(b"x" * 399)
@@ -103,7 +99,7 @@ def test_a_log_is_left_alone_up_to_its_bound(tmp_path: Path) -> None:
     assert log.tail(1) == ["next line"]
 
 
-def test_logs_are_private_whatever_the_umask(tmp_path: Path) -> None:
+def test_logs_are_private_under_any_umask(tmp_path: Path) -> None:
     before = os.umask(0)
     try:
         folder = new_log_folder(str(tmp_path))
@@ -119,7 +115,7 @@ def test_logs_are_private_whatever_the_umask(tmp_path: Path) -> None:
     assert modes == {folder.parent: 0o700, folder: 0o700, log.path: 0o600, log.older: 0o600}
 
 
-def test_of_the_starts_that_have_ended_the_newest_are_kept(tmp_path: Path) -> None:
+def test_log_cleanup_keeps_newest_ended_starts(tmp_path: Path) -> None:
     home = log_home(str(tmp_path))
     ended_process = subprocess.Popen([sys.executable, "-c", ""])
     ended_process.wait()

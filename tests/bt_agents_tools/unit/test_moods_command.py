@@ -12,7 +12,7 @@ from rich.console import Console
 from bt_agents_tools.cli.commands.moods import mood_table
 
 
-def test_each_node_has_a_row_with_its_name_time_mood_and_change():
+def test_each_node_row_shows_time_mood_and_change():
     trace = SimpleNamespace(
         leaves=["tree/0.say", "tree/1.ask", "tree/2.[bold]log"],
         seconds=[2.04, 10.0, 0.0],

@@ -22,12 +22,12 @@ def run(*words: str) -> Result:
     return CliRunner().invoke(bt_agents, words, catch_exceptions=False)
 
 
-def test_there_are_twelve_patterns() -> None:
+def test_twelve_patterns_exist() -> None:
     assert len(pattern_names()) == 12
 
 
 @pytest.mark.parametrize("pattern", pattern_names())
-def test_a_pattern_is_an_agent_without_remarks_whose_every_test_passes(pattern: str) -> None:
+def test_each_pattern_checks_clean_and_passes_its_tests(pattern: str) -> None:
     made = run("new", "mine", "--pattern", pattern)
     assert made.exit_code == 0, made.output
     checked = run("check", "trees")
@@ -36,7 +36,7 @@ def test_a_pattern_is_an_agent_without_remarks_whose_every_test_passes(pattern: 
     assert tested.exit_code == 0, tested.output
 
 
-def test_a_copy_has_another_name_the_same_tests_and_what_it_imports(here: Path) -> None:
+def test_copy_gets_new_name_tests_and_imports(here: Path) -> None:
     assert run("new", "carrier", "--like", "polite_carrier").exit_code == 0
     assert (here / "trees/libraries/manners.yaml").exists()
     other = run("new", "other", "--like", "carrier")
@@ -51,7 +51,7 @@ def test_a_copy_has_another_name_the_same_tests_and_what_it_imports(here: Path) 
     assert run("test").exit_code == 0
 
 
-def test_what_an_agent_is_to_start_from_is_said_once_and_exists() -> None:
+def test_starting_point_must_be_unique_and_exist() -> None:
     for words, found in (
         (("--like", "attentive_guide", "--pattern", "small_talk"), "give one of them"),
         (("--kind", "library", "--pattern", "small_talk"), "this is a library"),
@@ -63,7 +63,7 @@ def test_what_an_agent_is_to_start_from_is_said_once_and_exists() -> None:
     assert not Path("trees/agents").exists()
 
 
-def test_a_copy_that_does_not_fit_the_scene_is_refused_with_the_reason(here: Path) -> None:
+def test_copy_incompatible_with_scene_is_refused_with_reason(here: Path) -> None:
     assert run("new", "first").exit_code == 0
     scene = here / "trees" / "scene.yaml"
     scene.write_text(scene.read_text().replace("familiarity", "closeness"))
@@ -73,7 +73,7 @@ def test_a_copy_that_does_not_fit_the_scene_is_refused_with_the_reason(here: Pat
     assert not (here / "trees/agents/mine.yaml").exists()
 
 
-def test_only_the_name_of_the_agent_is_replaced() -> None:
+def test_copy_replaces_only_agent_name() -> None:
     text = (
         "# bt-agents test trees/agents/guide.test.yaml\nagent: guide\ntitle: guide\nsay: guide\n"
     )

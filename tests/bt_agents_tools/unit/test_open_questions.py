@@ -14,7 +14,7 @@ GO = SimpleNamespace(text="Shall we go?", choices=("Yes", "No"))
 NAME = SimpleNamespace(text="What is your name?", choices=())
 
 
-def test_an_answer_is_for_the_first_question_that_takes_it() -> None:
+def test_answer_goes_to_first_question_accepting_it() -> None:
     assert asked_by([GO, NAME], " yes ") == (GO, "Yes")
     assert asked_by([GO, NAME], "Ada") == (NAME, "Ada")
 
@@ -28,7 +28,7 @@ def test_an_answer_is_for_the_first_question_that_takes_it() -> None:
         ([NAME], " ", "NOT_A_CHOICE"),
     ],
 )
-def test_what_answers_nothing_is_refused(
+def test_answer_matching_no_question_is_refused(
     questions: list[SimpleNamespace], words: str, code: str
 ) -> None:
     with pytest.raises(Refused) as refused:

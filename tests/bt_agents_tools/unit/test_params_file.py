@@ -38,12 +38,12 @@ def told(folder: Path, text: str) -> str:
         "a_host_of_mine: {ros__parameters: {}}",
     ],
 )
-def test_a_parameter_file_of_ros_is_taken_without_a_word(tmp_path: Path, text: str) -> None:
+def test_ros_parameter_file_is_accepted_silently(tmp_path: Path, text: str) -> None:
     assert told(tmp_path, text) == "started with params.yaml\n"
 
 
 @pytest.mark.parametrize("text", ["marketplce: {%s}", "/library/marketplce: {%s}"])
-def test_a_node_that_is_misspelt_is_told(tmp_path: Path, text: str) -> None:
+def test_misspelt_node_is_reported(tmp_path: Path, text: str) -> None:
     assert told(tmp_path, text % "ros__parameters: {}") == (
         "params.yaml: no node is called 'marketplce'; did you mean 'marketplace'?\n"
         "started with params.yaml\n"
@@ -63,5 +63,5 @@ def test_a_node_that_is_misspelt_is_told(tmp_path: Path, text: str) -> None:
         ("#" * 1_000_001, "is larger than 1,000,000 bytes"),
     ],
 )
-def test_a_file_of_another_form_is_refused_in_words(tmp_path: Path, text: str, words: str) -> None:
+def test_malformed_file_is_refused_with_explanation(tmp_path: Path, text: str, words: str) -> None:
     assert words in told(tmp_path, text)

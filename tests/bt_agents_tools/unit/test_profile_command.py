@@ -59,7 +59,7 @@ def room(monkeypatch: pytest.MonkeyPatch) -> Room:
     return Room(monkeypatch)
 
 
-def test_all_profiles_stand_in_a_table_with_a_row_for_each_layer(room):
+def test_profile_table_has_row_per_layer(room):
     room.managed.teach("f1")
     room.managed.teach_layer(ANNA, age=2.0)
     lines = room.run().output.splitlines()
@@ -79,7 +79,7 @@ def test_all_profiles_stand_in_a_table_with_a_row_for_each_layer(room):
     assert room.run("show", "guide").output == room.run("guide").output
 
 
-def test_the_history_of_a_profile_says_what_changed_by_whom_and_why(room):
+def test_profile_history_shows_change_author_and_reason(room):
     room.managed.teach("f1")
     assert room.run("undo", "guide", "--author", "eva", "--reason", "[wrong]").output == (
         "guide: age 4 → 3 (revision 2)\n"
@@ -91,7 +91,7 @@ def test_the_history_of_a_profile_says_what_changed_by_whom_and_why(room):
     assert '"cause": "undo"' in room.run("history", "guide", "--json").output
 
 
-def test_what_is_exported_can_be_imported_and_nothing_is_overwritten(room, tmp_path):
+def test_export_can_be_imported_without_overwriting(room, tmp_path):
     room.managed.teach("f1")
     file = tmp_path / "learned.json"
     assert room.run("export", str(file)).output == f"2 profiles written to {file}\n"
@@ -104,7 +104,7 @@ def test_what_is_exported_can_be_imported_and_nothing_is_overwritten(room, tmp_p
     assert "cannot be read" in str(room.run("import", str(tmp_path / "bad.json")).exception)
 
 
-def test_forgetting_asks_first_and_tells_the_scene_layer_as_well(room):
+def test_forget_asks_for_confirmation_and_informs_scene_layer(room):
     room.managed.teach_layer(ANNA)
     room.scene_layer = SimpleNamespace(accepted=True, code="", message="anna is forgotten")
     assert room.run("forget", ANNA, answer="n\n").exit_code == 1
@@ -128,7 +128,7 @@ def test_forgetting_asks_first_and_tells_the_scene_layer_as_well(room):
 @pytest.mark.parametrize(
     ("text", "seconds"), [("90d", 7_776_000), ("2 weeks", 1_209_600), ("12 h", 43_200)]
 )
-def test_an_age_is_in_days_weeks_or_the_usual_units(room, text, seconds):
+def test_age_accepts_days_weeks_and_usual_units(room, text, seconds):
     room.managed.teach_layer(ANNA)
     room.managed.now += seconds - 1
     expire = ("expire", "--yes", "--older", text)
@@ -142,7 +142,7 @@ def test_an_age_is_in_days_weeks_or_the_usual_units(room, text, seconds):
     ("text", "words"),
     [("90", "without a unit"), ("1.5", "without a unit"), ("-3d", "more than 0"), ("soon", "90d")],
 )
-def test_an_age_without_a_unit_or_below_0_forgets_nobody(room, text, words):
+def test_invalid_age_forgets_no_person(room, text, words):
     room.managed.teach_layer(ANNA)
     refused = room.run("expire", "--yes", f"--older={text}").exception
     assert f"BAD_AGE: --older {text}: " in str(refused)
@@ -150,7 +150,7 @@ def test_an_age_without_a_unit_or_below_0_forgets_nobody(room, text, words):
     assert room.asked == []
 
 
-def test_expiring_shows_who_would_be_forgotten_and_asks(room):
+def test_expire_lists_affected_persons_and_asks(room):
     room.managed.now = time.time() - 200 * 86_400.0
     room.managed.teach_layer(ANNA)
     room.managed.teach_layer("place/lobby")
@@ -166,7 +166,7 @@ def test_expiring_shows_who_would_be_forgotten_and_asks(room):
     assert room.run("expire", "--older", "90d").output == "nothing to forget\n"
 
 
-def test_what_a_terminal_would_obey_is_written_out(room):
+def test_control_characters_are_escaped(room):
     room.managed.ledger.append(
         "guide", {"age": 4.0}, RevisionCause(reason="a\x1b[2Jb\nc", source="x\r")
     )
@@ -176,7 +176,7 @@ def test_what_a_terminal_would_obey_is_written_out(room):
     assert r"x\r" in lines
 
 
-def test_a_refusal_is_said_in_its_own_words(room):
+def test_refusal_keeps_its_original_text(room):
     assert str(room.run("undo", "nobody").exception) == (
         "UNKNOWN_AGENT: no agent 'nobody'; known are: express, guide"
     )

@@ -30,13 +30,13 @@ feedback:
 """
 
 
-def test_a_text_takes_as_long_as_it_takes_to_say() -> None:
+def test_speech_lasts_as_long_as_its_text() -> None:
     slow = rehearsed("say: {text: 0123456789, rate: 0.5}")
     assert slow.outcome is TreeOutcome.SUCCEEDED
     assert slow.duration_s == pytest.approx((0.4 + 10 * 0.06) / 0.5)
 
 
-def test_services_and_messages_take_no_time_and_other_actions_a_second() -> None:
+def test_services_are_instant_and_actions_last_one_second() -> None:
     result = rehearsed("sequence: [light: green, sound: chirp, drive: gate 7, drive: gate 8]")
     assert events_of(result, EventKind.BEGINS, EventKind.SENDS) == [
         (0.0, "light"),
@@ -47,11 +47,11 @@ def test_services_and_messages_take_no_time_and_other_actions_a_second() -> None
     assert result.duration_s == 2.0
 
 
-def test_what_has_a_duration_takes_it() -> None:
+def test_explicit_duration_is_honoured() -> None:
     assert rehearsed("show: {text: a, duration: 7 s}").duration_s == 7.0
 
 
-def test_a_question_with_choices_is_answered_with_the_first() -> None:
+def test_choice_question_defaults_to_first_choice() -> None:
     result = rehearsed(
         """
         sequence:
@@ -62,7 +62,7 @@ def test_a_question_with_choices_is_answered_with_the_first() -> None:
     assert spoken_texts(result) == ["Which?", "bag"]
 
 
-def test_answers_come_in_turn_and_the_last_one_for_ever() -> None:
+def test_answers_are_used_in_order_and_last_repeats() -> None:
     result = rehearsed(
         """
         repeat: 3
@@ -75,7 +75,7 @@ def test_answers_come_in_turn_and_the_last_one_for_ever() -> None:
     assert spoken_texts(result)[1::2] == ["one", "two", "two"]
 
 
-def test_the_answer_of_a_path_counts_before_that_of_a_skill() -> None:
+def test_path_answer_overrides_skill_answer() -> None:
     result = rehearsed(
         """
         sequence:
@@ -89,14 +89,14 @@ def test_the_answer_of_a_path_counts_before_that_of_a_skill() -> None:
     assert spoken_texts(result)[1::2] == ["by skill", "by path"]
 
 
-def test_words_that_are_no_choice_do_not_count_as_an_answer() -> None:
+def test_text_outside_choices_is_not_an_answer() -> None:
     result = rehearsed("ask: {text: Which?, choices: [bag], wait: 4 s}", "answers: {ask: cat}")
     assert result.outcome is TreeOutcome.FAILED
     assert "'cat' is none of the choices" in result.message
     assert result.duration_s == pytest.approx(0.4 + 6 * 0.06 + 4.0)
 
 
-def test_capitals_do_not_matter_among_choices() -> None:
+def test_choices_match_case_insensitively() -> None:
     result = rehearsed("ask: {text: Which?, choices: [bag]}", "answers: {ask: Bag}")
     assert result.outcome is TreeOutcome.SUCCEEDED
 
@@ -104,7 +104,7 @@ def test_capitals_do_not_matter_among_choices() -> None:
 @pytest.mark.parametrize(
     ("choices", "typed", "later"), [(["Yes", "no"], " yES ", "Yes"), ([], " Both ", "Both")]
 )
-def test_later_nodes_get_an_answer_as_the_robot_gives_it(
+def test_later_nodes_receive_answer_in_robot_form(
     choices: list[str], typed: str, later: str
 ) -> None:
     act = Ask("Sure?", choices, 9.0, pace=1.0, voice=None)
@@ -119,7 +119,7 @@ def test_later_nodes_get_an_answer_as_the_robot_gives_it(
     assert [act.answer, spoken_texts(result)[1]] == [later, later]
 
 
-def test_an_empty_answer_fails_as_the_skill_says() -> None:
+def test_empty_answer_fails_as_skill_defines() -> None:
     result = rehearsed("ask: Which?", "answers: {ask: {outputs: {answer: ''}}}")
     assert result.outcome is TreeOutcome.FAILED
     assert "result.answer != ''" in result.message
@@ -140,7 +140,7 @@ def test_a_skill_can_fail_in_every_way(answer: str, words: str) -> None:
     assert "(tree, a.yaml:" in result.message
 
 
-def test_a_skill_that_never_ends_is_stopped_by_its_timeout() -> None:
+def test_endless_skill_is_stopped_by_its_timeout() -> None:
     result = rehearsed("drive: gate 7\ntimeout: 30 s", "answers: {drive: {ends: never}}")
     assert result.outcome is TreeOutcome.FAILED
     assert result.duration_s == 30.0
@@ -150,7 +150,7 @@ def test_a_skill_that_never_ends_is_stopped_by_its_timeout() -> None:
     ]
 
 
-def test_failures_are_told_before_what_follows_from_them() -> None:
+def test_failure_is_reported_before_its_consequences() -> None:
     result = rehearsed(
         "drive: gate 7\non_failure: {say: Sorry.}", "answers: {drive: {ends: rejected}}"
     )
@@ -166,7 +166,7 @@ def test_failures_are_told_before_what_follows_from_them() -> None:
     ]
 
 
-def test_a_tree_that_waits_for_what_nobody_announces_does_not_end_and_says_where() -> None:
+def test_wait_without_event_never_ends_and_shows_position() -> None:
     result = rehearsed("wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool}")
     assert result.outcome is None
     assert "waits for ever" in result.message
@@ -174,7 +174,7 @@ def test_a_tree_that_waits_for_what_nobody_announces_does_not_end_and_says_where
     assert result.ticks < 5
 
 
-def test_whoever_is_asked_then_can_let_something_happen() -> None:
+def test_prompt_can_supply_event_for_endless_wait() -> None:
     spec = agent("wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}")
     asked: list[str] = []
 
@@ -188,14 +188,14 @@ def test_whoever_is_asked_then_can_let_something_happen() -> None:
     assert result.duration_s == pytest.approx(5.1, abs=0.11)
 
 
-def test_a_tree_without_an_end_is_ended() -> None:
+def test_endless_tree_is_ended() -> None:
     spec = agent("light: green\nrepeat: forever")
     result = rehearse(spec, SPACE, scenario(spec), limits=Limits(duration_s=60.0))
     assert result.outcome is None
     assert "still runs after 1:00.1" in result.message
 
 
-def test_an_hour_of_waiting_takes_a_handful_of_ticks() -> None:
+def test_one_hour_wait_takes_few_ticks() -> None:
     result = rehearsed(
         """
         sequence:
@@ -211,7 +211,7 @@ def test_an_hour_of_waiting_takes_a_handful_of_ticks() -> None:
     assert result.ticks < 12
 
 
-def test_an_hour_of_talking_is_ticked_when_something_happens_only() -> None:
+def test_one_hour_of_speech_ticks_only_on_events() -> None:
     result = rehearsed(
         """
         repeat: 360
@@ -228,7 +228,7 @@ def test_an_hour_of_talking_is_ticked_when_something_happens_only() -> None:
     assert result.ticks < 12 * 360
 
 
-def test_a_mood_that_stays_down_gives_feedback_and_cancels_by_its_rule() -> None:
+def test_low_mood_gives_feedback_and_cancels_by_rule() -> None:
     result = rehearsed(
         "say: A very long text.",
         """
@@ -250,7 +250,7 @@ def test_a_mood_that_stays_down_gives_feedback_and_cancels_by_its_rule() -> None
     ]
 
 
-def test_a_rule_that_only_gives_feedback_lets_the_run_go_on() -> None:
+def test_feedback_only_rule_lets_run_continue() -> None:
     result = rehearsed("wait: 20 s", "during: [{after: 3 s, mood: 4}]", head=RULES)
     assert result.outcome is TreeOutcome.SUCCEEDED
     assert events_of(result, EventKind.FEEDBACK) == [
@@ -258,19 +258,19 @@ def test_a_rule_that_only_gives_feedback_lets_the_run_go_on() -> None:
     ]
 
 
-def test_a_mood_that_is_held_for_minutes_is_watched_without_ticking_the_tree() -> None:
+def test_long_mood_condition_is_watched_without_ticking() -> None:
     rules = "feedback:\n  - {when: mood.change <= -1.0, for: 10 min, give: negative}\n"
     result = rehearsed("wait: 1 h", "during: [{after: 1 min, mood: 1}]", head=rules)
     assert events_of(result, EventKind.FEEDBACK)[0][0] == pytest.approx(660.0)
     assert result.ticks < 12
 
 
-def test_nothing_is_known_of_the_mood_when_the_person_has_left() -> None:
+def test_mood_is_unknown_after_person_leaves() -> None:
     result = rehearsed("wait: 20 s", "during: [{after: 1 s, mood: 1, person: false}]", head=RULES)
     assert result.feedback == ()
 
 
-def test_a_node_can_be_waited_for_before_something_happens() -> None:
+def test_scripted_event_can_wait_for_node() -> None:
     result = rehearsed(
         """
         sequence:
@@ -289,7 +289,7 @@ def test_a_node_can_be_waited_for_before_something_happens() -> None:
     assert result.duration_s == pytest.approx(said_s + 2.0)
 
 
-def test_tunables_can_be_set_from_the_start_and_changed_meanwhile() -> None:
+def test_tunables_can_be_set_initially_and_during_rehearsal() -> None:
     head = "tunables: {pause: {default: 10 s, min: 1 s, max: 60 s, description: d}}"
     assert rehearsed("wait: ${pause}", "tunables: {pause: 5 s}", head=head).duration_s == 5.0
     result = rehearsed("wait: ${pause}", "during: [{after: 2 s, tune: {pause: 30 s}}]", head=head)
@@ -304,7 +304,7 @@ def test_tunables_can_be_set_from_the_start_and_changed_meanwhile() -> None:
         ("{reason: somebody falls, by: other scene}", "other scene: somebody falls"),
     ],
 )
-def test_a_clean_up_is_told_who_cancels_a_rehearsal_and_why(cancel: str, says: str) -> None:
+def test_clean_up_receives_cancel_source_and_reason(cancel: str, says: str) -> None:
     result = rehearsed(
         "wait: 1 min",
         f"during: [{{after: 7 s, cancel: {cancel}}}]",
@@ -313,7 +313,7 @@ def test_a_clean_up_is_told_who_cancels_a_rehearsal_and_why(cancel: str, says: s
     assert spoken_texts(result) == [says]
 
 
-def test_a_mood_rule_that_cancels_a_rehearsal_says_so() -> None:
+def test_cancelling_mood_rule_is_named() -> None:
     result = rehearsed(
         "wait: 1 min",
         "during: [{after: 3 s, mood: 1.5}]",
@@ -323,7 +323,7 @@ def test_a_mood_rule_that_cancels_a_rehearsal_says_so() -> None:
     assert said.startswith("mood rule: mood.change <= -1.0 held 2 s")
 
 
-def test_a_run_can_be_cancelled_from_outside() -> None:
+def test_run_can_be_cancelled_externally() -> None:
     result = rehearsed("wait: 1 min", "during: [{after: 7 s, cancel: the operator}]")
     assert result.outcome is TreeOutcome.CANCELLED
     assert (result.duration_s, result.cancelled_by) == (7.0, "the operator")
@@ -346,14 +346,14 @@ no_person: {age: 1}
 """
 
 
-def test_what_is_not_known_is_as_the_scene_layer_has_it() -> None:
+def test_unknown_values_match_scene_layer() -> None:
     space = read_scene_text(SCENE_WITH_DEFAULTS, "scene.yaml").space
     spec = agent("sequence: [check: scene.age == 3, check: scene.familiarity > 0]")
     result = rehearse(spec, space, scenario(spec, "scene: {mood: 4}"))
     assert "'scene.familiarity' has no value" in result.message
 
 
-def test_nobody_has_the_values_of_no_person_until_somebody_comes() -> None:
+def test_absent_person_uses_no_person_values_until_arrival() -> None:
     space = read_scene_text(SCENE_WITH_DEFAULTS, "scene.yaml").space
     spec = agent(
         "sequence: [check: scene.age == 1 and live.age == 1, wait: 2 s, check: live.age == 3]"
@@ -387,9 +387,7 @@ def test_the_same_seed_gives_the_same_picks() -> None:
 
 
 @pytest.mark.parametrize(("after", "shown_s"), [("5 s", 5.0), ("3 min", 120.0)])
-def test_a_text_is_shown_until_a_button_is_pressed_as_the_language_page_says(
-    after: str, shown_s: float
-) -> None:
+def test_documented_text_is_shown_until_button_press(after: str, shown_s: float) -> None:
     page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
     examples = re.findall(r"```yaml\ntree:\n(.*?)```", page, re.DOTALL)
     [example] = [one for one in examples if "when you have it" in one]
@@ -403,7 +401,7 @@ def test_a_text_is_shown_until_a_button_is_pressed_as_the_language_page_says(
 @pytest.mark.parametrize(
     ("answer", "does"), [("no", ["ask", "say"]), ("yes", ["ask", "say", "drive", "say"])]
 )
-def test_a_tree_ends_early_as_its_page_says(answer: str, does: list[str]) -> None:
+def test_documented_tree_ends_early(answer: str, does: list[str]) -> None:
     page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
     section = page.partition("### End early")[2]
     example = section.partition("```yaml\ntree:\n")[2].partition("```")[0]
@@ -428,11 +426,11 @@ sequence:
         ("['**/0.random/1.say', '**/0.random/2.*']", ["hello", "hey", "hey", "hey"]),
     ],
 )
-def test_a_test_says_which_child_a_random_takes(picks: str, said: list[str]) -> None:
+def test_test_case_picks_child_of_random(picks: str, said: list[str]) -> None:
     assert spoken_texts(rehearsed(GREETS, f"picks: {picks}"))[::2] == said
 
 
-def test_each_random_takes_its_own_picks_and_the_others_draw_as_before() -> None:
+def test_picks_affect_only_their_own_random() -> None:
     drawn = spoken_texts(rehearsed(GREETS))
     picked = spoken_texts(rehearsed(GREETS, "picks: '**/0.random/0.say'"))
     assert picked[1::2] == drawn[1::2]
@@ -440,7 +438,7 @@ def test_each_random_takes_its_own_picks_and_the_others_draw_as_before() -> None
     assert spoken_texts(rehearsed(GREETS, both))[:4] == ["hi", "two", "hi", "one"]
 
 
-def test_an_agent_that_does_not_bid_does_not_run_unless_it_is_told_to() -> None:
+def test_non_bidding_agent_runs_only_when_forced() -> None:
     spec = agent("say: Hello.", "requires: scene.person")
     nobody = scenario(spec, "person: false")
     assert rehearse(spec, SPACE, nobody).declined == "needs scene.person"
@@ -448,7 +446,7 @@ def test_an_agent_that_does_not_bid_does_not_run_unless_it_is_told_to() -> None:
     assert spoken_texts(rehearse(spec, SPACE, nobody, force=True)) == ["Hello."]
 
 
-def test_what_a_tree_does_again_at_each_tick_is_done_again_while_it_waits() -> None:
+def test_memoryless_sequence_repeats_children_while_waiting() -> None:
     result = rehearsed(
         """
         sequence:
@@ -461,7 +459,7 @@ def test_what_a_tree_does_again_at_each_tick_is_done_again_while_it_waits() -> N
     assert len(result.uses) == 11
 
 
-def test_feedback_and_lines_of_the_log_are_told() -> None:
+def test_feedback_and_log_lines_are_reported() -> None:
     result = rehearsed(
         """
         sequence:
@@ -476,7 +474,7 @@ def test_feedback_and_lines_of_the_log_are_told() -> None:
     assert result.feedback == (FeedbackKind.POSITIVE,)
 
 
-def test_a_skill_that_no_robot_offers_yet_can_be_rehearsed() -> None:
+def test_skill_without_robot_support_can_be_rehearsed() -> None:
     dance = read_skills_text(
         """
 format: 1
@@ -507,7 +505,7 @@ tree:
     assert spoken_texts(result) == ["Thank you for 0.7."]
 
 
-def test_nodes_can_be_replaced_by_others_that_give_the_same_names_a_value() -> None:
+def test_replacement_nodes_can_set_the_same_outputs() -> None:
     tree = """
         sequence:
           - ask: Where to?
@@ -533,7 +531,7 @@ def test_nodes_can_be_replaced_by_others_that_give_the_same_names_a_value() -> N
     assert not {path for path in result.marks if "drive" in path and path.count("/") == 1}
 
 
-def test_a_failure_of_a_check_is_told_before_what_follows_from_it() -> None:
+def test_check_failure_is_reported_before_its_consequences() -> None:
     result = rehearsed(
         """
         selector:
@@ -546,7 +544,7 @@ def test_a_failure_of_a_check_is_told_before_what_follows_from_it() -> None:
     assert kinds == [EventKind.GIVES_UP, EventKind.BEGINS]
 
 
-def test_a_limit_that_is_reached_is_told_before_its_handling() -> None:
+def test_reached_limit_is_reported_before_its_handler() -> None:
     result = rehearsed(
         "wait_for: live.mood > 4\ntimeout: 5 s\nretry: 2\non_failure: {log: nobody came}"
     )
@@ -558,7 +556,7 @@ def test_a_limit_that_is_reached_is_told_before_its_handling() -> None:
     ]
 
 
-def test_a_tick_is_told_from_the_top_of_the_tree() -> None:
+def test_tick_is_reported_from_root_down() -> None:
     result = rehearsed("sequence: [{selector: [{say: Hello.}]}, {wait: 1 s}]")
     first = [
         event.change.path
@@ -568,7 +566,7 @@ def test_a_tick_is_told_from_the_top_of_the_tree() -> None:
     assert first == ["tree", "tree/0.selector", "tree/0.selector/0.say"]
 
 
-def test_whoever_types_is_asked_at_a_wait_with_a_limit_once() -> None:
+def test_interactive_user_is_prompted_once_per_limited_wait() -> None:
     spec = agent("wait_for: live.mood > 4\ntimeout: 20 s\nsucceed: true")
     asked: list[str] = []
 
@@ -580,7 +578,7 @@ def test_whoever_types_is_asked_at_a_wait_with_a_limit_once() -> None:
     assert result.duration_s == 20.0
 
 
-def test_what_happens_at_a_wait_is_asked_again_until_nothing_does() -> None:
+def test_wait_prompts_again_until_tree_proceeds() -> None:
     spec = agent("wait_for: live.mood > 4\ntimeout: 20 s")
     moods = [2.0, 5.0]
 
@@ -593,7 +591,7 @@ def test_what_happens_at_a_wait_is_asked_again_until_nothing_does() -> None:
     assert result.duration_s == pytest.approx(6.2, abs=0.21)
 
 
-def test_the_time_of_day_goes_on_from_where_the_rehearsal_begins() -> None:
+def test_clock_advances_from_rehearsal_start_time() -> None:
     late = rehearsed(
         """
         sequence:
@@ -608,21 +606,21 @@ def test_the_time_of_day_goes_on_from_where_the_rehearsal_begins() -> None:
     assert spoken_texts(rehearsed("{when: clock.hour < 6, say: Good night.}")) == []
 
 
-def test_who_is_one_for_the_night_bids_at_night() -> None:
+def test_night_agent_bids_only_at_night() -> None:
     spec = agent("say: x", "requires: clock.hour >= 22 or clock.hour < 6")
     for hour, bids in ((21, False), (22, True), (5, True), (6, False)):
         case = scenario(spec, f"clock: {{hour: {hour}}}")
         assert (rehearse(spec, SPACE, case).outcome is not None) is bids
 
 
-def test_a_test_says_which_texts_a_node_takes_in_turn_and_the_last_one_for_ever() -> None:
+def test_variants_are_used_in_order_and_last_repeats() -> None:
     tree = "{say: {one_of: [Hello., Hi., Good day.]}, repeat: 4}"
     result = rehearsed(tree, "variants: {tree: [3, 1]}")
     assert spoken_texts(result) == ["Good day.", "Hello.", "Hello.", "Hello."]
     assert spoken_texts(rehearsed(tree, "variants: {'**': 2}")) == ["Hi."] * 4
 
 
-def test_without_picks_the_seed_decides_which_texts_a_node_takes() -> None:
+def test_seed_selects_text_variants_without_picks() -> None:
     tree = "{say: {one_of: [Hello., Hi., Good day.]}, repeat: 6}"
     once, again = (spoken_texts(rehearsed(tree, "seed: 4")) for _ in range(2))
     assert once == again
@@ -638,7 +636,7 @@ def test_without_picks_the_seed_decides_which_texts_a_node_takes() -> None:
         ("{tree/7.say: 1}", "[unknown-path]"),
     ],
 )
-def test_a_text_that_there_is_not_cannot_be_picked(variants: str, problem: str) -> None:
+def test_nonexistent_text_variant_cannot_be_picked(variants: str, problem: str) -> None:
     with pytest.raises(ReadError) as error:
         rehearsed("say: {one_of: [Hello., Hi.]}", f"variants: {variants}")
     assert problem in error.value.lines[0]
@@ -661,7 +659,7 @@ selector:
 """
 
 
-def test_why_a_branch_is_not_taken_is_told_once() -> None:
+def test_reason_for_skipped_branch_is_reported_once() -> None:
     told = transcript(rehearsed(NOT_TAKEN).events)
     assert told.count("↷") == 3
     assert "↷ check: not so: scene.age > 4 (scene.age is 3" in told
@@ -670,13 +668,13 @@ def test_why_a_branch_is_not_taken_is_told_once() -> None:
     assert told.index("↷ check") < told.index("You are here.")
 
 
-def test_what_ends_the_run_is_told_by_its_end_alone() -> None:
+def test_final_failure_is_reported_only_at_run_end() -> None:
     told = transcript(rehearsed("check: scene.age > 4").events)
     assert "↷" not in told
     assert told.count("not so: scene.age > 4") == 1
 
 
-def test_a_branch_that_stays_closed_is_told_once() -> None:
+def test_closed_branch_is_reported_once() -> None:
     tree = """
     selector:
       memory: false

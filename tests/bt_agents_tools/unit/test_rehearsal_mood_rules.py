@@ -19,12 +19,12 @@ def feedback(rule: str, *happenings: str) -> list[tuple[float, str]]:
 BETTER = "when: mood.change >= 0.5, for: 2 s"
 
 
-def test_a_rule_with_a_cooldown_fires_each_time_it_has_held_again_after_it():
+def test_rule_fires_again_after_its_cooldown():
     fired = feedback(f"{BETTER}, cooldown: 20 s", "after: 1 s, mood: 4")
     assert [at for at, _ in fired] == pytest.approx([3.0, 25.0, 47.0], abs=0.01)
 
 
-def test_a_rule_that_cannot_be_decided_is_told():
+def test_undecidable_rule_is_reported():
     head = "feedback: [{give: positive, when: 1 / (live.mood - 4) > 0}]\n"
     result = rehearsed("wait: 9 s", "during: [{after: 2 s, mood: 4}]\n", head=head)
     assert events_of(result, EventKind.LOGS) == [
@@ -32,7 +32,7 @@ def test_a_rule_that_cannot_be_decided_is_told():
     ]
 
 
-def test_a_rule_with_a_release_waits_until_the_mood_has_been_back():
+def test_rule_fires_again_only_after_release_condition():
     fired = feedback(
         f"{BETTER}, release: mood.change < 0.2",
         "after: 1 s, mood: 4",
@@ -44,13 +44,13 @@ def test_a_rule_with_a_release_waits_until_the_mood_has_been_back():
     assert [at for at, _ in fired] == pytest.approx([3.0, 42.0], abs=0.01)
 
 
-def test_a_baseline_is_the_mean_mood_of_the_first_seconds():
+def test_baseline_is_mean_mood_of_first_seconds():
     fired = feedback(f"{BETTER}, baseline: 4 s", "after: 2 s, mood: 4", "after: 30 s, mood: 4.5")
     assert fired[0][0] == pytest.approx(6.0, abs=0.3)
     assert fired[0][1].endswith("mood 3.5 → 4")
     assert len(fired) == 1
 
 
-def test_a_baseline_is_complete_although_nothing_happens_meanwhile():
+def test_baseline_completes_without_events():
     fired = feedback("when: live.mood == 3 and mood.change == 0, baseline: 10 s")
     assert [at for at, _ in fired] == pytest.approx([10.0], abs=0.3)

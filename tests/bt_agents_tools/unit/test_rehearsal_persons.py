@@ -32,7 +32,7 @@ def test_an_agent_asks_once_and_remembers_the_answer() -> None:
     assert spoken_texts(rehearsed(FAVOURITE, again)) == ["anna, tea? Visit 2."]
 
 
-def test_nothing_is_remembered_of_a_stranger() -> None:
+def test_stranger_is_not_remembered() -> None:
     result = rehearsed(FAVOURITE)
     assert "nobody who is known by name is there" in result.message
 
@@ -45,7 +45,7 @@ sequence:
 """
 
 
-def test_what_a_person_tells_is_in_the_scene_and_moves_the_mood() -> None:
+def test_told_value_enters_scene_and_moves_mood() -> None:
     rules = "feedback: [{when: mood.change <= -1, give: negative}]"
     result = rehearsed(TELLING, head=rules)
     assert spoken_texts(result)[-1] == "1 1 -2"
@@ -53,12 +53,12 @@ def test_what_a_person_tells_is_in_the_scene_and_moves_the_mood() -> None:
     assert [one.name for one in result.feedback] == ["NEGATIVE"]
 
 
-def test_a_scene_layer_that_is_silent_takes_nothing() -> None:
+def test_silent_scene_layer_accepts_no_values() -> None:
     result = rehearsed(TELLING, "during: [{after: 1 s, scene_layer: silent}]")
     assert "the scene layer is unreachable" in result.message
 
 
-def test_the_person_is_an_option_of_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_person_is_a_command_option(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(Path(__file__).parents[3])
     options = ["--person", "name=anna", "--person", "visits=2", "--person", "favourite=green tea"]
     shown = CliRunner().invoke(bt_agents, ["rehearse", "silent_text", *options])

@@ -46,7 +46,7 @@ def found(tree: str, expect: str, more: str = "", head: str = "") -> list[Assert
         "bids: true",
     ],
 )
-def test_what_is_as_expected_is_not_mentioned(expect: str) -> None:
+def test_met_expectation_is_not_mentioned(expect: str) -> None:
     assert found(TWO, expect) == []
 
 
@@ -65,29 +65,29 @@ def test_what_is_as_expected_is_not_mentioned(expect: str) -> None:
         ("bids: false", "bids: expected no bid, but nothing speaks against one"),
     ],
 )
-def test_what_is_not_as_expected_is_named_with_what_was_found(expect: str, message: str) -> None:
+def test_unmet_expectation_is_named_with_actual_result(expect: str, message: str) -> None:
     [finding] = found(TWO, expect)
     assert finding.message.startswith(message)
     assert str(finding.position).startswith("a.test.yaml:4:")
 
 
-def test_a_node_that_was_never_ticked_was_not_visited() -> None:
+def test_unticked_node_is_not_visited() -> None:
     [finding] = found("sequence: [{check: false}, {say: a}]", "visited: tree/1.say")
     assert finding.message == "visited: tree/1.say was never ticked"
 
 
-def test_whoever_cancels_is_compared() -> None:
+def test_cancel_source_is_compared() -> None:
     during = "during: [{after: 1 s, cancel: operator}],"
     [finding] = found("wait: 9 s", "cancelled_by: mood.change <= -1.0", during, RULES)
     assert finding.message == "cancelled_by: expected 'mood.change <= -1.0', found operator"
 
 
-def test_a_run_that_never_ends_fails_every_test() -> None:
+def test_endless_run_fails_every_test() -> None:
     [finding] = found("sequence: [{say: a}, {wait_for: live.mood > 4}]", "says: [a]")
     assert "the run did not end: it waits for ever" in finding.message
 
 
-def test_a_scene_for_which_the_agent_does_not_bid_fails_a_test_that_does_not_say_so() -> None:
+def test_unexpected_missing_bid_fails_test() -> None:
     head = "requires: scene.person"
     assert found(TWO, "bids: false", "person: false,", head) == []
     [finding] = found(TWO, "ends: succeeded", "person: false,", head)
@@ -106,21 +106,21 @@ selector:
 LEVEL = "subtrees: {level_of_pain: {outputs: {level: any}, tree: {set: {level: four}}}}"
 
 
-def test_a_condition_that_cannot_be_decided_fails_a_test_that_does_not_say_so() -> None:
+def test_unexpected_undecidable_condition_fails_test() -> None:
     [finding] = found(UNDECIDED, "ends: succeeded", head=LEVEL)
     assert finding.message.startswith("cannot be decided: level >= 4 (")
     assert finding.message.endswith("; mend it, or expect 'because: cannot be decided'")
     assert found(UNDECIDED, "because: cannot be decided", head=LEVEL) == []
 
 
-def test_a_condition_that_cannot_be_decided_is_told_and_covers_nothing() -> None:
+def test_undecidable_condition_is_reported_and_covers_nothing() -> None:
     result = rehearsed(UNDECIDED, head=LEVEL)
     assert "≡ error: cannot be decided: level >= 4 (" in transcript(result.events)
     [path] = [path for path in result.marks if path.endswith("@when")]
     assert result.marks[path] == {Mark.TICKED}
 
 
-def test_a_failure_shows_both_sides_and_what_happened() -> None:
+def test_failure_shows_expected_actual_and_transcript() -> None:
     spec = agent(TWO)
     [case] = cases_for(
         spec,
@@ -147,12 +147,12 @@ def test_a_failure_shows_both_sides_and_what_happened() -> None:
     ]
 
 
-def test_what_stands_in_the_place_of_something_else_stands_beside_it() -> None:
+def test_substituted_text_is_paired_with_expected_text() -> None:
     [finding] = found(TWO, "says: [Hi., Goodbye.]")
     assert finding.rows == (("Hi.", "Hello.", False), ("Goodbye.", "Goodbye.", True))
 
 
-def test_long_texts_are_folded_in_both_columns() -> None:
+def test_long_texts_wrap_in_both_columns() -> None:
     lines = list(table([("one " * 20, "two " * 5, False)]))
     assert all(len(line) <= 80 for line in lines)
     assert lines[1].startswith("  ✘ one one")
@@ -160,9 +160,7 @@ def test_long_texts_are_folded_in_both_columns() -> None:
 
 
 @given(st.lists(st.sampled_from("abc"), max_size=8), st.lists(st.sampled_from("abc"), max_size=8))
-def test_an_alignment_loses_nothing_and_pairs_only_what_is_alike(
-    left: list[str], right: list[str]
-) -> None:
+def test_alignment_keeps_all_items_and_pairs_equals(left: list[str], right: list[str]) -> None:
     pairs = aligned(left, right, str.__eq__, exact=True)
     assert [one for one, _ in pairs if one is not None] == left
     assert [other for _, other in pairs if other is not None] == right
@@ -175,11 +173,11 @@ def test_an_alignment_loses_nothing_and_pairs_only_what_is_alike(
     ("seconds", "text"),
     [(0.0, "0.0 s"), (59.94, "59.9 s"), (59.96, "1:00.0"), (63.2, "1:03.2"), (3661.0, "1:01:01")],
 )
-def test_times_read_like_a_stopwatch(seconds: float, text: str) -> None:
+def test_times_use_stopwatch_format(seconds: float, text: str) -> None:
     assert time_text(seconds) == text
 
 
-def test_no_line_of_a_transcript_is_wider_than_a_terminal() -> None:
+def test_transcript_lines_fit_terminal() -> None:
     text = "This is a text that goes on and on and does not end before the line does. " * 3
     shown = transcript(rehearsed(f"say: {{text: '{text}', rate: 0.8}}").events)
     assert all(len(line) <= 80 for line in shown.splitlines())
@@ -199,12 +197,12 @@ def gaps(tree: str, *texts: str, head: str = "") -> list[str]:
     return [str(gap) for gap in coverage(spec, [one.marks for one in results]).gaps]
 
 
-def test_coverage_names_nodes_that_were_never_ticked_and_where_they_stand() -> None:
+def test_coverage_names_unticked_nodes_and_their_positions() -> None:
     tree = "selector:\n  - say: one\n  - sequence:\n      - say: two\n      - say: three\n"
     assert gaps(tree, "") == ["never ticked: tree/1.sequence (a.yaml:10)"]
 
 
-def test_coverage_counts_both_ways_of_what_decides() -> None:
+def test_coverage_counts_both_outcomes_of_decisions() -> None:
     tree = """
         sequence:
           - check: scene.age > 3
@@ -223,7 +221,7 @@ def test_coverage_counts_both_ways_of_what_decides() -> None:
     assert gaps(tree, "scene: {age: 5}", "scene: {age: 1}\nanswers: {drive: {ends: never}}") == []
 
 
-def test_coverage_wants_every_alternative_to_succeed_once() -> None:
+def test_coverage_requires_each_alternative_to_succeed() -> None:
     tree = "selector: [{drive: gate 7}, {drive: gate 8}]"
     fails = "answers: {drive: {fails: blocked}}"
     assert gaps(tree, fails) == [
@@ -233,7 +231,7 @@ def test_coverage_wants_every_alternative_to_succeed_once() -> None:
     assert gaps(tree, "", "answers: {drive: [{fails: blocked}, {after: 1 s}]}") == []
 
 
-def test_coverage_counts_a_percentage_that_is_100_only_when_nothing_is_missing() -> None:
+def test_coverage_is_100_percent_only_when_complete() -> None:
     spec = agent("sequence: [{say: one}, {say: two}]")
     none = coverage(spec, [])
     assert (none.total, none.missed, none.percent) == (3, 3, 0)
@@ -241,45 +239,45 @@ def test_coverage_counts_a_percentage_that_is_100_only_when_nothing_is_missing()
     assert all_of_it.percent == 100
 
 
-def test_the_clean_up_counts_too() -> None:
+def test_coverage_includes_clean_up() -> None:
     assert gaps("say: a", "", head="on_cancel: {light: white}") == [
         "never ticked: on_cancel (a.yaml:6)"
     ]
 
 
-def test_an_alternative_that_can_only_fail_need_not_succeed() -> None:
+def test_always_failing_alternative_need_not_succeed() -> None:
     tree = "selector: [{drive: gate 7}, {say: Sorry., fail: true}]"
     fails = "answers: {drive: {fails: blocked}}"
     assert gaps(tree, "", fails) == []
 
 
-def test_a_check_that_is_always_false_need_not_be_true() -> None:
+def test_always_false_check_need_not_be_true() -> None:
     assert gaps("selector: [{check: false}, {say: a}]", "") == []
 
 
 @pytest.mark.parametrize("expect", ["does_not: show", "does_not: [show, drive: gate 8, light]"])
-def test_what_must_not_be_done_need_not_be_in_the_tree(expect: str) -> None:
+def test_forbidden_action_may_be_absent_from_tree(expect: str) -> None:
     assert found(TWO, expect) == []
 
 
-def test_what_must_not_be_done_and_is_is_named() -> None:
+def test_performed_forbidden_action_is_named() -> None:
     [finding] = found(TWO, "does_not: [show, say: Goodbye.]")
     assert finding.message == 'does_not: expected no say "Goodbye.", found say "Goodbye."'
 
 
-def test_both_sides_of_a_table_have_the_same_words() -> None:
+def test_table_sides_use_same_wording() -> None:
     [finding] = found(TWO, "does: [say: Hi., drive: gate 7, say]")
     assert finding.rows[0] == ('say "Hi."', 'say "Hello."', False)
 
 
-def test_an_agent_that_does_not_bid_has_nothing_that_happened() -> None:
+def test_non_bidding_agent_has_no_transcript() -> None:
     spec = agent(TWO, "requires: scene.person")
     [case] = cases_for(spec, "- {name: x, person: false, expect: {bids: true}}").cases
     shown = failure(run_case(spec, SPACE, case))
     assert shown.endswith("bids: expected a bid, but it needs scene.person")
 
 
-def test_paths_are_never_cut_and_left_out_when_they_are_too_long() -> None:
+def test_overlong_paths_are_omitted_instead_of_cut() -> None:
     deep = "check: scene.age > 3"
     for number in range(9):
         deep = f"{{name: a rather long name {number}, sequence: [{{{deep.strip('{}')}}}]}}"
@@ -289,30 +287,30 @@ def test_paths_are_never_cut_and_left_out_when_they_are_too_long() -> None:
     assert "a_rather" not in shown
 
 
-def test_nodes_are_called_as_their_author_calls_them() -> None:
+def test_nodes_use_names_from_author() -> None:
     tree = "sequence:\n  - name: the way is free\n    wait_for: live.mood > 4\n    timeout: 5 s"
     shown = transcript(rehearsed(tree).events)
     assert "… waits: the way is free" in shown
     assert "✘ the way is free: not done within 5 s" in shown
 
 
-def test_a_wait_says_how_long_it_is() -> None:
+def test_wait_shows_its_duration() -> None:
     head = "tunables: {patience: {default: 4 s, min: 1 s, max: 9 s, description: d}}"
     assert "… waits: wait 4 s" in transcript(rehearsed("wait: ${patience}", head=head).events)
 
 
-def test_inputs_stand_with_commas_between_them() -> None:
+def test_inputs_are_separated_by_commas() -> None:
     assert "▶ light blue, blink true" in transcript(
         rehearsed("light: {colour: blue, blink: true}").events
     )
 
 
-def test_all_that_is_shown_with_a_text_is_told() -> None:
+def test_show_reports_text_and_all_other_inputs() -> None:
     shown = transcript(rehearsed("show: {text: Put it here., clip: hand, duration: 3 s}").events)
     assert '▶ show "Put it here.", clip hand' in shown
 
 
-def test_a_message_is_lost_where_no_node_waits_for_it() -> None:
+def test_message_without_waiting_node_is_lost() -> None:
     tree = """
         sequence:
           - wait: 2 s
@@ -326,7 +324,7 @@ def test_a_message_is_lost_where_no_node_waits_for_it() -> None:
     assert "◆ message" in transcript(rehearsed(tree % "", rings.replace("1 s", "2.5 s")).events)
 
 
-def test_a_node_that_is_stopped_is_marked() -> None:
+def test_stopped_node_is_marked() -> None:
     result = rehearsed("drive: a\ntimeout: 3 s", "answers: {drive: {ends: never}}")
     shown = [line for event in result.events for line in lines(event, ticks=True)]
     assert any("    3.0 s    ■ drive" in line for line in shown)
@@ -346,7 +344,7 @@ def test_a_node_that_is_stopped_is_marked() -> None:
         ("{remembered: {}}", None),
     ],
 )
-def test_what_is_put_into_the_scene_can_be_expected(expect, rows):
+def test_told_scene_values_can_be_expected(expect, rows):
     tree = "sequence:\n  - set: {scene.mood: 4, scene.age: 5}\n  - set: {scene.mood: 2}"
     spec = agent(tree)
     (case,) = cases_for(spec, f"- name: it tells\n  expect: {expect}\n").cases
@@ -359,6 +357,6 @@ def test_what_is_put_into_the_scene_can_be_expected(expect, rows):
     assert list(failure.rows) == rows
 
 
-def test_a_told_value_that_is_expected_lies_in_its_range():
+def test_expected_told_value_must_be_in_range():
     with pytest.raises(ReadError, match="out-of-range"):
         cases_for(agent("log: a"), "- name: it tells\n  expect: {told: {mood: 9}}\n")

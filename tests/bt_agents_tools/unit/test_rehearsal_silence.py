@@ -30,14 +30,14 @@ def story(tree: str, *happenings: str, head: str = "", more: str = "") -> Rehear
     return rehearsed(tree, more + (f"during:\n{items}" if items else ""), head=head)
 
 
-def test_a_silent_scene_layer_makes_the_live_scene_stale_after_the_lease() -> None:
+def test_silent_scene_layer_makes_scene_stale_after_lease() -> None:
     result = story("wait_for: live.stale", "after: 2 s, scene_layer: silent")
     assert result.outcome is TreeOutcome.SUCCEEDED
     assert result.duration_s == pytest.approx(3.0, abs=0.01)
     assert events_of(result, EventKind.SCENE) == [(2.0, "the scene layer is silent")]
 
 
-def test_what_changes_in_silence_is_known_when_the_scene_layer_is_back() -> None:
+def test_changes_during_silence_appear_when_scene_layer_returns() -> None:
     result = story(
         "wait_for: live.mood == 5",
         "after: 2 s, scene_layer: silent",
@@ -47,7 +47,7 @@ def test_what_changes_in_silence_is_known_when_the_scene_layer_is_back() -> None
     assert result.duration_s == pytest.approx(9.0)
 
 
-def test_a_mood_rule_does_not_fire_in_silence_and_begins_anew_after_it() -> None:
+def test_mood_rule_pauses_and_resets_during_silence() -> None:
     rule = "feedback: [{when: mood.change <= -1, for: 2 s, give: negative, then: cancel}]"
     worse, silent = "after: 1 s, mood: 1", "after: 1500 ms, scene_layer: silent"
     result = story("wait: 30 s", worse, silent, "after: 10 s, scene_layer: back", head=rule)
@@ -71,14 +71,14 @@ def test_a_mood_rule_does_not_fire_in_silence_and_begins_anew_after_it() -> None
         ),
     ],
 )
-def test_the_documented_tree_copes_with_a_stale_scene(
+def test_documented_tree_handles_stale_scene(
     happenings: tuple[str, ...], texts: list[str]
 ) -> None:
     result = story(documented_tree(), *happenings, more="answers: {drive: {after: 20 s}}\n")
     assert (spoken_texts(result), result.outcome) == (texts, TreeOutcome.SUCCEEDED)
 
 
-def test_the_documented_tree_does_without_a_mood_that_is_stale_when_it_asks() -> None:
+def test_documented_tree_skips_already_stale_mood() -> None:
     rest = textwrap.indent(documented_tree(), "    ").strip()
     result = story(f"sequence:\n  - wait: 3 s\n  - {rest}", "after: 0 s, scene_layer: silent")
     assert spoken_texts(result)[0] == "Follow me."

@@ -29,7 +29,7 @@ def rehearse(*words: str, typed: str | None = None) -> Result:
 
 
 @pytest.mark.parametrize("name", ["attentive_guide", f"{GUIDE}.yaml"])
-def test_an_agent_is_rehearsed_by_its_name_or_file(name: str) -> None:
+def test_agent_is_rehearsed_by_name_or_file(name: str) -> None:
     result = rehearse(name, "--scene", "age=4", "familiarity=1")
     assert result.exit_code == 0, result.output
     assert result.stdout.startswith("Attentive guide\nage 4 (an older adult), familiarity 1")
@@ -37,11 +37,11 @@ def test_an_agent_is_rehearsed_by_its_name_or_file(name: str) -> None:
     assert "● succeeded" in result.output
 
 
-def test_the_values_of_a_scene_may_stand_before_the_agent() -> None:
+def test_scene_values_may_precede_agent_argument() -> None:
     assert rehearse("--scene", "age=4", "mood=3", "attentive_guide").exit_code == 0
 
 
-def test_no_line_is_wider_than_80_columns_and_there_is_no_colour() -> None:
+def test_output_fits_80_columns_without_colour() -> None:
     output = rehearse("attentive_guide", "--answer", "drive={fails: the way is blocked}").output
     assert all(len(line) <= 80 for line in output.splitlines()[3:])
     assert "\x1b" not in output
@@ -50,14 +50,14 @@ def test_no_line_is_wider_than_80_columns_and_there_is_no_colour() -> None:
 @pytest.mark.parametrize(
     "answers", [["ask={fails: silence}", "ask=bad"], ["ask=[{fails: silence}]", "ask=[bad, good]"]]
 )
-def test_answers_that_an_option_gives_again_come_in_their_order(answers: list[str]) -> None:
+def test_repeated_answer_options_are_used_in_order(answers: list[str]) -> None:
     options = [word for answer in answers for word in ("--answer", answer)]
     output = rehearse("evening_round", *options).output
     assert "Pardon? How was your day?" in output, output
     assert "I am sorry to hear that." in output, output
 
 
-def test_a_repeated_answer_that_is_wrong_is_shown_as_it_was_typed() -> None:
+def test_invalid_repeated_answer_is_shown_as_typed() -> None:
     wrong = 'ask={fial: "silence"}'
     output = str(rehearse("evening_round", "--answer", "ask=bad", "--answer", wrong).exception)
     assert f'--answer "{wrong}"' in output
@@ -65,12 +65,12 @@ def test_a_repeated_answer_that_is_wrong_is_shown_as_it_was_typed() -> None:
 
 
 @pytest.mark.parametrize(("place", "said"), [(0, "Tomorrow is another day."), (1, "Micro chips")])
-def test_an_option_says_which_child_a_random_takes(place: int, said: str) -> None:
+def test_option_picks_child_of_random(place: int, said: str) -> None:
     result = rehearse("evening_round", "--answer", "ask=bad", "--pick", f"**.random/{place}.*")
     assert said in result.output
 
 
-def test_everything_can_be_said_by_options() -> None:
+def test_options_cover_whole_scenario() -> None:
     result = rehearse(
         "silent_text",
         *("--scene", "mood=2"),
@@ -96,7 +96,7 @@ def test_everything_can_be_said_by_options() -> None:
         assert line in result.output, result.output
 
 
-def test_a_case_of_a_test_file_is_rehearsed_and_judged() -> None:
+def test_test_file_case_is_rehearsed_and_judged() -> None:
     script = f"{GUIDE}.test.yaml:annoyed"
     result = rehearse("attentive_guide", "--script", script)
     assert "Attentive guide · somebody who gets annoyed is left alone" in result.output
@@ -107,13 +107,13 @@ def test_a_case_of_a_test_file_is_rehearsed_and_judged() -> None:
     assert "✘ trees/agents/attentive_guide.test.yaml:" in other.output
 
 
-def test_an_agent_that_would_not_bid_is_rehearsed_all_the_same_with_a_note() -> None:
+def test_non_bidding_agent_is_rehearsed_with_note() -> None:
     result = rehearse("attentive_guide", "--scene", "person=false")
     assert "it does not bid, it needs scene.person" in result.output
     assert "● succeeded" in result.output
 
 
-def test_a_run_that_fails_or_never_ends_has_exit_code_1() -> None:
+def test_failed_or_endless_run_exits_with_1() -> None:
     assert rehearse("attentive_guide", "--answer", "ask={fails: silence}").exit_code == 1
 
 
@@ -121,7 +121,7 @@ def test_ticks_show_every_node() -> None:
     assert "· ▷ ask" in rehearse("attentive_guide", "--ticks").output
 
 
-def test_answers_can_be_typed() -> None:
+def test_answers_can_be_typed_interactively() -> None:
     result = rehearse("professional_express", "-i", typed="gate 9\nfail the lift is out\n")
     assert result.exit_code == 1
     assert "? answer [yes] > gate 9\n" in result.output
@@ -129,13 +129,13 @@ def test_answers_can_be_typed() -> None:
     assert "drive gate 9 – aborted: the lift is out" in result.output
 
 
-def test_a_typed_answer_that_fits_nothing_is_asked_for_again() -> None:
+def test_invalid_typed_answer_is_requested_again() -> None:
     result = rehearse("professional_express", "-i", typed="gate 9\nperhaps\n\n")
     assert "it gives nothing back that could be 'perhaps'" in result.output
     assert "● succeeded" in result.output
 
 
-def test_whoever_types_can_let_something_happen_when_nothing_else_does() -> None:
+def test_interactive_user_can_supply_event_when_idle() -> None:
     result = rehearse(
         "silent_text",
         *("--tune", "patience=60s"),
@@ -170,13 +170,13 @@ def test_whoever_types_can_let_something_happen_when_nothing_else_does() -> None
         (("silent_text", "--script", f"{GUIDE}.test.yaml"), "is a test of attentive_guide"),
     ],
 )
-def test_slips_are_named(words: tuple[str, ...], message: str) -> None:
+def test_invalid_arguments_are_named(words: tuple[str, ...], message: str) -> None:
     result = rehearse(*words)
     assert isinstance(result.exception, BtAgentsError)
     assert message in str(result.exception)
 
 
-def test_an_agent_outside_of_a_trees_folder_says_where_it_belongs(tmp_path: Path) -> None:
+def test_agent_outside_trees_folder_is_refused_with_hint(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text("format: 1")
     assert "lies in no trees folder" in str(rehearse(os.fspath(tmp_path / "a.yaml")).exception)
 
@@ -201,12 +201,12 @@ def test_an_agent_outside_of_a_trees_folder_says_where_it_belongs(tmp_path: Path
         ("5s cancel by=host", '{after: 5s, cancel: {by: host, reason: "cancelled by hand"}}'),
     ],
 )
-def test_what_happens_is_written_as_in_a_test_file(typed: str, text: str) -> None:
+def test_typed_event_uses_test_file_syntax(typed: str, text: str) -> None:
     head = "tunables: {patience: {default: 8 s, min: 2 s, max: 30 s, description: d}}"
     assert event_yaml(agent("wait: ${patience}", head), typed) == text
 
 
-def test_a_wrong_option_is_shown_as_it_was_typed() -> None:
+def test_invalid_option_is_shown_as_typed() -> None:
     result = rehearse("attentive_guide", "--at", "3s mod=1", "--scene", "mood=x")
     shown = str(result.exception)
     assert (
@@ -225,30 +225,30 @@ def test_a_wrong_option_is_shown_as_it_was_typed() -> None:
     assert "the options" not in shown
 
 
-def test_what_was_typed_and_is_wrong_is_shown_with_a_caret() -> None:
+def test_typed_error_is_marked_with_caret() -> None:
     result = rehearse("silent_text", "--scene", "mood=2", "-i", typed="3s mod=1\n\n")
     assert "\n      3s mod=1\n         ^^^\n" in result.output
 
 
-def test_the_begin_of_a_skill_is_told_before_its_answer_is_asked_for() -> None:
+def test_skill_start_is_shown_before_its_answer_prompt() -> None:
     lines = rehearse("professional_express", "-i", typed="gate 9\n\n").output.splitlines()
     at = next(i for i, line in enumerate(lines) if '▶ ask "Where to?"' in line)
     assert lines[at + 3] == "          ? answer [yes] > gate 9"
     assert lines[at + 4].endswith("✔ answer: gate 9")
 
 
-def test_choices_are_all_shown_at_the_question() -> None:
+def test_question_shows_all_choices() -> None:
     assert "? answer [good] or bad >" in rehearse("evening_round", "-i", typed="\nbad\n").output
 
 
 @pytest.mark.parametrize("typed", ["mood=1.5", "0.5s mood=1.5", "tune patience=30s", "0 s cancel"])
-def test_something_may_happen_at_any_question(typed: str) -> None:
+def test_event_can_be_entered_at_any_question(typed: str) -> None:
     output = rehearse("attentive_guide", "--scene", "age=4", "-i", typed=f"\n{typed}\n\n").output
     assert any(word in output for word in ("◆ mood 1.5", "◆ tuned: patience 30 s", "■ cancelled"))
     assert "is none of the choices" not in output
 
 
-def test_a_button_can_be_pressed_at_a_wait_that_has_a_limit() -> None:
+def test_button_can_be_pressed_during_limited_wait() -> None:
     result = rehearse(
         "large_print", "-i", "--scene", "age=5", typed="8s buttons/confirm data=true\n\n"
     )
@@ -257,7 +257,7 @@ def test_a_button_can_be_pressed_at_a_wait_that_has_a_limit() -> None:
     assert "✘" not in result.output
 
 
-def test_the_head_says_that_an_agent_would_not_be_called() -> None:
+def test_header_says_market_would_not_call_agent() -> None:
     lines = rehearse("patient_carrier").stdout.splitlines()
     assert lines[1].endswith("a person is there")
     assert lines[2].startswith("The market would not call it: it does not bid, it needs not")
@@ -274,7 +274,7 @@ def copied(tmp_path: Path) -> Path:
     return folder
 
 
-def test_an_agent_is_that_of_the_trees_folder_one_stands_in(
+def test_agent_comes_from_current_trees_folder(
     copied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(copied)
@@ -283,13 +283,13 @@ def test_an_agent_is_that_of_the_trees_folder_one_stands_in(
     assert "Good day. I carry" in shown.output
 
 
-def test_the_trees_folder_can_be_named(copied: Path) -> None:
+def test_trees_folder_can_be_specified(copied: Path) -> None:
     assert "Good day. I carry" in rehearse("attentive_guide", "--dir", str(copied)).output
     assert "Good day. I carry" not in rehearse("attentive_guide").output
 
 
 @pytest.mark.parametrize(("language", "said"), [("", "Guten Tag, Ann."), ("en", "Hello Ann.")])
-def test_an_agent_is_rehearsed_and_tested_in_a_language(
+def test_agent_is_rehearsed_and_tested_in_chosen_language(
     tmp_path: Path, language: str, said: str
 ) -> None:
     files = {

@@ -24,12 +24,12 @@ def private_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
 
-def test_parts_are_named_with_commas_and_all_are_meant_by_nothing():
+def test_parts_are_comma_separated_and_default_to_all():
     assert named_parts("market, scene") == {"market", "scene"}
     assert named_parts("") == set(PARTS)
 
 
-def test_a_part_that_there_is_not_is_refused_with_those_there_are():
+def test_unknown_part_is_refused_with_known_parts():
     with pytest.raises(click.UsageError) as caught:
         named_parts("market,seen")
     assert str(caught.value) == (
@@ -38,7 +38,7 @@ def test_a_part_that_there_is_not_is_refused_with_those_there_are():
     )
 
 
-def test_every_part_is_the_name_of_a_component():
+def test_every_part_names_a_component():
     trees = Path("/trees")
     made = [
         components.market(trees),
@@ -61,12 +61,12 @@ def test_a_host_is_named_after_its_machine(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize("name", ["left arm", "7", "robot", "x" * 61, "ä"])
-def test_a_host_cannot_have_any_name(name: str):
+def test_invalid_host_name_is_refused(name: str):
     with pytest.raises(click.UsageError, match=r"--name is "):
         host_name(name)
 
 
-def test_one_machine_runs_other_parts_beside_but_no_part_twice():
+def test_machine_runs_each_part_at_most_once():
     hold_parts(7, ["robot"], "'bt-agents robot' (process 1)")
     hold_parts(7, ["marketplace", "scene_layer"], "'bt-agents up --only market' (process 2)")
     with pytest.raises(BtAgentsError, match=r"the part robot already runs on ROS domain 7: 'bt-"):
@@ -75,7 +75,7 @@ def test_one_machine_runs_other_parts_beside_but_no_part_twice():
         hold_domain(7, "me")
 
 
-def test_a_system_for_the_network_has_a_profile_in_which_requests_expire():
+def test_network_system_uses_profile_with_expiring_requests():
     environment = {"FASTRTPS_DEFAULT_PROFILES_FILE": str(LOOPBACK_PROFILE)}
     open_to_network(environment)
     assert environment == {
@@ -94,14 +94,14 @@ def test_a_system_for_the_network_has_a_profile_in_which_requests_expire():
     ]
 
 
-def test_a_profile_of_the_user_stays():
+def test_user_dds_profile_is_kept():
     environment = {"FASTRTPS_DEFAULT_PROFILES_FILE": "/home/ann/fast.xml"}
     open_to_network(environment)
     prolong_requests(environment, 2.0)
     assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == "/home/ann/fast.xml"
 
 
-def test_who_waits_for_others_waits_longer_on_a_slow_network():
+def test_hosts_wait_longer_on_slow_network():
     trees = Path("/trees")
     slow = components.on_slow_network(components.host(trees), 4.0)
     assert slow.parameters["slow_network"] == 4.0

@@ -31,7 +31,7 @@ class Crowd:
         self.visits_done = self.looks == 1000
 
 
-def test_a_long_script_is_played_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_script_is_played_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
     minutes = count(step=60)
     monkeypatch.setattr(time, "monotonic", lambda: float(next(minutes)))
     crowd: Any = Crowd()

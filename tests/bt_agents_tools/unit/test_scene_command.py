@@ -59,7 +59,7 @@ def shown(message: Any, persons: Any = None) -> list[str]:
     return [" ".join(line.split()) for line in out.getvalue().splitlines()]
 
 
-def test_each_value_is_shown_with_its_words_its_origin_and_how_sure_it_is() -> None:
+def test_value_is_shown_with_label_origin_and_certainty() -> None:
     head, headings, *rows = shown(KNOWN)
     assert head.startswith("Mrs Smith, anna is there, in lobby (")
     assert headings == "parameter value is age sure from"
@@ -71,14 +71,14 @@ def test_each_value_is_shown_with_its_words_its_origin_and_how_sure_it_is() -> N
     ]
 
 
-def test_who_is_there_is_said_in_words() -> None:
+def test_presence_is_stated_in_words() -> None:
     assert shown(scene(person=False))[0].startswith("nobody is there (")
     assert shown(scene())[0].startswith("somebody is there (")
     lost = scene(person=False, person_id="anna")
     assert shown(lost)[0].startswith("anna is not there any more (")
 
 
-def test_a_visit_and_what_is_remembered_are_shown() -> None:
+def test_visit_and_remembered_values_are_shown() -> None:
     fields = message_fields("favourite", "tea")
     fact = SimpleNamespace(key="favourite", value=SimpleNamespace(**fields["value"]))
     told = value("mood", 2.0, Origin.TOLD, source="the person")
@@ -104,7 +104,7 @@ def test_the_addressee_is_marked_with_the_reason() -> None:
     )
 
 
-def test_markup_in_an_id_is_shown_as_it_is() -> None:
+def test_markup_in_id_is_shown_literally() -> None:
     assert shown(scene(person_id="[red]x[/]"))[0].startswith("[red]x[/] is there")
 
 

@@ -31,13 +31,13 @@ def table(trees: Trees) -> dict[str, Rights]:
     return rights_of(trees, HOSTS)
 
 
-def test_each_role_may_do_what_those_before_it_may(table: dict[str, Rights]) -> None:
+def test_each_role_includes_rights_of_lower_roles(table: dict[str, Rights]) -> None:
     for less, more in itertools.pairwise(ROLES):
         assert all(table[less][right] <= table[more][right] for right in table[less])
         assert table[less] != table[more]
 
 
-def test_whoever_watches_changes_nothing(table: dict[str, Rights]) -> None:
+def test_watch_role_changes_nothing(table: dict[str, Rights]) -> None:
     watch = table["watch"]
     assert watch["publish"] == {"/parameter_events", "/rosout"}
     assert watch["reply"] == {"_bt_agents_observer/get_type_description"}
@@ -62,13 +62,13 @@ def test_whoever_watches_changes_nothing(table: dict[str, Rights]) -> None:
         ("subscribe", "more/heartbeat", {"marketplace", "robot", "studio", *ROLES}),
     ],
 )
-def test_only_these_have_a_right(
+def test_only_listed_roles_have_right(
     table: dict[str, Rights], right: str, name: str, who: set[str]
 ) -> None:
     assert {one for one, rights in table.items() if name in rights[right]} == who
 
 
-def test_authors_may_call_every_commands_service(table: dict[str, Rights]) -> None:
+def test_author_role_may_call_service_of_every_command(table: dict[str, Rights]) -> None:
     sources = (ROOT / "bt_agents_tools" / "bt_agents_tools").rglob("*.py")
     called = {name for path in sources for name in CALLED.findall(path.read_text())}
     assert len(called) > 8
@@ -76,7 +76,7 @@ def test_authors_may_call_every_commands_service(table: dict[str, Rights]) -> No
     assert named - table["author"]["request"] == set()
 
 
-def test_a_policy_has_the_form_of_sros2(trees: Trees, table: dict[str, Rights]) -> None:
+def test_policy_has_sros2_format(trees: Trees, table: dict[str, Rights]) -> None:
     root = Xml.fromstring(policy_xml(trees, HOSTS, "/robot1"))
     assert (root.tag, root.get("version")) == ("policy", "0.2.0")
     enclaves = root.findall("enclaves/enclave")

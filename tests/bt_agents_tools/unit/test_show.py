@@ -58,7 +58,7 @@ def example(**changes: object) -> AgentSpec:
     return replace(agent(TREE, HEAD), **changes)
 
 
-def test_the_outline_shows_modifiers_as_nodes_with_their_lines():
+def test_outline_shows_modifiers_as_nodes_with_line_numbers():
     assert (
         outline(example(), SPACE)
         == """\
@@ -89,12 +89,12 @@ on_cancel
     )
 
 
-def test_what_the_robot_cannot_do_is_named():
+def test_skills_missing_on_robot_are_named():
     missing = example(unoffered=("say: no robot offers it",))
     assert "\n  missing   say: no robot offers it\n" in outline(missing, SPACE)
 
 
-def test_choices_show_their_conditions_and_weights():
+def test_choices_show_conditions_and_weights():
     tree = """\
     choose:
       children:
@@ -122,7 +122,7 @@ def test_choices_show_their_conditions_and_weights():
     )
 
 
-def test_lines_are_not_wider_than_the_terminal():
+def test_lines_fit_terminal_width():
     head = """\
     subtrees:
       tell: {inputs: {words: text, again: text}, tree: {say: "${words}${again}"}}
@@ -158,11 +158,11 @@ def test_lines_are_not_wider_than_the_terminal():
 
 
 @pytest.mark.parametrize("spec", SHIPPED, ids=lambda spec: spec.name)
-def test_every_agent_is_shown_in_80_columns(spec):
+def test_every_agent_fits_80_columns(spec):
     assert max(map(columns, outline(spec, SPACE).splitlines())) <= 80
 
 
-def test_children_that_a_parallel_needs_are_shown_by_their_names():
+def test_required_children_of_parallel_are_named():
     tree = """\
     parallel:
       succeed_on: [way]
@@ -173,7 +173,7 @@ def test_children_that_a_parallel_needs_are_shown_by_their_names():
     assert "▼ parallel succeed on [way]\n" in outline(agent(tree), SPACE)
 
 
-def test_mermaid_has_shorter_texts_and_one_input_a_line():
+def test_mermaid_shortens_texts_and_puts_inputs_on_lines():
     text = "Put your bag on the platform, please."
     spec = agent(f"ask: {{text: '{text}', choices: [now, later], wait: 5 s}}")
     label = (
@@ -188,7 +188,7 @@ def test_long_texts_are_shortened():
     assert f'say "{"word " * 11}word…"' in text
 
 
-def test_mermaid_escapes_what_it_could_misread():
+def test_mermaid_escapes_special_characters():
     nasty = replace(agent("say: 'a \"b\" <i> #1; %% {x} | ]'"), title='T: "x"\n---')
     assert (
         mermaid(nasty)
@@ -218,7 +218,7 @@ def test_mermaid_joins_every_node_to_its_parent():
     assert '  n6 -->|"on failure"| n9' in lines
 
 
-def test_every_kind_of_box_is_told_apart():
+def test_box_kinds_are_distinguishable():
     kinds = {box.kind for box in iter_nodes(box_of(example().tree))}
     assert kinds == set(BoxKind)
 
@@ -232,24 +232,24 @@ def shown(capsys):
     return call
 
 
-def test_an_agent_is_shown_by_its_name_or_its_file(shown):
+def test_agent_is_shown_by_name_or_file(shown):
     by_name = shown("attentive_guide", "--dir", TREES)
     assert by_name.startswith("attentive_guide: Attentive guide\n  profile   age 4, ")
     assert shown(TREES / "agents" / "attentive_guide.yaml") == by_name
 
 
-def test_a_flowchart_is_printed_for_mermaid(shown):
+def test_mermaid_flowchart_is_printed(shown):
     assert shown("silent_text", "--dir", TREES, "--format", "mermaid").startswith("---\ntitle: ")
 
 
-def test_an_agent_that_is_not_there_is_an_error_with_a_hint(shown):
+def test_missing_agent_is_an_error_with_hint(shown):
     with pytest.raises(BtAgentsError, match=r"there is no agent 'silent_txt' in .*'silent_text'"):
         shown("silent_txt", "--dir", TREES)
     with pytest.raises(BtAgentsError, match=r"there is no file 'no\.yaml'"):
         shown("no.yaml")
 
 
-def test_a_broken_agent_is_shown_with_its_errors(shown, tmp_path):
+def test_broken_agent_is_shown_with_errors(shown, tmp_path):
     (tmp_path / "agents").mkdir()
     (tmp_path / "scene.yaml").write_bytes((TREES / "scene.yaml").read_bytes())
     file = tmp_path / "agents" / "odd.yaml"
@@ -259,7 +259,7 @@ def test_a_broken_agent_is_shown_with_its_errors(shown, tmp_path):
             shown(word, "--dir", tmp_path)
 
 
-def test_files_are_named_as_seen_from_here(shown, monkeypatch):
+def test_file_names_are_relative_to_current_folder(shown, monkeypatch):
     monkeypatch.chdir(TREES.parent)
     text = shown(Path("trees/agents/cheerful_voice.yaml"))
     assert "random  (trees/libraries/manners.yaml)\n" in text

@@ -11,12 +11,12 @@ OF_MARKET = Message(agent="", file="market.yaml", line=4, message="rule 1 cannot
 OF_MOOD = Message(agent="guide", file="", line=0, message="the mood rule cannot be decided")
 
 
-def test_rules_that_cannot_be_decided_are_told_of_the_market_and_of_the_feedback_node() -> None:
+def test_undecidable_market_and_mood_rules_are_reported() -> None:
     market, profiles = Message(problems=[OF_MARKET]), Message(problems=[OF_MOOD])
     assert rule_problems(market, profiles) == [OF_MARKET, OF_MOOD]
     assert rule_problems(market, None) == [OF_MARKET]
 
 
-def test_agents_whose_host_bids_with_another_profile_are_told_where_anybody_knows() -> None:
+def test_agents_bidding_with_differing_profile_are_listed() -> None:
     assert differing_agents(Message(differing=["guide"])) == ["guide"]
     assert differing_agents(None) == ()

@@ -30,7 +30,7 @@ def text_of(status: MarketStatus, names: SceneLabels | None = None, **more: bool
     return market_text(status, names or SceneLabels(), SINCE_S + 75.0, **known)
 
 
-def test_a_run_says_since_when_it_is_under_way_and_for_which_scene():
+def test_run_shows_its_start_time_and_scene():
     status = MarketStatus(
         header=header_at(to_time(SINCE_S)),
         state=MarketStatus.RUNNING,
@@ -43,7 +43,7 @@ def test_a_run_says_since_when_it_is_under_way_and_for_which_scene():
     )
 
 
-def test_a_scene_without_a_label_is_named_by_its_values_and_never_by_an_id_that_is_known():
+def test_unlabelled_scene_is_named_by_values_not_id():
     names = SceneLabels()
     names.add(Scene(scene_id="scene-7", person=True, values=[SceneValue(name="age", value=4.5)]))
     running = MarketStatus(
@@ -57,7 +57,7 @@ def test_a_scene_without_a_label_is_named_by_its_values_and_never_by_an_id_that_
     )
 
 
-def test_what_an_operator_awards_has_the_name_of_its_scene():
+def test_operator_award_uses_label_of_its_scene():
     names = SceneLabels()
     names.add(Scene(scene_id="scene-7", label="a child"))
     assert names.name_of("scene-7+award2") == "a child"
@@ -65,7 +65,7 @@ def test_what_an_operator_awards_has_the_name_of_its_scene():
     assert names.name_of("scene-8+award2") == "scene-8+award2"
 
 
-def test_a_flood_of_scenes_leaves_the_names_of_the_last_ones():
+def test_scene_label_cache_keeps_latest_labels():
     names = SceneLabels()
     for number in range(1_001):
         names.add(Scene(scene_id=f"scene-{number}", label=f"{number}" + "a" * 1_000))
@@ -75,7 +75,7 @@ def test_a_flood_of_scenes_leaves_the_names_of_the_last_ones():
     assert names.name_of("s" * 20_000) == "s" * 20_000
 
 
-def test_a_market_whose_scenes_wait_says_for_whom_whatever_is_shown_below():
+def test_waiting_market_always_names_awaited_host():
     waits = MarketStatus(
         header=header_at(to_time(SINCE_S)), queued=2, message="waiting for /agents"
     )
@@ -83,7 +83,7 @@ def test_a_market_whose_scenes_wait_says_for_whom_whatever_is_shown_below():
 
 
 @pytest.mark.parametrize("follow_up_is_first", [False, True])
-def test_a_follow_up_round_has_the_name_of_its_own_scene(follow_up_is_first):
+def test_follow_up_round_uses_label_of_own_scene(follow_up_is_first):
     scenes = [Scene(scene_id="scene-7", label="a child"), Scene(scene_id="scene-7+1", label="sad")]
     names = SceneLabels()
     for scene in scenes[:: -1 if follow_up_is_first else 1]:
@@ -95,7 +95,7 @@ def test_a_follow_up_round_has_the_name_of_its_own_scene(follow_up_is_first):
     ]
 
 
-def test_an_idle_market_says_what_was_last_unless_its_end_is_shown_below():
+def test_idle_market_shows_last_end_unless_shown_elsewhere():
     idle = MarketStatus(
         header=header_at(to_time(SINCE_S)), message="scene 'lady' is over: succeeded"
     )
@@ -114,11 +114,11 @@ def test_an_idle_market_says_what_was_last_unless_its_end_is_shown_below():
         (7384.0, "for 2 h 3 min"),
     ],
 )
-def test_how_long_something_lasts_has_two_units_at_most(lasted_s, text):
+def test_duration_has_at_most_two_units(lasted_s, text):
     assert since_text(to_time(SINCE_S), SINCE_S + lasted_s) == f"since 10:11:12, {text}"
 
 
-def test_nodes_have_the_names_of_the_latest_trees_of_their_agent():
+def test_node_names_come_from_latest_trees_of_agent():
     def trees(name: str) -> Trees:
         nodes = [TreeNode(path="tree", name=name)]
         return Trees(trees=[Tree(agent="a", nodes=nodes), Tree(agent="b", nodes=nodes)])

@@ -13,7 +13,7 @@ from bt_agents_tools.cli import run_system
 from bt_agents_tools.cli.run_system import studio_plan
 
 
-def test_addresses_of_an_earlier_start_are_not_told_again(tmp_path: Path) -> None:
+def test_addresses_of_earlier_start_are_removed(tmp_path: Path) -> None:
     (tmp_path / "studio.json").write_text("{}")
     plan = studio_plan(Path("trees"), tmp_path, tmp_path / "journal", browser_robot=True)
     assert plan is not None
@@ -27,7 +27,7 @@ def test_addresses_of_an_earlier_start_are_not_told_again(tmp_path: Path) -> Non
         assert plan.component.arguments == (*folders, str(number))
 
 
-def test_two_systems_have_ports_of_their_own(tmp_path: Path) -> None:
+def test_two_systems_use_different_ports(tmp_path: Path) -> None:
     plans = [studio_plan(tmp_path, tmp_path, tmp_path, browser_robot=False) for _ in range(2)]
     listening = [plan.listening for plan in plans if plan is not None]
     ports = {one.getsockname()[1] for one in listening}
@@ -37,7 +37,7 @@ def test_two_systems_have_ports_of_their_own(tmp_path: Path) -> None:
     assert ports <= set(STUDIO_PORTS)
 
 
-def test_without_a_free_port_the_system_goes_on(
+def test_system_continues_without_free_port(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with listen("127.0.0.1", [0]) as taken:
@@ -47,7 +47,7 @@ def test_without_a_free_port_the_system_goes_on(
     assert capsys.readouterr().err == f"no studio: port {port} is taken\n"
 
 
-def test_without_its_package_the_system_goes_on_and_one_line_says_how_to_get_it(
+def test_missing_studio_package_prints_one_install_hint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(run_system, "find_spec", lambda _name: None)

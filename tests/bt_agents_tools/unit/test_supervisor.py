@@ -38,9 +38,7 @@ HANG_S = 30.0
         ([0.0] * 8 + [3600.0, 3600.0], [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 0.5, 0.5]),
     ],
 )
-def test_the_wait_doubles_up_to_half_a_minute_and_begins_anew_after_a_life_of_ten_seconds(
-    lives: list[float], waits: list[float]
-) -> None:
+def test_restart_delay_doubles_to_limit_and_resets(lives: list[float], waits: list[float]) -> None:
     backoff = Backoff()
     assert [backoff.next_wait(life) for life in lives] == waits
 
@@ -111,7 +109,7 @@ def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched
             one.close()
 
 
-def test_a_killed_component_is_started_again_after_a_wait_that_doubles(watched: Watched) -> None:
+def test_killed_component_restarts_with_doubling_delay(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     for starts, wait in enumerate(("0.5", "1", "2"), 1):
         pid = watched.up("agents", starts)
@@ -134,7 +132,7 @@ def test_a_killed_component_is_started_again_after_a_wait_that_doubles(watched: 
     ]
 
 
-def test_after_a_life_of_ten_seconds_the_wait_is_short_again(watched: Watched) -> None:
+def test_restart_delay_resets_after_ten_seconds_of_uptime(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     assert "again in 0.5 s" in watched.end("agents", watched.up("agents"))[0]
     watched.now += 0.5
@@ -145,9 +143,7 @@ def test_after_a_life_of_ten_seconds_the_wait_is_short_again(watched: Watched) -
     assert "again in 0.5 s" in watched.end("agents", pid)[0]
 
 
-def test_a_component_that_falls_silent_is_killed_after_ten_seconds_and_started_again(
-    watched: Watched,
-) -> None:
+def test_silent_component_is_killed_and_restarted(watched: Watched) -> None:
     supervisor = watched.supervisor
     supervisor.start(watched.write("agents", UP_FOR_EVER), watched.write("robot", UP_FOR_EVER))
     pid = watched.up("agents")
@@ -170,9 +166,7 @@ def test_a_component_that_falls_silent_is_killed_after_ten_seconds_and_started_a
     assert "--- start" not in watched.said("robot")
 
 
-def test_a_node_that_was_told_to_leave_may_be_silent_until_it_is_active_again(
-    watched: Watched,
-) -> None:
+def test_inactive_node_may_be_silent(watched: Watched) -> None:
     supervisor = watched.supervisor
     supervisor.start(watched.write("agents", UP_FOR_EVER))
     watched.up("agents")
@@ -195,16 +189,14 @@ def test_a_node_that_was_told_to_leave_may_be_silent_until_it_is_active_again(
     assert events == ["agents hangs (no heartbeat for 10 s): killing it"]
 
 
-def test_states_at_the_start_of_a_node_are_no_news(watched: Watched) -> None:
+def test_initial_node_states_are_not_reported(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     watched.up("agents")
     watched.supervisor.on_state("agents", "active")
     assert watched.supervisor.poll() == []
 
 
-def test_heartbeats_of_nodes_that_share_a_process_are_those_of_the_process(
-    watched: Watched,
-) -> None:
+def test_heartbeat_of_any_node_counts_for_shared_process(watched: Watched) -> None:
     supervisor = watched.supervisor
     shared = replace(watched.write("system", UP_FOR_EVER), parts={"agents": "a", "robot": "b"})
     supervisor.start(shared)
@@ -233,7 +225,7 @@ def test_a_heartbeat_before_the_first_poll_counts(watched: Watched) -> None:
     assert events == ["agents hangs (no heartbeat for 10 s): killing it"]
 
 
-def test_silence_during_a_short_pause_is_no_hang(watched: Watched) -> None:
+def test_short_pause_is_not_reported_as_hang(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     watched.up("agents")
     watched.supervisor.on_heartbeat("agents")
@@ -245,7 +237,7 @@ def test_silence_during_a_short_pause_is_no_hang(watched: Watched) -> None:
     assert hangs == "agents hangs (no heartbeat for 10 s): killing it"
 
 
-def test_after_a_long_pause_a_heartbeat_comes_first(watched: Watched) -> None:
+def test_hang_detection_awaits_heartbeat_after_long_pause(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     watched.up("agents")
     watched.supervisor.on_heartbeat("agents")
@@ -271,7 +263,7 @@ def main():
 """
 
 
-def test_a_component_that_is_up_and_gone_while_it_is_polled_has_been_up(
+def test_component_dying_during_poll_counts_as_up(
     watched: Watched, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("GO", str(tmp_path / "go"))
@@ -290,16 +282,14 @@ def test_a_component_that_is_up_and_gone_while_it_is_polled_has_been_up(
     assert "agents ended with exit code 1: starting it again in 0.5 s" in ended
 
 
-def test_a_component_that_cannot_start_at_first_is_an_error_with_the_end_of_its_log(
-    watched: Watched,
-) -> None:
+def test_failed_first_start_is_an_error_with_log(watched: Watched) -> None:
     watched.supervisor.start(watched.write("broken", BROKEN))
     with pytest.raises(BtAgentsError, match="broken ended with exit code 1") as caught:
         watched.until(lambda events: bool(events))
     assert "error: scene.yaml is broken" in str(caught.value)
 
 
-def test_what_was_up_once_is_tried_for_ever_even_when_it_cannot_start(watched: Watched) -> None:
+def test_previously_running_component_is_retried_forever(watched: Watched) -> None:
     component = watched.write("agents", UP_FOR_EVER)
     watched.supervisor.start(component)
     watched.end("agents", watched.up("agents"))
@@ -315,7 +305,7 @@ def test_what_was_up_once_is_tried_for_ever_even_when_it_cannot_start(watched: W
     assert back == "agents is back after 120.0 s"
 
 
-def test_the_time_a_process_needs_to_come_up_is_no_life(watched: Watched) -> None:
+def test_startup_time_does_not_count_as_uptime(watched: Watched) -> None:
     component = watched.write("agents", UP_FOR_EVER)
     watched.supervisor.start(component)
     watched.now += 40.0
@@ -330,9 +320,7 @@ def test_the_time_a_process_needs_to_come_up_is_no_life(watched: Watched) -> Non
     assert "starting it again in 1 s" in watched.end("agents", pid)[0]
 
 
-def test_a_process_that_lives_ten_seconds_between_kills_is_never_waited_for_longer(
-    watched: Watched,
-) -> None:
+def test_restart_delay_stays_short_with_sufficient_uptime(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     for start in range(1, 4):
         pid = watched.up("agents", start)
@@ -343,7 +331,7 @@ def test_a_process_that_lives_ten_seconds_between_kills_is_never_waited_for_long
         watched.supervisor.poll()
 
 
-def test_a_key_is_in_the_environment_of_one_process_only(
+def test_secret_is_passed_only_to_its_process(
     watched: Watched, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("RANKER_KEY", raising=False)
@@ -358,7 +346,7 @@ def test_a_key_is_in_the_environment_of_one_process_only(
     assert "s3cret" not in " ".join(selector.command())
 
 
-def test_a_component_that_does_not_restart_is_an_error_when_it_ends(watched: Watched) -> None:
+def test_end_of_non_restarting_component_is_an_error(watched: Watched) -> None:
     component = watched.write("visitors", UP_FOR_EVER)
     watched.supervisor.start(replace(component, restarts=False))
     pid = watched.up("visitors")
@@ -366,7 +354,7 @@ def test_a_component_that_does_not_restart_is_an_error_when_it_ends(watched: Wat
         watched.end("visitors", pid)
 
 
-def test_the_system_goes_on_without_a_component_that_it_does_not_need(watched: Watched) -> None:
+def test_system_continues_without_optional_component(watched: Watched) -> None:
     component = watched.write("studio", BROKEN)
     watched.supervisor.start(replace(component, needed=False))
     for wait in ("0.5", "1"):
@@ -380,7 +368,7 @@ def test_the_system_goes_on_without_a_component_that_it_does_not_need(watched: W
     assert watched.supervisor.has_been_up("studio")
 
 
-def test_a_process_that_ends_by_itself_is_named_with_the_end_of_its_log(tmp_path: Path) -> None:
+def test_unexpected_exit_is_reported_with_log_tail(tmp_path: Path) -> None:
     supervisor = Supervisor(tmp_path / "logs")
     supervisor.start(Component(name="broken", module="no_such_module"))
     try:
@@ -392,7 +380,7 @@ def test_a_process_that_ends_by_itself_is_named_with_the_end_of_its_log(tmp_path
         assert supervisor.stop() == []
 
 
-def test_parameters_are_handed_over_with_their_types() -> None:
+def test_parameters_keep_their_types() -> None:
     component = Component(
         name="n",
         module="m",
@@ -408,7 +396,7 @@ def test_parameters_are_handed_over_with_their_types() -> None:
     assert component.command()[:4] == [sys.executable, "-m", "bt_agents_ros.node_main", "m"]
 
 
-def test_arguments_of_the_module_come_before_those_of_ros() -> None:
+def test_module_arguments_precede_ros_arguments() -> None:
     command = Component(
         name="n", module="m", arguments=("a b", "c"), parameters={"x": 1}
     ).command()
@@ -416,12 +404,12 @@ def test_arguments_of_the_module_come_before_those_of_ros() -> None:
     assert command[module : module + 4] == ["m", "a b", "c", "--ros-args"]
 
 
-def test_parameters_win_over_those_of_a_file_which_comes_before_them() -> None:
+def test_explicit_parameters_override_parameter_file() -> None:
     component = Component(name="n", module="m", parameters={"x": 1}, file=Path("/f.yaml"))
     assert component.command()[6:] == ["--params-file", "/f.yaml", "-p", "x:=1"]
 
 
-def test_traffic_stays_on_this_machine_unless_the_user_has_said_otherwise() -> None:
+def test_traffic_stays_local_unless_user_overrides() -> None:
     environment: dict[str, str] = {}
     set_discovery(environment)
     whitelisted = {
@@ -449,16 +437,14 @@ def test_traffic_stays_on_this_machine_unless_the_user_has_said_otherwise() -> N
         {"FASTRTPS_DEFAULT_PROFILES_FILE": "/home/ann/fast.xml"},
     ],
 )
-def test_without_our_whitelist_the_range_keeps_traffic_on_this_machine(
-    own: dict[str, str],
-) -> None:
+def test_discovery_range_keeps_traffic_local_without_whitelist(own: dict[str, str]) -> None:
     environment = dict(own)
     set_discovery(environment)
     assert environment == {**own, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     assert discovery_text(environment) == "this machine only"
 
 
-def test_a_process_that_does_not_end_when_asked_is_killed(
+def test_unresponsive_process_is_killed_at_shutdown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "deaf.py").write_text(
@@ -475,7 +461,7 @@ def test_a_process_that_does_not_end_when_asked_is_killed(
     assert supervisor.stop() == ["deaf"]
 
 
-def test_a_process_that_needs_some_seconds_to_end_is_not_killed(
+def test_slowly_ending_process_is_not_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "slow.py").write_text(
@@ -496,7 +482,7 @@ def test_a_process_that_needs_some_seconds_to_end_is_not_killed(
     assert supervisor.stop() == []
 
 
-def test_every_process_is_put_into_the_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_process_joins_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_NAMESPACE", "robot1")
     set_discovery(dict(os.environ))
     assert "-r __ns:=/robot1" in " ".join(Component(name="a", module="b").command())
@@ -513,23 +499,23 @@ def test_every_process_is_put_into_the_namespace(monkeypatch: pytest.MonkeyPatch
         {"ROS_NAMESPACE": "//robot1"},
     ],
 )
-def test_an_environment_that_ros_does_not_know_is_refused_in_words(wrong: dict[str, str]) -> None:
+def test_invalid_ros_environment_is_refused_with_explanation(wrong: dict[str, str]) -> None:
     name, value = next(iter(wrong.items()))
     with pytest.raises(BtAgentsError, match=f"{name} is '{value}', expected"):
         set_discovery(dict(wrong))
 
 
-def test_a_namespace_that_is_too_long_is_refused() -> None:
+def test_overlong_namespace_is_refused() -> None:
     with pytest.raises(BtAgentsError, match="of 100 characters at most"):
         set_discovery({"ROS_NAMESPACE": "/robot" * 20})
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_unwritable_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BtAgentsError, match="set XDG_STATE_HOME"):
         Supervisor(tmp_path / "file" / "logs").start(Component(name="n", module="m"))
 
 
-def test_a_discovery_range_in_which_nobody_is_found_is_refused_in_words() -> None:
+def test_discovery_range_off_is_refused_with_explanation() -> None:
     with pytest.raises(BtAgentsError, match="no process of the system finds another; unset it"):
         set_discovery({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"})

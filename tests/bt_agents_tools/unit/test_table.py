@@ -39,7 +39,7 @@ words = st.text(string.ascii_letters, min_size=1, max_size=30)
 texts = st.lists(words, max_size=4).map(" ".join)
 
 
-def test_without_a_width_each_row_is_one_line_and_numbers_stand_below_each_other() -> None:
+def test_unlimited_width_gives_single_lines_and_aligned_numbers() -> None:
     assert list(table_lines(COLUMNS, ROWS, None)) == [
         "agent            age  seem wrong  why",
         "attentive_guide  4.2         50%  she smiled at the second picture",
@@ -47,7 +47,7 @@ def test_without_a_width_each_row_is_one_line_and_numbers_stand_below_each_other
     ]
 
 
-def test_columns_beyond_the_width_stand_below_their_row_with_their_headings() -> None:
+def test_overflowing_columns_move_below_row_with_headings() -> None:
     assert list(table_lines(COLUMNS, ROWS, 30)) == [
         "agent            age",
         "attentive_guide  4.2",
@@ -59,7 +59,7 @@ def test_columns_beyond_the_width_stand_below_their_row_with_their_headings() ->
 
 
 @given(rows=st.lists(st.tuples(texts, texts, texts), max_size=4), width=st.integers(20, 90))
-def test_in_every_width_every_word_is_there_and_only_a_single_word_is_wider(
+def test_only_single_words_exceed_table_width(
     rows: list[tuple[str, str, str]], width: int
 ) -> None:
     columns = [Column(key=key) for key in ("one", "two", "three")]
@@ -71,7 +71,7 @@ def test_in_every_width_every_word_is_there_and_only_a_single_word_is_wider(
 
 
 @pytest.mark.parametrize(("asked", "width"), [("80", 60), ("40", 40)])
-def test_a_table_is_never_wider_than_the_terminal_whatever_columns_says(
+def test_table_fits_terminal_regardless_of_columns_variable(
     asked: str, width: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     controller, terminal = pty.openpty()
@@ -89,11 +89,11 @@ def test_a_table_is_never_wider_than_the_terminal_whatever_columns_says(
     assert width - len("word ") < longest <= width
 
 
-def test_a_character_that_would_change_the_terminal_is_escaped() -> None:
+def test_control_characters_are_escaped() -> None:
     assert list(table_lines([Column(key="a")], [("x\n\x1b[2J",)], None))[1] == r"x\n\x1b[2J"
 
 
-def test_programs_get_values_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_programs_receive_unformatted_values(capsys: pytest.CaptureFixture[str]) -> None:
     rows = [*ROWS, ("Zoë", math.nan, None, 'a "quote", and more')]
     print_table(COLUMNS, rows, TableForm.CSV)
     header, first, _, last = csv.reader(io.StringIO(capsys.readouterr().out))
@@ -111,7 +111,7 @@ def test_programs_get_values_as_they_are(capsys: pytest.CaptureFixture[str]) -> 
     }
 
 
-def test_two_forms_of_one_table_are_refused() -> None:
+def test_conflicting_table_formats_are_refused() -> None:
     @click.command()
     @table_options
     def command(form: TableForm) -> None:

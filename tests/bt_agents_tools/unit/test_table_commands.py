@@ -54,7 +54,7 @@ def leaves(group: click.Group, path: str = "") -> Iterator[tuple[str, click.Comm
         yield f"{path}{name}", command
 
 
-def test_every_table_is_there_for_programs() -> None:
+def test_every_table_has_machine_readable_form() -> None:
     found = {
         name: {option for one in command.params for option in one.opts}
         for name, command in leaves(bt_agents)
@@ -74,7 +74,7 @@ def test_presets_and_their_values_are_tables(monkeypatch: pytest.MonkeyPatch) ->
     assert json.loads(values)[1] == {"name": "a.y", "value": "2 s"}
 
 
-def test_strategies_are_a_table_with_a_row_for_each_option() -> None:
+def test_strategy_table_has_row_per_option() -> None:
     option = SimpleNamespace(value=1.0, minimum=0.0, maximum=9.0, description="how much")
     found = SimpleNamespace(
         current="ucb", shadow="", descriptions={"ucb": "d"}, options={"ucb": {"c": option}}

@@ -66,9 +66,7 @@ def run() -> Callable[..., Result]:
     return lambda *words: CliRunner().invoke(bt_agents, ["test", *map(str, words)])
 
 
-def test_passing_cases_are_listed_and_the_exit_code_is_0(
-    trees: Path, run: Callable[..., Result]
-) -> None:
+def test_passing_cases_are_listed_and_exit_with_0(trees: Path, run: Callable[..., Result]) -> None:
     (trees / "agents" / "porter.test.yaml").write_text(GOOD)
     result = run(trees)
     assert result.exit_code == 0
@@ -76,7 +74,7 @@ def test_passing_cases_are_listed_and_the_exit_code_is_0(
     assert "1 case: 1 passed" in result.output
 
 
-def test_a_failing_case_shows_where_and_what_and_the_exit_code_is_1(
+def test_failing_case_shows_details_and_exits_with_1(
     trees: Path, run: Callable[..., Result]
 ) -> None:
     file = trees / "agents" / "porter.test.yaml"
@@ -89,9 +87,7 @@ def test_a_failing_case_shows_where_and_what_and_the_exit_code_is_1(
     assert "1 case: 0 passed, 1 failed" in result.output
 
 
-def test_a_file_with_errors_does_not_stop_the_others(
-    trees: Path, run: Callable[..., Result]
-) -> None:
+def test_broken_file_does_not_stop_other_files(trees: Path, run: Callable[..., Result]) -> None:
     (trees / "agents" / "a.test.yaml").write_text(BAD.replace("says:", "sais:"))
     (trees / "agents" / "b.test.yaml").write_text(GOOD)
     result = run(trees)
@@ -100,14 +96,14 @@ def test_a_file_with_errors_does_not_stop_the_others(
     assert "1 passed, 1 file with errors" in result.output
 
 
-def test_one_word_chooses_cases(trees: Path, run: Callable[..., Result]) -> None:
+def test_keyword_selects_cases(trees: Path, run: Callable[..., Result]) -> None:
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
     (trees / "agents" / "b.test.yaml").write_text(BAD)
     assert run(trees, "-k", "WELL").exit_code == 0
     assert isinstance(run(trees, "-k", "nothing").exception, BtAgentsError)
 
 
-def test_coverage_lists_what_no_case_goes_through(trees: Path, run: Callable[..., Result]) -> None:
+def test_coverage_lists_nodes_without_cases(trees: Path, run: Callable[..., Result]) -> None:
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
     result = run(trees, "--coverage")
     handler = "tree/1.drive@on_failure/0.say"
@@ -121,7 +117,7 @@ def test_verbose_shows_what_happened(trees: Path, run: Callable[..., Result]) ->
     assert "▶ drive gate 7" in run(trees, "--verbose").output
 
 
-def test_junit_is_what_build_servers_read(
+def test_junit_report_is_readable_by_build_servers(
     trees: Path, run: Callable[..., Result], tmp_path: Path
 ) -> None:
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
@@ -142,20 +138,18 @@ def test_junit_is_what_build_servers_read(
     ("name", "words"),
     [("nowhere", "there is no file or folder"), ("scene.yaml", "is no test file")],
 )
-def test_a_path_that_is_no_test_is_refused(
+def test_path_without_tests_is_refused(
     trees: Path, run: Callable[..., Result], name: str, words: str
 ) -> None:
     assert words in str(run(trees / name).exception)
 
 
-def test_a_test_outside_of_any_trees_folder_is_refused(
-    tmp_path: Path, run: Callable[..., Result]
-) -> None:
+def test_test_outside_trees_folder_is_refused(tmp_path: Path, run: Callable[..., Result]) -> None:
     (tmp_path / "a.test.yaml").write_text(GOOD)
     assert "no folder above it has a scene.yaml" in str(run(tmp_path).exception)
 
 
-def test_no_tests_at_all_are_no_success(trees: Path, run: Callable[..., Result]) -> None:
+def test_empty_test_run_is_not_success(trees: Path, run: Callable[..., Result]) -> None:
     assert "docs/testing.md" in str(run(trees).exception)
 
 
@@ -172,7 +166,7 @@ def pytest_on(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-def test_pytest_runs_each_case_as_an_item_and_shows_the_same_text(trees: Path) -> None:
+def test_pytest_runs_each_case_with_same_report(trees: Path) -> None:
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
     (trees / "agents" / "b.test.yaml").write_text(BAD)
     (trees / "agents" / "c.test.yaml").write_text("format: 1\ntest: porter\ncases: 3\n")
@@ -191,7 +185,7 @@ def test_pytest_runs_each_case_as_an_item_and_shows_the_same_text(trees: Path) -
     assert done.returncode == 1
 
 
-def test_the_plugin_brings_neither_ros_nor_the_engine_into_other_projects() -> None:
+def test_pytest_plugin_loads_neither_ros_nor_engine() -> None:
     script = (
         "import sys, bt_agents_tools.rehearsal.pytest_plugin; "
         "print([m for m in ('rclpy', 'py_trees', 'yaml', 'rich') if m in sys.modules])"
@@ -210,7 +204,7 @@ def test_the_plugin_brings_neither_ros_nor_the_engine_into_other_projects() -> N
         ("tree/1.sya", "did you mean 'tree/1.say'?"),
     ],
 )
-def test_a_path_that_is_not_there_gets_those_beside_it(
+def test_unknown_path_suggests_sibling_paths(
     trees: Path, run: Callable[..., Result], path: str, hint: str
 ) -> None:
     (trees / "agents" / "porter.yaml").write_text(

@@ -61,7 +61,7 @@ def trees(run: Run) -> Path:
         (("show", "attentive_guide"), "bt-agents show … --dir shipped"),
     ],
 )
-def test_without_a_trees_folder_a_command_says_how_to_name_one(
+def test_missing_trees_folder_error_says_how_to_specify(
     run: Run, words: tuple[str, ...], example: str
 ) -> None:
     said = str(run(*words).exception)
@@ -70,7 +70,7 @@ def test_without_a_trees_folder_a_command_says_how_to_name_one(
     assert "'bt-agents new NAME'" in said
 
 
-def test_the_folder_that_was_taken_is_said_beside_the_output(run: Run, trees: Path) -> None:
+def test_chosen_trees_folder_is_printed_to_stderr(run: Run, trees: Path) -> None:
     for words in (("check",), ("test", "-k", "own words"), ("explain", "wait")):
         assert f"trees folder: {trees}\n" in run(*words).stderr, words
     assert run("check", "trees").stderr == ""
@@ -80,7 +80,7 @@ def test_the_folder_that_was_taken_is_said_beside_the_output(run: Run, trees: Pa
     assert "trees folder: " in shown.stderr
 
 
-def test_the_demo_shows_the_installation_unless_the_folder_here_has_its_script(
+def test_demo_uses_installed_trees_unless_script_is_local(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken: list[Path] = []
@@ -106,7 +106,7 @@ def learn(trees: Path, age: float) -> Path:
     return kept.ledger
 
 
-def test_what_was_learned_is_read_without_a_system_and_stays_with_its_folder(
+def test_ledger_is_read_offline_per_trees_folder(
     run: Run, trees: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert "nothing was learned in" in str(run("profile").exception)
@@ -131,7 +131,7 @@ def test_what_was_learned_is_read_without_a_system_and_stays_with_its_folder(
     assert run("profile", "--state", str(other / "robot")).exit_code == 1
 
 
-def test_a_ledger_is_read_while_its_writer_is_at_work(run: Run, trees: Path) -> None:
+def test_ledger_is_readable_during_writes(run: Run, trees: Path) -> None:
     ledger = learn(trees, 4.0)
     with Ledger(ledger) as open_one:
         values = {"age": 4.2, "familiarity": 1.0, "mood": 3.0}
@@ -139,7 +139,7 @@ def test_a_ledger_is_read_while_its_writer_is_at_work(run: Run, trees: Path) -> 
         assert json.loads(run("profile", "--json").stdout)[0]["age"] == 4.2
 
 
-def test_tunings_are_read_without_a_system(run: Run, trees: Path) -> None:
+def test_tunings_are_read_offline(run: Run, trees: Path) -> None:
     assert "nothing was tuned in" in str(run("tune", "--history").exception)
     kept = claim_state(trees)
     with ThreadPoolExecutor(1) as disk:
@@ -156,9 +156,7 @@ def test_tunings_are_read_without_a_system(run: Run, trees: Path) -> None:
     assert run("tune", "--state", "there", "patience=3").exit_code == 2
 
 
-def test_a_decision_is_read_from_the_journal_without_a_system(
-    run: Run, trees: Path, tmp_path: Path
-) -> None:
+def test_decision_is_read_from_journal_offline(run: Run, trees: Path, tmp_path: Path) -> None:
     assert "there is no journal in" in str(run("why").exception)
     kept = claim_state(trees)
     kept.journal.mkdir()

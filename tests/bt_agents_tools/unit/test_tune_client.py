@@ -49,13 +49,13 @@ class Feedback:
         ([row(5, restores=2)], 0.0),
     ],
 )
-def test_values_were_tuned_when_their_last_revision_says_so_or_the_one_it_restores(
+def test_tuned_time_comes_from_last_or_restored_revision(
     rows: list[dict[str, Any]], stamp: float
 ) -> None:
     assert tuned_at(rows) == stamp
 
 
-def test_the_newest_tuning_of_all_profiles_is_taken_back() -> None:
+def test_undo_reverts_newest_tuning_of_all_profiles() -> None:
     feedback: Any = Feedback(
         a=[row(1), row(3, "tuning")],
         b=[row(1), row(2, "tuning"), row(5, restores=2)],
@@ -69,12 +69,12 @@ def test_the_newest_tuning_of_all_profiles_is_taken_back() -> None:
     assert tuned_profile(feedback, "c", 0.0) is None
 
 
-def test_nothing_is_taken_back_without_an_answer() -> None:
+def test_missing_response_undoes_nothing() -> None:
     observer: Any = SimpleNamespace(ask=lambda *_, **__: None)
     assert tuned_profile(observer, "", 0.0) is None
 
 
-def test_the_values_of_profiles_are_found_by_agent() -> None:
+def test_profile_values_are_found_by_agent() -> None:
     named = [("a.profile.age", "4.5"), ("a.patience", "3 s"), ("b.profile.mood", "2")]
     assert _profiles(named) == {"a": {"age": 4.5}, "b": {"mood": 2.0}}
 
@@ -87,8 +87,6 @@ def test_the_values_of_profiles_are_found_by_agent() -> None:
         ([("a.profile.age", "1"), ("a.profile.age", "1")], "DUPLICATE: a.profile.age stands"),
     ],
 )
-def test_a_value_of_a_profile_that_is_no_number_is_refused(
-    named: list[tuple[str, str]], code: str
-) -> None:
+def test_non_numeric_profile_value_is_refused(named: list[tuple[str, str]], code: str) -> None:
     with pytest.raises(Refused, match=code):
         _profiles(named)

@@ -42,7 +42,7 @@ def state(parameter: TunableParameter, value: Setting) -> ParameterState:
 STATES = (state(PATIENCE, 8.0), state(TICK_RATE, 20.0), state(PLACE, ""))
 
 
-def test_each_agent_has_its_rows_behind_those_of_the_host() -> None:
+def test_agent_rows_follow_host_rows() -> None:
     assert list(table(STATES, 10_000)) == [
         "tick_rate   20   1 to 200     ticks of the running tree [1/s]",
         "ann",
@@ -51,20 +51,20 @@ def test_each_agent_has_its_rows_behind_those_of_the_host() -> None:
     ]
 
 
-def test_the_default_of_the_file_has_a_column_only_when_a_value_differs() -> None:
+def test_file_default_column_appears_only_for_differing_values() -> None:
     rows = list(table((state(PATIENCE, 12.0),), 10_000))
     assert rows[1] == f"  patience  12 s  file: 8 s  2 s to 30 s  {WORDS}"
 
 
 @pytest.mark.parametrize("width", [50, 60, 80, 120])
-def test_no_row_is_wider_than_the_terminal_and_no_word_is_lost(width: int) -> None:
+def test_rows_fit_terminal_without_losing_words(width: int) -> None:
     rows = list(table((*STATES, state(PATIENCE, 12.0)), width))
     assert max(map(len, rows)) <= width
     assert " ".join(" ".join(rows).split()).count(WORDS.split()[-1]) == 3
     assert all(row == "ann" or row.startswith(("  ", "tick_rate")) for row in rows)
 
 
-def test_a_description_without_room_has_lines_of_its_own() -> None:
+def test_overlong_description_moves_to_own_lines() -> None:
     rows = list(table((state(PATIENCE, 8.0),), 50))
     assert rows[:3] == [
         "ann",

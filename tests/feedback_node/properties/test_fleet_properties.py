@@ -63,9 +63,7 @@ def perform(robots: list[Robot], who: int, event: tuple[Any, ...]) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(rules, st.lists(acts, max_size=25), st.booleans(), st.randoms(use_true_random=False))
-def test_robots_with_the_same_steps_have_the_same_profiles_in_whatever_order_they_came(
-    rule, course, persons, random
-):
+def test_profiles_depend_on_steps_not_on_their_order(rule, course, persons, random):
     clock = Clock()
     robots = [Robot(name, clock, rule=rule, shares_persons=persons) for name in NAMES]
     for who, later_s, event in course:
@@ -94,7 +92,7 @@ def test_robots_with_the_same_steps_have_the_same_profiles_in_whatever_order_the
 
 @settings(max_examples=40, deadline=None)
 @given(rules, st.lists(acts, max_size=20))
-def test_a_robot_alone_is_not_moved_by_the_order_of_the_fleet(rule, course):
+def test_fleet_order_does_not_move_single_robot(rule, course):
     clock = Clock()
     robot = Robot("anna", clock, rule=rule)
     other = Robot("ben", clock, rule=rule)
@@ -117,7 +115,7 @@ def _undone(robot: Robot) -> bool:
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(acts, max_size=15), st.integers(1, 3))
-def test_a_step_that_comes_again_and_again_is_taken_once(course, times):
+def test_repeated_steps_are_taken_once(course, times):
     clock = Clock()
     robots = [Robot(name, clock) for name in NAMES]
     for who, later_s, event in course:

@@ -69,12 +69,12 @@ def step(kind: FeedbackKind, profile: Vector, target: Vector, rate: float, **mor
 
 
 @given(kinds, profiles, targets, rates, rules, weights, evidences)
-def test_a_profile_never_leaves_its_ranges(kind, profile, target, rate, rule, weight, evidence):
+def test_profile_never_leaves_its_ranges(kind, profile, target, rate, rule, weight, evidence):
     SPACE.vector(step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence))
 
 
 @given(learned, profiles, targets, rates, rules, weights, evidences)
-def test_a_profile_never_drifts_farther_from_its_file_than_it_may(
+def test_profile_never_drifts_beyond_its_limit(
     kind, profile, target, rate, rule, weight, evidence
 ):
     after = step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence)
@@ -85,7 +85,7 @@ def test_a_profile_never_drifts_farther_from_its_file_than_it_may(
 
 
 @given(kinds, profiles, targets, rates, rules, weights, evidences)
-def test_what_has_no_opinion_stays_to_the_last_digit(
+def test_values_without_opinion_stay_exactly_the_same(
     kind, profile, target, rate, rule, weight, evidence
 ):
     after = step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence)
@@ -95,23 +95,21 @@ def test_what_has_no_opinion_stays_to_the_last_digit(
 
 
 @given(learned, profiles, targets, rates, rules, evidences)
-def test_what_is_frozen_or_weighs_nothing_stays(kind, profile, target, rate, rule, evidence):
+def test_frozen_or_zero_weight_values_do_not_move(kind, profile, target, rate, rule, evidence):
     frozen = replace(rule, rates=dict.fromkeys(SPACE.names, 0.0))
     assert step(kind, profile, target, rate, rule=frozen, evidence=evidence) == profile
     assert step(kind, profile, target, rate, rule=rule, weight=0.0, evidence=evidence) == profile
 
 
 @given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
-def test_towards_feedback_a_profile_never_overshoots_and_never_goes_away(
-    profile, target, rate, rule, weight
-):
+def test_direct_feedback_never_overshoots_or_moves_away(profile, target, rate, rule, weight):
     after = step(FeedbackKind.DIRECT, profile, target, rate, rule=rule, weight=weight)
     for p, f, moved in zip(profile, target, after, strict=True):
         assert moved == p if math.isnan(f) else min(p, f) <= moved <= max(p, f)
 
 
 @given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
-def test_negative_feedback_never_comes_closer(profile, target, rate, rule, weight):
+def test_negative_feedback_never_moves_closer(profile, target, rate, rule, weight):
     after = step(FeedbackKind.NEGATIVE, profile, target, rate, rule=rule, weight=weight)
     same = [(high - low) * updates.SAME_SHARE for low, high in RANGES]
     for p, f, moved, on_it in zip(profile, target, after, same, strict=True):
@@ -121,9 +119,7 @@ def test_negative_feedback_never_comes_closer(profile, target, rate, rule, weigh
 
 
 @given(profiles, st.floats(0.01, 1.0), rules, st.sampled_from([Update.PLAIN, Update.HUBER]))
-def test_negative_feedback_on_the_scene_itself_is_direct_feedback_for_the_retreat(
-    profile, rate, rule, update
-):
+def test_negative_on_exact_scene_equals_direct_to_retreat(profile, rate, rule, update):
     rule = replace(rule, update=update)
     retreat = tuple(rule.retreat.get(name, math.nan) for name in SPACE.names)
     after = step(FeedbackKind.NEGATIVE, profile, profile, rate, rule=rule)
@@ -134,7 +130,7 @@ def test_negative_feedback_on_the_scene_itself_is_direct_feedback_for_the_retrea
 
 
 @given(profiles, targets, st.floats(0.0, 0.3), st.floats(0.0, 3.0))
-def test_a_weight_scales_the_rate(profile, target, rate, weight):
+def test_weight_scales_the_rate(profile, target, rate, weight):
     weighed = step(FeedbackKind.DIRECT, profile, target, rate, weight=weight)
     assert weighed == step(FeedbackKind.DIRECT, profile, target, rate * weight)
 
@@ -154,7 +150,7 @@ def test_repeated_feedback_follows_the_closed_form(profile, target, rate, count)
 
 
 @given(profiles, targets, st.floats(0.01, 1.0), st.sampled_from(Update), st.integers(1, 40))
-def test_constant_feedback_brings_every_update_nearer_with_every_step(
+def test_constant_feedback_brings_every_update_closer_each_step(
     profile, target, rate, update, count
 ):
     rule = LearningRule(update=update)
@@ -177,7 +173,7 @@ def test_constant_feedback_brings_every_update_nearer_with_every_step(
 
 
 @given(kinds, profiles, targets, rates)
-def test_the_usual_rule_is_the_paper_s_formula_bit_for_bit(kind, profile, target, rate):
+def test_default_rule_equals_paper_formula_bit_for_bit(kind, profile, target, rate):
     def plain(p: float, f: float, low: float, high: float) -> float:
         if math.isnan(f):
             return p
@@ -194,7 +190,7 @@ def test_the_usual_rule_is_the_paper_s_formula_bit_for_bit(kind, profile, target
 
 
 @given(st.lists(targets, max_size=20))
-def test_the_share_of_wrong_feedback_is_a_share_or_not_known(recent):
+def test_wrong_share_is_a_share_or_unknown(recent):
     share = learning_step.false_rate(recent, SPACE)
     assert math.isnan(share) == (len(recent) < learning_step.FEWEST_SAMPLES)
     assert math.isnan(share) or 0.0 <= share <= 1.0

@@ -24,7 +24,7 @@ texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 
 
 @given(profiles, texts, texts, st.dictionaries(texts, values, max_size=3))
-def test_what_is_read_equals_what_was_written(profile, source, reason, target):
+def test_read_revision_equals_written_revision(profile, source, reason, target):
     with Ledger(":memory:") as ledger:
         ledger.enter({"a": {"age": 0.0, "mood": 0.0}})
         cause = RevisionCause(source=source, reason=reason, feedback_id=source, target=target)
@@ -34,7 +34,7 @@ def test_what_is_read_equals_what_was_written(profile, source, reason, target):
 
 
 @given(st.lists(profiles, min_size=1, max_size=8))
-def test_as_many_undos_as_changes_restore_the_beginning(changes):
+def test_undoing_all_changes_restores_first_profile(changes):
     with Ledger(":memory:") as ledger:
         first = ledger.enter({"a": {"age": 0.0, "mood": 0.0}})["a"]
         expected = [first.profile]
@@ -154,7 +154,7 @@ TestLedger = LedgerMachine.TestCase
     )
 )
 @settings(max_examples=20, deadline=None)
-def test_what_is_exported_and_taken_in_elsewhere_gives_the_same_profiles(learned):
+def test_export_and_import_reproduce_the_profiles(learned):
     desks = [ManagedLedger(), ManagedLedger()]
     for (agent, layer), values in learned.items():
         named = dict(zip(("age", "mood"), values, strict=True))

@@ -99,7 +99,7 @@ def firings(rule: MoodRule, course: list[Look]) -> list[tuple[float, Fired]]:
 
 
 @given(rules(), looks)
-def test_two_firings_are_at_least_hold_and_cooldown_apart(rule, course):
+def test_firings_are_at_least_hold_and_cooldown_apart(rule, course):
     moments = [at for at, _ in firings(rule, course)]
     if not rule.repeats:
         assert len(moments) <= 1
@@ -108,7 +108,7 @@ def test_two_firings_are_at_least_hold_and_cooldown_apart(rule, course):
 
 
 @given(rules(), looks)
-def test_what_fires_has_been_seen_to_hold_all_the_time(rule, course):
+def test_condition_of_firing_held_the_whole_time(rule, course):
     ends = list(itertools.accumulate(look.after_ms / 1000 for look in course))
     seen = [(at, look) for at, look in zip(ends, course, strict=True) if look.mood is not None]
     for at, one in firings(rule, course):
@@ -127,7 +127,7 @@ def test_what_fires_has_been_seen_to_hold_all_the_time(rule, course):
 
 
 @given(rules(), looks)
-def test_a_rule_never_fires_on_a_person_who_is_lost_or_somebody_else(rule, course):
+def test_rule_never_fires_on_lost_or_other_person(rule, course):
     hidden = [
         Look(look.after_ms, look.mood, Origin.DEFAULT if index % 2 else Origin.MEASURED,
              bool(index % 2), "anna")
@@ -137,7 +137,7 @@ def test_a_rule_never_fires_on_a_person_who_is_lost_or_somebody_else(rule, cours
 
 
 @given(looks, st.sampled_from([0.5, 2.0]))
-def test_a_baseline_lies_between_the_moods_that_were_seen(course, baseline_s):
+def test_baseline_lies_between_observed_moods(course, baseline_s):
     rule = restore_mood_rule(
         SPACE,
         when="mood.change <= 0 or mood.change >= 0",

@@ -91,7 +91,7 @@ class Room:
         return self.profiles.profile(agent)
 
 
-def test_another_lease_counts_for_the_run_under_way():
+def test_lease_change_applies_to_current_run():
     room = Room()
     room.teaching.on_run_started(run())
     room.teaching.set_lease(5.0)
@@ -108,7 +108,7 @@ def test_another_lease_counts_for_the_run_under_way():
 # --- runs ---------------------------------------------------------------------------------
 
 
-def test_a_start_that_is_replayed_after_its_end_does_not_run():
+def test_replayed_start_after_its_end_starts_no_run():
     runs = AnnouncedRuns()
     assert not runs.ended(run())
     assert not runs.started(run())
@@ -116,7 +116,7 @@ def test_a_start_that_is_replayed_after_its_end_does_not_run():
     assert runs.last() == run()
 
 
-def test_a_newer_start_takes_over_from_a_run_whose_end_was_never_told():
+def test_newer_start_replaces_run_with_missing_end():
     runs = AnnouncedRuns()
     assert runs.started(run(1))
     assert runs.started(run(2, "express"))
@@ -125,14 +125,14 @@ def test_a_newer_start_takes_over_from_a_run_whose_end_was_never_told():
     assert (runs.last(), runs.last("guide")) == (run(2, "express"), run(1))
 
 
-def test_the_next_best_agent_may_run_in_the_round_of_a_lost_one():
+def test_next_best_agent_may_run_after_lost_agent():
     runs = AnnouncedRuns()
     runs.started(run(1))
     runs.ended(run(1))
     assert runs.started(run(1, "express"))
 
 
-def test_the_market_is_expected_to_ask_for_feedback_on_the_last_run_and_asks_once():
+def test_last_run_is_expected_to_be_collected_once():
     runs = AnnouncedRuns()
     assert not runs.collecting
     runs.started(run())
@@ -150,7 +150,7 @@ def test_the_market_is_expected_to_ask_for_feedback_on_the_last_run_and_asks_onc
 # --- mood rules ---------------------------------------------------------------------------
 
 
-def test_a_look_is_due_only_when_a_rule_will_have_held_long_enough():
+def test_next_check_is_due_when_hold_time_completes():
     room = Room()
     assert room.teaching.due == math.inf
     room.teaching.on_run_started(run())
@@ -163,7 +163,7 @@ def test_a_look_is_due_only_when_a_rule_will_have_held_long_enough():
     assert room.teaching.due == math.inf
 
 
-def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_stops_the_run():
+def test_firing_rule_moves_profile_away_and_stops_run():
     room = Room()
     room.teaching.on_run_started(run())
     assert room.teaching.watching
@@ -182,7 +182,7 @@ def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_sto
     assert not room.teaching.watching
 
 
-def test_a_rule_stops_the_run_even_when_the_profile_cannot_move():
+def test_firing_rule_stops_run_even_without_profile_change():
     room = Room()
     awarded = scene(NAN, NAN)
     room.teaching.on_run_started(run(awarded=awarded))
@@ -195,7 +195,7 @@ def test_a_rule_stops_the_run_even_when_the_profile_cannot_move():
     assert outcome.stop is not None
 
 
-def test_a_live_scene_of_another_interaction_is_ignored():
+def test_live_scene_of_another_interaction_is_ignored():
     room = Room()
     room.teaching.on_run_started(run())
     room.teaching.receive(scene(5.0, 1.0, scene_id="s0"))
@@ -204,7 +204,7 @@ def test_a_live_scene_of_another_interaction_is_ignored():
 
 
 @pytest.mark.parametrize("end", ["on_run_ended", "on_run_cancelling"])
-def test_a_run_that_ends_or_is_being_stopped_is_watched_no_more(end):
+def test_ended_or_cancelling_run_is_not_watched(end):
     room = Room()
     room.teaching.on_run_started(run())
     room.teaching.receive(scene(5.0, 2.0))
@@ -214,7 +214,7 @@ def test_a_run_that_ends_or_is_being_stopped_is_watched_no_more(end):
     assert not room.teaching.watching
 
 
-def test_the_events_of_another_run_change_nothing():
+def test_events_of_another_run_change_nothing():
     room = Room()
     room.teaching.on_run_started(run(2))
     room.teaching.on_run_cancelling(run(1))
@@ -222,7 +222,7 @@ def test_the_events_of_another_run_change_nothing():
     assert room.teaching.watching
 
 
-def test_a_rule_that_cannot_be_decided_is_a_problem_of_its_agent():
+def test_undecidable_rule_is_a_problem_of_its_agent():
     rule = restore_mood_rule(SPACE, when="1 / (live.mood - 3) > 0", give=2)
     room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
     room.teaching.on_run_started(run())
@@ -240,7 +240,7 @@ def test_a_rule_that_cannot_be_decided_is_a_problem_of_its_agent():
     assert room.teaching.undecided == ()
 
 
-def test_a_replayed_run_whose_end_follows_teaches_nothing_even_without_a_hold():
+def test_replayed_ended_run_teaches_nothing_without_hold_time():
     eager = replace(WORSE, hold_s=0.0)
     room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(eager,)),)))
     room.teaching.on_run_started(run(), replayed=True)
@@ -250,7 +250,7 @@ def test_a_replayed_run_whose_end_follows_teaches_nothing_even_without_a_hold():
     assert room.teaching.tick() == ()
 
 
-def test_a_replayed_run_that_still_goes_on_is_watched_after_it_has_settled():
+def test_replayed_active_run_is_watched_after_settling():
     room = Room()
     room.teaching.on_run_started(run(), replayed=True)
     room.teaching.receive(scene(5.0, 1.0))
@@ -260,7 +260,7 @@ def test_a_replayed_run_that_still_goes_on_is_watched_after_it_has_settled():
     assert len(room.teaching.tick()) == 1
 
 
-def test_a_run_that_started_before_its_card_came_is_watched_from_the_card_on():
+def test_run_is_watched_once_its_card_arrives():
     room = Room(card=None)
     room.teaching.on_run_started(run())
     assert not room.teaching.watching
@@ -268,7 +268,7 @@ def test_a_run_that_started_before_its_card_came_is_watched_from_the_card_on():
     assert room.teaching.watching
 
 
-def test_a_card_that_comes_again_during_a_run_does_not_make_a_rule_fire_again():
+def test_repeated_card_does_not_refire_rule():
     room = Room()
     room.teaching.on_run_started(run())
     room.teaching.receive(scene(5.0, 2.0))
@@ -280,7 +280,7 @@ def test_a_card_that_comes_again_during_a_run_does_not_make_a_rule_fire_again():
     assert room.teaching.tick() == ()
 
 
-def test_a_rule_teaches_a_run_once_even_when_the_node_starts_again_in_between():
+def test_rule_teaches_run_once_across_node_restart():
     room = Room()
     for _ in range(2):
         teaching = FeedbackController(room.profiles, clock=lambda: room.now, new_id=str)
@@ -295,7 +295,7 @@ def test_a_rule_teaches_a_run_once_even_when_the_node_starts_again_in_between():
     assert room.profile() == (2.5, 2.75)
 
 
-def test_an_agent_may_weigh_its_mood_rules_as_it_likes():
+def test_agent_may_set_weight_of_mood_rules():
     learning = LearningEntry(update="plain", window=5, sources=("mood rule",), weights=(1.0,))
     room = Room(card=replace(CARD, agents=(replace(GUIDE, learning=learning),)))
     room.teaching.on_run_started(run())
@@ -305,7 +305,7 @@ def test_an_agent_may_weigh_its_mood_rules_as_it_likes():
     assert room.profile() == (2.0, 2.5)
 
 
-def test_a_rule_that_fires_again_teaches_again():
+def test_rule_firing_again_teaches_again():
     rule = restore_mood_rule(SPACE, when="mood.change <= -1", hold_s=0.5, give=2, cooldown_s=2.0)
     room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
     room.teaching.on_run_started(run(awarded=scene(3.5, 4.0)))
@@ -318,7 +318,7 @@ def test_a_rule_that_fires_again_teaches_again():
     assert len(ids) == 4
 
 
-def test_what_is_only_estimated_or_taken_by_default_teaches_nothing():
+def test_estimated_and_default_values_teach_nothing():
     doubtful = scene(5.0, 4.0)
     values = (replace(doubtful.values[0], origin=Origin.ESTIMATED), doubtful.values[1])
     room = Room()
@@ -335,7 +335,7 @@ def test_what_is_only_estimated_or_taken_by_default_teaches_nothing():
 # --- credit to the nodes of the tree --------------------------------------------------------
 
 
-def test_a_change_of_the_mood_is_credited_to_the_node_that_was_at_work_when_it_began():
+def test_mood_change_is_credited_to_leaf_running_then():
     room = Room()
     room.teaching.on_run_started(run())
     room.teaching.on_leaf(run().key, "tree/0.say")
@@ -349,7 +349,7 @@ def test_a_change_of_the_mood_is_credited_to_the_node_that_was_at_work_when_it_b
     assert outcome.change.revision.cause.leaf == "tree/0.say"
 
 
-def test_feedback_of_a_person_is_about_the_node_at_work_unless_it_names_one():
+def test_feedback_is_credited_to_running_or_named_leaf():
     room = Room()
     room.teaching.on_run_started(run())
     room.teaching.on_leaf(run().key, "tree/0.say")
@@ -361,7 +361,7 @@ def test_feedback_of_a_person_is_about_the_node_at_work_unless_it_names_one():
     assert room.teaching.give(given).revision.cause.leaf == ""
 
 
-def test_the_end_of_a_run_tells_how_the_mood_went():
+def test_run_end_reports_mood_per_leaf():
     room = Room()
     room.teaching.on_leaf(run().key, "tree/0.say")  # heard before the start
     room.teaching.on_run_started(run())
@@ -375,7 +375,7 @@ def test_the_end_of_a_run_tells_how_the_mood_went():
     assert not room.teaching.wants("s1")
 
 
-def test_a_run_without_rules_is_followed_too():
+def test_run_without_rules_is_followed_too():
     room = Room()
     room.teaching.on_run_started(run(agent="express"))
     assert not room.teaching.watching
@@ -386,7 +386,7 @@ def test_a_run_without_rules_is_followed_too():
 # --- given feedback -----------------------------------------------------------------------
 
 
-def test_feedback_without_a_name_goes_to_the_running_agent_else_the_last():
+def test_unnamed_feedback_goes_to_running_or_last_agent():
     room = Room()
     room.teaching.on_run_started(run(1))
     room.teaching.on_run_ended(run(1))
@@ -395,7 +395,7 @@ def test_feedback_without_a_name_goes_to_the_running_agent_else_the_last():
     assert room.teaching.give(FeedbackRequest(kind=1)).revision.agent == "express"
 
 
-def test_positive_and_negative_feedback_take_the_last_scene_of_the_named_agent():
+def test_relative_feedback_uses_last_scene_of_named_agent():
     room = Room()
     room.teaching.on_run_started(run(1))
     room.teaching.on_run_started(run(2, "express", scene(1.0, 1.0)))
@@ -409,7 +409,7 @@ LATE = scene(1.0, 2.0, "s0")
 
 
 @pytest.mark.parametrize("ran_since", [True, False])
-def test_late_feedback_moves_towards_the_scene_that_it_is_about(ran_since):
+def test_late_feedback_moves_towards_its_own_scene(ran_since):
     room = Room()
     if ran_since:
         room.teaching.on_run_started(run(7))
@@ -419,14 +419,14 @@ def test_late_feedback_moves_towards_the_scene_that_it_is_about(ran_since):
     assert (cause.scene_id, cause.epoch, cause.round) == ("s0", "", 0)
 
 
-def test_feedback_about_the_scene_of_the_last_run_belongs_to_that_run():
+def test_feedback_about_last_runs_scene_belongs_to_run():
     room = Room()
     room.teaching.on_run_started(run(7))
     change = room.teaching.give(FeedbackRequest(agent="guide", kind=2, scene=scene(5.0, 4.0)))
     assert (change.after, change.revision.cause.round) == ((2.0, 2.5), 7)
 
 
-def test_a_run_is_known_to_have_been_taught_until_the_next_one_is():
+def test_run_stays_taught_until_next_run_is_taught():
     room = Room()
     room.teaching.on_run_started(run(1))
     assert room.teaching.taught(run(1)) == ()
@@ -447,7 +447,7 @@ def test_a_run_is_known_to_have_been_taught_until_the_next_one_is():
     assert room.teaching.taught(run(1)) == ()
 
 
-def test_a_profile_is_set_at_once_whatever_the_learning_rate():
+def test_set_feedback_ignores_learning_rate():
     room = Room()
     change = room.teaching.give(
         FeedbackRequest(
@@ -494,7 +494,7 @@ def test_direct_feedback_needs_no_run():
         (FeedbackRequest(agent="guide", kind=0, values=(3.0, 0.9)), "OUT_OF_RANGE"),
     ],
 )
-def test_feedback_that_cannot_be_applied_is_refused_and_changes_nothing(given, code):
+def test_inapplicable_feedback_is_rejected_and_changes_nothing(given, code):
     room = Room()
     before = room.profiles.table()
     with pytest.raises(Refused) as refusal:
@@ -503,12 +503,12 @@ def test_feedback_that_cannot_be_applied_is_refused_and_changes_nothing(given, c
     assert room.profiles.table() == before
 
 
-def test_an_unknown_agent_is_answered_with_the_known_ones():
+def test_unknown_agent_error_lists_known_agents():
     with pytest.raises(Refused, match="known are: express, guide"):
         Room().teaching.give(FeedbackRequest(agent="ghost", kind=1))
 
 
-def test_the_same_id_is_applied_once_also_when_another_agent_runs_meanwhile():
+def test_same_feedback_id_is_applied_once_across_agents():
     room = Room()
     room.teaching.on_run_started(run(1))
     first = room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
@@ -519,7 +519,7 @@ def test_the_same_id_is_applied_once_also_when_another_agent_runs_meanwhile():
 
 
 @pytest.mark.parametrize("other", [{"agent": "express", "kind": 1}, {"kind": 2}])
-def test_an_id_that_belongs_to_other_feedback_is_refused(other):
+def test_feedback_id_of_other_feedback_is_rejected(other):
     room = Room()
     room.teaching.on_run_started(run(1))
     room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
@@ -530,7 +530,7 @@ def test_an_id_that_belongs_to_other_feedback_is_refused(other):
 # --- prepared feedback --------------------------------------------------------------------
 
 
-def test_a_prepared_list_teaches_once_a_run_and_uses_up_one_row():
+def test_prepared_list_uses_one_row_per_run():
     room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0), (1.0, 1.0)))))
     first, again = room.teaching.collect(run(1)), room.teaching.collect(run(1))
     assert first is not None
@@ -546,7 +546,7 @@ def test_a_prepared_list_teaches_once_a_run_and_uses_up_one_row():
 @pytest.mark.parametrize(
     "simulated", [None, SimulatedFeedback(PreparedFeedback(each={"express": (5.0, 5.0)}))]
 )
-def test_without_prepared_feedback_nothing_is_applied(simulated):
+def test_no_feedback_is_applied_without_prepared_feedback(simulated):
     assert Room(simulated).teaching.collect(run(1)) is None
 
 
@@ -558,7 +558,7 @@ def test_without_prepared_feedback_nothing_is_applied(simulated):
         (run(1, "ghost"), "UNKNOWN_AGENT"),
     ],
 )
-def test_a_collection_for_no_run_uses_up_no_row(asked, code):
+def test_rejected_collection_uses_no_row(asked, code):
     room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0),))))
     with pytest.raises(Refused) as refusal:
         room.teaching.collect(asked)
@@ -567,7 +567,7 @@ def test_a_collection_for_no_run_uses_up_no_row(asked, code):
 
 
 @pytest.mark.parametrize("repeat", [False, True])
-def test_a_restarted_node_goes_on_in_the_list_and_answers_again_what_it_has_applied(repeat):
+def test_restarted_node_continues_list_and_repeats_applied_answers(repeat):
     rows = ((5.0, 5.0), (1.0, 1.0), (3.0, 3.0))
 
     def prepared() -> SimulatedFeedback:
@@ -590,7 +590,7 @@ def test_a_restarted_node_goes_on_in_the_list_and_answers_again_what_it_has_appl
     assert len(room.profiles._ledger.history("guide")) == (5 if repeat else 4)
 
 
-def test_a_list_begins_at_its_first_row_for_another_market():
+def test_list_starts_at_first_row_for_another_market():
     room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0),))))
     room.teaching.collect(run(1))
     other = FeedbackController(
@@ -602,7 +602,7 @@ def test_a_list_begins_at_its_first_row_for_another_market():
     assert other.collect(replace(run(1), epoch="another")) is not None
 
 
-def test_the_third_experiment_of_the_paper_keeps_each_agent_on_its_own_feedback():
+def test_third_paper_experiment_keeps_agents_on_own_feedback():
     simulated = SimulatedFeedback(
         PreparedFeedback(each={"guide": (5.0, 5.0), "express": (1.0, 1.0)})
     )
@@ -624,7 +624,7 @@ def full(room: Room, on: bool) -> None:
                 room.teaching.give(replace(given, reason=reason))
 
 
-def test_what_a_rule_teaches_while_the_disk_is_full_is_recorded_when_there_is_room():
+def test_lesson_during_full_disk_is_recorded_later():
     room = Room()
     room.teaching.on_run_started(run())
     room.teaching.receive(scene(5.0, 2.5))
@@ -645,7 +645,7 @@ def test_what_a_rule_teaches_while_the_disk_is_full_is_recorded_when_there_is_ro
     assert room.teaching.retry() == ()
 
 
-def test_what_rules_teach_while_the_disk_is_full_is_bounded():
+def test_pending_lessons_during_full_disk_are_bounded():
     room = Room()
     full(room, on=True)
     problems = []
@@ -661,7 +661,7 @@ def test_what_rules_teach_while_the_disk_is_full_is_bounded():
     assert len(room.teaching.retry()) == MOST_PENDING
 
 
-def test_a_row_of_a_prepared_list_is_not_used_up_by_a_full_disk():
+def test_full_disk_uses_no_row_of_prepared_list():
     rows = SimulatedFeedback(PreparedFeedback(sequence=((1.0, NAN), (2.0, NAN), (5.0, NAN))))
     room = Room(rows)
     assert room.teaching.collect(run(1)) is not None
@@ -674,7 +674,7 @@ def test_a_row_of_a_prepared_list_is_not_used_up_by_a_full_disk():
     assert change.target[0] == 2.0
 
 
-def test_late_repetitions_of_forgotten_feedback_of_any_kind_are_known():
+def test_late_repetition_of_forgotten_feedback_is_recognised():
     room = Room(card=replace(CARD, agents=(replace(GUIDE, learning=PERSONS), EXPRESS)))
     anna = replace(scene(5.0, 4.0), person_id="anna")
     given = FeedbackRequest(feedback_id="x", agent="guide", kind=1, source="me", scene=anna)
@@ -732,7 +732,7 @@ class Ward(Room):
         )
 
 
-def test_feedback_moves_only_what_profiles_have():
+def test_feedback_moves_only_profiled_parameters():
     ward = Ward()
     ward.teaching.on_run_started(run(1, "nurse", hurting(5.0, 4.0, 2.0)))
     change = ward.teaching.give(
@@ -744,7 +744,7 @@ def test_feedback_moves_only_what_profiles_have():
     assert change.revision.profile == {"age": 4.0}
 
 
-def test_a_scene_of_which_only_that_is_known_leads_nowhere():
+def test_scene_without_known_profiled_values_teaches_nothing():
     ward = Ward()
     ward.teaching.on_run_started(run(1, "nurse", hurting(NAN, 4.0, 2.0)))
     with pytest.raises(Refused) as refused:
@@ -757,7 +757,7 @@ def test_a_scene_of_which_only_that_is_known_leads_nowhere():
 
 
 @pytest.mark.parametrize("now", [(5.0, 4.0, 8.0), (5.0, 2.0, 2.0)])
-def test_rules_read_what_no_profile_has_and_the_mood_may_be_one_of_it(now):
+def test_rules_may_read_unprofiled_parameters_including_mood(now):
     ward = Ward()
     ward.teaching.on_run_started(run(1, "nurse", hurting(5.0, 4.0, 2.0)))
     (fired,) = ward.teaching.receive(hurting(*now))
@@ -783,7 +783,7 @@ def negative(room: Room) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize("ended", [False, True])
-def test_what_is_told_in_a_run_counts_in_the_feedback_about_it(ended):
+def test_told_values_count_in_feedback_about_their_run(ended):
     room = Room()
     room.teaching.on_run_started(run(awarded=scene(3.0, 4.0)))
     assert negative(room) == (3.0, 4.0)
@@ -794,7 +794,7 @@ def test_what_is_told_in_a_run_counts_in_the_feedback_about_it(ended):
     assert negative(room) == (4.0, 4.0)
 
 
-def test_what_somebody_else_tells_does_not_count():
+def test_values_told_by_another_person_are_ignored():
     room = Room()
     room.teaching.on_run_started(run(awarded=replace(scene(3.0, 4.0), person_id="anna")))
     room.teaching.receive(telling(5.0, "bert"))

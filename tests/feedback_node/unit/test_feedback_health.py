@@ -7,7 +7,7 @@ from bt_agents_core.health import Health
 from feedback_node.health import ledger_health, profiles_health
 
 
-def test_a_ledger_that_could_not_record_is_an_error_with_the_reason():
+def test_failed_ledger_write_is_an_error_with_reason():
     assert ledger_health("l.sqlite", "").level is Health.OK
     health = ledger_health("l.sqlite", "the disk takes no more")
     assert (health.level, health.message) == (
@@ -16,7 +16,7 @@ def test_a_ledger_that_could_not_record_is_an_error_with_the_reason():
     )
 
 
-def test_profiles_that_their_hosts_have_not_taken_are_a_warning_that_names_the_agents():
+def test_undelivered_profiles_are_a_warning_naming_agents():
     assert profiles_health(2, ()).level is Health.OK
     health = profiles_health(2, ["guide"])
     assert health.level is Health.WARN

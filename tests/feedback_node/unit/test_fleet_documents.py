@@ -45,7 +45,7 @@ def take(robot: Robot, steps: list[Any]) -> list[str]:
         {"steps": [{}] * (MOST_STEPS + 1)},
     ],
 )
-def test_a_document_that_makes_no_sense_is_refused_as_a_whole(robots, fields):
+def test_invalid_document_is_rejected_as_a_whole(robots, fields):
     before = robots[1].ledger.entries()
     with pytest.raises(Refused, match="BAD_DOCUMENT"):
         robots[1].manage(ManagementAction.IMPORT, document=document(**fields))
@@ -82,7 +82,7 @@ def test_a_document_that_makes_no_sense_is_refused_as_a_whole(robots, fields):
         ({"reason": "Anna said so"}, "BAD_STEP"),
     ],
 )
-def test_a_step_that_makes_no_sense_is_refused_and_the_others_are_taken_in(robots, change, code):
+def test_invalid_step_is_rejected_and_others_are_imported(robots, change, code):
     anna, ben = robots
     anna.teach()
     anna.teach()
@@ -92,11 +92,11 @@ def test_a_step_that_makes_no_sense_is_refused_and_the_others_are_taken_in(robot
     assert [row.cause.feedback_id for row in rows] == [f"fleet/anna/{second['number']}"]
 
 
-def test_a_step_that_is_no_mapping_is_refused(robots):
+def test_step_must_be_a_mapping(robots):
     assert take(robots[1], [None, 7, "x", [], {}]) == ["BAD_STEP"] * 5
 
 
-def test_what_stands_twice_in_a_document_is_taken_once(robots):
+def test_duplicate_step_is_imported_once(robots):
     anna, ben = robots
     anna.teach()
     fields = [one.fields() for one in anna.steps()]
@@ -104,7 +104,7 @@ def test_what_stands_twice_in_a_document_is_taken_once(robots):
     assert len(ben.ledger.history("guide")) == 2
 
 
-def test_steps_of_a_layer_without_room_are_refused_and_the_others_taken(robots, monkeypatch):
+def test_steps_exceeding_layer_limit_are_rejected(robots, monkeypatch):
     anna, ben = robots
     anna.teach(place="lobby")
     monkeypatch.setattr(profiles_module, "MOST_LAYERS", 0)
@@ -112,7 +112,7 @@ def test_steps_of_a_layer_without_room_are_refused_and_the_others_taken(robots, 
     assert ben.current()[""] == anna.current()[""]
 
 
-def test_what_was_taken_in_is_there_after_a_restart_and_goes_on_in_the_same_order(tmp_path):
+def test_imported_steps_survive_restart_in_same_order(tmp_path):
     clock = Clock()
     path = str(tmp_path / "ledger.sqlite")
     anna, ben = Robot("anna", clock), Robot("ben", clock, path=path)
@@ -128,7 +128,7 @@ def test_what_was_taken_in_is_there_after_a_restart_and_goes_on_in_the_same_orde
     Ledger(path).close()  # It checks every row.
 
 
-def test_a_host_hears_of_the_profile_once_for_all_steps_of_a_document(robots):
+def test_host_gets_one_profile_update_per_document(robots):
     anna, ben = robots
     for _ in range(3):
         anna.teach()
@@ -139,7 +139,7 @@ def test_a_host_hears_of_the_profile_once_for_all_steps_of_a_document(robots):
     ]
 
 
-def test_an_undo_is_one_for_the_fleet(robots):
+def test_undo_applies_to_the_whole_fleet(robots):
     anna, ben = robots
     anna.teach()
     ben.take(anna.steps())
@@ -149,7 +149,7 @@ def test_an_undo_is_one_for_the_fleet(robots):
     assert anna.current() == ben.current() == {"": (3.0, 3.0)}
 
 
-def test_an_answer_of_a_version_without_fleets_is_refused_by_name():
+def test_answer_without_fleet_support_is_rejected():
     for answer in ("", "[]", '{"format": 1}'):
         with pytest.raises(Refused, match="OTHER_VERSION"):
             refusals_of(answer)

@@ -53,12 +53,12 @@ def negative(profile: Vector, scene: Vector, rate: float, **more: Any) -> Step:
         ((5.0, NAN, NAN), 0.5, (3.75, 2.5, 2.5)),
     ],
 )
-def test_direct_feedback_moves_by_the_rate_and_leaves_what_has_no_opinion(target, rate, after):
+def test_direct_feedback_moves_known_values_by_rate(target, rate, after):
     made = direct((2.5, 2.5, 2.5), target, rate)
     assert made.after == pytest.approx(after)
 
 
-def test_positive_feedback_moves_towards_the_known_values_of_the_scene():
+def test_positive_feedback_moves_towards_known_scene_values():
     made = positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
     assert made.after == (3.5, 3.0, 2.5)
     assert made.text == "age 3 → 3.5, mood 3 → 2.5"
@@ -82,12 +82,12 @@ def test_negative_feedback_moves_away_by_the_same_step():
         ((3.2, 3.0, 3.0), (3.3, 3.0, 3.0)),
     ],
 )
-def test_on_the_scene_itself_negative_feedback_moves_to_where_the_file_says(profile, after):
+def test_negative_feedback_on_exact_scene_moves_to_retreat(profile, after):
     made = negative(profile, (3.0, 3.0, 3.0), 0.5, rule=AWAY)
     assert made.after == pytest.approx(after)
 
 
-def test_a_retreat_is_bounded_as_every_step():
+def test_retreat_is_bounded_like_any_step():
     far = {"age": 1.0}
     bounded = LearningRule(retreat=far, drift={"age": 0.25})
     clipped = LearningRule(retreat=far, update=Update.HUBER, width={"age": 0.5})
@@ -100,7 +100,7 @@ def test_a_retreat_is_bounded_as_every_step():
     assert negative(*on_scene, rule=AWAY, weight=0.5).after[0] == 2.5
 
 
-def test_a_median_counts_a_retreat_as_one_of_its_feedbacks():
+def test_median_counts_retreat_as_one_feedback():
     made = negative(
         (3.0, 3.0, 3.0),
         (3.0, NAN, NAN),
@@ -111,7 +111,7 @@ def test_a_median_counts_a_retreat_as_one_of_its_feedbacks():
     assert made.after[0] == 2.5
 
 
-def test_a_perfect_fit_that_moves_nowhere_says_what_would_move_it():
+def test_unmoved_perfect_fit_suggests_declaring_retreat():
     made = negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5)
     assert (
         "'retreat' under 'learning' in its file declares where to, for age and mood" in made.text
@@ -120,7 +120,7 @@ def test_a_perfect_fit_that_moves_nowhere_says_what_would_move_it():
     assert there.text == "the profile stays: it has retreated as far as its file says"
 
 
-def test_negative_feedback_stops_at_the_edge_of_the_range():
+def test_negative_feedback_stops_at_range_limit():
     made = negative((4.9, 1.2, 3.0), (1.0, 5.0, 3.0), 1.0)
     assert made.after == (5.0, 1.0, 3.0)
 
@@ -159,7 +159,7 @@ def test_negative_feedback_stops_at_the_edge_of_the_range():
         ),
     ],
 )
-def test_a_profile_that_stays_says_why(made, text):
+def test_unchanged_profile_states_reason(made, text):
     assert made.after == made.before
     assert text in made.text
 
@@ -175,28 +175,28 @@ def test_a_profile_that_stays_says_why(made, text):
         ("WRONG_LENGTH", ()),
     ],
 )
-def test_a_vector_that_is_no_feedback_is_refused(code, target):
+def test_invalid_feedback_vector_is_rejected(code, target):
     with pytest.raises(Refused) as refusal:
         direct((3.0, 3.0, 3.0), target, 0.2)
     assert refusal.value.code == code
 
 
 @pytest.mark.parametrize("feedback", [positive, negative])
-def test_a_scene_without_any_known_value_teaches_nothing(feedback):
+def test_scene_without_known_values_teaches_nothing(feedback):
     with pytest.raises(Refused) as refusal:
         feedback((3.0, 3.0, 3.0), (NAN, NAN, NAN), 0.2)
     assert refusal.value.code == "NO_SCENE"
 
 
 @pytest.mark.parametrize("rate", [-0.1, 1.1, NAN, math.inf])
-def test_a_rate_outside_0_to_1_is_refused(rate):
+def test_rate_outside_0_to_1_is_rejected(rate):
     with pytest.raises(Refused) as refusal:
         direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), rate)
     assert refusal.value.code == "OUT_OF_RANGE"
 
 
 @pytest.mark.parametrize(("rate", "cycles"), [(0.05, 92), (0.2, 22), (0.5, 7)])
-def test_the_first_experiment_of_the_paper_converges_in_the_known_number_of_cycles(rate, cycles):
+def test_first_paper_experiment_converges_in_known_cycles(rate, cycles):
     goal: Vector = (5.0, 4.0, 1.0)
     profile: Vector = (2.5, 2.5, 2.5)
     count = 0
@@ -209,7 +209,7 @@ def test_the_first_experiment_of_the_paper_converges_in_the_known_number_of_cycl
 # --- rates, weights and bounds --------------------------------------------------------------
 
 
-def test_a_parameter_may_have_a_rate_of_its_own_and_another_may_be_frozen():
+def test_parameter_may_have_own_rate_or_be_frozen():
     rule = LearningRule(rates={"age": 0.5, "mood": 0.0})
     made = direct((3.0, 3.0, 3.0), (5.0, 5.0, 5.0), 0.1, rule=rule)
     assert made.after == (4.0, 3.2, 3.0)
@@ -219,25 +219,25 @@ def test_a_parameter_may_have_a_rate_of_its_own_and_another_may_be_frozen():
 @pytest.mark.parametrize(
     ("weight", "after"), [(0.0, 3.0), (0.5, 3.2), (1.0, 3.4), (3.0, 4.2), (50.0, 5.0)]
 )
-def test_the_weight_of_a_source_scales_the_step_up_to_the_whole_way(weight, after):
+def test_source_weight_scales_step_up_to_full_distance(weight, after):
     made = direct((3.0, 3.0, 3.0), (5.0, NAN, NAN), 0.2, weight=weight)
     assert made.after[0] == pytest.approx(after)
 
 
-def test_a_button_outweighs_a_mood_rule_unless_the_agent_says_otherwise():
+def test_button_outweighs_mood_rule_by_default():
     usual, own = LearningRule(), LearningRule(weights={"mood rule": 2.0})
     assert [usual.weight(one) for one in ("button", "mood rule", "anybody")] == [1.0, 0.5, 1.0]
     assert [own.weight(one) for one in ("button", "mood rule", "anybody")] == [1.0, 2.0, 1.0]
 
 
 @pytest.mark.parametrize("weight", [-0.1, NAN, math.inf])
-def test_a_weight_that_is_none_is_refused(weight):
+def test_invalid_weight_is_rejected(weight):
     with pytest.raises(Refused, match="OUT_OF_RANGE"):
         direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), 0.2, weight=weight)
 
 
 @pytest.mark.parametrize(("changes", "rate"), [(0, 0.4), (1, 0.2), (9, 0.04)])
-def test_an_annealed_rate_falls_with_the_number_of_changes(changes, rate):
+def test_annealed_rate_falls_with_number_of_changes(changes, rate):
     made = direct(
         (3.0, 3.0, 3.0),
         (5.0, NAN, NAN),
@@ -260,7 +260,7 @@ def test_an_annealed_rate_falls_with_the_number_of_changes(changes, rate):
         (4.5, 1.0, 2.5),
     ],
 )
-def test_a_profile_drifts_no_farther_from_its_file_than_allowed(before, target, after):
+def test_drift_limit_bounds_distance_from_authored_profile(before, target, after):
     made = direct(
         (before, 3.0, 3.0),
         (target, NAN, NAN),
@@ -271,7 +271,7 @@ def test_a_profile_drifts_no_farther_from_its_file_than_allowed(before, target, 
     assert made.after == (after, 3.0, 3.0)
 
 
-def test_what_is_set_is_set_whatever_the_rule():
+def test_set_feedback_ignores_the_learning_rule():
     rule = LearningRule(rates={"age": 0.0}, update=Update.MEDIAN, anneal=9.0, drift={"age": 0.1})
     evidence = Evidence(recent=((1.0, 1.0, 1.0),) * 9, changes=9, authored=(3.0, 3.0, 3.0))
     made = step(
@@ -309,7 +309,7 @@ def mean(profiles: list[Vector]) -> list[float]:
     return [sum(values) / len(profiles) for values in zip(*profiles, strict=True)]
 
 
-def test_the_paper_s_formula_goes_to_the_mean_of_right_and_wrong_feedback():
+def test_paper_formula_converges_to_mean_of_all_feedback():
     assert mean(taught(LearningRule(), 300, 3)[-30:]) == pytest.approx(
         [5, 13 / 3, 7 / 3], abs=0.01
     )
@@ -326,7 +326,7 @@ NARROW = dict.fromkeys(SPACE.names, 0.25)
         (LearningRule(update=Update.MEDIAN), 12, 0.2),
     ],
 )
-def test_a_robust_update_finds_the_goal_among_a_third_of_wrong_feedback(rule, count, near):
+def test_robust_update_converges_despite_one_third_wrong_feedback(rule, count, near):
     far = [
         max(abs(a - b) for a, b in zip(profile, (5.0, 4.0, 1.0), strict=True))
         for profile in taught(rule, 300, 3)
@@ -335,14 +335,14 @@ def test_a_robust_update_finds_the_goal_among_a_third_of_wrong_feedback(rule, co
     assert far[count - 2] > near
 
 
-def test_a_huber_step_is_never_longer_than_its_width_allows():
+def test_huber_step_is_bounded_by_its_width():
     rule = LearningRule(update=Update.HUBER, width={"age": 1.0})
     made = direct((2.0, 2.0, 2.0), (5.0, 2.1, 5.0), 0.5, rule=rule)
     # Without a width of its own it is a quarter of the range.
     assert made.after == pytest.approx((2.5, 2.05, 2.5))
 
 
-def test_a_median_looks_at_so_many_of_the_last_feedbacks_and_at_this_one():
+def test_median_covers_window_of_feedback_including_newest():
     recent = ((1.0, NAN, NAN), (2.0, NAN, NAN), (4.0, NAN, NAN), (5.0, NAN, NAN))
     made = [
         direct(
@@ -358,19 +358,19 @@ def test_a_median_looks_at_so_many_of_the_last_feedbacks_and_at_this_one():
     assert {one[1:] for one in made} == {(5.0, 3.0)}
 
 
-def test_negative_feedback_asks_for_the_mirror_image_of_the_scene():
+def test_negative_feedback_targets_mirror_image_of_scene():
     assert asked(FeedbackKind.NEGATIVE, (4.0, NAN, 1.0)) == pytest.approx(
         (2.0, NAN, 5.0), nan_ok=True
     )
     assert asked(FeedbackKind.POSITIVE, (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
 
 
-def test_negative_feedback_on_the_scene_itself_asks_for_where_it_retreats_to():
+def test_negative_feedback_on_exact_scene_targets_retreat():
     assert asked(FeedbackKind.NEGATIVE, (3.0, 3.0, 1.0), AWAY) == (1.0, 3.0, 5.0)
     assert asked(FeedbackKind.POSITIVE, (3.0, 3.0, 1.0), AWAY) == (3.0, 3.0, 1.0)
 
 
-def test_one_wrong_negative_does_not_move_a_median_that_has_seen_positive_ones():
+def test_single_wrong_negative_does_not_move_positive_median():
     recent = ((4.0, 3.0, 3.0), (4.2, 3.0, 3.0), (3.8, 3.0, 3.0))
     made = negative(
         (3.5, 3.0, 3.0),
@@ -383,16 +383,16 @@ def test_one_wrong_negative_does_not_move_a_median_that_has_seen_positive_ones()
 
 
 @pytest.mark.parametrize(("wrong", "expected"), [(0, 0.0), (2, 0.2), (3, 0.3), (4, 0.4)])
-def test_the_share_of_wrong_feedback_is_found(wrong, expected):
+def test_share_of_wrong_feedback_is_estimated(wrong, expected):
     right = [(4.0 + 0.02 * number, 2.0, NAN) for number in range(10 - wrong)]
     assert false_rate([*right, *[(1.0, 5.0, 3.0)] * wrong], SPACE) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("count", [0, 1, 7])
-def test_of_little_feedback_nothing_is_said(count):
+def test_wrong_share_is_unknown_for_little_feedback(count):
     assert math.isnan(false_rate([(4.0, 2.0, 1.0)] * count, SPACE))
 
 
-def test_feedback_that_differs_a_little_is_not_wrong():
+def test_slightly_varying_feedback_is_not_wrong():
     spread = [(3.0 + (number % 5) / 10, 3.0 - (number % 3) / 10, NAN) for number in range(30)]
     assert false_rate(spread, SPACE) == 0.0

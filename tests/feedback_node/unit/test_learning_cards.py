@@ -33,12 +33,12 @@ SPACE = SceneSpace(
 PLAIN = LearningEntry(update="plain", window=5, rates=(NAN, NAN))
 
 
-def test_a_card_that_says_nothing_means_the_paper_s_formula():
+def test_card_without_learning_means_paper_formula():
     assert read_learning(LearningEntry(), SPACE, what="a") == LearningRule()
     assert read_learning(PLAIN, SPACE, what="a") == LearningRule()
 
 
-def test_every_field_of_a_card_is_taken():
+def test_card_learning_accepts_all_its_fields():
     entry = LearningEntry(
         update="huber",
         rates=(0.1, NAN),
@@ -90,7 +90,7 @@ def test_every_field_of_a_card_is_taken():
         replace(PLAIN, general=1.5),
     ],
 )
-def test_an_agent_that_learns_in_no_possible_way_does_not_spoil_the_others(entry):
+def test_invalid_learning_entry_does_not_affect_other_agents(entry):
     with pytest.raises(Refused, match="BAD_LEARNING"):
         read_learning(entry, SPACE, what="a")
     good = AgentEntry(name="good", profile=(3.0, 3.0), revision=0, learning_rate=0.2)
@@ -103,7 +103,7 @@ def test_an_agent_that_learns_in_no_possible_way_does_not_spoil_the_others(entry
     ]
 
 
-def test_a_mood_rule_of_a_card_keeps_its_further_values():
+def test_card_mood_rule_keeps_all_its_values():
     rule = restore_mood_rule(
         SPACE,
         when="mood.change > 1",
@@ -129,7 +129,7 @@ def test_a_mood_rule_of_a_card_keeps_its_further_values():
     )
 
 
-def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
+def test_unchanged_agent_of_card_is_not_parsed_again(monkeypatch):
     rule = restore_mood_rule(SPACE, when="mood.change > 1", hold_s=1.0, give=1)
     entry = AgentEntry(
         name="a",
@@ -168,7 +168,7 @@ def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
     assert read(entry, [first], host="/other").host == "/other"
 
 
-def test_a_rule_that_could_not_be_read_is_told_with_every_card():
+def test_unreadable_rule_is_reported_with_every_card():
     bad = Refused("BAD_RULE", "rule 'moood > 1': there is no name 'moood' here")
     entry = AgentEntry(
         name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, invalid_rules=(bad,)

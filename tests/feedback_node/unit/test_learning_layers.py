@@ -111,9 +111,7 @@ def ages(profiles: Profiles) -> dict[str, float]:
         (learning("person", general=1.0), run("anna"), {"": 4.0, ANNA: 4.0}),
     ],
 )
-def test_feedback_moves_the_layers_that_the_scene_names_and_everybodys_in_part(
-    entry, where, expected
-):
+def test_feedback_moves_scene_layers_and_partly_general_profile(entry, where, expected):
     profiles = known(entry)
     change = teach(profiles, "f1", where=where)
     assert ages(profiles) == expected
@@ -121,7 +119,7 @@ def test_feedback_moves_the_layers_that_the_scene_names_and_everybodys_in_part(
     assert {one.revision.layer for one in change.all} == moved
 
 
-def test_a_layer_begins_as_the_profile_for_everybody_and_goes_its_own_way():
+def test_layer_starts_from_general_profile_then_diverges():
     profiles = known(learning("person"))
     teach(profiles, "f1")
     teach(profiles, "f2", where=run("anna"), age=1.0)
@@ -134,13 +132,13 @@ def test_a_layer_begins_as_the_profile_for_everybody_and_goes_its_own_way():
     ]
 
 
-def test_what_is_set_is_set_for_everybody():
+def test_set_feedback_sets_only_general_profile():
     profiles = known(learning("person", general=0.1))
     teach(profiles, "f1", kind=FeedbackKind.SET, where=run("anna"))
     assert ages(profiles) == {"": 5.0}
 
 
-def test_the_words_and_deliveries_name_every_layer():
+def test_texts_and_deliveries_name_every_layer():
     profiles = known(learning("person", general=0.5))
     change = teach(profiles, "f1", where=run("anna"))
     assert change.text == "for person/anna age 3 → 4; for everybody age 3 → 3.5"
@@ -150,7 +148,7 @@ def test_the_words_and_deliveries_name_every_layer():
     )
 
 
-def test_the_share_of_everybody_does_not_lead_back_to_the_person():
+def test_general_share_does_not_reveal_the_person():
     profiles = known(learning("person", general=0.5))
     teach(profiles, "of-anna", where=run("anna"))
     cause = profiles._ledger.history("guide")[-1].cause
@@ -158,7 +156,7 @@ def test_the_share_of_everybody_does_not_lead_back_to_the_person():
     assert cause.weight == 0.5
 
 
-def test_the_same_feedback_is_applied_once_in_all_layers_also_when_one_was_forgotten():
+def test_feedback_id_applies_once_even_after_forgetting_layer():
     ledger = Ledger(":memory:")
     profiles = known(learning("person", general=0.5), ledger)
     first = teach(profiles, "f1", where=run("anna"))
@@ -173,7 +171,7 @@ def test_the_same_feedback_is_applied_once_in_all_layers_also_when_one_was_forgo
     assert ages(profiles) == {"": 3.5}
 
 
-def test_what_a_forgotten_layer_was_taught_does_not_count_for_one_that_takes_its_place():
+def test_lessons_of_forgotten_layer_do_not_affect_successor():
     ledger = Ledger(":memory:")
     profiles = known(learning("person", update="median", window=3), ledger)
     teach(profiles, "f1", age=5.0, where=run("anna"))
@@ -187,7 +185,7 @@ def test_what_a_forgotten_layer_was_taught_does_not_count_for_one_that_takes_its
     assert ages(profiles)[ANNA] == 2.0
 
 
-def test_each_layer_anneals_by_its_own_changes_and_takes_the_median_of_its_own_feedback():
+def test_each_layer_anneals_and_averages_its_own_feedback():
     profiles = known(learning("person", anneal=1.0))
     for number in range(2):
         teach(profiles, f"f{number}")
@@ -201,7 +199,7 @@ def test_each_layer_anneals_by_its_own_changes_and_takes_the_median_of_its_own_f
     assert ages(profiles)[ANNA] == (4.75 + 1.0) / 2
 
 
-def test_a_host_that_starts_again_forgets_its_layers_and_then_gets_those_that_there_are():
+def test_restarted_host_drops_layers_and_receives_existing_ones():
     ledger = Ledger(":memory:")
     profiles = known(learning("person"), ledger)
     assert profiles.register_card(card(guide(learning("person")), instance="i2"))[0] == ()
@@ -214,7 +212,7 @@ def test_a_host_that_starts_again_forgets_its_layers_and_then_gets_those_that_th
         assert fresh.register_card(card(guide(learning("person")), instance="i3"))[0] == ()
 
 
-def test_an_edit_of_the_author_reaches_the_layers_at_the_host():
+def test_author_edit_reaches_layers_at_host():
     profiles = known(learning("person"))
     teach(profiles, "f1", where=run("anna"))
     edited = guide(learning("person"), profile=(3.0, 1.5))
@@ -222,7 +220,7 @@ def test_an_edit_of_the_author_reaches_the_layers_at_the_host():
     assert [(d.layer, d.values) for d in deliveries] == [("", (3.0, 1.5)), (ANNA, (4.0, 1.5))]
 
 
-def test_layers_are_bounded_and_the_others_still_learn(monkeypatch):
+def test_layers_are_bounded_and_existing_ones_still_learn(monkeypatch):
     monkeypatch.setattr(profiles_module, "MOST_LAYERS", 2)
     assert layers_module.MOST_LAYERS == 1000
     profiles = known(learning("person"))
@@ -243,12 +241,12 @@ def test_layers_are_bounded_and_the_others_still_learn(monkeypatch):
     assert teach(profiles, "again", where=run("bob")).fresh
 
 
-def test_an_id_that_stands_for_a_forgotten_one_is_refused():
+def test_id_reserved_for_forgotten_feedback_is_rejected():
     with pytest.raises(Refused, match="RESERVED_ID"):
         teach(known(learning()), "sha256:00")
 
 
-def test_the_share_of_feedback_that_seems_wrong_is_that_of_the_layer():
+def test_wrong_share_is_reported_per_layer():
     profiles = known(learning("person"))
     for number in range(10):
         odd = number % 5 == 4
@@ -259,14 +257,14 @@ def test_the_share_of_feedback_that_seems_wrong_is_that_of_the_layer():
 
 
 @pytest.mark.parametrize("name", ["a\nb", "a\x1b[2J", "a\0b"])
-def test_a_person_whose_name_is_none_of_a_layer_is_refused(name):
+def test_person_with_invalid_layer_name_is_rejected(name):
     profiles = known(learning("person"))
     with pytest.raises(Refused, match="BAD_LAYER"):
         teach(profiles, "f1", where=run(name))
     assert set(ages(profiles)) == {""}
 
 
-def test_a_reason_is_one_line_and_other_texts_with_control_characters_are_refused():
+def test_control_characters_are_stripped_only_from_reason():
     profiles = known(learning())
     target = {"target": (5.0, NAN), "run": None}
     change = profiles.apply(
@@ -284,7 +282,7 @@ def test_a_reason_is_one_line_and_other_texts_with_control_characters_are_refuse
             profiles.apply("guide", FeedbackKind.DIRECT, reason="", **texts, **target)
 
 
-def test_the_share_of_wrong_feedback_is_estimated_once_for_each_revision(monkeypatch):
+def test_wrong_share_is_computed_once_per_revision(monkeypatch):
     profiles = known(learning("person"))
     for number in range(9):
         teach(profiles, f"f{number}", age=2.0 + number % 2, where=run("anna"))
@@ -300,7 +298,7 @@ def test_the_share_of_wrong_feedback_is_estimated_once_for_each_revision(monkeyp
     assert len(asked) == 1
 
 
-def test_where_feedback_led_from_the_scene_itself_counts_after_a_restart_and_another_file():
+def test_retreat_target_counts_after_restart_and_file_change():
     def profiles(retreat: float) -> Profiles:
         entry = learning(update="median", window=3, retreat=(retreat, NAN))
         return known(entry, ledger)

@@ -68,14 +68,14 @@ def teach(known: Profiles, agent: str = "guide", feedback_id: str = "f1") -> Pro
         (replace(GUIDE, learning_rate=1.5), "OUT_OF_RANGE"),
     ],
 )
-def test_a_bad_entry_of_a_card_is_named_and_spoils_no_other(entry, code):
+def test_invalid_card_entry_does_not_affect_other_entries(entry, code):
     agents, problems = read_card(card(EXPRESS, entry), SPACE)
     assert [agent.name for agent in agents] == ["express"]
     assert len(problems) == 1
     assert problems[0].startswith(f"{code}: card of /agents: agent '{entry.name}'")
 
 
-def test_a_rule_that_cannot_be_read_is_skipped_and_the_agent_keeps_the_others():
+def test_unreadable_rule_is_skipped_and_others_kept():
     good = restore_mood_rule(SPACE, when="mood.change >= 1", hold_s=1.0, give=1)
     with pytest.raises(Refused) as refusal:
         restore_mood_rule(SPACE, when="mood.change >=", hold_s=1.0, give=1)
@@ -90,24 +90,24 @@ def test_a_rule_that_cannot_be_read_is_skipped_and_the_agent_keeps_the_others():
 
 
 @pytest.mark.parametrize("parameters", [(), ("age",), ("mood", "age"), ("age", "stress")])
-def test_a_card_with_other_parameters_is_refused(parameters):
+def test_card_with_other_parameters_is_rejected(parameters):
     with pytest.raises(Refused, match="OTHER_PARAMETERS"):
         read_card(replace(card(GUIDE), parameters=parameters), SPACE)
 
 
 @pytest.mark.parametrize("host", ["", "agents"])
-def test_a_card_without_a_full_host_name_is_refused(host):
+def test_card_without_full_host_name_is_rejected(host):
     with pytest.raises(Refused, match="BAD_NAME"):
         read_card(card(GUIDE, host=host), SPACE)
 
 
-def test_a_new_agent_has_nothing_to_learn():
+def test_new_agent_has_no_pending_delivery():
     known = Profiles(SPACE, Ledger(":memory:"))
     assert known.register_card(card(GUIDE)) == ((), ())
     assert known.table() == (("guide", "", 0, (4.0, 3.0)),)
 
 
-def test_feedback_moves_the_profile_by_the_rate_of_the_card():
+def test_feedback_moves_profile_by_rate_of_card():
     known = profiles(GUIDE, EXPRESS)
     change = teach(known)
     assert (change.before, change.after) == ((4.0, 3.0), (4.5, 3.0))
@@ -119,7 +119,7 @@ def test_feedback_moves_the_profile_by_the_rate_of_the_card():
     assert known.table() == (("express", "", 0, (2.0, 3.0)), ("guide", "", 1, (4.5, 3.0)))
 
 
-def test_a_host_that_starts_again_is_told_what_was_learned():
+def test_restarted_host_receives_learned_profile():
     known = profiles(GUIDE, EXPRESS)
     teach(known)
     deliveries, _ = known.register_card(card(GUIDE, EXPRESS))
@@ -127,14 +127,14 @@ def test_a_host_that_starts_again_is_told_what_was_learned():
     assert known.register_card(card(replace(GUIDE, revision=1), EXPRESS)) == ((), ())
 
 
-def test_an_author_who_edits_the_profile_wins():
+def test_author_edit_overrides_learned_profile():
     known = profiles(GUIDE)
     teach(known)
     deliveries, _ = known.register_card(card(replace(GUIDE, profile=(1.0, 1.0), revision=1)))
     assert [(one.values, one.revision) for one in deliveries] == [((1.0, 1.0), 2)]
 
 
-def test_an_agent_that_left_its_host_is_unknown_and_comes_back_with_what_it_learned():
+def test_returning_agent_gets_its_learned_profile_back():
     known = profiles(GUIDE, EXPRESS)
     teach(known)
     known.register_card(card(EXPRESS))
@@ -144,7 +144,7 @@ def test_an_agent_that_left_its_host_is_unknown_and_comes_back_with_what_it_lear
     assert [one.values for one in deliveries] == [(4.5, 3.0)]
 
 
-def test_a_start_without_agents_takes_none_away_from_another_start_of_the_host():
+def test_empty_instance_takes_no_agents_from_another_instance():
     known = profiles(GUIDE, EXPRESS)
     assert known.register_card(card(instance="i2")) == ((), ())
     assert known.table() == (("express", "", 0, (2.0, 3.0)), ("guide", "", 0, (4.0, 3.0)))
@@ -152,7 +152,7 @@ def test_a_start_without_agents_takes_none_away_from_another_start_of_the_host()
     assert known.table() == ()
 
 
-def test_a_start_with_agents_takes_over_from_the_one_before():
+def test_instance_with_agents_replaces_previous_instance():
     known = profiles(GUIDE, EXPRESS)
     known.register_card(card(GUIDE, instance="i2"))
     assert [name for name, *_ in known.table()] == ["guide"]
@@ -162,7 +162,7 @@ def test_a_start_with_agents_takes_over_from_the_one_before():
     assert known.table() == ()
 
 
-def test_the_hosts_are_bounded_and_one_that_lost_its_agents_makes_room():
+def test_hosts_are_bounded_and_empty_host_makes_room():
     known = Profiles(SPACE, Ledger(":memory:"))
     for number in range(MOST_HOSTS):
         known.register_card(card(replace(GUIDE, name=f"a{number}"), host=f"/h{number}"))
@@ -173,7 +173,7 @@ def test_the_hosts_are_bounded_and_one_that_lost_its_agents_makes_room():
     assert len(known.hosts) == MOST_HOSTS
 
 
-def test_forged_hosts_take_places_from_each_other_only():
+def test_forged_hosts_evict_only_each_other():
     known = Profiles(SPACE, Ledger(":memory:"), is_there=lambda host: host == "/slow")
     # One that is there, one that is not there yet, and one that is gone.
     for name in ("slow", "new", "gone"):
@@ -187,7 +187,7 @@ def test_forged_hosts_take_places_from_each_other_only():
     assert known.hosts == {"/slow", "/new", "/gone", "/more", *last} - {f"/h{MOST_HOSTS + 3}"}
 
 
-def test_the_host_that_is_gone_for_longest_makes_room():
+def test_host_gone_longest_makes_room():
     known = Profiles(SPACE, Ledger(":memory:"), is_there=lambda host: host == "/h0")
     for number in range(MOST_HOSTS + 1):
         name = f"h{number}"
@@ -195,7 +195,7 @@ def test_the_host_that_is_gone_for_longest_makes_room():
     assert known.hosts == {f"/h{number}" for number in range(MOST_HOSTS + 1) if number != 1}
 
 
-def test_an_agent_at_a_second_host_is_reported_and_learns_there():
+def test_agent_at_second_host_is_reported_and_moves():
     known = profiles(GUIDE)
     _, problems = known.register_card(card(GUIDE, host="/others"))
     assert [problem.split(":")[0] for problem in problems] == ["TWO_HOSTS"]
@@ -206,9 +206,7 @@ def test_an_agent_at_a_second_host_is_reported_and_learns_there():
     ("held", "problem"),
     [({"revision": 12}, "STALE_LEDGER"), ({"current": (5.0, 5.0)}, "OTHER_PROFILE")],
 )
-def test_a_host_that_bids_with_another_profile_is_named_until_it_has_that_of_the_ledger(
-    held, problem
-):
+def test_host_with_differing_profile_is_listed_until_corrected(held, problem):
     known = profiles(GUIDE)
     assert known.differing == ()
     deliveries, problems = known.register_card(card(replace(GUIDE, **held)))
@@ -221,7 +219,7 @@ def test_a_host_that_bids_with_another_profile_is_named_until_it_has_that_of_the
     assert known.differing == ()
 
 
-def test_an_agent_whose_host_has_not_taken_its_profile_is_named_until_its_card_has_it():
+def test_agent_with_undelivered_profile_is_listed_until_confirmed():
     known = profiles(GUIDE)
     known.not_delivered("nobody")
     known.not_delivered("guide")
@@ -233,7 +231,7 @@ def test_an_agent_whose_host_has_not_taken_its_profile_is_named_until_its_card_h
     assert known.differing == ()
 
 
-def test_the_same_id_is_applied_once_and_returns_the_recorded_change():
+def test_same_feedback_id_returns_the_recorded_change():
     known = profiles(GUIDE)
     first, again = teach(known), teach(known)
     assert (first.fresh, again.fresh) == (True, False)
@@ -242,7 +240,7 @@ def test_the_same_id_is_applied_once_and_returns_the_recorded_change():
     assert known.table() == (("guide", "", 1, (4.5, 3.0)),)
 
 
-def test_a_smaller_range_than_when_it_was_learned_clamps_the_profile():
+def test_narrowed_range_clamps_learned_profile():
     ledger = Ledger(":memory:")
     known = Profiles(SPACE, ledger)
     known.register_card(card(GUIDE))
@@ -255,7 +253,7 @@ def test_a_smaller_range_than_when_it_was_learned_clamps_the_profile():
 
 
 @pytest.mark.parametrize("field", ["feedback_id", "source", "reason"])
-def test_a_text_without_end_is_refused(field):
+def test_oversized_text_is_rejected(field):
     known = profiles(GUIDE)
     texts: dict[str, Any] = {"feedback_id": "f", "source": "", "reason": "", field: "x" * 1001}
     with pytest.raises(Refused, match=f"TOO_LONG: feedback: {field}"):
@@ -263,7 +261,7 @@ def test_a_text_without_end_is_refused(field):
     assert known.table()[0][2] == 0
 
 
-def test_a_ledger_that_cannot_write_leaves_the_profile_as_it_was():
+def test_failed_ledger_write_leaves_profile_unchanged():
     ledger = Ledger(":memory:")
     known = Profiles(SPACE, ledger)
     known.register_card(card(GUIDE))

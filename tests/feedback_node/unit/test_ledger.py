@@ -33,19 +33,19 @@ def ledger() -> Iterator[Ledger]:
         yield ledger
 
 
-def test_an_agent_starts_at_revision_0_with_the_profile_of_its_file(ledger):
+def test_agent_starts_at_revision_0_with_authored_profile(ledger):
     first = ledger.enter({"guide": FIRST})["guide"]
     assert (first.revision, dict(first.profile), first.cause.cause) == (0, FIRST, AUTHORED)
     assert first.stamp == 12.5
 
 
-def test_entering_the_same_profile_again_writes_nothing(ledger):
+def test_reentering_same_profile_writes_nothing(ledger):
     ledger.enter({"guide": FIRST})
     ledger.enter({"guide": dict(FIRST)})
     assert len(ledger.history("guide")) == 1
 
 
-def test_what_is_appended_is_read_back_with_its_whole_cause(ledger):
+def test_appended_revision_is_read_back_with_full_cause(ledger):
     ledger.enter({"guide": FIRST})
     written = cause(
         "f1",
@@ -70,20 +70,20 @@ def test_the_same_feedback_id_is_recorded_once(ledger):
     assert len(ledger.history("guide")) == 2
 
 
-def test_changes_without_an_id_do_not_collide(ledger):
+def test_changes_without_id_do_not_collide(ledger):
     ledger.enter({"guide": FIRST})
     ledger.append("guide", FIRST, RevisionCause())
     assert ledger.append("guide", FIRST, RevisionCause()).revision == 2
 
 
-def test_an_agent_that_was_never_entered_is_refused(ledger):
+def test_agent_never_entered_is_rejected(ledger):
     with pytest.raises(Refused, match="UNKNOWN_AGENT"):
         ledger.append("nobody", FIRST, cause("f1"))
     with pytest.raises(Refused, match="UNKNOWN_AGENT"):
         ledger.undo("nobody")
 
 
-def test_an_edit_of_the_author_wins_over_what_was_learned(ledger):
+def test_author_edit_overrides_learned_values(ledger):
     ledger.enter({"guide": FIRST})
     ledger.append("guide", {"age": 4.8, "mood": 2.0}, cause("f1"))
     edited = ledger.enter({"guide": {"age": 2.0, "mood": 3.0}})["guide"]
@@ -92,7 +92,7 @@ def test_an_edit_of_the_author_wins_over_what_was_learned(ledger):
     assert ledger.enter({"guide": {"age": 2.0, "mood": 3.0}})["guide"] == edited
 
 
-def test_a_new_parameter_takes_the_authored_value_and_the_learned_ones_stay(ledger):
+def test_new_parameter_takes_authored_value_beside_learned_ones(ledger):
     ledger.enter({"guide": FIRST})
     ledger.append("guide", {"age": 4.8, "mood": 2.0}, cause("f1"))
     grown = {**FIRST, "stress": 1.5}
@@ -101,13 +101,13 @@ def test_a_new_parameter_takes_the_authored_value_and_the_learned_ones_stay(ledg
     assert ledger.enter({"guide": grown})["guide"] == row
 
 
-def test_a_parameter_that_is_gone_is_dropped_and_the_learned_ones_stay(ledger):
+def test_removed_parameter_is_dropped_and_learned_ones_kept(ledger):
     ledger.enter({"guide": FIRST})
     ledger.append("guide", {"age": 4.8, "mood": 2.0}, cause("f1"))
     assert dict(ledger.enter({"guide": {"age": 4.0}})["guide"].profile) == {"age": 4.8}
 
 
-def test_undo_goes_back_step_by_step_as_new_revisions(ledger):
+def test_undo_steps_back_through_new_revisions(ledger):
     ledger.enter({"guide": FIRST})
     ledger.append("guide", {"age": 4.1, "mood": 3.0}, cause("f1"))
     ledger.append("guide", {"age": 4.2, "mood": 3.0}, cause("f2"))
@@ -124,7 +124,7 @@ def test_undo_goes_back_step_by_step_as_new_revisions(ledger):
     assert ledger.history("guide")[-1].cause.reason == "wrong button"
 
 
-def test_feedback_after_an_undo_is_undone_first(ledger):
+def test_feedback_after_undo_is_undone_first(ledger):
     ledger.enter({"guide": FIRST})
     for number, age in enumerate((4.1, 4.2)):
         ledger.append("guide", {"age": age, "mood": 3.0}, cause(f"f{number}"))
@@ -133,7 +133,7 @@ def test_feedback_after_an_undo_is_undone_first(ledger):
     assert [ledger.undo("guide").profile["age"] for _ in range(2)] == [4.1, 4.0]
 
 
-def test_what_the_author_wrote_cannot_be_undone(ledger):
+def test_authored_profile_cannot_be_undone(ledger):
     ledger.enter({"guide": FIRST})
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
         ledger.undo("guide")
@@ -143,7 +143,7 @@ def test_what_the_author_wrote_cannot_be_undone(ledger):
         ledger.undo("guide")
 
 
-def test_a_profile_that_is_not_finite_is_not_recorded(ledger):
+def test_non_finite_profile_is_not_recorded(ledger):
     ledger.enter({"guide": FIRST})
     with pytest.raises(LedgerError, match="LEDGER_FAILED"):
         ledger.append("guide", {"age": float("nan"), "mood": 3.0}, cause("f1"))
@@ -151,13 +151,13 @@ def test_a_profile_that_is_not_finite_is_not_recorded(ledger):
     assert ledger.append("guide", FIRST, cause("f1")).revision == 1
 
 
-def test_one_bad_entry_of_many_records_none(ledger):
+def test_one_invalid_entry_of_many_records_none(ledger):
     with pytest.raises(LedgerError):
         ledger.enter({"guide": FIRST, "express": {"age": float("inf")}})
     assert ledger.current("guide") is None
 
 
-def test_a_closed_file_opens_again_with_every_revision(tmp_path):
+def test_closed_ledger_reopens_with_every_revision(tmp_path):
     path = tmp_path / "state" / "deep" / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
@@ -167,7 +167,7 @@ def test_a_closed_file_opens_again_with_every_revision(tmp_path):
         assert again.history("guide") == written
 
 
-def test_rows_cannot_be_changed_or_deleted_from_outside(tmp_path):
+def test_external_updates_and_deletes_are_blocked(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
@@ -182,7 +182,7 @@ def test_rows_cannot_be_changed_or_deleted_from_outside(tmp_path):
         other.close()
 
 
-def test_a_commit_is_synchronous_and_readers_are_not_locked_out(tmp_path):
+def test_commit_is_synchronous_and_does_not_block_readers(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         database = ledger._database
@@ -194,14 +194,14 @@ def test_a_commit_is_synchronous_and_readers_are_not_locked_out(tmp_path):
         reader.close()
 
 
-def test_a_second_writer_is_kept_out_until_the_first_closes(tmp_path):
+def test_second_writer_is_locked_out_until_first_closes(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path), pytest.raises(LedgerError, match="LEDGER_IN_USE"):
         Ledger(path)
     Ledger(path).close()
 
 
-def test_two_writers_whose_lock_was_removed_are_told_of_each_other(tmp_path):
+def test_writers_detect_each_other_after_lock_removal(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as first:
         first.enter({"guide": {"age": 1.0}})
@@ -223,7 +223,7 @@ def test_two_writers_whose_lock_was_removed_are_told_of_each_other(tmp_path):
         assert "disk" not in error.value.reason
 
 
-def test_a_ledger_is_private_with_its_logs_and_its_lock_and_an_old_one_is_tightened(tmp_path):
+def test_ledger_files_are_private_including_existing_ones(tmp_path):
     path = tmp_path / "state" / "ledger.sqlite"
     for _ in range(2):
         with Ledger(path) as ledger:
@@ -241,7 +241,7 @@ def test_a_ledger_is_private_with_its_logs_and_its_lock_and_an_old_one_is_tighte
                 file.chmod(0o644)
 
 
-def test_a_file_that_is_no_database_is_named_and_left_alone(tmp_path):
+def test_non_database_file_is_reported_and_left_unchanged(tmp_path):
     path = tmp_path / "ledger.sqlite"
     path.write_bytes(b"this is no database, but long enough to look at" * 50)
     before = path.read_bytes()
@@ -253,7 +253,7 @@ def test_a_file_that_is_no_database_is_named_and_left_alone(tmp_path):
     assert path.read_bytes() == before
 
 
-def test_a_damaged_page_is_noticed_at_the_start(tmp_path):
+def test_damaged_page_is_detected_at_start(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({f"agent{number}": FIRST for number in range(300)})
@@ -266,7 +266,7 @@ def test_a_damaged_page_is_noticed_at_the_start(tmp_path):
 
 
 @pytest.mark.parametrize("number", [2, 4])
-def test_another_format_is_left_alone(tmp_path, number):
+def test_ledger_of_another_format_is_left_unchanged(tmp_path, number):
     path = tmp_path / "ledger.sqlite"
     Ledger(path).close()
     with closing(sqlite3.connect(path)) as database:
@@ -278,7 +278,7 @@ def test_another_format_is_left_alone(tmp_path, number):
     assert path.read_bytes() == before
 
 
-def test_a_database_of_another_program_is_left_alone(tmp_path):
+def test_database_of_another_program_is_left_unchanged(tmp_path):
     path = tmp_path / "ledger.sqlite"
     database = sqlite3.connect(path)
     database.execute("CREATE TABLE bookmarks (url TEXT)")
@@ -287,7 +287,7 @@ def test_a_database_of_another_program_is_left_alone(tmp_path):
         Ledger(path)
 
 
-def test_a_path_that_cannot_be_written_is_named(tmp_path):
+def test_unwritable_path_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(LedgerError, match="LEDGER_UNREADABLE"):
         Ledger(tmp_path / "file" / "ledger.sqlite")
@@ -296,7 +296,7 @@ def test_a_path_that_cannot_be_written_is_named(tmp_path):
         Ledger(tmp_path / "folder.sqlite")
 
 
-def test_a_row_with_a_damaged_profile_is_named(tmp_path):
+def test_row_with_damaged_profile_is_reported(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
@@ -313,7 +313,7 @@ def test_a_row_with_a_damaged_profile_is_named(tmp_path):
         Ledger(path)
 
 
-def test_a_row_that_is_changed_while_the_ledger_is_open_is_not_believed(tmp_path):
+def test_row_altered_while_open_is_detected(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
@@ -338,7 +338,7 @@ for number in itertools.count(1):
 """
 
 
-def test_every_acknowledged_revision_survives_kill_9(tmp_path):
+def test_acknowledged_revisions_survive_kill_9(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with subprocess.Popen(
         [sys.executable, "-c", _WRITER, str(path)], stdout=subprocess.PIPE, text=True
@@ -355,7 +355,7 @@ def test_every_acknowledged_revision_survives_kill_9(tmp_path):
     assert ages == [float(number) for number in range(len(ages))]
 
 
-def test_a_tidy_ledger_has_nothing_left_to_write_when_it_is_closed(tmp_path):
+def test_checkpoint_leaves_nothing_to_write_on_close(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": {"age": 3.0}})

@@ -50,7 +50,7 @@ def test_each_layer_counts_its_own_revisions(ledger):
     assert [row.layer for row in ledger.layers("guide")] == [ANNA]
 
 
-def test_several_layers_are_recorded_together_or_not_at_all(ledger):
+def test_several_layers_are_recorded_atomically(ledger):
     good = LedgerEntry(agent="guide", profile=FIRST, cause=RevisionCause(feedback_id="f"))
     bad = LedgerEntry(
         agent="guide", layer=ANNA, profile={"age": float("nan")}, cause=RevisionCause()
@@ -60,7 +60,7 @@ def test_several_layers_are_recorded_together_or_not_at_all(ledger):
     assert (ages(ledger), ledger.layers("guide"), ledger.find_all("f")) == ([4.0], (), ())
 
 
-def test_an_id_that_has_moved_several_layers_returns_all_of_them(ledger):
+def test_feedback_id_of_several_layers_returns_all_revisions(ledger):
     begin(ledger)
     entries = [
         LedgerEntry(
@@ -73,7 +73,7 @@ def test_an_id_that_has_moved_several_layers_returns_all_of_them(ledger):
     assert [row.layer for row in recorded] == [ANNA, ""]
 
 
-def test_undo_of_a_layer_ends_where_the_layer_begins(ledger):
+def test_undo_of_layer_stops_at_its_beginning(ledger):
     begin(ledger, age=4.5)
     teach(ledger, "f1", ANNA)
     assert ledger.undo("guide", ANNA).profile["age"] == 4.5
@@ -83,7 +83,7 @@ def test_undo_of_a_layer_ends_where_the_layer_begins(ledger):
         ledger.undo("guide", "person/bob")
 
 
-def test_a_reset_brings_the_file_back_and_can_be_undone(ledger):
+def test_reset_restores_authored_profile_and_can_be_undone(ledger):
     teach(ledger, "f1")
     row = ledger.reset("guide", source="anna", reason="enough")
     assert (dict(row.profile), row.cause.changes) == (FIRST, 0)
@@ -92,7 +92,7 @@ def test_a_reset_brings_the_file_back_and_can_be_undone(ledger):
     assert [one.cause.feedback_id for one in ledger.taught("guide", newest=9)] == ["f1"]
 
 
-def test_what_was_undone_does_not_count_as_taught(ledger):
+def test_undone_feedback_does_not_count_as_taught(ledger):
     for number in range(4):
         teach(ledger, f"f{number}")
     ledger.undo("guide")
@@ -103,7 +103,7 @@ def test_what_was_undone_does_not_count_as_taught(ledger):
     assert [row.cause.feedback_id for row in ledger.taught("guide", newest=2)] == ["f1", "f9"]
 
 
-def test_an_edit_of_the_author_changes_in_layers_what_was_edited_only(ledger):
+def test_author_edit_changes_only_edited_values_in_layers(ledger):
     begin(ledger)
     ledger.append("guide", {"age": 4.8, "mood": 1.5}, RevisionCause(), layer=ANNA)
     ledger.enter({"guide": {"age": 2.0, "mood": 3.0}})
@@ -117,7 +117,7 @@ def traces(path: Path, *words: str) -> list[str]:
     return [word for word in words if word.encode() in content]
 
 
-def test_what_is_forgotten_leaves_no_trace_in_any_file_and_the_ledger_is_whole(tmp_path):
+def test_forgotten_layer_leaves_no_trace_in_any_file(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST, "express": FIRST})
@@ -137,7 +137,7 @@ def test_what_is_forgotten_leaves_no_trace_in_any_file_and_the_ledger_is_whole(t
         assert len(ledger.history("guide")) == 151
 
 
-def test_feedback_that_was_forgotten_is_not_applied_once_more(ledger):
+def test_forgotten_feedback_is_not_applied_again(ledger):
     begin(ledger)
     teach(ledger, "f1", ANNA)
     ledger.forget([("guide", ANNA)])
@@ -146,7 +146,7 @@ def test_feedback_that_was_forgotten_is_not_applied_once_more(ledger):
     assert ages(ledger) == [4.0]
 
 
-def test_a_layer_that_was_forgotten_begins_anew(ledger):
+def test_forgotten_layer_starts_anew(ledger):
     for number in range(3):
         begin(ledger)
         teach(ledger, f"f{number}", ANNA)
@@ -155,7 +155,7 @@ def test_a_layer_that_was_forgotten_begins_anew(ledger):
     assert ages(ledger, ANNA) == []
 
 
-def test_the_profile_for_everybody_is_not_forgotten(ledger):
+def test_general_profile_cannot_be_forgotten(ledger):
     with pytest.raises(Refused, match="UNKNOWN_LAYER"):
         ledger.forget([("guide", "")])
     begin(ledger)
@@ -164,7 +164,7 @@ def test_the_profile_for_everybody_is_not_forgotten(ledger):
     assert ages(ledger, ANNA) == [4.0]
 
 
-def test_a_reader_that_keeps_the_log_delays_the_last_trace_until_it_is_gone(tmp_path):
+def test_open_reader_delays_erasure_until_it_closes(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
@@ -181,7 +181,7 @@ def test_a_reader_that_keeps_the_log_delays_the_last_trace_until_it_is_gone(tmp_
         assert traces(path, "anna") == []
 
 
-def test_a_crash_before_the_traces_are_gone_is_made_good_at_the_next_start(tmp_path):
+def test_next_start_completes_erasure_after_crash(tmp_path):
     path = tmp_path / "before" / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
@@ -199,7 +199,7 @@ def test_a_crash_before_the_traces_are_gone_is_made_good_at_the_next_start(tmp_p
         assert traces(after, "anna") == []
 
 
-def test_a_reader_does_not_make_the_log_grow_while_traces_wait_to_go(tmp_path):
+def test_open_reader_does_not_grow_log_during_erasure(tmp_path):
     path = tmp_path / "ledger.sqlite"
     log = path.with_name(path.name + "-wal")
     with Ledger(path) as ledger, closing(sqlite3.connect(path, isolation_level=None)) as reader:
@@ -221,7 +221,7 @@ def test_a_reader_does_not_make_the_log_grow_while_traces_wait_to_go(tmp_path):
         assert traces(path, "anna") == []
 
 
-def test_a_rewriting_that_fails_is_tried_ever_more_seldom(tmp_path):
+def test_failed_erasure_is_retried_with_growing_intervals(tmp_path):
     with Ledger(tmp_path / "ledger.sqlite") as ledger:
         ledger.enter({"guide": FIRST})
         begin(ledger)
@@ -239,7 +239,7 @@ def test_a_rewriting_that_fails_is_tried_ever_more_seldom(tmp_path):
             pass
 
 
-def test_layers_are_counted_without_those_that_were_forgotten(ledger):
+def test_layer_count_excludes_forgotten_layers(ledger):
     for name in ("anna", "bob", "carl"):
         begin(ledger, f"person/{name}")
         teach(ledger, name, f"person/{name}")
@@ -248,7 +248,7 @@ def test_layers_are_counted_without_those_that_were_forgotten(ledger):
     assert ledger.count_layers("nobody") == 0
 
 
-def test_feedback_is_counted_once_for_all_of_its_layers(ledger):
+def test_feedback_is_counted_once_for_all_layers(ledger):
     begin(ledger)
     for feedback_id in ("s/1/a", "s/1/b", "s/2/a", "s"):
         teach(ledger, feedback_id, ANNA)
@@ -260,7 +260,7 @@ def test_feedback_is_counted_once_for_all_of_its_layers(ledger):
     )
 
 
-def test_what_the_author_wrote_is_read_once_and_never_from_a_change_that_was_undone(ledger):
+def test_authored_profile_is_cached_and_survives_failed_edit(ledger):
     for number in range(100):
         teach(ledger, f"f{number}")
     read = []

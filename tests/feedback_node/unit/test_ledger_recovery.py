@@ -47,7 +47,7 @@ def spoil(path: Path, statement: str) -> None:
         database.commit()
 
 
-def test_the_check_of_a_ledger_in_use_counts_its_rows(tmp_path):
+def test_check_of_open_ledger_counts_its_rows(tmp_path):
     path = made(tmp_path / "ledger.sqlite")
     with Ledger(path):
         report = inspect(str(path))
@@ -117,7 +117,7 @@ def test_the_check_of_a_ledger_in_use_counts_its_rows(tmp_path):
         ("DROP TABLE pending", 13, ["its tables are not those of a ledger"]),
     ],
 )
-def test_what_was_changed_in_a_ledger_is_named(tmp_path, statement, good, problems):
+def test_altered_ledger_content_is_reported(tmp_path, statement, good, problems):
     path = made(tmp_path / "ledger.sqlite")
     spoil(path, statement)
     with pytest.raises(LedgerError, match="LEDGER_CORRUPT") as error:
@@ -127,7 +127,7 @@ def test_what_was_changed_in_a_ledger_is_named(tmp_path, statement, good, proble
     assert (report.good, list(report.problems)) == (good, problems)
 
 
-def test_a_damaged_page_is_named_with_its_rows_and_the_profiles_of_other_rows_are_saved(tmp_path):
+def test_damaged_page_reports_rows_and_others_are_recovered(tmp_path):
     path, new = tmp_path / "ledger.sqlite", tmp_path / "new.sqlite"
     agents = [f"agent{number}" for number in range(200)]
     with Ledger(path) as ledger:
@@ -153,9 +153,7 @@ def test_a_damaged_page_is_named_with_its_rows_and_the_profiles_of_other_rows_ar
 
 
 @pytest.mark.parametrize(("number", "saved", "revisions"), [(7, 7, 4), (13, 12, 10)])
-def test_the_good_revisions_of_a_damaged_ledger_are_saved_into_a_new_one(
-    tmp_path, number, saved, revisions
-):
+def test_good_revisions_are_recovered_into_new_ledger(tmp_path, number, saved, revisions):
     path, new = made(tmp_path / "ledger.sqlite"), tmp_path / "new.sqlite"
     spoil(path, f"UPDATE revision SET content = '' WHERE number = {number}")
     before = path.read_bytes()
@@ -170,9 +168,7 @@ def test_the_good_revisions_of_a_damaged_ledger_are_saved_into_a_new_one(
         recover(str(path), str(new))
 
 
-def test_what_was_forgotten_before_a_recovery_does_not_stand_in_the_way_of_what_is_forgotten_after(
-    tmp_path,
-):
+def test_forgetting_works_in_recovered_ledger_with_forgotten_rows(tmp_path):
     path, new = made(tmp_path / "ledger.sqlite"), tmp_path / "new.sqlite"
     spoil(path, "DELETE FROM revision WHERE number BETWEEN 4 AND 13")
     assert recover(str(path), str(new)) == 3
@@ -193,7 +189,7 @@ def test_what_was_forgotten_before_a_recovery_does_not_stand_in_the_way_of_what_
         ("old", "OTHER_FORMAT"),
     ],
 )
-def test_what_is_no_ledger_is_said_to_be_none(tmp_path, kind, code):
+def test_non_ledger_is_reported_as_such(tmp_path, kind, code):
     path = tmp_path / "ledger.sqlite"
     if kind == "text":
         path.write_text("hello " * 1000)
@@ -211,7 +207,7 @@ def test_what_is_no_ledger_is_said_to_be_none(tmp_path, kind, code):
     assert error.value.code == code
 
 
-def test_the_commands_check_and_recover_say_what_they_found(tmp_path):
+def test_check_and_recover_commands_report_their_findings(tmp_path):
     path = made(tmp_path / "ledger.sqlite")
     run = CliRunner().invoke
     fine = run(bt_agents, ["profile", "check", str(path)])
@@ -228,7 +224,7 @@ def test_the_commands_check_and_recover_say_what_they_found(tmp_path):
     assert saved.output == f"7 revisions copied to {tmp_path / 'new.sqlite'}\n"
 
 
-def test_the_command_check_names_the_first_problems_and_counts_the_others(tmp_path):
+def test_check_command_lists_first_problems_and_counts_others(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({f"agent{number}": {"age": 1.0} for number in range(25)})
@@ -240,7 +236,7 @@ def test_the_command_check_names_the_first_problems_and_counts_the_others(tmp_pa
     assert "and 5 problems more" in bad.output
 
 
-def test_a_log_without_its_ledger_is_not_replaced(tmp_path):
+def test_log_without_its_ledger_is_not_replaced(tmp_path):
     path = tmp_path / "ledger.sqlite"
     log = path.with_name("ledger.sqlite-wal")
     with Ledger(path) as ledger:
@@ -253,7 +249,7 @@ def test_a_log_without_its_ledger_is_not_replaced(tmp_path):
     assert log.read_bytes() == content
 
 
-def test_a_link_to_a_ledger_is_the_same_ledger(tmp_path):
+def test_symlink_to_ledger_is_the_same_ledger(tmp_path):
     path, link = tmp_path / "ledger.sqlite", tmp_path / "elsewhere" / "link"
     link.parent.mkdir()
     link.symlink_to(path)
@@ -266,7 +262,7 @@ def test_a_link_to_a_ledger_is_the_same_ledger(tmp_path):
     assert list(link.parent.iterdir()) == [link]
 
 
-def test_a_new_ledger_on_a_full_disk_says_so(tmp_path, monkeypatch):
+def test_new_ledger_on_full_disk_reports_storage_full(tmp_path, monkeypatch):
     def full(_: object) -> None:
         error = sqlite3.OperationalError("database or disk is full")
         error.sqlite_errorcode = sqlite3.SQLITE_FULL
@@ -279,7 +275,7 @@ def test_a_new_ledger_on_a_full_disk_says_so(tmp_path, monkeypatch):
     Ledger(tmp_path / "ledger.sqlite").close()
 
 
-def test_a_folder_that_cannot_be_looked_at_is_named(tmp_path, monkeypatch):
+def test_inaccessible_folder_is_reported(tmp_path, monkeypatch):
     def denied(_: Path) -> bool:
         raise PermissionError(errno.EACCES, "Permission denied")
 

@@ -23,7 +23,7 @@ def managed() -> ManagedLedger:
     return ManagedLedger()
 
 
-def test_an_undo_and_a_reset_are_revisions_that_hosts_are_told(managed):
+def test_undo_and_reset_are_revisions_delivered_to_hosts(managed):
     managed.teach("f1")
     managed.teach("f2")
     done = managed.execute(
@@ -40,7 +40,7 @@ def test_an_undo_and_a_reset_are_revisions_that_hosts_are_told(managed):
     assert managed.current_profiles()["guide", ""] == (3.0, 3.0)
 
 
-def test_the_history_of_a_profile_tells_every_revision_and_its_cause(managed):
+def test_history_lists_every_revision_with_its_cause(managed):
     managed.teach("f1")
     answer = managed.document(ManagementAction.HISTORY, agent="guide")
     assert [(r["revision"], r["cause"], r["values"]["age"]) for r in answer["revisions"]] == [
@@ -50,7 +50,7 @@ def test_the_history_of_a_profile_tells_every_revision_and_its_cause(managed):
     assert answer["profiles"][0]["false_rate"] is None
 
 
-def test_without_an_agent_the_history_is_the_current_profile_of_each(managed):
+def test_history_without_agent_lists_all_current_profiles(managed):
     managed.teach_layer(ANNA)
     answer = managed.document(ManagementAction.HISTORY)
     assert [(p["agent"], p["layer"]) for p in answer["profiles"]] == [
@@ -61,7 +61,7 @@ def test_without_an_agent_the_history_is_the_current_profile_of_each(managed):
     assert answer["revisions"] == []
 
 
-def test_what_was_exported_is_taken_in_once_and_gives_the_same_profiles(managed):
+def test_export_is_imported_once_and_restores_profiles(managed):
     managed.teach("f1")
     managed.teach_layer(ANNA)
     document = managed.execute(ManagementAction.EXPORT).document
@@ -81,7 +81,7 @@ def test_what_was_exported_is_taken_in_once_and_gives_the_same_profiles(managed)
     )
 
 
-def test_an_export_holds_what_concerns_one_person_with_its_history(managed):
+def test_export_holds_one_persons_profiles_with_history(managed):
     managed.teach_layer(ANNA)
     managed.teach_layer(ANNA, "express")
     managed.teach_layer(LOBBY)
@@ -139,7 +139,7 @@ def document(*profiles: Any, **fields: Any) -> str:
         (" " * 4_000_001, "TOO_LONG"),
     ],
 )
-def test_a_document_that_is_none_is_refused_and_nothing_is_taken_in(managed, text, code):
+def test_invalid_document_is_rejected_and_imports_nothing(managed, text, code):
     before = managed.profiles.table()
     with pytest.raises(Refused) as refused:
         managed.execute(ManagementAction.IMPORT, document=text)
@@ -147,7 +147,7 @@ def test_a_document_that_is_none_is_refused_and_nothing_is_taken_in(managed, tex
     assert managed.profiles.table() == before
 
 
-def test_layers_expire_that_have_not_changed_for_so_long(managed):
+def test_layers_unchanged_for_given_time_expire(managed):
     managed.teach_layer("person/old")
     managed.teach_layer("place/old")
     managed.now += 50 * DAY
@@ -164,7 +164,7 @@ def test_layers_expire_that_have_not_changed_for_so_long(managed):
     assert {layer for _, layer in managed.current_profiles()} == {"", ANNA}
 
 
-def test_a_person_is_forgotten_by_all_agents_or_by_one(managed):
+def test_person_is_forgotten_by_one_or_all_agents(managed):
     for agent in ("guide", "express"):
         managed.teach_layer(ANNA, agent)
         managed.teach_layer(LOBBY, agent)
@@ -196,7 +196,7 @@ def test_a_person_is_forgotten_by_all_agents_or_by_one(managed):
         (ManagementAction.FORGET, {"layer": "forgotten/1"}, "BAD_LAYER"),
     ],
 )
-def test_an_order_that_makes_no_sense_is_refused_by_name(managed, action, fields, code):
+def test_invalid_order_is_rejected_with_code(managed, action, fields, code):
     before = managed.profiles.table()
     with pytest.raises(Refused) as refused:
         managed.execute(action, **fields)
@@ -204,7 +204,7 @@ def test_an_order_that_makes_no_sense_is_refused_by_name(managed, action, fields
     assert managed.profiles.table() == before
 
 
-def test_an_import_keeps_how_much_has_been_taught(managed):
+def test_import_keeps_number_of_changes(managed):
     for number in range(10):
         managed.teach(f"f{number}")
     document_of_ten = managed.execute(ManagementAction.EXPORT, agent="guide").document
@@ -214,7 +214,7 @@ def test_an_import_keeps_how_much_has_been_taught(managed):
     assert answer["changes"] == 10
 
 
-def test_texts_of_an_order_with_control_characters_are_refused(managed):
+def test_order_texts_with_control_characters_are_rejected(managed):
     for field in ("reason", "author"):
         with pytest.raises(Refused, match="BAD_TEXT"):
             managed.execute(ManagementAction.RESET, agent="guide", **{field: "a\x1b[2J"})

@@ -53,7 +53,7 @@ def trace(one: LeafMood) -> tuple[str, float, float, float]:
     return one.leaf, one.seconds, one.mean, one.change
 
 
-def test_each_node_has_its_time_its_mean_mood_and_its_change():
+def test_each_leaf_has_time_mean_mood_and_change():
     run = Run(scene(4.0))
     run.on_leaf(1.0, "tree/0.say")
     run.see(2.0, scene(4.0))
@@ -66,7 +66,7 @@ def test_each_node_has_its_time_its_mean_mood_and_its_change():
     ]
 
 
-def test_the_turns_of_a_node_are_counted_together():
+def test_turns_of_one_leaf_are_added_up():
     run = Run(scene(4.0))
     run.on_leaf(0.0, "ask")
     run.see(1.0, scene(3.0))
@@ -83,7 +83,7 @@ def test_the_turns_of_a_node_are_counted_together():
 @pytest.mark.parametrize(
     "gap", [scene(NAN), scene(1.0, person=False), scene(1.0, person_id="ben")]
 )
-def test_a_person_who_is_lost_is_not_unhappy(gap):
+def test_lost_person_does_not_count_as_unhappy(gap):
     run = Run(scene(4.0, person_id="anna"))
     run.on_leaf(0.0, "say")
     run.see(1.0, gap)
@@ -91,7 +91,7 @@ def test_a_person_who_is_lost_is_not_unhappy(gap):
     assert run.so_far(4.0) == [("say", 4.0, pytest.approx(3.75), -0.5)]
 
 
-def test_a_node_without_any_known_mood_says_so():
+def test_leaf_without_known_mood_has_none():
     run = Run(scene(NAN))
     run.on_leaf(0.0, "say")
     run.see(1.0, scene(NAN))
@@ -101,7 +101,7 @@ def test_a_node_without_any_known_mood_says_so():
     assert math.isnan(change)
 
 
-def test_a_mood_counts_no_longer_than_the_lease():
+def test_mood_counts_no_longer_than_the_lease():
     run = Run(scene(NAN), lease_s=1.0)
     run.on_leaf(0.0, "say")
     run.see(0.0, scene(2.0))
@@ -114,7 +114,7 @@ def test_a_mood_counts_no_longer_than_the_lease():
 @pytest.mark.parametrize(
     ("moment", "leaf"), [(0.5, ""), (1.0, "say"), (2.9, "say"), (3.0, "ask"), (99.0, "ask")]
 )
-def test_a_moment_belongs_to_the_node_that_was_at_work(moment, leaf):
+def test_each_moment_belongs_to_the_leaf_running_then(moment, leaf):
     run = Run(scene(4.0))
     run.on_leaf(1.0, "say")
     run.on_leaf(2.0, "say")
@@ -122,7 +122,7 @@ def test_a_moment_belongs_to_the_node_that_was_at_work(moment, leaf):
     assert run.trace.leaf_at(moment) == leaf
 
 
-def test_what_is_remembered_is_bounded():
+def test_mood_trace_is_bounded():
     run = Run(scene(4.0))
     for number in range(MOST_CHANGES + 50):
         run.on_leaf(float(number), f"tree/{number}.say")
@@ -131,7 +131,7 @@ def test_what_is_remembered_is_bounded():
     assert run.trace.leaf_at(MOST_CHANGES + 20.5) == f"tree/{MOST_CHANGES + 20}.say"
 
 
-def test_the_last_values_of_the_latest_run_are_kept() -> None:
+def test_trace_keeps_last_values_of_latest_run() -> None:
     values = RunValues()
     values.change("first", "tree/0.ask", "answer", "'no'")
     values.change("second", "tree/0.ask", "answer", "'yes'")

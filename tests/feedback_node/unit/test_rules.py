@@ -89,14 +89,14 @@ class Story:
 WORSE = "mood.change <= -1.0"
 
 
-def test_a_condition_that_holds_long_enough_fires_with_its_reason():
+def test_condition_held_long_enough_fires_with_reason():
     story = Story(rule(WORSE))
     assert story.see(0.0, scene(2.5)) == []
     assert story.tick(0.99) == []
     assert story.tick(1.0) == [(0, "mood.change <= -1.0 held 1 s: mood 4 → 2.5")]
 
 
-def test_a_condition_that_cannot_be_decided_does_not_fire_and_is_told_once():
+def test_undecidable_condition_never_fires_and_reports_once():
     story = Story(rule("1 / (live.mood - 3) > 0"))
     story.see(0.0, scene(4.0))
     assert story.watch.take_undecided() == ()
@@ -111,7 +111,7 @@ def test_a_condition_that_cannot_be_decided_does_not_fire_and_is_told_once():
     assert story.watch.take_undecided() == ()
 
 
-def test_a_rule_fires_once_in_a_run():
+def test_rule_fires_once_per_run():
     story = Story(rule(WORSE, 0.0))
     assert len(story.see(0.0, scene(2.0))) == 1
     assert story.see(1.0, scene(4.0)) == []
@@ -119,7 +119,7 @@ def test_a_rule_fires_once_in_a_run():
     assert story.watch.over
 
 
-def test_a_condition_that_breaks_starts_its_time_again():
+def test_broken_condition_restarts_hold_time():
     story = Story(rule(WORSE))
     story.see(0.0, scene(2.5))
     story.see(0.9, scene(3.5))
@@ -138,7 +138,7 @@ def test_a_condition_that_breaks_starts_its_time_again():
         scene(2.5, person_id="ben"),
     ],
 )
-def test_an_unknown_mood_starts_the_time_again(gap):
+def test_unknown_mood_restarts_hold_time(gap):
     story = Story(rule(WORSE), awarded=scene(4.0, person_id="anna"))
     story.see(0.0, scene(2.5))
     assert story.see(0.5, gap) == []
@@ -148,7 +148,7 @@ def test_an_unknown_mood_starts_the_time_again(gap):
     assert len(story.tick(3.0)) == 1
 
 
-def test_a_scene_layer_that_falls_silent_leaves_nothing_known():
+def test_silent_scene_layer_leaves_nothing_known():
     story = Story(rule(WORSE, 4.0))
     story.see(0.0, scene(2.5))
     assert story.tick(1.1) == story.tick(9.0) == []
@@ -174,7 +174,7 @@ def test_a_scene_layer_that_falls_silent_leaves_nothing_known():
         (0.2, (0.0, 0.5, 1.0, 1.5, 2.0, 2.5), None),
     ],
 )
-def test_a_silence_longer_than_the_lease_is_not_held_and_breaks_the_time(lease_s, seen, fires):
+def test_silence_beyond_lease_breaks_hold_time(lease_s, seen, fires):
     story = Story(rule(WORSE, 2.0), lease_s=lease_s)
     fired = []
     for tenth in range(round(seen[-1] * 10) + 30):
@@ -184,33 +184,33 @@ def test_a_silence_longer_than_the_lease_is_not_held_and_breaks_the_time(lease_s
     assert fired == ([] if fires is None else [fires])
 
 
-def test_a_rule_without_a_time_does_not_fire_on_what_was_seen_before_a_silence():
+def test_rule_without_hold_ignores_scene_before_silence():
     story = Story(rule(WORSE, 0.0), settle_s=5.0)
     story.see(0.0, scene(2.0))
     assert story.tick(5.0) == story.see(6.0, scene(4.0)) == []
     assert len(story.see(7.0, scene(2.0))) == 1
 
 
-def test_a_rule_of_a_person_who_is_lost_does_not_fire_because_the_scene_layer_is():
+def test_stale_scene_does_not_fire_lost_person_rule():
     story = Story(rule("not live.person", 2.0), rule("live.stale", 0.0))
     story.see(0.0, scene(4.0))
     assert [story.tick(at / 2) for at in range(20)] == [[]] * 20
     assert story.see(10.0, scene(4.0)) == []
 
 
-def test_a_hold_that_was_complete_before_the_next_scene_still_fires_on_the_scene_it_held_in():
+def test_hold_completed_before_next_scene_still_fires():
     story = Story(rule(WORSE))
     story.see(0.0, scene(2.5))
     assert story.see(1.0, scene(4.0)) == [(0, "mood.change <= -1.0 held 1 s: mood 4 → 2.5")]
 
 
-def test_nothing_fires_before_the_first_live_scene():
+def test_no_rule_fires_before_first_live_scene():
     story = Story(rule("scene.age >= 1", 0.0))
     assert story.tick(10.0) == []
     assert len(story.see(11.0, scene(4.0))) == 1
 
 
-def test_rules_fire_in_their_order_and_none_after_one_that_cancels():
+def test_rules_fire_in_order_until_one_cancels():
     rules = (rule(WORSE, 1.0), rule(WORSE, 1.0, action=MoodAction.CANCEL), rule(WORSE, 2.0))
     story = Story(*rules)
     story.see(0.0, scene(2.0))
@@ -219,7 +219,7 @@ def test_rules_fire_in_their_order_and_none_after_one_that_cancels():
     assert story.tick(5.0) == []
 
 
-def test_a_replayed_run_settles_before_a_rule_may_hold():
+def test_replayed_run_settles_before_hold_time_starts():
     story = Story(rule(WORSE, 0.0), settle_s=0.5)
     assert story.see(0.1, scene(2.0)) == []
     assert story.tick(0.4) == []
@@ -244,30 +244,30 @@ def test_a_replayed_run_settles_before_a_rule_may_hold():
         ("1 / mood.change < 0", scene(3.0), True),
     ],
 )
-def test_a_condition_names_the_awarded_and_the_live_scene(when, live, fires):
+def test_condition_reads_awarded_and_live_scene(when, live, fires):
     assert bool(Story(rule(when, 0.0)).see(0.0, live)) is fires
 
 
-def test_a_missing_awarded_mood_is_replaced_by_the_first_live_one():
+def test_first_live_mood_replaces_missing_awarded_mood():
     story = Story(rule(WORSE, 0.0), awarded=scene(NAN))
     assert story.see(0.0, scene(3.0)) == []
     assert story.see(1.0, scene(2.0)) == [(0, "mood.change <= -1.0 held 0 s: mood 3 → 2")]
 
 
-def test_what_another_person_does_says_only_that_nobody_is_there():
+def test_another_person_counts_only_as_absence():
     rules = (rule("live.age == 5", 0.0), rule("live.mood < 2", 0.0), rule("not live.person", 0.0))
     story = Story(*rules, awarded=scene(4.0, person_id="anna"))
     fired = story.see(0.0, scene(1.0, age=5.0, person_id="ben"))
     assert [index for index, _ in fired] == [2]
 
 
-def test_a_rule_of_more_confidence_does_not_look_at_doubtful_moods():
+def test_rule_confidence_excludes_doubtful_moods():
     story = Story(rule(WORSE, 0.0, confidence=0.6), rule(WORSE, 0.0))
     fired = [story.see(at, scene(2.0, confidence=0.5 + at / 10)) for at in range(3)]
     assert [[index for index, _ in one] for one in fired] == [[1], [0], []]
 
 
-def test_a_rule_with_a_baseline_compares_with_the_mean_of_the_first_seconds():
+def test_baseline_is_mean_mood_of_first_seconds():
     story = Story(rule(WORSE, 1.0, baseline_s=2.0), awarded=scene(5.0))
     for tenth in range(20):
         assert story.see(tenth / 10, scene(3.0 if tenth < 10 else 2.0)) == []
@@ -288,31 +288,31 @@ def firings(story: Story, mood: Callable[[float], float], seconds: float) -> lis
     return fired
 
 
-def test_a_rule_with_a_cooldown_fires_again_when_it_has_held_again_after_it():
+def test_rule_fires_again_after_cooldown_and_new_hold():
     story = Story(rule(WORSE, 1.0, cooldown_s=3.0))
     assert firings(story, lambda _: 2.0, 10.0) == [1.0, 5.0, 9.0]
     assert not story.watch.over
 
 
-def test_a_rule_with_a_release_waits_for_it():
+def test_rule_with_release_waits_for_it():
     story = Story(rule(WORSE, 1.0, release="mood.change >= -0.5"))
     mood = dict(enumerate([2.0, 2.0, 2.9, 2.0, 2.0, 3.4, 2.0, 2.0, 3.5, 2.0, 2.0, 2.0]))
     assert firings(story, lambda at: mood[int(at)], 11.0) == [1.0, 10.0]
 
 
-def test_a_release_counts_only_once_the_cooldown_is_over():
+def test_release_counts_only_after_cooldown():
     story = Story(rule(WORSE, 0.0, release="mood.change > -1", cooldown_s=5.0))
     assert firings(story, lambda at: 4.0 if 1 <= at < 2 else 2.0, 8.0) == [0.0, 5.0]
 
 
-def test_a_release_that_always_holds_does_not_let_a_rule_chatter():
+def test_always_true_release_does_not_cause_chatter():
     story = Story(rule(WORSE, 0.0, release="live.person"))
     assert firings(story, lambda _: 2.0, 3.9) == [0.0, 1.0, 2.0, 3.0]
     assert MIN_REPEAT_S == 1.0
 
 
 @pytest.mark.parametrize(("hold_s", "cooldown_s"), [(0.0, 2.0), (0.5, 2.0), (1.0, 0.0)])
-def test_a_mood_that_flaps_fires_at_most_once_a_hold_and_cooldown(hold_s, cooldown_s):
+def test_flapping_mood_fires_at_most_once_per_period(hold_s, cooldown_s):
     """The mood crosses the threshold at random; two firings are never closer than both."""
     random = Random(7)
     story = Story(rule(WORSE, hold_s, release="mood.change > -1", cooldown_s=cooldown_s))
@@ -323,7 +323,7 @@ def test_a_mood_that_flaps_fires_at_most_once_a_hold_and_cooldown(hold_s, cooldo
     assert min(gaps) >= hold_s + cooldown_s - 1e-9
 
 
-def test_each_firing_says_since_when_its_condition_has_held_and_how_often_it_fired_before():
+def test_firing_states_start_of_hold_and_previous_count():
     story = Story(rule(WORSE, 1.0, cooldown_s=2.0))
     trace = []
     for tick in range(120):
@@ -332,7 +332,7 @@ def test_each_firing_says_since_when_its_condition_has_held_and_how_often_it_fir
     assert trace == [(100.0, 0), (103.0, 1)]
 
 
-def test_the_next_moment_of_interest_is_known():
+def test_next_due_time_is_known():
     story = Story(rule(WORSE, 1.0, cooldown_s=3.0))
     story.see(0.0, scene(2.0))
     assert story.watch.due == 101.0
@@ -345,7 +345,7 @@ def test_the_next_moment_of_interest_is_known():
     assert story.watch.due == math.inf
 
 
-def test_a_run_without_rules_is_over_at_once():
+def test_run_without_rules_is_over_at_once():
     assert Story().watch.over
 
 
@@ -366,7 +366,7 @@ def test_a_run_without_rules_is_over_at_once():
         (WORSE, 1.0, 3),
     ],
 )
-def test_a_rule_that_cannot_be_meant_is_refused(when, hold_s, give):
+def test_meaningless_rule_is_rejected(when, hold_s, give):
     with pytest.raises(Refused) as refusal:
         restore_mood_rule(SPACE, when=when, hold_s=hold_s, give=give)
     assert refusal.value.code == "BAD_RULE"
@@ -386,12 +386,12 @@ def test_a_rule_that_cannot_be_meant_is_refused(when, hold_s, give):
         {"action": 2},
     ],
 )
-def test_more_of_a_rule_that_cannot_be_meant_is_refused(more):
+def test_rule_with_invalid_values_is_rejected(more):
     with pytest.raises(Refused, match="BAD_RULE"):
         rule(WORSE, **more)
 
 
-def test_a_space_without_a_mood_knows_no_mood_change():
+def test_space_without_mood_has_no_mood_change():
     space = SceneSpace(parameters=SPACE.parameters, mood=None)
     with pytest.raises(Refused, match="BAD_RULE"):
         restore_mood_rule(space, when=WORSE, hold_s=1.0, give=FeedbackKind.NEGATIVE)

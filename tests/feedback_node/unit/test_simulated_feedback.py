@@ -17,28 +17,28 @@ SPACE = SceneSpace(
 )
 
 
-def test_the_sequence_is_used_in_order_from_its_first_row_for_whoever_ran():
+def test_sequence_is_used_in_order_for_any_agent():
     simulated = SimulatedFeedback(PreparedFeedback(sequence=(A, B)))
     assert [simulated.next(agent) for agent in ("one", "two", "one")] == [A, B, None]
 
 
-def test_a_repeated_sequence_starts_again():
+def test_repeated_sequence_starts_again():
     simulated = SimulatedFeedback(PreparedFeedback(sequence=(A, B), repeat=True))
     assert [simulated.next("one") for _ in range(5)] == [A, B, A, B, A]
 
 
-def test_an_agent_with_its_own_vector_always_gets_it_and_uses_up_no_row():
+def test_agent_with_own_vector_uses_no_row():
     simulated = SimulatedFeedback(PreparedFeedback(each={"one": B}, sequence=(A,)))
     assert [simulated.next(agent) for agent in ("one", "one", "two", "one")] == [B, B, A, B]
 
 
-def test_an_agent_with_a_list_of_its_own_uses_up_that_alone():
+def test_agent_with_own_list_uses_only_that_list():
     simulated = SimulatedFeedback(PreparedFeedback(sequences={"one": (A, B)}, sequence=(C,)))
     ran = ("one", "two", "one", "one", "two")
     assert [simulated.next(agent) for agent in ran] == [A, C, B, None, None]
 
 
-def test_each_repeated_list_starts_again_by_itself():
+def test_repeated_lists_start_again_independently():
     simulated = SimulatedFeedback(
         PreparedFeedback(sequences={"one": (A, B), "two": (C,)}, repeat=True)
     )
@@ -46,7 +46,7 @@ def test_each_repeated_list_starts_again_by_itself():
     assert [simulated.next(agent) for agent in ran] == [A, C, B, C, A, None]
 
 
-def test_a_list_goes_on_after_what_was_given_before_a_restart():
+def test_list_continues_after_restart():
     simulated = SimulatedFeedback(PreparedFeedback(each={"one": B}, sequence=(A, B), repeat=True))
     simulated.resume({"one": 7, "two": 2, "three": 1})
     assert [simulated.next("two") for _ in range(2)] == [B, A]
@@ -55,18 +55,18 @@ def test_a_list_goes_on_after_what_was_given_before_a_restart():
     assert ended.next("two") is None
 
 
-def test_nothing_prepared_is_no_feedback_even_when_repeated():
+def test_empty_preparation_gives_no_feedback_even_when_repeated():
     assert SimulatedFeedback(PreparedFeedback(repeat=True)).next("one") is None
 
 
-def test_each_third_feedback_is_wrong_whoever_ran():
+def test_every_third_feedback_is_wrong_for_any_agent():
     errors = FeedbackErrors(space=SPACE, seed=1, every=3, value=WRONG)
     simulated = SimulatedFeedback(PreparedFeedback(each={"one": A, "two": B}, errors=errors))
     given = [simulated.next(agent) for agent in ("one", "two", "one", "two", "one", "one")]
     assert given == [A, B, WRONG, B, A, WRONG]
 
 
-def test_chance_says_which_feedback_is_wrong_and_the_same_after_a_restart():
+def test_random_errors_are_reproducible_after_restart():
     def simulated():
         return SimulatedFeedback(
             PreparedFeedback(
@@ -85,7 +85,7 @@ def test_chance_says_which_feedback_is_wrong_and_the_same_after_a_restart():
     assert [later.next("one") for _ in range(250)] == given[150:]
 
 
-def test_no_feedback_is_not_counted():
+def test_missing_feedback_is_not_counted():
     errors = FeedbackErrors(space=SPACE, seed=1, every=2, value=WRONG)
     simulated = SimulatedFeedback(PreparedFeedback(each={"one": A}, errors=errors))
     given = [simulated.next(agent) for agent in ("one", "nobody", "one")]

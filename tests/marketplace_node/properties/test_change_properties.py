@@ -61,7 +61,7 @@ def found_change(of: Terms, accepted: list[AcceptedBid]) -> Decision:
 @pytest.mark.parametrize("strategy", NAMES)
 @few
 @given(data=st.data())
-def test_with_the_change_the_runner_up_wins(strategy: str, data: st.DataObject) -> None:
+def test_runner_up_wins_with_found_change(strategy: str, data: st.DataObject) -> None:
     of, accepted = data.draw(rounds(st.just(strategy)))
     decision = found_change(of, accepted)
     change = decision.ranked.change
@@ -75,7 +75,7 @@ def test_with_the_change_the_runner_up_wins(strategy: str, data: st.DataObject) 
 
 @some
 @given(rounds(st.sampled_from(NAMES)))
-def test_no_smaller_change_of_one_parameter_does(
+def test_no_smaller_single_parameter_change_suffices(
     of_and_bids: tuple[Terms, list[AcceptedBid]],
 ) -> None:
     of, accepted = of_and_bids
@@ -95,7 +95,7 @@ def test_no_smaller_change_of_one_parameter_does(
                 assert not (smaller and wins_with(decision, accepted, there))
 
 
-def test_a_single_value_with_which_the_runner_up_ties_and_wins_is_found() -> None:
+def test_only_value_winning_by_tie_is_found() -> None:
     of = terms(
         scene("s", 1.0, math.nan, 1.0), strategy="weighted_manhattan", runs={}, tie_break="name"
     )

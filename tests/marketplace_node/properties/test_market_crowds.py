@@ -144,7 +144,7 @@ class Crowd:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("mode", ["queue", "reject", "preempt"])
-def test_of_a_thousand_scenes_each_ends_exactly_once(mode: str, seed: int) -> None:
+def test_each_of_thousand_scenes_ends_exactly_once(mode: str, seed: int) -> None:
     crowd = Crowd(mode, seed)
     number = 0
     while number < SCENES:

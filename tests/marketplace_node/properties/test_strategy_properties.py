@@ -58,7 +58,7 @@ def scores_of(name: str, of: RoundBids) -> list[float]:
 
 
 @given(st.lists(st.tuples(numbers, st.one_of(numbers, st.just(NAN))), min_size=1, max_size=12))
-def test_the_distance_equals_exact_terms_rounded_once_an_addition(
+def test_distance_equals_exact_terms_rounded_once_per_addition(
     pairs: list[tuple[float, float]],
 ) -> None:
     expected = 0.0
@@ -72,16 +72,14 @@ def test_the_distance_equals_exact_terms_rounded_once_an_addition(
 
 
 @given(fields())
-def test_the_distance_is_the_plain_sum_to_the_last_bit(of: RoundBids) -> None:
+def test_distance_equals_plain_sum_bit_for_bit(of: RoundBids) -> None:
     assert scores_of("manhattan", of) == [added_up(bid.profile, of.scene) for bid in of.bids]
 
 
 @named
 @few
 @given(of=fields())
-def test_scores_are_finite_and_contributions_add_up_to_the_distance(
-    name: str, of: RoundBids
-) -> None:
+def test_scores_are_finite_and_contributions_sum_to_distance(name: str, of: RoundBids) -> None:
     scores = scored(name, of)
 
     assert len(scores) == len(of.bids)
@@ -110,30 +108,28 @@ def test_a_missing_value_never_counts(name: str, of: RoundBids) -> None:
 
 
 @given(fields())
-def test_weights_of_one_are_no_weights(of: RoundBids) -> None:
+def test_weights_of_one_change_nothing(of: RoundBids) -> None:
     alike = changed(of, weights=(1.0,) * len(of.scene))
 
     assert scores_of("weighted_manhattan", alike) == scores_of("manhattan", of)
 
 
 @given(fields())
-def test_certain_values_make_the_expected_distance_the_distance(of: RoundBids) -> None:
+def test_expected_distance_of_certain_values_equals_distance(of: RoundBids) -> None:
     certain = replace(of, std=(0.0,) * len(of.scene))
 
     assert scores_of("expected_manhattan", certain) == scores_of("manhattan", of)
 
 
 @given(fields())
-def test_uncertainty_never_brings_a_bid_nearer(of: RoundBids) -> None:
+def test_uncertainty_never_reduces_distance(of: RoundBids) -> None:
     pairs = zip(scores_of("expected_manhattan", of), scores_of("manhattan", of), strict=True)
 
     assert all(unsure >= sure - 1e-12 for unsure, sure in pairs)
 
 
 @given(of=fields(), margin=st.floats(0.0, 1.0), c=st.floats(0.0, 10.0))
-def test_nobody_further_than_the_margin_from_the_nearest_ever_wins(
-    of: RoundBids, margin: float, c: float
-) -> None:
+def test_winner_is_within_margin_of_nearest_bid(of: RoundBids, margin: float, c: float) -> None:
     scores = scored("bounded_ucb", of, margin=margin, c=c)
     known = [width for width, x in zip(of.widths, of.scene, strict=True) if not math.isnan(x)]
 
@@ -145,7 +141,7 @@ def test_nobody_further_than_the_margin_from_the_nearest_ever_wins(
 @named
 @few
 @given(data=st.data(), vectors_of=agents, wanted=unsure)
-def test_the_order_of_arrival_and_another_start_change_nothing(
+def test_decision_is_independent_of_bid_arrival_order(
     name: str, data: st.DataObject, vectors_of: dict[str, Any], wanted: tuple[float, ...]
 ) -> None:
     runs = {agent: data.draw(st.integers(0, 3)) for agent in vectors_of}

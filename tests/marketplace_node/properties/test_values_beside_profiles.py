@@ -31,7 +31,7 @@ def hurting(of: Scene, pain: float) -> Scene:
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
 @settings(max_examples=15)
 @given(profiles=agents, wanted=vectors, pain=st.floats(0.0, 10.0))
-def test_a_value_that_no_profile_has_changes_no_decision(strategy, profiles, wanted, pain):
+def test_value_outside_profiles_changes_no_decision(strategy, profiles, wanted, pain):
     plain = scene("s1", *wanted)
     accepted = bids(profiles)
     of = {"strategy": strategy, "shadow": "expected_manhattan"}
@@ -42,7 +42,7 @@ def test_a_value_that_no_profile_has_changes_no_decision(strategy, profiles, wan
     assert now.ranked.change == was.ranked.change
 
 
-def test_the_sum_leaves_it_out_and_the_scene_names_it():
+def test_value_outside_profiles_appears_only_in_scene():
     of = hurting(scene("s1", 5.0, 1.0, 3.0), 8.0)
     decision = decided(terms(of), bids({"guide": (4.0, 1.0, 3.0)}), space=WITH_PAIN.profiles)
     (winner,) = decision.ranked.bids
@@ -52,7 +52,7 @@ def test_the_sum_leaves_it_out_and_the_scene_names_it():
     assert "pain adds" not in told
 
 
-def test_what_is_not_known_of_it_is_left_out_of_nothing():
+def test_missing_value_outside_profiles_is_not_reported():
     of = scene("s1", 5.0, 1.0, 3.0)
     of = replace(of, values=WITH_PAIN.scene((*of.values, SceneValue.missing("pain"))))
     decision = decided(terms(of), bids({"guide": (4.0, 1.0, 3.0)}), space=WITH_PAIN.profiles)

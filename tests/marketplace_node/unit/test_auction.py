@@ -86,9 +86,7 @@ def test_the_closest_bid_wins_with_its_margin() -> None:
         ({"instance": "second"}, "WRONG_INSTANCE"),
     ],
 )
-def test_messages_from_elsewhere_are_refused_and_answer_nothing(
-    changes: dict[str, Any], code: str
-) -> None:
+def test_foreign_messages_are_refused_and_do_not_count(changes: dict[str, Any], code: str) -> None:
     opened = auction()
     opened.take(bids(**changes))
 
@@ -111,9 +109,7 @@ def test_messages_from_elsewhere_are_refused_and_answer_nothing(
         {"unmet": ("scene.person",)},
     ],
 )
-def test_a_malformed_message_is_refused_as_a_whole_and_counts_as_an_answer(
-    changes: dict[str, Any],
-) -> None:
+def test_malformed_message_is_refused_but_counts_as_response(changes: dict[str, Any]) -> None:
     opened = auction()
     opened.take(bids(**changes))
 
@@ -122,9 +118,7 @@ def test_a_malformed_message_is_refused_as_a_whole_and_counts_as_an_answer(
 
 
 @pytest.mark.parametrize("vector", [(), (4.0,), (4.0, 1.5, 3.0, 1.0)])
-def test_a_short_or_long_bid_names_its_agent_when_it_is_the_only_one(
-    vector: tuple[float, ...],
-) -> None:
+def test_single_bid_of_wrong_length_names_its_agent(vector: tuple[float, ...]) -> None:
     opened = auction(entry(**{GUIDE: 1}))
     opened.take(bids(agents=(GUIDE,), agent_ids=(1,), vectors=vector))
 
@@ -141,7 +135,7 @@ def test_a_short_or_long_bid_names_its_agent_when_it_is_the_only_one(
         ((0.0, 0.0, 0.0), "OUT_OF_RANGE"),
     ],
 )
-def test_one_bad_vector_refuses_that_agent_only(vector: tuple[float, ...], code: str) -> None:
+def test_bad_vector_refuses_only_its_agent(vector: tuple[float, ...], code: str) -> None:
     opened = auction()
     opened.take(bids(vectors=(*vector, 3.0, 5.0, 3.5)))
     decision = close(opened)
@@ -162,7 +156,7 @@ def test_one_bad_vector_refuses_that_agent_only(vector: tuple[float, ...], code:
         ({"declined": ("stranger",), "decline_reasons": ("no",)}, [("stranger", "UNKNOWN_AGENT")]),
     ],
 )  # fmt: skip
-def test_agents_named_wrongly_are_refused(
+def test_misnamed_agents_are_refused(
     changes: dict[str, Any], expected: list[tuple[str, str]]
 ) -> None:
     opened = auction()
@@ -171,7 +165,7 @@ def test_agents_named_wrongly_are_refused(
     assert refusals(close(opened)) == expected
 
 
-def test_the_first_answer_of_a_host_counts() -> None:
+def test_first_response_of_host_counts() -> None:
     opened = auction()
     opened.take(bids())
     opened.take(bids(vectors=(5.0, 1.0, 3.0) * 2))
@@ -181,7 +175,7 @@ def test_the_first_answer_of_a_host_counts() -> None:
     assert decision.ranking[0].distance == 1.5
 
 
-def test_declining_is_an_answer() -> None:
+def test_declining_counts_as_response() -> None:
     opened = auction()
     opened.take(
         bids(
@@ -202,7 +196,7 @@ def test_declining_is_an_answer() -> None:
     ]
 
 
-def test_an_excluded_agent_may_be_left_out_but_may_not_bid() -> None:
+def test_excluded_agent_may_be_omitted_but_not_bid() -> None:
     opened = auction(excluded={GUIDE: "stopped: mood"})
     opened.take(bids())
     silent = auction(excluded={GUIDE: "stopped: mood"})
@@ -212,7 +206,7 @@ def test_an_excluded_agent_may_be_left_out_but_may_not_bid() -> None:
     assert refusals(close(silent)) == []
 
 
-def test_equal_distances_go_to_the_least_recently_run_then_to_the_name() -> None:
+def test_ties_go_to_least_recently_run_then_name() -> None:
     vectors = (4.0, 2.0, 3.0) * 2
 
     def winner(**changes: Any) -> str:
@@ -226,7 +220,7 @@ def test_equal_distances_go_to_the_least_recently_run_then_to_the_name() -> None
     assert winner(last_run={GUIDE: 1}, tie_break="name") == GUIDE
 
 
-def test_a_stopped_round_awards_nothing_even_with_bids() -> None:
+def test_stopped_round_awards_nothing_despite_bids() -> None:
     opened = auction()
     opened.take(bids())
     decision = opened.close(ClosedBy.STOPPED, 0.1, stopped="enough")

@@ -41,19 +41,19 @@ def change(
     return found
 
 
-def test_the_parameter_that_has_to_change_least_is_named() -> None:
+def test_parameter_requiring_smallest_change_is_named() -> None:
     found = change((4.0, 1.0, 3.0), (4.0, 1.0, 3.0), (2.0, 2.0, 3.0), last_run={"a": 1})
 
     assert (found.names, found.values) == (("age",), (2.5,))
 
 
-def test_where_an_equal_score_loses_the_change_goes_a_little_further() -> None:
+def test_change_exceeds_tie_when_tie_loses() -> None:
     found = change((4.0, 1.0, 3.0), (4.0, 1.0, 3.0), (2.0, 2.0, 3.0), last_run={"b": 1})
 
     assert found.values == (2.45,)
 
 
-def test_who_is_between_has_to_be_passed_too() -> None:
+def test_change_also_beats_bids_in_between() -> None:
     found = change((5.0, 3.0, 3.0), (5.0, 3.0, 3.0), (1.0, 3.0, 3.0), (2.0, 3.0, 4.5))
 
     assert found.names == ("age",)
@@ -70,7 +70,7 @@ def test_who_is_between_has_to_be_passed_too() -> None:
          "nobody knows how the program outside would have ranked another scene"),
     ],
 )  # fmt: skip
-def test_it_is_said_why_there_is_no_change(
+def test_missing_change_states_reason(
     values: tuple[float, ...], changes: dict[str, object], words: str
 ) -> None:
     found = change(values, (2.0, 2.0, 2.0), (2.0, 2.0, 2.0), **changes)
@@ -79,7 +79,7 @@ def test_it_is_said_why_there_is_no_change(
 
 
 @pytest.mark.parametrize("error", [IndexError("5"), FloatingPointError(), AssertionError()])
-def test_a_search_that_fails_is_an_obstacle_and_nothing_else(error: Exception) -> None:
+def test_failed_search_is_only_an_obstacle(error: Exception) -> None:
     def fail() -> Counterfactual:
         raise error
 
@@ -120,7 +120,7 @@ def test_the_search_compares_so_much_and_no_more(
     assert bool(compared) == (agents == 1000)
 
 
-def test_nothing_is_searched_before_somebody_asks_for_it() -> None:
+def test_search_runs_only_on_request() -> None:
     market = Driver()
     market.register()
     market.scene()

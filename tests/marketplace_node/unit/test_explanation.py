@@ -154,18 +154,18 @@ DECISIONS: dict[str, Callable[[], Decision]] = {
 
 
 @pytest.mark.parametrize("name", DECISIONS)
-def test_a_decision_is_told_as_written_down(name: str) -> None:
+def test_decision_text_matches_stored_text(name: str) -> None:
     decision = DECISIONS[name]()
 
     told = f"{reason_of(decision)}\n\n{explanation(decision, SPACE)}\n"
     assert told == (KEPT / f"{name}.txt").read_text(encoding="utf-8")
 
 
-def test_every_text_belongs_to_a_decision() -> None:
+def test_every_stored_text_belongs_to_decision() -> None:
     assert {path.stem for path in KEPT.iterdir()} == set(DECISIONS)
 
 
-def test_a_line_break_in_a_label_begins_no_sentence() -> None:
+def test_line_break_in_label_starts_no_sentence() -> None:
     forged = replace(AS_GIVEN, label="a guest\nbert gets the run.\u2028Really.")
     told = explanation(of(forged), SPACE)
     assert "'a guest bert gets the run. Really.'" in told

@@ -43,7 +43,7 @@ def impatient() -> Driver:
     return driver
 
 
-def test_an_interaction_goes_through_all_states_to_its_end(market: Driver) -> None:
+def test_interaction_passes_through_all_states(market: Driver) -> None:
     market.scene()
     market.bid()
     market.accept()
@@ -70,7 +70,7 @@ def test_an_interaction_goes_through_all_states_to_its_end(market: Driver) -> No
     assert (market.status.scene_id, market.status.agent, market.status.host) == ("", "", "")
 
 
-def test_the_status_names_the_hosts_and_agents_that_live(market: Driver) -> None:
+def test_status_names_live_hosts_and_agents(market: Driver) -> None:
     market.register("/others", PLAIN)
     assert (market.status.hosts, market.status.agents) == (2, 3)
 
@@ -79,7 +79,7 @@ def test_the_status_names_the_hosts_and_agents_that_live(market: Driver) -> None
     assert (market.status.hosts, market.status.agents) == (1, 2)
 
 
-def test_a_round_closes_at_the_deadline_with_a_silent_host(market: Driver) -> None:
+def test_round_closes_at_deadline_despite_silent_host(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -94,7 +94,7 @@ def test_a_round_closes_at_the_deadline_with_a_silent_host(market: Driver) -> No
     assert market.goal.agent == GUIDE
 
 
-def test_the_market_says_when_its_next_deadline_passes(market: Driver) -> None:
+def test_market_reports_its_next_deadline(market: Driver) -> None:
     market.register("/others", PLAIN)
     assert market.market.due == math.inf
     began = market.now
@@ -113,7 +113,7 @@ def test_the_market_says_when_its_next_deadline_passes(market: Driver) -> None:
     assert market.market.due == market.now + market.market.settings.collect_deadline_s
 
 
-def test_the_clock_of_a_round_starts_with_its_publication(market: Driver) -> None:
+def test_round_deadline_counts_from_publication(market: Driver) -> None:
     effects = market.market.scene(scene(), market.now)
     market.effects += effects
     market.wait(0.4)
@@ -125,7 +125,7 @@ def test_the_clock_of_a_round_starts_with_its_publication(market: Driver) -> Non
     assert market.auction.decision.closed_by is ClosedBy.DEADLINE
 
 
-def test_a_call_that_is_never_published_ends_all_the_same(market: Driver) -> None:
+def test_unpublished_call_still_ends(market: Driver) -> None:
     market.effects += market.market.scene(scene(), market.now)
     market.wait(1.1)
 
@@ -133,7 +133,7 @@ def test_a_call_that_is_never_published_ends_all_the_same(market: Driver) -> Non
     assert market.over == ["s1"]
 
 
-def test_without_any_host_the_round_closes_at_once() -> None:
+def test_round_closes_immediately_without_hosts() -> None:
     market = Driver(host_wait_s=0)
     market.scene()
 
@@ -153,7 +153,7 @@ def test_agents_of_dead_hosts_are_not_asked(market: Driver) -> None:
     assert market.goal.agent == PLAIN
 
 
-def test_a_late_answer_is_counted_and_changes_nothing(market: Driver) -> None:
+def test_late_response_is_counted_but_changes_nothing(market: Driver) -> None:
     market.run()
     market.bid(vectors={EXPRESS: (5.0, 1.0, 3.0)})
 
@@ -184,7 +184,7 @@ def test_a_refused_goal_goes_to_the_next_best(market: Driver) -> None:
     assert market.status.agent == EXPRESS
 
 
-def test_when_nobody_takes_the_run_the_interaction_is_over(impatient: Driver) -> None:
+def test_interaction_ends_when_all_hosts_refuse_run(impatient: Driver) -> None:
     impatient.scene()
     impatient.bid()
     impatient.refuse()
@@ -197,9 +197,7 @@ def test_when_nobody_takes_the_run_the_interaction_is_over(impatient: Driver) ->
     )
 
 
-def test_a_silent_host_loses_the_award_and_its_late_acceptance_is_cancelled(
-    market: Driver,
-) -> None:
+def test_silent_host_loses_award_and_late_acceptance(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -219,7 +217,7 @@ def test_a_silent_host_loses_the_award_and_its_late_acceptance_is_cancelled(
     assert market.status.state is State.RUNNING, "the end of an old goal ends nothing else"
 
 
-def test_an_acceptance_after_the_interaction_is_cancelled_too(impatient: Driver) -> None:
+def test_acceptance_after_interaction_is_cancelled(impatient: Driver) -> None:
     impatient.scene()
     impatient.bid()
     first = impatient.goal
@@ -235,7 +233,7 @@ def test_an_acceptance_after_the_interaction_is_cancelled_too(impatient: Driver)
     assert impatient.status.state is State.BIDDING
 
 
-def test_a_host_that_dies_with_the_award_loses_it(market: Driver) -> None:
+def test_dying_host_loses_its_award(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -247,7 +245,7 @@ def test_a_host_that_dies_with_the_award_loses_it(market: Driver) -> None:
     assert market.events == ["1 attentive_guide REFUSED", "1 professional_express REFUSED"]
 
 
-def test_a_lost_host_is_followed_by_a_round_among_the_rest(market: Driver) -> None:
+def test_lost_host_triggers_round_among_remaining_hosts(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -269,9 +267,7 @@ def test_a_lost_host_is_followed_by_a_round_among_the_rest(market: Driver) -> No
     assert market.over == ["s1"]
 
 
-def test_a_lost_host_that_comes_back_running_is_stopped_before_it_is_asked_again(
-    impatient: Driver,
-) -> None:
+def test_returning_host_is_stopped_before_next_call(impatient: Driver) -> None:
     first = impatient.run()
     impatient.die()
     impatient.wait(1.1)
@@ -289,7 +285,7 @@ def test_a_lost_host_that_comes_back_running_is_stopped_before_it_is_asked_again
     assert impatient.status.state is State.BIDDING
 
 
-def test_a_restarted_host_ends_the_run_of_its_earlier_start(market: Driver) -> None:
+def test_restarted_host_ends_run_of_earlier_start(market: Driver) -> None:
     market.run()
     market.die()
     market.now += 1.1
@@ -300,7 +296,7 @@ def test_a_restarted_host_ends_the_run_of_its_earlier_start(market: Driver) -> N
     assert market.calls[-1].excluded == (GUIDE,)
 
 
-def test_a_host_that_forgets_a_run_has_lost_it(market: Driver) -> None:
+def test_host_forgetting_its_run_loses_it(market: Driver) -> None:
     market.run()
     market.busy["/agents"] = 0
     market.wait(0.75)
@@ -313,7 +309,7 @@ def test_a_host_that_forgets_a_run_has_lost_it(market: Driver) -> None:
     assert market.status.state is State.RUNNING
 
 
-def test_an_idle_heartbeat_on_its_way_at_the_start_does_not_end_a_run(market: Driver) -> None:
+def test_delayed_idle_heartbeat_does_not_end_run(market: Driver) -> None:
     market.run()
     market.beat(round_number=0)
     market.wait(5.0)
@@ -321,7 +317,7 @@ def test_an_idle_heartbeat_on_its_way_at_the_start_does_not_end_a_run(market: Dr
     assert market.status.state is State.RUNNING
 
 
-def test_a_host_that_runs_for_an_earlier_market_is_not_asked(impatient: Driver) -> None:
+def test_host_running_for_earlier_market_is_not_asked(impatient: Driver) -> None:
     impatient.beat(epoch="earlier", round_number=3)
     impatient.scene()
     assert "another market" in impatient.auction.reason
@@ -332,7 +328,7 @@ def test_a_host_that_runs_for_an_earlier_market_is_not_asked(impatient: Driver) 
 
 
 @pytest.mark.parametrize("outcome", [1, 2, 3])
-def test_feedback_is_collected_after_every_run_that_ended(market: Driver, outcome: int) -> None:
+def test_feedback_is_collected_after_every_ended_run(market: Driver, outcome: int) -> None:
     market.run()
     market.end(outcome=outcome)
     request = market.all(Collect)[-1]
@@ -344,7 +340,7 @@ def test_feedback_is_collected_after_every_run_that_ended(market: Driver, outcom
     assert market.status.message.endswith("feedback is kept until the feedback node is back")
 
 
-def test_an_unknown_outcome_is_a_failure_that_says_so(market: Driver) -> None:
+def test_unknown_outcome_counts_as_explained_failure(market: Driver) -> None:
     market.run()
     market.end(outcome=77)
 
@@ -352,7 +348,7 @@ def test_an_unknown_outcome_is_a_failure_that_says_so(market: Driver) -> None:
     assert "unknown outcome 77" in market.all(AnnounceRun)[-1].message
 
 
-def test_registering_again_connects_only_when_something_has_moved(market: Driver) -> None:
+def test_registering_again_connects_only_on_change(market: Driver) -> None:
     market.register()
     market.register("/agents", GUIDE)
     assert len(market.all(Connect)) == 1
@@ -361,7 +357,7 @@ def test_registering_again_connects_only_when_something_has_moved(market: Driver
     assert len(market.all(Connect)) == 2
 
 
-def test_a_host_that_cannot_be_reached_is_forgotten(market: Driver) -> None:
+def test_unreachable_host_is_forgotten(market: Driver) -> None:
     market.run()
     market.do(market.market.disconnect("/agents", market.now))
 
@@ -369,7 +365,7 @@ def test_a_host_that_cannot_be_reached_is_forgotten(market: Driver) -> None:
     assert (market.status.hosts, market.status.state) == (0, State.IDLE)
 
 
-def test_settings_count_from_the_next_decision_on(market: Driver) -> None:
+def test_settings_apply_from_next_decision(market: Driver) -> None:
     market.do(market.market.configure(Settings(tie_break="name", bid_deadline_s=3.0), market.now))
     market.scene()
     market.wait(2.9)
@@ -400,13 +396,13 @@ def test_settings_count_from_the_next_decision_on(market: Driver) -> None:
         ({"preempt_cooldown_s": 601.0}, "OUT_OF_RANGE"),
     ],
 )
-def test_settings_that_make_no_sense_are_refused(changes: dict[str, Any], code: str) -> None:
+def test_invalid_settings_are_refused(changes: dict[str, Any], code: str) -> None:
     with pytest.raises(Refused) as caught:
         Settings(**changes)
     assert caught.value.code == code
 
 
-def test_a_stranger_changes_nothing(market: Driver) -> None:
+def test_refused_registration_changes_nothing(market: Driver) -> None:
     request = registration("/strangers", parameters=("age",))
     answer, effects = market.market.register(request, market.now)
 
@@ -414,7 +410,7 @@ def test_a_stranger_changes_nothing(market: Driver) -> None:
     assert effects == []
 
 
-def test_the_document_of_the_market_names_every_setting_with_its_default_and_range() -> None:
+def test_market_document_lists_settings_with_defaults_and_ranges() -> None:
     text = (ROOT / "docs" / "market.md").read_text()
     rows = [line.split("|")[1:-1] for line in text.partition("## Settings")[2].splitlines()]
     told = {

@@ -90,7 +90,7 @@ def shut_while_bidding(market: Driver) -> None:
         (shut_while_bidding, "SHUTTING_DOWN", 1, ""),
     ],
 )
-def test_every_scene_has_one_end(
+def test_every_scene_has_exactly_one_end(
     play: Callable[[Driver], None], code: str, round_number: int, agent: str
 ) -> None:
     market = Driver(host_wait_s=0)
@@ -104,7 +104,7 @@ def test_every_scene_has_one_end(
     assert market.status.state is State.IDLE
 
 
-def test_a_scene_that_cannot_be_read_ends_with_the_code_of_its_refusal() -> None:
+def test_unreadable_scene_ends_with_its_refusal_code() -> None:
     market = Driver()
     market.do(market.market.malformed("bad", Refused("NOT_FINITE", "age is nan"), market.now))
 
@@ -113,7 +113,7 @@ def test_a_scene_that_cannot_be_read_ends_with_the_code_of_its_refusal() -> None
     ]
 
 
-def test_a_scene_without_an_id_is_noted_and_has_no_end_that_would_push_others_out() -> None:
+def test_scene_without_id_is_noted_without_end() -> None:
     market = Driver()
     market.do(market.market.malformed("", Refused("EMPTY", "scene: no scene_id"), market.now))
 
@@ -136,9 +136,7 @@ def two() -> Driver:
     return market
 
 
-def test_a_host_that_died_before_the_goal_came_loses_it_to_the_next_best_within_a_second(
-    two: Driver,
-) -> None:
+def test_dead_host_promptly_loses_goal_to_next_best(two: Driver) -> None:
     two.wait(0.125)
     two.die()
     died = two.now
@@ -152,9 +150,7 @@ def test_a_host_that_died_before_the_goal_came_loses_it_to_the_next_best_within_
 
 
 @pytest.mark.parametrize("when", ["before", "during", "after"])
-def test_a_host_that_wakes_up_too_late_never_runs_what_another_was_given(
-    two: Driver, when: str
-) -> None:
+def test_late_host_never_runs_reassigned_goal(two: Driver, when: str) -> None:
     first = two.goal
     two.die()
     two.wait(0.9)
@@ -179,9 +175,7 @@ def test_a_host_that_wakes_up_too_late_never_runs_what_another_was_given(
         assert two.goal == second, "the end of the old goal takes nothing from the new one"
 
 
-def test_a_host_that_was_started_anew_is_not_given_the_goal_of_its_earlier_start(
-    two: Driver,
-) -> None:
+def test_restarted_host_does_not_receive_earlier_goal(two: Driver) -> None:
     two.die()
     two.wait(0.9)
     two.register(instance="second")
@@ -191,7 +185,7 @@ def test_a_host_that_was_started_anew_is_not_given_the_goal_of_its_earlier_start
     assert [run.goal.agent for run in two.all(Announced)][-1] == PLAIN
 
 
-def test_a_host_that_dies_during_the_run_is_noticed_within_a_second(two: Driver) -> None:
+def test_host_death_during_run_is_noticed_promptly(two: Driver) -> None:
     two.accept()
     two.wait(0.125)
     two.die()
@@ -202,7 +196,7 @@ def test_a_host_that_dies_during_the_run_is_noticed_within_a_second(two: Driver)
     assert two.now - died < 1.0
 
 
-def test_a_lost_run_is_told_when_the_excuse_of_a_held_up_market_has_run_out(two: Driver) -> None:
+def test_lost_run_is_announced_after_stall_extension(two: Driver) -> None:
     two.accept()
     two.die()
     two.now += 5.0

@@ -29,7 +29,7 @@ def asked(market: Driver) -> None:
     assert market.all(PublishAuction) == []
 
 
-def test_the_question_tells_scene_bids_and_distances(market: Driver) -> None:
+def test_question_contains_scene_bids_and_distances(market: Driver) -> None:
     asked(market)
     [question] = market.questions
 
@@ -44,7 +44,7 @@ def test_the_question_tells_scene_bids_and_distances(market: Driver) -> None:
     assert market.status.message == "asking outside for a ranking"
 
 
-def test_the_answer_decides(market: Driver) -> None:
+def test_answer_decides_ranking(market: Driver) -> None:
     asked(market)
     market.ranked(EXPRESS, GUIDE)
 
@@ -53,7 +53,7 @@ def test_the_answer_decides(market: Driver) -> None:
     assert market.auction.decision.closed_by is ClosedBy.ALL_ANSWERED
 
 
-def test_who_is_not_named_comes_after_by_distance(market: Driver) -> None:
+def test_unnamed_agents_follow_by_distance(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -64,9 +64,7 @@ def test_who_is_not_named_comes_after_by_distance(market: Driver) -> None:
 
 
 @pytest.mark.parametrize("failure", ["nobody serves /select", "it ranks 'bob', which has not bid"])
-def test_without_a_ranking_the_nearest_wins_and_the_reason_says_why(
-    market: Driver, failure: str
-) -> None:
+def test_nearest_wins_without_ranking_and_reason_explains(market: Driver, failure: str) -> None:
     asked(market)
     market.ranked(failure=failure)
 
@@ -74,7 +72,7 @@ def test_without_a_ranking_the_nearest_wins_and_the_reason_says_why(
     assert failure in market.auction.reason
 
 
-def test_silence_ends_at_the_limit(market: Driver) -> None:
+def test_silence_ends_at_time_limit(market: Driver) -> None:
     asked(market)
     market.wait(0.4)
     assert market.all(PublishAuction) == []
@@ -84,7 +82,7 @@ def test_silence_ends_at_the_limit(market: Driver) -> None:
     assert "did not answer within 0.5 s" in market.auction.reason
 
 
-def test_an_answer_after_the_limit_changes_nothing(market: Driver) -> None:
+def test_answer_after_time_limit_changes_nothing(market: Driver) -> None:
     asked(market)
     market.wait(1.0)
     market.ranked(EXPRESS)
@@ -104,7 +102,7 @@ def test_the_first_of_two_answers_counts(market: Driver) -> None:
 
 
 @pytest.mark.parametrize("bids", [{}, {GUIDE: (1.0, 1.0, 1.0)}])
-def test_nobody_is_asked_where_there_is_nothing_to_rank(
+def test_trivial_ranking_needs_no_question(
     market: Driver, bids: dict[str, tuple[float, ...]]
 ) -> None:
     declined = {name: "tired" for name in (GUIDE, EXPRESS) if name not in bids}
@@ -115,7 +113,7 @@ def test_nobody_is_asked_where_there_is_nothing_to_rank(
     assert len(market.all(PublishAuction)) == 1
 
 
-def test_bids_that_come_during_the_wait_are_late(market: Driver) -> None:
+def test_bids_during_wait_are_late(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -146,7 +144,7 @@ def test_a_shutdown_during_the_wait_ends_the_scene(market: Driver) -> None:
     assert market.status.state is State.IDLE
 
 
-def test_a_host_that_dies_during_the_wait_is_passed_over(market: Driver) -> None:
+def test_host_dying_during_wait_is_skipped(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.do(
         market.market.configure(
@@ -164,7 +162,7 @@ def test_a_host_that_dies_during_the_wait_is_passed_over(market: Driver) -> None
     assert market.events == ["1 professional_express REFUSED", "1 attentive_guide REFUSED"]
 
 
-def test_a_scene_that_comes_during_the_wait_waits_in_line(market: Driver) -> None:
+def test_scene_arriving_during_wait_is_queued(market: Driver) -> None:
     asked(market)
     market.scene("s2")
     assert market.status.queued == 1
@@ -177,7 +175,7 @@ def test_a_scene_that_comes_during_the_wait_waits_in_line(market: Driver) -> Non
     assert market.calls[-1].scene.scene_id == "s2"
 
 
-def test_a_switch_during_the_wait_acts_from_the_next_round_on(market: Driver) -> None:
+def test_strategy_switch_during_wait_applies_next_round(market: Driver) -> None:
     asked(market)
     market.do(market.market.configure(Settings(strategy="manhattan"), market.now))
     market.ranked(EXPRESS)
@@ -192,7 +190,7 @@ def test_a_switch_during_the_wait_acts_from_the_next_round_on(market: Driver) ->
     assert len(market.questions) == 1
 
 
-def test_a_market_that_is_held_up_waits_as_much_longer(market: Driver) -> None:
+def test_stalled_market_extends_wait_accordingly(market: Driver) -> None:
     asked(market)
     since, market.now = market.now, market.now + 30.0
     market.do(market.market.extend_after_stall(since, market.now))
@@ -202,7 +200,7 @@ def test_a_market_that_is_held_up_waits_as_much_longer(market: Driver) -> None:
     assert market.goal.agent == EXPRESS
 
 
-def test_a_challenge_asks_outside_too() -> None:
+def test_challenge_also_asks_external_ranker() -> None:
     market = Driver(strategy="external", on_new_scene="preempt")
     market.register()
     asked(market)
@@ -216,7 +214,7 @@ def test_a_challenge_asks_outside_too() -> None:
     assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS
 
 
-def test_a_run_that_ends_during_the_wait_of_a_challenge_closes_it() -> None:
+def test_run_end_during_wait_closes_challenge() -> None:
     market = Driver(strategy="external", on_new_scene="preempt")
     market.register()
     asked(market)
@@ -249,6 +247,6 @@ def test_a_malformed_ranking_is_refused(ranking: list[str], code: str) -> None:
     assert len(caught.value.reason) < 500
 
 
-def test_words_from_outside_become_one_short_line() -> None:
+def test_external_text_becomes_one_short_line() -> None:
     assert shown("a\n\x1b[31mb\u202e  c") == "a [31mb c"
     assert len(shown("x" * 10_000)) == 300

@@ -42,7 +42,7 @@ def tell(market: Driver, *runs: EarlierRun, host: str = "/agents") -> None:
 
 
 @pytest.mark.parametrize("outcome", [RunOutcome.CANCELLED, RunOutcome.LOST])
-def test_a_run_that_was_cut_off_is_recorded_and_its_scene_asked_for_again(
+def test_interrupted_run_is_recorded_and_scene_auctioned_again(
     market: Driver, outcome: RunOutcome
 ) -> None:
     cut_off = run(outcome=outcome)
@@ -66,7 +66,7 @@ def test_a_run_that_was_cut_off_is_recorded_and_its_scene_asked_for_again(
         (RunOutcome.CANCELLED, "CANCELLED"),
     ],
 )
-def test_a_run_that_ended_by_itself_ends_its_scene(
+def test_run_ending_by_itself_ends_its_scene(
     market: Driver, outcome: RunOutcome, code: str
 ) -> None:
     tell(market, run(outcome=outcome, message="done", stop_cause=StopCause.NOT_STOPPED))
@@ -87,7 +87,7 @@ def test_a_run_that_ended_by_itself_ends_its_scene(
         ({"scene": scene("old+again")}, "it was asked again once already"),
     ],
 )
-def test_what_is_not_asked_for_again_says_why(
+def test_scene_not_auctioned_again_says_why(
     market: Driver, changes: dict[str, Any], words: str
 ) -> None:
     tell(market, run(**changes))
@@ -99,7 +99,7 @@ def test_what_is_not_asked_for_again_says_why(
     assert market.calls == []
 
 
-def test_a_market_that_shuts_down_asks_for_nothing_again(market: Driver) -> None:
+def test_market_shutting_down_repeats_no_auction(market: Driver) -> None:
     market.do(market.market.shut_down("the marketplace is shutting down", market.now))
     tell(market, run())
 
@@ -107,7 +107,7 @@ def test_a_market_that_shuts_down_asks_for_nothing_again(market: Driver) -> None
     assert market.end_words.endswith("not asked again, as the marketplace is shutting down")
 
 
-def test_what_was_to_be_asked_for_again_ends_when_the_market_shuts_down(market: Driver) -> None:
+def test_pending_repeat_auction_ends_at_market_shutdown(market: Driver) -> None:
     tell(market, run())
     market.do(market.market.shut_down("shutting down", market.now))
     market.wait(1.6)
@@ -115,7 +115,7 @@ def test_what_was_to_be_asked_for_again_ends_when_the_market_shuts_down(market: 
     assert market.ends == [("old", "LOST"), ("old+again", "SHUTTING_DOWN")]
 
 
-def test_nothing_is_asked_for_twice(market: Driver) -> None:
+def test_interrupted_scene_is_auctioned_again_only_once(market: Driver) -> None:
     tell(market, run(), run(message="once more"))
     tell(market, run())
     tell(market, run(round=5, scene=scene("old")))
@@ -129,7 +129,7 @@ def test_nothing_is_asked_for_twice(market: Driver) -> None:
     assert len([n for n in market.all(Note) if "once more; it is left out" in n.message]) == 3
 
 
-def test_the_last_run_for_a_scene_says_how_it_ended(market: Driver) -> None:
+def test_last_run_determines_scene_end(market: Driver) -> None:
     follow_up = run(
         round=9,
         scene=scene("old+1"),
@@ -149,7 +149,7 @@ def test_the_last_run_for_a_scene_says_how_it_ended(market: Driver) -> None:
         ({"host": "/others"}, "it was a run of '/others'"),
     ],
 )
-def test_runs_that_a_host_cannot_know_of_are_left_out(
+def test_runs_unknown_to_host_are_ignored(
     market: Driver, changes: dict[str, Any], words: str
 ) -> None:
     tell(market, run(**changes))
@@ -159,7 +159,7 @@ def test_runs_that_a_host_cannot_know_of_are_left_out(
     assert market.ends == []
 
 
-def test_what_is_asked_for_again_waits_like_any_other_scene(market: Driver) -> None:
+def test_repeated_scene_queues_like_any_other(market: Driver) -> None:
     market.run()
     tell(market, run())
     market.wait(1.6)

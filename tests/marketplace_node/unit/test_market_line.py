@@ -43,9 +43,7 @@ def serve(market: Driver, *, rounds: int = 40) -> None:
 
 
 @pytest.mark.parametrize("away_s", [0.9, 1.5, 5.0])
-def test_all_scenes_in_line_run_after_their_only_host_was_away(
-    market: Driver, away_s: float
-) -> None:
+def test_queued_scenes_run_when_only_host_returns(market: Driver, away_s: float) -> None:
     market.run()
     for name in CROWD[1:]:
         market.scene(name)
@@ -62,7 +60,7 @@ def test_all_scenes_in_line_run_after_their_only_host_was_away(
     assert market.ends[1:] == [(name, "SUCCEEDED") for name in CROWD[1:]]
 
 
-def test_a_host_that_stays_away_is_waited_for_as_long_as_is_set(market: Driver) -> None:
+def test_absent_host_is_awaited_for_configured_time(market: Driver) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -75,7 +73,7 @@ def test_a_host_that_stays_away_is_waited_for_as_long_as_is_set(market: Driver) 
     assert market.ends[-1] == ("s2", "NO_BIDS"), "it is not expected any more"
 
 
-def test_the_wait_counts_as_it_is_set_now(market: Driver) -> None:
+def test_wait_uses_current_setting(market: Driver) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -85,7 +83,7 @@ def test_the_wait_counts_as_it_is_set_now(market: Driver) -> None:
     assert market.ends == [("s1", "NO_BIDS")]
 
 
-def test_a_market_that_was_just_started_waits_for_its_first_host() -> None:
+def test_new_market_waits_for_first_host() -> None:
     market = Driver()
     market.scene("s1")
     assert market.status.message == "waiting for hosts to register"
@@ -102,16 +100,14 @@ def test_a_market_that_was_just_started_waits_for_its_first_host() -> None:
     assert other.ends == [("s1", "NO_BIDS")]
 
 
-def test_a_scene_that_no_agent_of_a_living_host_wants_ends_at_once(market: Driver) -> None:
+def test_scene_declined_by_all_live_agents_ends_immediately(market: Driver) -> None:
     market.scene("s1")
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "is tired"))
 
     assert market.ends == [("s1", "NO_BIDS")]
 
 
-def test_a_host_that_falls_silent_in_a_round_is_asked_again_when_it_is_back(
-    market: Driver,
-) -> None:
+def test_host_silent_during_round_is_asked_on_return(market: Driver) -> None:
     market.scene("s1")
     market.scene("s2")
     market.die()
@@ -126,7 +122,7 @@ def test_a_host_that_falls_silent_in_a_round_is_asked_again_when_it_is_back(
     assert market.ends == [("s1", "SUCCEEDED"), ("s2", "SUCCEEDED")]
 
 
-def test_a_host_that_beats_and_does_not_answer_is_there_and_bids_nothing(market: Driver) -> None:
+def test_unresponsive_host_with_heartbeat_counts_as_not_bidding(market: Driver) -> None:
     market.scene("s1")
     market.wait(0.6)
 
@@ -134,7 +130,7 @@ def test_a_host_that_beats_and_does_not_answer_is_there_and_bids_nothing(market:
 
 
 @pytest.mark.parametrize("how", ["refused", "unanswered", "gone"])
-def test_a_scene_whose_run_nobody_has_taken_is_asked_about_again(how: str) -> None:
+def test_scene_with_refused_run_is_auctioned_again(how: str) -> None:
     market = Driver()
     market.register("/agents", GUIDE)
     market.scene("s1")
@@ -155,7 +151,7 @@ def test_a_scene_whose_run_nobody_has_taken_is_asked_about_again(how: str) -> No
 
 
 @pytest.mark.parametrize("between_s", [0.0625, 4.0])
-def test_a_scene_that_is_refused_again_and_again_ends(between_s: float) -> None:
+def test_repeatedly_refused_scene_ends(between_s: float) -> None:
     market = Driver(bid_deadline_s=10.0)
     market.register()
     market.scene("s1")
@@ -174,7 +170,7 @@ def test_a_scene_that_is_refused_again_and_again_ends(between_s: float) -> None:
     assert market.now - began >= market.market.settings.host_wait_s
 
 
-def test_scenes_that_others_can_run_pass_those_that_wait_for_a_host() -> None:
+def test_runnable_scenes_overtake_scenes_awaiting_host() -> None:
     market = Driver()
     market.register("/agents", GUIDE)
     market.register("/others", PLAIN)
@@ -200,7 +196,7 @@ def test_scenes_that_others_can_run_pass_those_that_wait_for_a_host() -> None:
     assert market.ends == [("s2", "SUCCEEDED"), ("s1", "SUCCEEDED")]
 
 
-def test_a_host_whose_agents_are_vetoed_is_not_waited_for() -> None:
+def test_host_with_only_vetoed_agents_is_not_awaited() -> None:
     market = Driver()
     market.register("/agents", GUIDE)
     market.operate(OperatorAction.VETO, GUIDE)
@@ -211,7 +207,7 @@ def test_a_host_whose_agents_are_vetoed_is_not_waited_for() -> None:
     assert market.ends == [("s1", "NO_BIDS")]
 
 
-def test_a_pinned_agent_whose_host_is_away_is_waited_for(market: Driver) -> None:
+def test_pinned_agent_with_absent_host_is_awaited(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.operate(OperatorAction.PIN, PLAIN)
     market.die("/others")
@@ -222,7 +218,7 @@ def test_a_pinned_agent_whose_host_is_away_is_waited_for(market: Driver) -> None
     assert market.status.awaited_hosts == ("/others",)
 
 
-def test_scenes_that_wait_for_a_host_can_be_cancelled(market: Driver) -> None:
+def test_scenes_awaiting_host_can_be_cancelled(market: Driver) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -234,7 +230,7 @@ def test_scenes_that_wait_for_a_host_can_be_cancelled(market: Driver) -> None:
     assert market.cancel("enough") == (False, "nothing runs")
 
 
-def test_scenes_that_wait_for_a_host_end_when_the_market_shuts_down(market: Driver) -> None:
+def test_scenes_awaiting_host_end_at_market_shutdown(market: Driver) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -246,9 +242,7 @@ def test_scenes_that_wait_for_a_host_end_when_the_market_shuts_down(market: Driv
 @pytest.mark.parametrize(
     ("mode", "limit", "code"), [("reject", 10, "BUSY"), ("queue", 1, "QUEUE_FULL")]
 )
-def test_a_line_that_waits_for_a_host_is_no_longer_than_any(
-    mode: str, limit: int, code: str
-) -> None:
+def test_queue_limit_applies_while_awaiting_host(mode: str, limit: int, code: str) -> None:
     market = Driver(on_new_scene=mode, queue_limit=limit)
     market.register()
     market.die()
@@ -261,7 +255,7 @@ def test_a_line_that_waits_for_a_host_is_no_longer_than_any(
     assert "scene 's1' waits for a host" in market.end_words
 
 
-def test_an_urgent_scene_that_preempts_is_asked_about_first_when_a_host_is_back() -> None:
+def test_urgent_preempting_scene_goes_first_when_host_returns() -> None:
     market = Driver(on_new_scene="preempt")
     market.register()
     market.die()
@@ -273,7 +267,7 @@ def test_an_urgent_scene_that_preempts_is_asked_about_first_when_a_host_is_back(
     assert (market.status.scene_id, market.status.waiting) == ("s2", ("s1",))
 
 
-def test_a_market_that_was_held_up_waits_for_longer(market: Driver) -> None:
+def test_stalled_market_extends_wait_for_host(market: Driver) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -286,9 +280,7 @@ def test_a_market_that_was_held_up_waits_for_longer(market: Driver) -> None:
     assert market.ends == [("s1", "SUCCEEDED")]
 
 
-def test_a_scene_is_not_asked_about_while_the_run_of_its_host_has_not_ended(
-    market: Driver,
-) -> None:
+def test_scene_waits_until_run_of_host_ends(market: Driver) -> None:
     market.run()
     market.scene("s2")
     market.cancel(round_number=1)
@@ -348,9 +340,7 @@ def report(market: Driver, goal: RunGoal, outcome: RunOutcome) -> None:
     market.do(market.market.unreported("/agents", [run], market.now))
 
 
-def test_the_line_is_asked_about_as_soon_as_all_hosts_of_the_earlier_market_are_back(
-    market: Driver,
-) -> None:
+def test_queue_resumes_when_all_earlier_hosts_return(market: Driver) -> None:
     market.register("/b", "other")
     market.scene("s1")
     after = restarted(market)
@@ -359,9 +349,7 @@ def test_the_line_is_asked_about_as_soon_as_all_hosts_of_the_earlier_market_are_
     assert (after.status.state, after.status.scene_id) == (State.BIDDING, "s1")
 
 
-def test_the_line_waits_for_a_host_that_does_not_come_back_for_a_moment_only(
-    market: Driver,
-) -> None:
+def test_queue_waits_only_briefly_for_missing_host(market: Driver) -> None:
     market.register("/b", "other")
     market.scene("s1")
     after = restarted(market)
@@ -371,7 +359,7 @@ def test_the_line_waits_for_a_host_that_does_not_come_back_for_a_moment_only(
     assert after.status.state is State.BIDDING
 
 
-def test_a_scene_that_was_refused_and_comes_in_again_has_had_its_end() -> None:
+def test_refused_scene_sent_again_is_a_duplicate() -> None:
     market = Driver(queue_limit=0)
     market.register()
     market.run()
@@ -383,7 +371,7 @@ def test_a_scene_that_was_refused_and_comes_in_again_has_had_its_end() -> None:
     assert after.ends == [("s2", "DUPLICATE")]
 
 
-def test_the_line_outlives_the_market(market: Driver) -> None:
+def test_queue_survives_market_restart(market: Driver) -> None:
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("first", urgent=True))
     market.scene("s2")
     market.scene("s3", float("nan"), 2.0, 3.0)
@@ -397,7 +385,7 @@ def test_the_line_outlives_the_market(market: Driver) -> None:
     assert first.decision.winner.agent == EXPRESS, "an award outlives the market, too"
 
 
-def test_a_scene_that_was_taken_before_the_restart_is_a_duplicate_after_it(market: Driver) -> None:
+def test_scene_accepted_before_restart_is_duplicate_afterwards(market: Driver) -> None:
     market.run("s1")
     market.end()
     market.collect()
@@ -409,7 +397,7 @@ def test_a_scene_that_was_taken_before_the_restart_is_a_duplicate_after_it(marke
     assert after.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
 
 
-def test_a_run_whose_host_reports_its_end_ends_its_scene_once(market: Driver) -> None:
+def test_reported_run_end_ends_its_scene_once(market: Driver) -> None:
     goal = market.run()
     after = restarted(market)
     report(after, goal, RunOutcome.SUCCEEDED)
@@ -419,7 +407,7 @@ def test_a_run_whose_host_reports_its_end_ends_its_scene_once(market: Driver) ->
     assert after.ends == [("s1", "SUCCEEDED")]
 
 
-def test_a_run_whose_host_was_started_again_with_the_market_is_lost_once(market: Driver) -> None:
+def test_run_is_lost_once_if_host_also_restarts(market: Driver) -> None:
     market.run()
     after = restarted(market, host=False)
     come_back(after)
@@ -429,7 +417,7 @@ def test_a_run_whose_host_was_started_again_with_the_market_is_lost_once(market:
     assert after.end_words == "the marketplace was restarted, and /agents was started again, too"
 
 
-def test_a_run_that_no_host_reports_is_lost_after_the_wait(market: Driver) -> None:
+def test_unreported_run_is_lost_after_wait(market: Driver) -> None:
     goal = market.run()
     after = restarted(market)
     after.wait(4.9)
@@ -441,7 +429,7 @@ def test_a_run_that_no_host_reports_is_lost_after_the_wait(market: Driver) -> No
     assert after.over == ["s1"], "a report that comes too late ends nothing again"
 
 
-def test_a_run_that_its_host_is_still_stopping_is_waited_for(market: Driver) -> None:
+def test_run_still_stopping_on_host_is_awaited(market: Driver) -> None:
     goal = market.run()
     after = restarted(market)
     for _ in range(20):
@@ -454,9 +442,7 @@ def test_a_run_that_its_host_is_still_stopping_is_waited_for(market: Driver) -> 
     assert after.ends == [("s1", "SUCCEEDED")]
 
 
-def test_a_run_that_had_ended_before_the_market_died_ends_its_scene_like_it(
-    market: Driver,
-) -> None:
+def test_scene_gets_outcome_of_run_ended_before_crash(market: Driver) -> None:
     market.run()
     market.end(outcome=2, message="it fell")
     assert market.over == []
@@ -467,7 +453,7 @@ def test_a_run_that_had_ended_before_the_market_died_ends_its_scene_like_it(
     assert after.end_words == "attentive_guide failed: it fell; the marketplace was restarted"
 
 
-def test_a_scene_whose_run_had_not_begun_is_asked_about_first(market: Driver) -> None:
+def test_scene_with_unstarted_run_goes_first_after_restart(market: Driver) -> None:
     market.scene("s1")
     market.scene("s2")
     market.bid()
@@ -477,9 +463,7 @@ def test_a_scene_whose_run_had_not_begun_is_asked_about_first(market: Driver) ->
     assert after.ends == [("s1", "SUCCEEDED"), ("s2", "SUCCEEDED")]
 
 
-def test_a_scene_in_line_is_not_ended_by_the_report_of_a_run_that_nobody_knew_of(
-    market: Driver,
-) -> None:
+def test_report_of_unknown_run_does_not_end_scene(market: Driver) -> None:
     market.scene("s1")
     market.bid()
     goal = market.goal
@@ -490,7 +474,7 @@ def test_a_scene_in_line_is_not_ended_by_the_report_of_a_run_that_nobody_knew_of
     assert after.ends == [("s1", "SUCCEEDED")]
 
 
-def test_what_is_to_be_asked_for_again_outlives_the_next_restart_too(market: Driver) -> None:
+def test_pending_repeat_auction_survives_second_restart(market: Driver) -> None:
     goal = market.run()
     after = restarted(market)
     report(after, goal, RunOutcome.LOST)
@@ -501,7 +485,7 @@ def test_what_is_to_be_asked_for_again_outlives_the_next_restart_too(market: Dri
     assert again.ends == [("s1+again", "SUCCEEDED")]
 
 
-def test_a_run_that_is_not_reported_yet_outlives_the_next_restart_too(market: Driver) -> None:
+def test_unreported_run_survives_second_restart(market: Driver) -> None:
     goal = market.run()
     again = restarted(restarted(market, host=False))
     report(again, goal, RunOutcome.SUCCEEDED)
@@ -509,7 +493,7 @@ def test_a_run_that_is_not_reported_yet_outlives_the_next_restart_too(market: Dr
     assert again.ends == [("s1", "SUCCEEDED")]
 
 
-def test_after_a_long_outage_nobody_waits_any_more(market: Driver) -> None:
+def test_queued_scenes_are_lost_after_long_outage(market: Driver) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -519,7 +503,7 @@ def test_after_a_long_outage_nobody_waits_any_more(market: Driver) -> None:
     assert after.end_words == "there was no marketplace for 61 s, expected 60 s at most"
 
 
-def test_after_a_long_outage_the_id_of_a_scene_that_is_over_may_come_again(market: Driver) -> None:
+def test_ended_scene_id_is_reusable_after_long_outage(market: Driver) -> None:
     market.run()
     market.end()
     market.collect()
@@ -530,7 +514,7 @@ def test_after_a_long_outage_the_id_of_a_scene_that_is_over_may_come_again(marke
     assert after.status.scene_id == "s1", "nothing is waited for, as no scene was in line"
 
 
-def test_a_market_that_shuts_down_ends_the_runs_that_are_not_reported(market: Driver) -> None:
+def test_market_shutdown_ends_unreported_runs(market: Driver) -> None:
     market.run()
     after = restarted(market)
     after.do(after.market.shut_down("shutting down", after.now))
@@ -539,7 +523,7 @@ def test_a_market_that_shuts_down_ends_the_runs_that_are_not_reported(market: Dr
     assert after.all(StoreScenes)[-1].scenes == ()
 
 
-def test_a_scene_is_stored_before_and_removed_before_anybody_hears_of_it(market: Driver) -> None:
+def test_scene_is_stored_and_removed_before_announcements(market: Driver) -> None:
     market.scene("s1")
     first = next(
         i for i, e in enumerate(market.effects) if isinstance(e, StoreScenes) and e.scenes
@@ -553,9 +537,7 @@ def test_a_scene_is_stored_before_and_removed_before_anybody_hears_of_it(market:
     assert last < kinds.index("SceneEnded")
 
 
-def test_an_end_whose_announcement_is_not_stored_is_announced_by_the_next_market(
-    market: Driver,
-) -> None:
+def test_next_market_repeats_end_without_stored_announcement(market: Driver) -> None:
     market.run()
     market.scene("s2")
     market.end()
@@ -571,7 +553,7 @@ def test_an_end_whose_announcement_is_not_stored_is_announced_by_the_next_market
     assert "s1" not in later.over
 
 
-def test_an_end_is_announced_again_however_long_there_was_no_market(market: Driver) -> None:
+def test_end_is_announced_again_after_any_outage(market: Driver) -> None:
     market.run()
     market.end()
     market.collect()
@@ -581,7 +563,7 @@ def test_an_end_is_announced_again_however_long_there_was_no_market(market: Driv
     assert after.all(StoreScenes)[-1].ends == ()
 
 
-def test_a_run_whose_market_and_host_died_is_lost_once(market: Driver) -> None:
+def test_run_is_lost_once_if_host_also_dies(market: Driver) -> None:
     goal = market.run()
     after = restarted(market, host=False)
     after.register(instance="second")
@@ -593,7 +575,7 @@ def test_a_run_whose_market_and_host_died_is_lost_once(market: Driver) -> None:
     assert after.ends == [("s1", "LOST")]
 
 
-def test_a_run_that_nobody_reports_is_lost_once(market: Driver) -> None:
+def test_unreported_run_is_lost_once(market: Driver) -> None:
     market.run()
     after = restarted(market)
     after.wait(60.0)
@@ -602,7 +584,7 @@ def test_a_run_that_nobody_reports_is_lost_once(market: Driver) -> None:
     assert after.ends == [("s1", "LOST")]
 
 
-def test_an_end_of_a_run_that_may_be_unannounced_is_announced_next(market: Driver) -> None:
+def test_possibly_unannounced_run_end_is_announced_again(market: Driver) -> None:
     goal = market.run()
     market.end()
     once = restarted(market, host=False, at_once=True)
@@ -620,7 +602,7 @@ def earlier_runs(market: Driver) -> list[EarlierRun]:
     return [effect.run for effect in market.all(AnnounceEarlierRun)]
 
 
-def test_without_a_change_nothing_is_stored(market: Driver) -> None:
+def test_unchanged_state_is_not_stored(market: Driver) -> None:
     market.run()
     before = len(market.all(StoreScenes))
     market.wait(2.0)
@@ -640,14 +622,14 @@ def test_without_a_change_nothing_is_stored(market: Driver) -> None:
         "[" * 100_000,
     ],
 )
-def test_stored_scenes_that_cannot_be_read_change_nothing(market: Driver, text: str) -> None:
+def test_unreadable_stored_scenes_change_nothing(market: Driver, text: str) -> None:
     with pytest.raises(Refused, match="cannot be read"):
         market.market.restore_scenes(text, 1.0, market.now)
 
     assert market.status.queued == 0
 
 
-def test_a_stored_scene_is_read_as_it_was(market: Driver) -> None:
+def test_stored_scene_round_trips(market: Driver) -> None:
     market.run()
     market.scene("s2", float("nan"), 2.0, 3.0, urgent=True)
     stored = market.all(StoreScenes)[-1]

@@ -45,7 +45,7 @@ def test_only_a_pinned_agent_may_bid(market: Driver) -> None:
     assert market.status.pinned == EXPRESS
 
 
-def test_whoever_bids_in_spite_of_a_pin_is_refused(market: Driver) -> None:
+def test_bid_against_pin_is_refused(market: Driver) -> None:
     market.operate(OperatorAction.PIN, EXPRESS)
     market.scene()
     market.bid()
@@ -54,7 +54,7 @@ def test_whoever_bids_in_spite_of_a_pin_is_refused(market: Driver) -> None:
     assert {code for code, _ in refusals(market).values()} == {"NOT_PINNED"}
 
 
-def test_all_may_bid_once_nobody_is_pinned(market: Driver) -> None:
+def test_all_agents_may_bid_after_unpin(market: Driver) -> None:
     market.operate(OperatorAction.PIN, EXPRESS)
     market.operate(OperatorAction.UNPIN)
     market.run()
@@ -63,7 +63,7 @@ def test_all_may_bid_once_nobody_is_pinned(market: Driver) -> None:
     assert market.auction.decision.terms.intervention == ""
 
 
-def test_a_pin_lets_the_running_agent_go_on(market: Driver) -> None:
+def test_pin_does_not_stop_running_agent(market: Driver) -> None:
     market.run()
     words = market.operate(OperatorAction.PIN, EXPRESS)
 
@@ -71,7 +71,7 @@ def test_a_pin_lets_the_running_agent_go_on(market: Driver) -> None:
     assert market.status.state is State.RUNNING
 
 
-def test_a_vetoed_agent_may_not_bid_until_it_is_allowed(market: Driver) -> None:
+def test_vetoed_agent_cannot_bid_until_allowed(market: Driver) -> None:
     market.operate(OperatorAction.VETO, GUIDE, author="anna", reason="too loud")
     market.scene()
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
@@ -90,7 +90,7 @@ def test_a_vetoed_agent_may_not_bid_until_it_is_allowed(market: Driver) -> None:
     assert market.goal.agent == GUIDE
 
 
-def test_a_veto_stops_the_running_agent_and_the_others_are_asked(market: Driver) -> None:
+def test_veto_stops_running_agent_and_asks_others(market: Driver) -> None:
     market.run()
     words = market.operate(OperatorAction.VETO, GUIDE, author="anna")
     assert words == (
@@ -107,7 +107,7 @@ def test_a_veto_stops_the_running_agent_and_the_others_are_asked(market: Driver)
     assert market.auction.decision.terms.scene.scene_id == "s1+1"
 
 
-def test_a_veto_of_an_agent_that_has_not_begun_gives_the_run_to_another(market: Driver) -> None:
+def test_veto_before_start_reassigns_run(market: Driver) -> None:
     market.scene()
     market.bid()
     goal = market.goal
@@ -120,7 +120,7 @@ def test_a_veto_of_an_agent_that_has_not_begun_gives_the_run_to_another(market: 
     assert market.ends == []
 
 
-def test_a_veto_while_bids_come_in_counts_at_the_award(market: Driver) -> None:
+def test_veto_during_bidding_applies_at_award(market: Driver) -> None:
     market.scene()
     market.operate(OperatorAction.VETO, GUIDE, author="anna")
     market.bid()
@@ -129,7 +129,7 @@ def test_a_veto_while_bids_come_in_counts_at_the_award(market: Driver) -> None:
     assert market.goal.agent == EXPRESS
 
 
-def test_when_all_are_vetoed_nobody_gets_the_run(market: Driver) -> None:
+def test_no_agent_wins_when_all_are_vetoed(market: Driver) -> None:
     market.operate(OperatorAction.VETO, GUIDE)
     market.operate(OperatorAction.VETO, EXPRESS)
     market.scene()
@@ -139,7 +139,7 @@ def test_when_all_are_vetoed_nobody_gets_the_run(market: Driver) -> None:
     assert {code for code, _ in refusals(market).values()} == {"VETOED"}
 
 
-def test_an_award_beats_every_nearer_agent(market: Driver) -> None:
+def test_operator_award_beats_nearer_agents(market: Driver) -> None:
     market.run()
     market.end()
     market.collect()
@@ -153,7 +153,7 @@ def test_an_award_beats_every_nearer_agent(market: Driver) -> None:
     assert market.auction.decision.terms.scene.vector == scene().vector
 
 
-def test_an_award_for_a_scene_of_its_own(market: Driver) -> None:
+def test_operator_award_can_bring_its_own_scene(market: Driver) -> None:
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs", 5.0, 1.0, 3.0))
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
 
@@ -161,7 +161,7 @@ def test_an_award_for_a_scene_of_its_own(market: Driver) -> None:
     assert market.goal.agent == EXPRESS
 
 
-def test_an_award_to_an_agent_that_declines_goes_to_nobody(market: Driver) -> None:
+def test_award_declined_by_its_agent_has_no_winner(market: Driver) -> None:
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
     market.bid(vectors={}, declined={EXPRESS: "needs scene.person"})
 
@@ -169,7 +169,7 @@ def test_an_award_to_an_agent_that_declines_goes_to_nobody(market: Driver) -> No
     assert market.ends == [("s1", "NO_BIDS")]
 
 
-def test_after_the_awarded_run_is_lost_anybody_may_take_over(market: Driver) -> None:
+def test_any_agent_may_take_over_lost_awarded_run(market: Driver) -> None:
     market.register("/others", PLAIN)
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
@@ -181,7 +181,7 @@ def test_after_the_awarded_run_is_lost_anybody_may_take_over(market: Driver) -> 
     assert market.goal.agent == PLAIN
 
 
-def test_an_award_waits_in_line_like_a_scene(market: Driver) -> None:
+def test_operator_award_queues_like_scene(market: Driver) -> None:
     market.run()
     words = market.operate(OperatorAction.AWARD, EXPRESS)
     assert words.endswith("; it waits, number 1 in line: scene 's1' is under way")
@@ -193,7 +193,7 @@ def test_an_award_waits_in_line_like_a_scene(market: Driver) -> None:
     assert market.goal.agent == EXPRESS
 
 
-def test_an_award_stops_the_run_where_scenes_preempt() -> None:
+def test_operator_award_stops_run_in_preempt_mode() -> None:
     market = Driver(on_new_scene="preempt")
     market.run()
     words = market.operate(OperatorAction.AWARD, EXPRESS)
@@ -208,7 +208,7 @@ def test_an_award_stops_the_run_where_scenes_preempt() -> None:
     assert market.goal.agent == EXPRESS
 
 
-def test_a_duplicate_of_an_awarded_scene_takes_nothing_from_it(market: Driver) -> None:
+def test_duplicate_does_not_affect_awarded_scene(market: Driver) -> None:
     market.run()
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs"))
     market.scene("theirs")
@@ -234,7 +234,7 @@ def test_a_duplicate_of_an_awarded_scene_takes_nothing_from_it(market: Driver) -
         ([(OperatorAction.PIN, EXPRESS)], OperatorAction.AWARD, GUIDE, "NOT_PINNED"),
     ],
 )
-def test_what_cannot_be_done_is_refused_and_changes_nothing(
+def test_impossible_operator_action_is_refused_without_effect(
     market: Driver,
     before: list[tuple[OperatorAction, str]],
     action: OperatorAction,
@@ -249,21 +249,19 @@ def test_what_cannot_be_done_is_refused_and_changes_nothing(
     assert market.all(SendGoal) == []
 
 
-def test_an_award_that_finds_no_room_is_refused() -> None:
+def test_operator_award_is_refused_when_queue_is_full() -> None:
     market = Driver(on_new_scene="reject")
     market.run()
     assert market.operate(OperatorAction.AWARD, EXPRESS) == "BUSY"
     assert market.ends == []
 
 
-def test_a_veto_of_the_pinned_agent_is_taken_and_says_what_follows(market: Driver) -> None:
+def test_veto_of_pinned_agent_explains_its_consequence(market: Driver) -> None:
     market.operate(OperatorAction.PIN, GUIDE)
     assert "nobody may bid" in market.operate(OperatorAction.VETO, GUIDE)
 
 
-def test_a_market_that_is_started_again_has_the_pins_and_vetoes_of_the_last(
-    market: Driver,
-) -> None:
+def test_restarted_market_keeps_pins_and_vetoes(market: Driver) -> None:
     market.operate(OperatorAction.PIN, EXPRESS, author="anna")
     market.operate(OperatorAction.VETO, GUIDE, reason="too loud")
     again = Driver()
@@ -274,7 +272,7 @@ def test_a_market_that_is_started_again_has_the_pins_and_vetoes_of_the_last(
     assert (again.status.pinned, again.status.vetoed) == (EXPRESS, (GUIDE,))
 
 
-def test_a_market_that_is_started_again_goes_on_counting_runs() -> None:
+def test_restarted_market_continues_run_counts() -> None:
     market = Driver(starvation_rounds=1, strategy="ucb")
     market.run()
     again = Driver(starvation_rounds=1, strategy="ucb")
@@ -292,7 +290,7 @@ def test_a_market_that_is_started_again_goes_on_counting_runs() -> None:
     assert json.loads(again.all(StoreOverrides)[-1].text)["runs"] == {GUIDE: 2}
 
 
-def test_the_scene_of_an_award_is_named_as_people_know_it(market: Driver) -> None:
+def test_operator_award_is_named_after_original_scene(market: Driver) -> None:
     market.run()
     market.end()
     market.collect()
@@ -301,7 +299,7 @@ def test_the_scene_of_an_award_is_named_as_people_know_it(market: Driver) -> Non
     assert "'s1'" in market.operate(OperatorAction.AWARD, EXPRESS)
 
 
-def test_who_is_vetoed_in_the_run_is_said_to_be_so_once(market: Driver) -> None:
+def test_veto_during_run_is_explained_once(market: Driver) -> None:
     market.run()
     market.operate(OperatorAction.VETO, GUIDE, reason="too slow")
     market.end(outcome=3)
@@ -327,7 +325,7 @@ def test_who_is_vetoed_in_the_run_is_said_to_be_so_once(market: Driver) -> None:
         "[" * 100_000,
     ],
 )
-def test_kept_orders_that_cannot_be_read_change_nothing(market: Driver, text: str) -> None:
+def test_unreadable_stored_orders_change_nothing(market: Driver, text: str) -> None:
     market.operate(OperatorAction.PIN, EXPRESS)
     with pytest.raises(Refused) as caught:
         market.market.restore_overrides(text, market.now)

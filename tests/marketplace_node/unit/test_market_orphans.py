@@ -31,7 +31,7 @@ def award_to_b_while_a_runs_for_another_market(market: Driver) -> None:
     bid(market, B)
 
 
-def test_a_tree_that_another_start_of_its_host_has_refused_is_cancelled(two: Driver) -> None:
+def test_tree_running_despite_refused_goal_is_cancelled(two: Driver) -> None:
     two.scene("s1")
     bid(two, A)
     bid(two, B)
@@ -55,7 +55,7 @@ def test_a_tree_that_another_start_of_its_host_has_refused_is_cancelled(two: Dri
     assert two.goal.host == B
 
 
-def test_a_heartbeat_from_before_the_end_of_a_run_stops_nothing(two: Driver) -> None:
+def test_heartbeat_predating_run_end_stops_nothing(two: Driver) -> None:
     two.scene("s1")
     bid(two, A)
     bid(two, B)
@@ -71,7 +71,7 @@ def test_a_heartbeat_from_before_the_end_of_a_run_stops_nothing(two: Driver) -> 
     assert two.status.state is State.BIDDING
 
 
-def test_no_host_begins_while_another_one_runs_a_tree_for_an_earlier_market(two: Driver) -> None:
+def test_goal_waits_for_tree_of_earlier_market(two: Driver) -> None:
     award_to_b_while_a_runs_for_another_market(two)
 
     assert two.all(SendGoal) == []
@@ -86,7 +86,7 @@ def test_no_host_begins_while_another_one_runs_a_tree_for_an_earlier_market(two:
     assert two.status.state is State.RUNNING
 
 
-def test_a_tree_that_never_stops_is_waited_for_only_so_long(two: Driver) -> None:
+def test_endless_tree_is_awaited_for_limited_time(two: Driver) -> None:
     two.busy.pop(A)
     award_to_b_while_a_runs_for_another_market(two)
     for _ in range(110):
@@ -100,7 +100,7 @@ def test_a_tree_that_never_stops_is_waited_for_only_so_long(two: Driver) -> None
     assert two.goal.host == B
 
 
-def test_a_host_that_falls_silent_is_not_waited_for(two: Driver) -> None:
+def test_silent_host_is_not_awaited(two: Driver) -> None:
     award_to_b_while_a_runs_for_another_market(two)
     two.die(A)
     two.wait(0.9)
@@ -108,7 +108,7 @@ def test_a_host_that_falls_silent_is_not_waited_for(two: Driver) -> None:
     assert two.goal.host == B
 
 
-def test_a_run_that_was_given_up_is_waited_for_while_its_host_lives(two: Driver) -> None:
+def test_abandoned_run_is_awaited_while_host_lives(two: Driver) -> None:
     two.scene("s1")
     bid(two, A)
     bid(two, B)
@@ -126,7 +126,7 @@ def test_a_run_that_was_given_up_is_waited_for_while_its_host_lives(two: Driver)
     assert two.goal.host == B
 
 
-def test_a_goal_that_is_held_back_can_be_stopped(two: Driver) -> None:
+def test_held_goal_can_be_stopped(two: Driver) -> None:
     award_to_b_while_a_runs_for_another_market(two)
 
     assert two.cancel("enough") == (True, f"{EXPRESS} does not begin")
@@ -136,7 +136,7 @@ def test_a_goal_that_is_held_back_can_be_stopped(two: Driver) -> None:
     assert two.all(SendGoal) == []
 
 
-def test_a_host_that_dies_while_its_goal_is_held_back_gets_none(two: Driver) -> None:
+def test_dead_host_never_receives_its_held_goal(two: Driver) -> None:
     two.busy.pop(A)
     award_to_b_while_a_runs_for_another_market(two)
     two.die(B)

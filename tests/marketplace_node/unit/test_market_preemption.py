@@ -37,7 +37,7 @@ def outcome(market: Driver) -> AuctionOutcome:
     return market.auction.decision.outcome
 
 
-def test_the_new_scene_is_asked_about_while_the_run_goes_on(market: Driver) -> None:
+def test_challenge_opens_while_run_continues(market: Driver) -> None:
     market.scene("s2")
 
     assert (market.calls[-1].round, market.calls[-1].scene.scene_id) == (2, "s2")
@@ -48,7 +48,7 @@ def test_the_new_scene_is_asked_about_while_the_run_goes_on(market: Driver) -> N
     assert market.market.due < math.inf
 
 
-def test_a_better_agent_stops_the_run_and_gets_a_fresh_round(market: Driver) -> None:
+def test_better_agent_preempts_run_and_opens_fresh_round(market: Driver) -> None:
     market.scene("s2")
     bid(market, guide=MIDDLE, express=NEAR)
 
@@ -69,7 +69,7 @@ def test_a_better_agent_stops_the_run_and_gets_a_fresh_round(market: Driver) -> 
     assert outcome(market) is AuctionOutcome.AWARDED
 
 
-def test_the_next_scene_does_not_wait_for_the_feedback_on_a_preempted_run(market: Driver) -> None:
+def test_feedback_on_preempted_run_delays_no_scene(market: Driver) -> None:
     market.scene("s2")
     bid(market, guide=MIDDLE, express=NEAR)
     market.end(outcome=3)
@@ -97,7 +97,7 @@ def test_the_next_scene_does_not_wait_for_the_feedback_on_a_preempted_run(market
         ),
     ],
 )
-def test_without_the_margin_the_scene_waits(
+def test_scene_waits_without_margin(
     market: Driver, guide: tuple[float, ...], express: tuple[float, ...], words: str
 ) -> None:
     market.scene("s2")
@@ -116,7 +116,7 @@ def test_without_the_margin_the_scene_waits(
     ("margin", "better", "stops"),
     [(1.0, 1.0, True), (1.0, 0.9375, False), (0.0, 0.5, True), (100.0, 4.0, False)],
 )
-def test_the_margin_is_reached_or_not(margin: float, better: float, stops: bool) -> None:
+def test_margin_is_reached_or_missed(margin: float, better: float, stops: bool) -> None:
     market = Driver(on_new_scene="preempt", preempt_margin=margin)
     market.run()
     market.scene("s2")
@@ -132,7 +132,7 @@ def test_the_margin_is_reached_or_not(margin: float, better: float, stops: bool)
         ({}, "who runs is refused (/agents says nothing about it)"),
     ],
 )
-def test_a_running_agent_without_a_bid_counts_as_infinitely_far(
+def test_running_agent_without_bid_is_infinitely_far(
     market: Driver, bids: dict[str, Any], words: str
 ) -> None:
     market.scene("s2")
@@ -142,7 +142,7 @@ def test_a_running_agent_without_a_bid_counts_as_infinitely_far(
     assert words in market.auction.reason
 
 
-def test_a_running_agent_whose_host_stays_silent_counts_as_infinitely_far() -> None:
+def test_running_agent_with_silent_host_is_infinitely_far() -> None:
     market = Driver(on_new_scene="preempt")
     market.register()
     market.register("/others", PLAIN)
@@ -163,7 +163,7 @@ def test_a_running_agent_whose_host_stays_silent_counts_as_infinitely_far() -> N
     )
 
 
-def test_when_nobody_bids_the_run_goes_on(market: Driver) -> None:
+def test_run_continues_without_bids(market: Driver) -> None:
     market.scene("s2")
     market.bid(
         vectors={},
@@ -181,9 +181,7 @@ def test_when_nobody_bids_the_run_goes_on(market: Driver) -> None:
 
 
 @pytest.mark.parametrize("express", [NEAR, FAR])
-def test_an_urgent_scene_stops_the_run_whoever_wins(
-    market: Driver, express: tuple[float, ...]
-) -> None:
+def test_urgent_scene_stops_run_for_any_winner(market: Driver, express: tuple[float, ...]) -> None:
     market.scene("s2", urgent=True)
     bid(market, guide=MIDDLE, express=express)
 
@@ -194,7 +192,7 @@ def test_an_urgent_scene_stops_the_run_whoever_wins(
     assert market.status.scene_id == "s2"
 
 
-def test_an_urgent_scene_that_nobody_wants_stops_nothing(market: Driver) -> None:
+def test_urgent_scene_without_bids_stops_nothing(market: Driver) -> None:
     market.scene("s2", urgent=True)
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"), round=2)
 
@@ -210,7 +208,7 @@ def preempted(market: Driver) -> None:
     market.accept()
 
 
-def test_after_a_preemption_none_other_for_the_cooldown(market: Driver) -> None:
+def test_preemption_cooldown_blocks_next_preemption(market: Driver) -> None:
     preempted(market)
     market.scene("s3")
     bid(market, guide=MIDDLE, express=NEAR)
@@ -229,7 +227,7 @@ def test_after_a_preemption_none_other_for_the_cooldown(market: Driver) -> None:
     assert market.status.scene_id == "s4", "ahead of the line"
 
 
-def test_an_urgent_scene_does_not_wait_for_the_cooldown(market: Driver) -> None:
+def test_urgent_scene_ignores_cooldown(market: Driver) -> None:
     preempted(market)
     market.scene("s3", urgent=True)
     bid(market, guide=NEAR, express=FAR)
@@ -237,7 +235,7 @@ def test_an_urgent_scene_does_not_wait_for_the_cooldown(market: Driver) -> None:
     assert outcome(market) is AuctionOutcome.PREEMPTS
 
 
-def test_a_run_that_succeeds_before_the_stop_takes_hold_is_not_preempted(market: Driver) -> None:
+def test_run_succeeding_before_stop_is_not_preempted(market: Driver) -> None:
     market.scene("s2")
     bid(market, guide=MIDDLE, express=NEAR)
     market.end(outcome=1)
@@ -247,7 +245,7 @@ def test_a_run_that_succeeds_before_the_stop_takes_hold_is_not_preempted(market:
 
 
 @pytest.mark.parametrize("phase", ["bidding", "awarding"])
-def test_a_scene_that_comes_before_the_run_is_asked_about_once_it_runs(phase: str) -> None:
+def test_scene_arriving_before_run_challenges_once_it_runs(phase: str) -> None:
     market = Driver(on_new_scene="preempt")
     market.register()
     market.scene("s1")
@@ -266,7 +264,7 @@ def test_a_scene_that_comes_before_the_run_is_asked_about_once_it_runs(phase: st
     assert len(market.calls) == 2, "s2 is not asked about while the run is stopped"
 
 
-def test_challenges_are_opened_one_after_the_other(market: Driver) -> None:
+def test_challenges_open_one_at_a_time(market: Driver) -> None:
     market.scene("s2")
     market.scene("s3")
     assert len(market.calls) == 2
@@ -278,7 +276,7 @@ def test_challenges_are_opened_one_after_the_other(market: Driver) -> None:
     assert len(market.calls) == 3, "each scene is asked about once"
 
 
-def test_a_challenge_needs_no_place_in_the_line_but_what_waits_does() -> None:
+def test_challenge_needs_no_queue_slot_until_it_waits() -> None:
     market = Driver(on_new_scene="preempt", queue_limit=0, preempt_cooldown_s=0.0)
     market.run()
     market.scene("s2")
@@ -297,7 +295,7 @@ def test_a_challenge_needs_no_place_in_the_line_but_what_waits_does() -> None:
     assert market.status.scene_id == "s4"
 
 
-def test_one_urgent_scene_finds_room_in_a_full_line_until_it_is_asked_about() -> None:
+def test_full_queue_holds_one_extra_urgent_scene() -> None:
     market = Driver(on_new_scene="preempt", queue_limit=1)
     market.run()
     for name, urgent in (("s2", False), ("s3", False), ("s4", True), ("s5", True)):
@@ -346,7 +344,7 @@ def test_a_challenge_ends_with_the_run(market: Driver, what: str, words: str, en
     assert market.ends[0] == ("s1", end if what != "again" else "SUCCEEDED")
 
 
-def test_late_and_foreign_answers_to_a_challenge_change_nothing(market: Driver) -> None:
+def test_late_or_foreign_challenge_responses_change_nothing(market: Driver) -> None:
     market.scene("s2")
     market.bid(round=1)
     assert market.market.late_bids == 1
@@ -358,14 +356,14 @@ def test_late_and_foreign_answers_to_a_challenge_change_nothing(market: Driver) 
     assert market.market.late_bids == 2
 
 
-def test_a_cancel_names_the_run_not_the_challenge(market: Driver) -> None:
+def test_cancel_names_run_instead_of_challenge(market: Driver) -> None:
     market.scene("s2")
 
     assert market.cancel(round_number=2) == (False, "round 2 does not run; the current one is 1")
     assert market.cancel(round_number=1)[0]
 
 
-def test_shutting_down_ends_the_challenge_and_its_scene(market: Driver) -> None:
+def test_shutdown_ends_challenge_and_its_scene(market: Driver) -> None:
     market.scene("s2")
     market.do(market.market.shut_down("shutting down", market.now))
 
@@ -376,7 +374,7 @@ def test_shutting_down_ends_the_challenge_and_its_scene(market: Driver) -> None:
     assert market.status.state is State.IDLE, "nobody waits for feedback any more"
 
 
-def test_outside_of_preempt_no_challenge_is_opened() -> None:
+def test_challenge_opens_only_in_preempt_mode() -> None:
     market = Driver()
     market.run()
     market.scene("s2", urgent=True)
@@ -384,7 +382,7 @@ def test_outside_of_preempt_no_challenge_is_opened() -> None:
     assert len(market.calls) == 1
 
 
-def test_a_change_to_preempt_asks_about_what_waits_already() -> None:
+def test_switch_to_preempt_challenges_with_queued_scene() -> None:
     market = Driver()
     market.run()
     market.scene("s2")
@@ -393,7 +391,7 @@ def test_a_change_to_preempt_asks_about_what_waits_already() -> None:
     assert market.calls[-1].scene.scene_id == "s2"
 
 
-def test_a_call_that_is_never_published_decides_a_challenge_all_the_same(market: Driver) -> None:
+def test_unpublished_call_still_decides_challenge(market: Driver) -> None:
     effects = market.market.scene(market.calls[0].scene.with_id("s2"), market.now)
     market.effects += effects
     assert any(isinstance(effect, OpenCall) for effect in effects)
@@ -403,7 +401,7 @@ def test_a_call_that_is_never_published_decides_a_challenge_all_the_same(market:
     assert math.isnan(market.auction.decision.margin)
 
 
-def test_a_challenge_stops_nothing_once_scenes_are_to_wait() -> None:
+def test_switch_to_queue_prevents_preemption_by_open_challenge() -> None:
     market = Driver(on_new_scene="preempt")
     market.run()
     market.scene("s2", 3.0, 5.0, 3.5)
@@ -437,7 +435,7 @@ def stopped_for_s2(market: Driver, **first: tuple[float, ...]) -> tuple[str, str
         ("thompson", {"thompson.sigma": 0.5}),
     ],
 )
-def test_whatever_chance_says_the_agent_that_is_named_gets_the_run(
+def test_named_preempting_agent_wins_under_random_strategies(
     strategy: str, options: dict[str, float]
 ) -> None:
     stops = 0
@@ -459,7 +457,7 @@ def test_whatever_chance_says_the_agent_that_is_named_gets_the_run(
     assert stops > 3
 
 
-def test_who_did_not_answer_in_time_is_not_stopped_for_itself() -> None:
+def test_unresponsive_running_agent_is_excluded_after_preemption() -> None:
     market = Driver(on_new_scene="preempt")
     market.run()
 
@@ -469,7 +467,7 @@ def test_who_did_not_answer_in_time_is_not_stopped_for_itself() -> None:
     assert "its run was stopped for scene 's2'" in market.auction.explanation
 
 
-def test_a_program_outside_cannot_have_an_agent_stopped_for_itself() -> None:
+def test_external_ranking_cannot_preempt_agent_for_itself() -> None:
     market = Driver(on_new_scene="preempt", strategy="external")
     market.register()
     market.scene()
@@ -485,7 +483,7 @@ def test_a_program_outside_cannot_have_an_agent_stopped_for_itself() -> None:
     assert market.calls[-1].excluded == (GUIDE,)
 
 
-def test_an_urgent_scene_does_not_wait_for_a_ranking_from_outside() -> None:
+def test_urgent_scene_does_not_await_external_ranking() -> None:
     market = Driver(on_new_scene="preempt", strategy="external")
     market.register()
     market.scene()

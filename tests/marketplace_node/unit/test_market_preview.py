@@ -26,7 +26,7 @@ def outcome(market: Driver) -> PublishAuction:
     return ended
 
 
-def test_a_preview_ranks_real_bids_and_gives_nobody_a_run(market: Driver) -> None:
+def test_preview_ranks_real_bids_without_awarding(market: Driver) -> None:
     number = market.preview()
     market.bid(round=number)
 
@@ -38,7 +38,7 @@ def test_a_preview_ranks_real_bids_and_gives_nobody_a_run(market: Driver) -> Non
     assert market.status.state is State.IDLE
 
 
-def test_nothing_is_counted(market: Driver) -> None:
+def test_preview_changes_no_counters(market: Driver) -> None:
     market.run()
     market.end()
     market.collect()
@@ -50,7 +50,7 @@ def test_nothing_is_counted(market: Driver) -> None:
     assert (terms.round, terms.rounds_run, dict(terms.runs)) == (2, 1, {GUIDE: 1})
 
 
-def test_a_preview_foretells_what_chance_will_draw() -> None:
+def test_preview_predicts_random_draws() -> None:
     market = Driver(strategy="softmax", options={"softmax.temperature": 5.0})
     market.register()
     for number in range(12):
@@ -66,7 +66,7 @@ def test_a_preview_foretells_what_chance_will_draw() -> None:
     assert winners == {GUIDE, EXPRESS}, "chance has to have a say in this test"
 
 
-def test_a_preview_during_a_run_lets_it_go_on(market: Driver) -> None:
+def test_preview_does_not_disturb_run(market: Driver) -> None:
     market.run()
     market.bid(round=market.preview(3.0, 5.0, 3.5))
 
@@ -75,28 +75,28 @@ def test_a_preview_during_a_run_lets_it_go_on(market: Driver) -> None:
     assert market.events == ["1 attentive_guide STARTED"]
 
 
-def test_a_preview_may_try_another_strategy(market: Driver) -> None:
+def test_preview_accepts_another_strategy(market: Driver) -> None:
     market.bid(round=market.preview(strategy="euclidean"))
 
     assert outcome(market).decision.terms.strategy == "euclidean"
     assert market.status.strategy == "manhattan"
 
 
-def test_a_preview_counts_with_pins_and_vetoes(market: Driver) -> None:
+def test_preview_respects_pins_and_vetoes(market: Driver) -> None:
     market.operate(OperatorAction.VETO, GUIDE)
     market.bid(round=market.preview())
 
     assert [bid.agent for bid in outcome(market).decision.ranking] == [EXPRESS]
 
 
-def test_a_preview_of_the_last_scene(market: Driver) -> None:
+def test_preview_can_use_last_scene(market: Driver) -> None:
     market.run()
     market.bid(round=market.preview(last=True))
 
     assert outcome(market).decision.terms.scene.scene_id == "s1"
 
 
-def test_a_preview_with_a_silent_host_ends_at_the_deadline(market: Driver) -> None:
+def test_preview_with_silent_host_ends_at_deadline(market: Driver) -> None:
     market.preview()
     market.wait(0.6)
 
@@ -104,7 +104,7 @@ def test_a_preview_with_a_silent_host_ends_at_the_deadline(market: Driver) -> No
     assert outcome(market).decision.silent_hosts == ("/agents",)
 
 
-def test_a_preview_with_the_strategy_external_waits_for_it(market: Driver) -> None:
+def test_preview_waits_for_external_ranking(market: Driver) -> None:
     market.bid(round=market.preview(strategy="external"))
     assert market.previews == []
     market.ranked(EXPRESS)
@@ -112,7 +112,7 @@ def test_a_preview_with_the_strategy_external_waits_for_it(market: Driver) -> No
     assert outcome(market).decision.ranking[0].agent == EXPRESS
 
 
-def test_late_and_foreign_bids_for_a_preview_change_nothing(market: Driver) -> None:
+def test_late_or_foreign_preview_bids_change_nothing(market: Driver) -> None:
     number = market.preview()
     market.bid(round=number)
     before = list(market.previews)
@@ -123,7 +123,7 @@ def test_late_and_foreign_bids_for_a_preview_change_nothing(market: Driver) -> N
     assert market.all(SendGoal) == []
 
 
-def test_bids_of_a_preview_never_get_into_a_round(market: Driver) -> None:
+def test_preview_bids_never_enter_round(market: Driver) -> None:
     market.scene()
     number = market.preview()
     market.bid(round=number, vectors={EXPRESS: (5.0, 1.0, 3.0)}, declined={GUIDE: "tired"})
@@ -135,15 +135,13 @@ def test_bids_of_a_preview_never_get_into_a_round(market: Driver) -> None:
 @pytest.mark.parametrize(
     ("strategy", "last", "code"), [("magic", False, "UNKNOWN_STRATEGY"), ("", True, "NO_SCENE")]
 )
-def test_a_preview_that_makes_no_sense_is_refused(
-    market: Driver, strategy: str, last: bool, code: str
-) -> None:
+def test_invalid_preview_is_refused(market: Driver, strategy: str, last: bool, code: str) -> None:
     with pytest.raises(Refused) as caught:
         market.preview(strategy=strategy, last=last)
     assert caught.value.code == code
 
 
-def test_only_so_many_previews_are_open_at_once(market: Driver) -> None:
+def test_concurrent_previews_are_limited(market: Driver) -> None:
     for _ in range(MOST_PREVIEWS):
         market.preview()
     with pytest.raises(Refused) as caught:
@@ -155,7 +153,7 @@ def test_only_so_many_previews_are_open_at_once(market: Driver) -> None:
     market.preview()
 
 
-def test_a_market_that_shuts_down_ends_every_preview(market: Driver) -> None:
+def test_market_shutdown_ends_every_preview(market: Driver) -> None:
     market.preview()
     market.do(market.market.shut_down("the end", market.now))
 

@@ -18,7 +18,7 @@ def registry() -> Registry:
     return Registry(SPACE.names, 1.0, new_key=bytes)
 
 
-def test_ids_count_from_one_and_stay_with_the_name_while_a_host_has_it(registry: Registry) -> None:
+def test_agent_ids_start_at_one_and_are_stable(registry: Registry) -> None:
     first = registry.register(registration(), 0.0)
     registry.register(registration("/others", (PLAIN,)), 0.0)
     again = registry.register(registration(agents=(EXPRESS, "newcomer", GUIDE)), 0.5)
@@ -30,9 +30,7 @@ def test_ids_count_from_one_and_stay_with_the_name_while_a_host_has_it(registry:
     assert restarted.agent_ids == (1, 2)
 
 
-def test_ids_are_freed_with_the_host_or_the_list_that_has_them_and_none_is_given_twice(
-    registry: Registry,
-) -> None:
+def test_removed_agent_ids_are_never_reused(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.remove("/agents")
     returned = registry.register(registration(), 1.0)
@@ -43,7 +41,7 @@ def test_ids_are_freed_with_the_host_or_the_list_that_has_them_and_none_is_given
     assert longer.agent_ids == (3, 5)
 
 
-def test_a_host_with_too_many_agents_is_refused_as_a_whole(registry: Registry) -> None:
+def test_host_with_too_many_agents_is_refused_entirely(registry: Registry) -> None:
     names = tuple(f"a{number}" for number in range(MOST_AGENTS + 1))
     refused = registry.register(registration(agents=names), 0.0)
     taken = registry.register(registration(agents=names[:-1]), 0.0)
@@ -57,7 +55,7 @@ def test_a_host_with_too_many_agents_is_refused_as_a_whole(registry: Registry) -
     assert taken.agent_ids == tuple(range(1, MOST_AGENTS + 1))
 
 
-def test_registering_again_refreshes_the_list_and_the_lease(registry: Registry) -> None:
+def test_registering_again_refreshes_agents_and_lease(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.heartbeat("/agents", "first", 0.0)
     registry.register(registration(agents=(GUIDE,)), 0.9)
@@ -67,9 +65,7 @@ def test_registering_again_refreshes_the_list_and_the_lease(registry: Registry) 
     assert registry.live(2.0) == ()
 
 
-def test_the_lease_of_a_host_begins_with_its_first_heartbeat_or_after_an_allowance(
-    registry: Registry,
-) -> None:
+def test_lease_starts_at_first_heartbeat_or_after_allowance(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.register(registration("/others", (PLAIN,)), 0.0)
     registry.heartbeat("/others", "first", 0.1)
@@ -80,9 +76,7 @@ def test_the_lease_of_a_host_begins_with_its_first_heartbeat_or_after_an_allowan
     assert registry.live(1.0 + FIRST_HEARTBEAT_S) == ()
 
 
-def test_a_start_that_was_heard_gets_no_allowance_again_but_the_next_start_does(
-    registry: Registry,
-) -> None:
+def test_each_host_start_gets_heartbeat_allowance_once(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.heartbeat("/agents", "first", 0.1)
     registry.register(registration(), 0.5)
@@ -92,7 +86,7 @@ def test_a_start_that_was_heard_gets_no_allowance_again_but_the_next_start_does(
     assert [entry.host for entry in registry.live(4.0)] == ["/agents"]
 
 
-def test_a_living_host_cannot_be_replaced_but_a_dead_one_can(registry: Registry) -> None:
+def test_only_dead_host_can_be_replaced(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.heartbeat("/agents", "first", 0.9)
     early = registry.register(registration(instance="second"), 1.5)
@@ -104,9 +98,7 @@ def test_a_living_host_cannot_be_replaced_but_a_dead_one_can(registry: Registry)
     assert late.accepted
 
 
-def test_a_living_host_is_replaced_by_its_next_start_in_the_same_process_only(
-    registry: Registry,
-) -> None:
+def test_live_host_is_replaced_only_from_same_process(registry: Registry) -> None:
     def second(earlier: str, participant: str) -> str:
         answer = registry.register(
             registration(instance="second", earlier_instance=earlier, participant=participant), 1.0
@@ -125,7 +117,7 @@ def test_a_living_host_is_replaced_by_its_next_start_in_the_same_process_only(
     assert entry.instance == "second"
 
 
-def test_heartbeats_of_strangers_and_earlier_starts_count_for_nothing(registry: Registry) -> None:
+def test_foreign_and_outdated_heartbeats_are_ignored(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.heartbeat("/agents", "first", 0.0)
 
@@ -134,7 +126,7 @@ def test_heartbeats_of_strangers_and_earlier_starts_count_for_nothing(registry: 
     assert registry.live(1.0) == ()
 
 
-def test_a_name_held_by_a_living_host_is_refused_naming_the_holder(registry: Registry) -> None:
+def test_name_of_live_host_is_refused_with_holder(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     answer = registry.register(registration("/others", (GUIDE, PLAIN)), 0.5)
 
@@ -144,7 +136,7 @@ def test_a_name_held_by_a_living_host_is_refused_naming_the_holder(registry: Reg
     assert answer.reasons[1] == ""
 
 
-def test_a_name_held_by_a_dead_host_moves(registry: Registry) -> None:
+def test_name_of_dead_host_can_be_taken_over(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     answer = registry.register(registration("/others", (GUIDE,)), 5.0)
 
@@ -155,7 +147,7 @@ def test_a_name_held_by_a_dead_host_moves(registry: Registry) -> None:
 @pytest.mark.parametrize(
     "name", ["", "Guide", "9lives", "a b", "näme", "a/b", "a\n", "x" * 5000 + "!", "x" * 181]
 )
-def test_bad_agent_names_are_refused_one_by_one(registry: Registry, name: str) -> None:
+def test_invalid_agent_names_are_refused_individually(registry: Registry, name: str) -> None:
     answer = registry.register(registration(agents=(name, GUIDE, GUIDE)), 0.0)
 
     assert answer.accepted
@@ -182,7 +174,7 @@ def test_bad_agent_names_are_refused_one_by_one(registry: Registry, name: str) -
         ({"parameters": ("familiarity", "age", "mood")}, "OTHER_PARAMETERS"),
     ],
 )
-def test_hosts_that_do_not_fit_are_refused_without_a_trace(
+def test_incompatible_hosts_are_refused_without_side_effects(
     registry: Registry, changes: dict[str, Any], code: str
 ) -> None:
     answer = registry.register(registration(**changes), 0.0)
@@ -193,9 +185,7 @@ def test_hosts_that_do_not_fit_are_refused_without_a_trace(
     assert registry.entries() == ()
 
 
-def test_leases_are_renewed_when_nobody_listened_but_the_dead_stay_dead(
-    registry: Registry,
-) -> None:
+def test_stall_extends_live_leases_but_revives_no_host(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.register(registration("/others", (PLAIN,)), 4.5)
     registry.extend_after_stall(5.0, 9.0)
@@ -204,7 +194,7 @@ def test_leases_are_renewed_when_nobody_listened_but_the_dead_stay_dead(
     assert registry.live(9.6) == ()
 
 
-def test_a_host_too_many_is_refused_while_all_others_live() -> None:
+def test_host_above_limit_is_refused_while_others_live() -> None:
     market = Driver()
     for number in range(MOST_HOSTS):
         market.register(f"/h{number}", f"a{number}")
@@ -216,7 +206,7 @@ def test_a_host_too_many_is_refused_while_all_others_live() -> None:
     assert market.register("/h0", "a0").accepted, "who is in may register again"
 
 
-def test_a_host_too_many_takes_the_place_of_the_one_that_is_gone_for_longest() -> None:
+def test_host_above_limit_replaces_longest_dead_host() -> None:
     market = Driver()
     for number in range(MOST_HOSTS):
         market.register(f"/h{number}", f"a{number}")
@@ -229,7 +219,7 @@ def test_a_host_too_many_takes_the_place_of_the_one_that_is_gone_for_longest() -
     assert market.all(Disconnect) == [Disconnect(host="/h7")]
 
 
-def test_only_the_process_that_registered_a_host_speaks_for_it(registry: Registry) -> None:
+def test_only_registering_process_may_act_for_host(registry: Registry) -> None:
     assert registry.register(registration(participant="p"), 0.0).accepted
     assert registry.heartbeat("/agents", "first", 0.5, "p")
     with pytest.raises(Refused, match="OTHER_PARTICIPANT"):
@@ -245,7 +235,7 @@ def test_only_the_process_that_registered_a_host_speaks_for_it(registry: Registr
     assert registry.register(registration(participant="q", instance="second"), 9.0).accepted
 
 
-def test_each_start_of_a_host_has_an_award_key_of_its_own_that_is_shown_nowhere() -> None:
+def test_each_host_start_has_own_secret_award_key() -> None:
     keys = iter((b"key one of a host", b"key two of a host"))
     registry = Registry(SPACE.names, 1.0, new_key=lambda: next(keys))
     first = registry.register(registration(), 0.0)

@@ -33,7 +33,7 @@ def names(found: Ranked) -> list[str]:
     return [bid.agent for bid in found.bids]
 
 
-def test_the_first_rule_that_holds_says_who_wins_and_the_rest_go_by_distance() -> None:
+def test_first_matching_rule_ranks_before_distance() -> None:
     found = ranked(
         "{when: scene.age > 4, agents: [bob]}",
         "{when: scene.age <= 4, agents: [cat]}",
@@ -47,7 +47,7 @@ def test_the_first_rule_that_holds_says_who_wins_and_the_rest_go_by_distance() -
     assert found.bids[0].bonus == 0.0, "a place is no exploration"
 
 
-def test_agents_of_a_rule_come_in_its_order_and_those_that_do_not_bid_are_passed_over() -> None:
+def test_rule_orders_its_agents_and_skips_non_bidders() -> None:
     found = ranked("{when: scene.person, agents: [zoe, cat, bob]}")
 
     assert names(found) == ["cat", "bob", "ann"]
@@ -63,14 +63,14 @@ def test_agents_of_a_rule_come_in_its_order_and_those_that_do_not_bid_are_passed
         "{when: 1 / (scene.age - 3) > 0, agents: [cat]}",
     ],
 )
-def test_without_a_rule_that_holds_the_nearest_wins(line: str) -> None:
+def test_nearest_wins_without_matching_rule(line: str) -> None:
     found = ranked(line, values=(3.0, 3.0, math.nan))
 
     assert names(found) == ["ann", "bob", "cat"]
     assert (found.precedence, found.placed) == ("", 0)
 
 
-def test_a_folder_without_a_market_file_has_no_rules(tmp_path: Path) -> None:
+def test_folder_without_market_file_has_no_rules(tmp_path: Path) -> None:
     assert market_of(tmp_path, SPACE) == ()
 
 
@@ -83,7 +83,7 @@ def external(answer: External | None) -> Ranked:
     )
 
 
-def test_a_ranking_from_outside_comes_before_what_it_does_not_name() -> None:
+def test_external_ranking_precedes_unnamed_agents() -> None:
     found = external(External(ranking=("cat",), message="in a hurry"))
 
     assert names(found) == ["cat", "ann", "bob"]
@@ -91,7 +91,7 @@ def test_a_ranking_from_outside_comes_before_what_it_does_not_name() -> None:
 
 
 @pytest.mark.parametrize("answer", [None, External(failure="it is late"), External()])
-def test_without_an_answer_from_outside_the_nearest_wins(answer: External | None) -> None:
+def test_nearest_wins_without_external_answer(answer: External | None) -> None:
     found = external(answer)
 
     assert names(found) == ["ann", "bob", "cat"]
@@ -104,7 +104,7 @@ UNDECIDED = "market.yaml:4:12: rule 2 cannot be decided: 1 / (scene.age - 3) > 0
 
 
 @pytest.mark.parametrize("shadow", [False, True])
-def test_a_rule_that_cannot_be_decided_is_told_with_its_place(shadow: bool) -> None:
+def test_undecidable_rule_is_reported_with_position(shadow: bool) -> None:
     lines = ("{when: scene.age > 4, agents: [bob]}", TORN, "{when: scene.person, agents: [bob]}")
     strategies = {"strategy": "euclidean", "shadow": "rules"} if shadow else {"strategy": "rules"}
     of = terms(scene("s", 3.0, 3.0, 3.0), rules=rules(*lines), **strategies)
@@ -114,11 +114,11 @@ def test_a_rule_that_cannot_be_decided_is_told_with_its_place(shadow: bool) -> N
     assert (problem.file, problem.line, problem.message) == ("market.yaml", 4, UNDECIDED)
 
 
-def test_a_rule_behind_the_one_that_holds_is_not_looked_at() -> None:
+def test_rules_after_first_match_are_not_evaluated() -> None:
     assert ranked("{when: scene.person, agents: [bob]}", TORN).undecided == ()
 
 
-def test_the_status_has_the_rules_that_could_not_be_decided_when_last_looked_at() -> None:
+def test_status_lists_undecidable_rules_of_last_evaluation() -> None:
     line = f"{{when: 1 / (scene.age - 3) > 0, agents: [{EXPRESS}]}}"
     market = Driver(rules(line), strategy="rules")
     market.register()

@@ -27,7 +27,7 @@ def hold_up(market: Driver, lasted_s: float) -> None:
     market.do(market.market.tick(market.now))
 
 
-def test_bids_that_came_meanwhile_count(market: Driver) -> None:
+def test_bids_received_during_stall_count(market: Driver) -> None:
     market.scene()
     hold_up(market, 3.0)
     assert market.status.state is State.BIDDING
@@ -36,7 +36,7 @@ def test_bids_that_came_meanwhile_count(market: Driver) -> None:
     assert market.goal.agent == GUIDE
 
 
-def test_a_goal_that_was_taken_meanwhile_runs(market: Driver) -> None:
+def test_goal_accepted_during_stall_runs(market: Driver) -> None:
     market.scene()
     market.bid()
     hold_up(market, 5.0)
@@ -45,7 +45,7 @@ def test_a_goal_that_was_taken_meanwhile_runs(market: Driver) -> None:
     assert market.events == ["1 attentive_guide STARTED"]
 
 
-def test_a_result_that_came_after_the_idle_heartbeat_counts(market: Driver) -> None:
+def test_result_after_idle_heartbeat_counts(market: Driver) -> None:
     market.run()
     market.busy["/agents"] = 0
     market.beat()
@@ -56,7 +56,7 @@ def test_a_result_that_came_after_the_idle_heartbeat_counts(market: Driver) -> N
     assert len(market.calls) == 1, "nobody is served twice"
 
 
-def test_a_run_that_was_cancelled_meanwhile_is_not_lost(market: Driver) -> None:
+def test_run_cancelled_during_stall_is_not_lost(market: Driver) -> None:
     market.run()
     market.cancel()
     hold_up(market, 20.0)
@@ -65,7 +65,7 @@ def test_a_run_that_was_cancelled_meanwhile_is_not_lost(market: Driver) -> None:
     assert market.events[-1] == "1 attentive_guide ENDED CANCELLED"
 
 
-def test_bids_for_a_challenge_that_came_meanwhile_count() -> None:
+def test_challenge_bids_received_during_stall_count() -> None:
     market = Driver(on_new_scene="preempt")
     market.run()
     market.scene("s2", 3.0, 5.0, 3.5)
@@ -77,7 +77,7 @@ def test_bids_for_a_challenge_that_came_meanwhile_count() -> None:
     assert market.status.state is State.CANCELLING
 
 
-def test_deadlines_still_come_after_a_hold_up(market: Driver) -> None:
+def test_deadlines_still_expire_after_stall(market: Driver) -> None:
     market.scene()
     hold_up(market, 3.0)
     market.wait(0.6)
@@ -85,14 +85,14 @@ def test_deadlines_still_come_after_a_hold_up(market: Driver) -> None:
     assert market.ends == [("s1", "NO_BIDS")]
 
 
-def test_a_run_that_uses_all_its_time_to_end_is_waited_for() -> None:
+def test_cancel_deadline_exceeds_slowest_run_end() -> None:
     limits, slowest_tick_s = RunLimits(), 1.0
 
     needed_s = limits.explain_s + MOST_CLEAN_UP_S + limits.settle_s + slowest_tick_s
     assert Settings().cancel_deadline_s > needed_s
 
 
-def test_feedback_that_is_kept_holds_nothing_up(market: Driver) -> None:
+def test_deferred_feedback_delays_no_scene(market: Driver) -> None:
     market.run()
     market.do(market.market.scene(scene("s2"), market.now))
     market.end()

@@ -29,7 +29,7 @@ def market() -> Driver:
     return driver
 
 
-def test_an_agent_is_starved_after_so_many_rounds_in_vain(market: Driver) -> None:
+def test_agent_is_starved_after_configured_lost_rounds(market: Driver) -> None:
     play(market, 2)
     assert market.status.starved == ()
     play(market, 1)
@@ -39,7 +39,7 @@ def test_an_agent_is_starved_after_so_many_rounds_in_vain(market: Driver) -> Non
     assert alarm.message.startswith("professional_express is starved: it has bid in 3 awarded")
 
 
-def test_the_alarm_is_said_once_until_it_wins(market: Driver) -> None:
+def test_starvation_alarm_is_raised_once_until_win(market: Driver) -> None:
     play(market, 7)
     assert len(market.all(Alarm)) == 1
 
@@ -50,7 +50,7 @@ def test_the_alarm_is_said_once_until_it_wins(market: Driver) -> None:
     assert len(market.all(Alarm)) == 2
 
 
-def test_a_host_that_registers_again_is_not_compared_once_for_each_of_its_agents(
+def test_registering_again_compares_host_only_once(
     market: Driver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     play(market, 3)
@@ -64,7 +64,7 @@ def test_a_host_that_registers_again_is_not_compared_once_for_each_of_its_agents
     assert len(compared) == 1
 
 
-def test_without_a_limit_nobody_is_starved(market: Driver) -> None:
+def test_no_agent_is_starved_without_limit(market: Driver) -> None:
     market.do(market.market.configure(Settings(starvation_rounds=0), market.now))
     play(market, 5)
 
@@ -72,7 +72,7 @@ def test_without_a_limit_nobody_is_starved(market: Driver) -> None:
     assert market.all(Alarm) == []
 
 
-def test_who_does_not_bid_is_not_starved() -> None:
+def test_non_bidding_agent_is_not_starved() -> None:
     starvation = Starvation()
     for _ in range(10):
         starvation.ran("ann", ["ann"])
@@ -82,7 +82,7 @@ def test_who_does_not_bid_is_not_starved() -> None:
     assert starvation.in_vain == {"ann": 0, "bob": 1}
 
 
-def test_previews_and_rounds_without_an_award_starve_nobody(market: Driver) -> None:
+def test_previews_and_unawarded_rounds_starve_no_agent(market: Driver) -> None:
     for _ in range(5):
         market.bid(round=market.preview())
         market.scene(f"stopped{market.status.round}")
@@ -91,7 +91,7 @@ def test_previews_and_rounds_without_an_award_starve_nobody(market: Driver) -> N
     assert market.status.starved == ()
 
 
-def test_the_shadow_counts_where_it_disagrees() -> None:
+def test_shadow_counts_disagreements() -> None:
     market = Driver(shadow_strategy="euclidean")
     market.register()
     # To [5, 1, 3]: one big difference against several small ones.
@@ -110,7 +110,7 @@ def test_the_shadow_counts_where_it_disagrees() -> None:
     ]
 
 
-def test_another_pair_of_strategies_is_counted_anew() -> None:
+def test_new_strategy_pair_resets_shadow_counts() -> None:
     market = Driver(shadow_strategy="euclidean")
     market.register()
     play(market, 2)
@@ -135,7 +135,7 @@ def test_a_shadow_never_changes_an_award(strategy: str, shadow: str) -> None:
     assert awards(shadow) == awards("")
 
 
-def test_who_runs_as_the_next_best_is_not_starved_and_the_winner_is() -> None:
+def test_refusing_winner_is_starved_but_running_substitute_not() -> None:
     market = Driver(starvation_rounds=3)
     market.register()
     for number in range(4):
@@ -150,7 +150,7 @@ def test_who_runs_as_the_next_best_is_not_starved_and_the_winner_is() -> None:
     assert market.status.starved == (GUIDE,)
 
 
-def test_a_scene_that_preempts_is_compared_once() -> None:
+def test_preempting_scene_is_compared_with_shadow_once() -> None:
     market = Driver(shadow_strategy="euclidean", on_new_scene="preempt")
     market.run()
     market.scene("s2", 3.0, 5.0, 3.5)
@@ -163,7 +163,7 @@ def test_a_scene_that_preempts_is_compared_once() -> None:
     assert market.auction.shadow_rounds == 2
 
 
-def test_where_another_strategy_had_to_rank_the_shadow_is_not_compared() -> None:
+def test_shadow_is_not_compared_with_fallback_strategy() -> None:
     market = Driver(strategy="external", shadow_strategy="manhattan")
     market.register()
     market.scene()

@@ -38,18 +38,14 @@ def test_cancel_stops_the_run_and_ends_the_interaction(market: Driver) -> None:
     assert len(market.calls) == 1
 
 
-def test_the_reason_of_a_stop_stands_alone_when_the_host_has_nothing_to_add(
-    market: Driver,
-) -> None:
+def test_stop_reason_stands_alone_without_host_reason(market: Driver) -> None:
     market.run()
     market.cancel("she says stop")
     market.end(outcome=3, message="whatever it says", host_reason=False)
     assert market.all(AnnounceRun)[-1].message == "she says stop"
 
 
-def test_the_status_names_the_scene_that_is_asked_for_now_and_keeps_the_id_of_the_first(
-    market: Driver,
-) -> None:
+def test_status_shows_current_scene_under_first_scene_id(market: Driver) -> None:
     def shown() -> tuple[str, str]:
         return market.status.scene_id, market.status.scene_label
 
@@ -66,7 +62,7 @@ def test_the_status_names_the_scene_that_is_asked_for_now_and_keeps_the_id_of_th
     assert shown() == ("s1", now)
 
 
-def test_cancel_and_ask_again_leaves_out_the_stopped_until_nobody_is_left(market: Driver) -> None:
+def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: Driver) -> None:
     market.run()
     market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
     market.end(outcome=3)
@@ -88,7 +84,7 @@ def test_cancel_and_ask_again_leaves_out_the_stopped_until_nobody_is_left(market
     assert market.status.finished_scene_id == "s1"
 
 
-def test_a_plain_stop_wins_over_asking_again(market: Driver) -> None:
+def test_plain_stop_overrides_repeat_auction(market: Driver) -> None:
     market.run()
     market.cancel("bored", again=True)
     market.cancel("stop")
@@ -98,7 +94,7 @@ def test_a_plain_stop_wins_over_asking_again(market: Driver) -> None:
     assert market.over == ["s1"]
 
 
-def test_a_stop_while_feedback_is_collected_prevents_the_follow_up(market: Driver) -> None:
+def test_stop_during_feedback_collection_prevents_follow_up(market: Driver) -> None:
     market.run()
     market.cancel("bored", again=True)
     market.end(outcome=3)
@@ -109,7 +105,7 @@ def test_a_stop_while_feedback_is_collected_prevents_the_follow_up(market: Drive
     assert market.over == ["s1"]
 
 
-def test_a_run_that_succeeded_before_the_cancel_took_hold_is_not_followed(market: Driver) -> None:
+def test_run_succeeding_before_cancel_has_no_follow_up(market: Driver) -> None:
     market.run()
     market.cancel("bored", again=True)
     market.end(outcome=1)
@@ -165,9 +161,7 @@ def test_cancel_while_awarding_cancels_on_acceptance(market: Driver) -> None:
 
 
 @pytest.mark.parametrize("answer", ["refused", "silent", "gone"])
-def test_cancel_while_awarding_ends_when_the_host_does_not_take_it(
-    market: Driver, answer: str
-) -> None:
+def test_cancel_while_awarding_ends_unless_host_accepts(market: Driver, answer: str) -> None:
     market.scene()
     market.bid()
     market.cancel("button")
@@ -182,7 +176,7 @@ def test_cancel_while_awarding_ends_when_the_host_does_not_take_it(
     assert market.over == ["s1"]
 
 
-def test_a_run_that_ignores_the_stop_is_lost_and_its_host_left_out_until_it_is_free() -> None:
+def test_run_ignoring_stop_is_lost_and_excludes_host() -> None:
     market = Driver(host_wait_s=0)
     market.run()
     market.cancel("button")
@@ -199,7 +193,7 @@ def test_a_run_that_ignores_the_stop_is_lost_and_its_host_left_out_until_it_is_f
     assert market.status.state is State.BIDDING
 
 
-def test_scenes_wait_in_order_up_to_the_limit() -> None:
+def test_scenes_queue_in_order_up_to_limit() -> None:
     market = Driver(queue_limit=2)
     market.run()
     for name in ("s2", "s3", "s4"):
@@ -215,7 +209,7 @@ def test_scenes_wait_in_order_up_to_the_limit() -> None:
     assert market.status.queued == 2, "there is room again"
 
 
-def test_a_waiting_crowd_ends_scene_by_scene_without_agents() -> None:
+def test_queued_scenes_end_one_by_one_without_agents() -> None:
     market = Driver(host_wait_s=0)
     market.run()
     for number in range(2, 10):
@@ -226,7 +220,7 @@ def test_a_waiting_crowd_ends_scene_by_scene_without_agents() -> None:
     assert market.over == [f"s{number}" for number in range(1, 10)]
 
 
-def test_a_new_scene_is_rejected_when_set_so() -> None:
+def test_new_scene_is_rejected_in_reject_mode() -> None:
     market = Driver(on_new_scene="reject")
     market.run()
     market.scene("s2")
@@ -243,7 +237,7 @@ def test_a_known_scene_id_is_a_duplicate(market: Driver) -> None:
     assert market.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
 
 
-def test_shutting_stops_the_run_and_gives_up_what_waits(market: Driver) -> None:
+def test_shutdown_stops_run_and_drops_queued_scenes(market: Driver) -> None:
     market.run()
     market.scene("s2")
     market.do(market.market.shut_down("shutting down", market.now))
@@ -253,7 +247,7 @@ def test_shutting_stops_the_run_and_gives_up_what_waits(market: Driver) -> None:
     assert market.status.state is State.CANCELLING
 
 
-def test_whoever_says_stop_is_not_spoken_to_by_the_next() -> None:
+def test_stop_drops_queued_scenes() -> None:
     market = Driver()
     market.run()
     market.scene("s2")
@@ -269,7 +263,7 @@ def test_whoever_says_stop_is_not_spoken_to_by_the_next() -> None:
     assert market.status.state is State.IDLE
 
 
-def test_a_cancel_that_names_its_round_leaves_the_scenes_in_line() -> None:
+def test_cancel_of_named_round_keeps_queued_scenes() -> None:
     market = Driver()
     market.run()
     market.scene("s2")
@@ -280,7 +274,7 @@ def test_a_cancel_that_names_its_round_leaves_the_scenes_in_line() -> None:
     assert market.status.scene_id == "s2"
 
 
-def test_a_stop_that_asks_again_forgets_nothing() -> None:
+def test_stop_with_repeat_auction_keeps_queued_scenes() -> None:
     market = Driver()
     market.run()
     market.scene("s2")
@@ -291,9 +285,7 @@ def test_a_stop_that_asks_again_forgets_nothing() -> None:
     assert market.ends == []
 
 
-def test_who_stops_a_run_and_why_is_announced_before_its_goal_is_cancelled_and_at_its_end(
-    market: Driver,
-) -> None:
+def test_stop_cause_is_announced_before_cancel_and_afterwards(market: Driver) -> None:
     market.run()
     market.cancel("it is late", by=StoppedBy.OPERATOR)
     cancelling = market.all(AnnounceRun)[-1]
@@ -304,7 +296,7 @@ def test_who_stops_a_run_and_why_is_announced_before_its_goal_is_cancelled_and_a
         assert (one.stopped_by, one.stop_reason) == (StoppedBy.OPERATOR, "it is late")
 
 
-def test_a_run_that_ends_by_itself_names_nobody(market: Driver) -> None:
+def test_run_ending_by_itself_names_no_stopper(market: Driver) -> None:
     market.run()
     market.end()
     ended = market.all(AnnounceRun)[-1]

@@ -52,7 +52,7 @@ def starts(market: Driver) -> list[str]:
     return [effect.goal.agent for effect in market.all(SendGoal)]
 
 
-def test_the_next_agent_gets_its_run_when_what_the_dead_host_had_open_has_ended(two: Driver):
+def test_next_run_waits_for_goals_of_dead_host(two: Driver):
     two.die(A)
     two.wait(0.9)
     assert two.all(CancelOpenGoals) == [
@@ -67,14 +67,14 @@ def test_the_next_agent_gets_its_run_when_what_the_dead_host_had_open_has_ended(
     assert two.status.message == f"{EXPRESS} is running"
 
 
-def test_a_lost_run_names_the_nodes_whose_goals_may_go_on(two: Driver):
+def test_lost_run_names_nodes_with_possibly_active_goals(two: Driver):
     two.die(A)
     two.wait(0.9)
     [end] = [run for run in two.all(AnnounceRun) if run.outcome]
     assert (end.outcome.name, end.orphans) == ("LOST", ("tree/1.drive",))
 
 
-def test_the_run_beside_goals_that_are_not_confirmed_says_so(two: Driver):
+def test_run_reports_unconfirmed_goals_of_dead_host(two: Driver):
     opens(two, A, DRIVE, SAY)
     two.die(A)
     two.wait(0.9)
@@ -96,7 +96,7 @@ def test_the_run_beside_goals_that_are_not_confirmed_says_so(two: Driver):
     assert two.status.message == f"{EXPRESS} is running", "said once"
 
 
-def test_a_host_that_dies_with_nothing_open_is_not_waited_for(two: Driver):
+def test_dead_host_without_open_goals_is_not_awaited(two: Driver):
     opens(two, A)
     two.die(A)
     two.wait(0.9)
@@ -105,7 +105,7 @@ def test_a_host_that_dies_with_nothing_open_is_not_waited_for(two: Driver):
     assert starts(two) == [GUIDE, EXPRESS]
 
 
-def test_a_new_start_of_the_same_host_waits_as_well(two: Driver):
+def test_restarted_host_also_waits_for_its_open_goals(two: Driver):
     two.die(A)
     two.wait(0.9)
     two.register(A, GUIDE, instance="second")
@@ -121,7 +121,7 @@ def test_a_new_start_of_the_same_host_waits_as_well(two: Driver):
     assert starts(two) == [GUIDE, GUIDE]
 
 
-def test_a_host_that_dies_after_its_run_leaves_its_orphans_to_the_market(two: Driver):
+def test_market_cancels_orphans_of_host_dying_after_run(two: Driver):
     two.end()
     two.collect()
     two.die(A)
@@ -132,14 +132,14 @@ def test_a_host_that_dies_after_its_run_leaves_its_orphans_to_the_market(two: Dr
     assert two.status.message == WAITS
 
 
-def test_a_run_that_does_not_end_when_it_is_told_to_loses_its_goals(two: Driver):
+def test_run_ignoring_stop_has_its_goals_cancelled(two: Driver):
     two.cancel(again=True)
     two.wait(14.1)
     assert two.events[-1].endswith("ENDED LOST") or "LOST" in " ".join(two.events)
     assert [one.goals for one in two.all(CancelOpenGoals)] == [(DRIVE,)]
 
 
-def test_what_a_start_opens_while_its_goals_are_cancelled_is_cancelled_next(two: Driver):
+def test_goals_opened_during_cancellation_are_cancelled_next(two: Driver):
     two.die(A)
     two.wait(0.9)
     bid_of_b(two)
@@ -154,14 +154,14 @@ def test_what_a_start_opens_while_its_goals_are_cancelled_is_cancelled_next(two:
     assert starts(two) == [GUIDE, EXPRESS]
 
 
-def test_goals_of_a_start_that_was_never_registered_are_nobodys_to_cancel(two: Driver):
+def test_goals_of_unregistered_start_are_not_cancelled(two: Driver):
     opens(two, "/stranger", SAY)
     opens(two, A, SAY, instance="another")
     two.wait(30.0)
     assert two.all(CancelOpenGoals) == []
 
 
-def test_strangers_are_bounded_and_push_out_nobody_who_is_registered():
+def test_unregistered_starts_are_bounded_and_evict_no_host():
     takeover = GoalTakeover()
     takeover.store(A, "first", (DRIVE,))
     assert takeover.lost(lambda host, _instance: host == A, 1.0, 0.0) == []
@@ -172,7 +172,7 @@ def test_strangers_are_bounded_and_push_out_nobody_who_is_registered():
     assert (lost.host, lost.goals) == (A, (DRIVE,))
 
 
-def test_a_market_that_was_held_up_itself_takes_nothing_over_from_a_host_that_lives(two: Driver):
+def test_stalled_market_takes_nothing_over_from_live_host(two: Driver):
     since = two.now
     two.now += 5.0
     two.beat(B, round_number=0)
@@ -191,7 +191,7 @@ def next_market(market: Driver) -> Driver:
     return after
 
 
-def test_what_a_host_had_open_that_died_with_the_market_is_cancelled_by_the_next_one(two: Driver):
+def test_next_market_cancels_open_goals_of_dead_host(two: Driver):
     two.end()
     two.collect()
     after = next_market(two)
@@ -209,7 +209,7 @@ def test_what_a_host_had_open_that_died_with_the_market_is_cancelled_by_the_next
     assert starts(after) == [EXPRESS]
 
 
-def test_what_a_host_has_open_that_outlives_the_market_is_its_own(two: Driver):
+def test_surviving_host_keeps_its_goals_after_market_restart(two: Driver):
     after = next_market(two)
     after.register(A, GUIDE)
     after.wait(10.0)
@@ -219,7 +219,7 @@ def test_what_a_host_has_open_that_outlives_the_market_is_its_own(two: Driver):
     assert [one.goals for one in after.all(CancelOpenGoals)] == [(DRIVE,)]
 
 
-def test_a_host_that_had_nothing_open_is_not_waited_for_by_the_next_market(two: Driver):
+def test_next_market_does_not_await_host_without_goals(two: Driver):
     opens(two, A)
     two.end()
     two.collect()
@@ -230,9 +230,7 @@ def test_a_host_that_had_nothing_open_is_not_waited_for_by_the_next_market(two: 
     assert starts(after) == [EXPRESS]
 
 
-def test_goals_that_are_being_cancelled_when_the_market_dies_are_cancelled_by_the_next_one(
-    two: Driver,
-):
+def test_next_market_finishes_goal_cancellation(two: Driver):
     two.die(A)
     two.wait(0.9)
     assert two.all(StoreScenes)[-1].open_goals == (
@@ -243,7 +241,7 @@ def test_goals_that_are_being_cancelled_when_the_market_dies_are_cancelled_by_th
     assert [one.goals for one in after.all(CancelOpenGoals)] == [(DRIVE,)]
 
 
-def test_a_market_that_was_held_up_waits_longer_for_the_hosts_of_the_earlier_one(two: Driver):
+def test_stalled_market_waits_longer_for_earlier_hosts(two: Driver):
     after = next_market(two)
     since, after.now = after.now, after.now + 5.0
     after.do(after.market.extend_after_stall(since, after.now))

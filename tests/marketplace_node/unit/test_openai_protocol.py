@@ -82,7 +82,7 @@ def ask(server: ModelServer, limit_s: float = 5.0) -> External:
     return answer(status, body, BIDDERS)
 
 
-def test_the_question_holds_scene_labels_and_descriptions() -> None:
+def test_question_contains_scene_labels_and_descriptions() -> None:
     space = SceneSpace(
         parameters=tuple(
             SceneParameter(
@@ -130,7 +130,7 @@ def test_the_question_holds_scene_labels_and_descriptions() -> None:
         f'{{not json}} {{"ranking": 1}} {GOOD}',
     ],
 )
-def test_a_ranking_is_found_alone_in_fences_and_amid_prose(content: str) -> None:
+def test_ranking_is_found_bare_fenced_or_in_prose(content: str) -> None:
     assert ranking(content, BIDDERS) == External(ranking=(EXPRESS, GUIDE), message="quick")
 
 
@@ -149,7 +149,7 @@ def test_a_ranking_is_found_alone_in_fences_and_amid_prose(content: str) -> None
         ('{"a":' * 100_000, "NO_RANKING"),
     ],
 )
-def test_hostile_words_of_a_model_are_refused_soon(content: str, code: str) -> None:
+def test_hostile_model_text_is_refused_quickly(content: str, code: str) -> None:
     start = time.monotonic()
     with pytest.raises(Refused) as caught:
         ranking(content, BIDDERS)
@@ -174,7 +174,7 @@ def test_hostile_words_of_a_model_are_refused_soon(content: str, code: str) -> N
         (200, completion("x" * 10_000_000), "TOO_LONG"),
     ],
 )
-def test_hostile_answers_of_a_server_are_refused(
+def test_hostile_server_responses_are_refused(
     server: ModelServer, status: int, body: bytes, code: str
 ) -> None:
     server.reply = sends(body, status)
@@ -184,7 +184,7 @@ def test_hostile_answers_of_a_server_are_refused(
     assert "secret" not in str(caught.value)
 
 
-def test_a_good_answer_comes_over_the_wire(server: ModelServer) -> None:
+def test_valid_response_is_received_over_http(server: ModelServer) -> None:
     server.reply = sends(completion(GOOD))
 
     assert ask(server).ranking == (EXPRESS, GUIDE)
@@ -192,7 +192,9 @@ def test_a_good_answer_comes_over_the_wire(server: ModelServer) -> None:
 
 
 @pytest.mark.parametrize("status_line", [b"", b"HTTP/1.0 200 OK\r\nContent-Length: 900\r\n\r\n"])
-def test_a_server_that_drips_is_left_in_time(server: ModelServer, status_line: bytes) -> None:
+def test_slowly_sending_server_is_abandoned_in_time(
+    server: ModelServer, status_line: bytes
+) -> None:
     def reply(request: object) -> None:
         request.wfile.write(status_line)  # type: ignore[attr-defined]
         drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)(request)  # type: ignore[arg-type]
@@ -205,7 +207,7 @@ def test_a_server_that_drips_is_left_in_time(server: ModelServer, status_line: b
     assert time.monotonic() - start < 3.0, "a byte every 0.05 s must not keep it"
 
 
-def test_a_certificate_that_nobody_vouches_for_is_refused(tmp_path: Path) -> None:
+def test_untrusted_certificate_is_refused(tmp_path: Path) -> None:
     (tmp_path / "own.pem").write_text(OWN_CERTIFICATE)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(tmp_path / "own.pem")
@@ -224,7 +226,7 @@ def test_a_certificate_that_nobody_vouches_for_is_refused(tmp_path: Path) -> Non
     assert "certificate" in caught.value.reason.lower()
 
 
-def test_a_server_that_is_not_there_is_named() -> None:
+def test_unreachable_server_is_named() -> None:
     port = free_port()
     with pytest.raises(Refused) as caught:
         post(f"http://127.0.0.1:{port}/v1", {}, b"", limit_s=2.0, most=10)
@@ -232,9 +234,7 @@ def test_a_server_that_is_not_there_is_named() -> None:
     assert f"127.0.0.1:{port}" in caught.value.reason
 
 
-def test_a_name_that_nobody_looks_up_in_time_is_not_waited_for(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_slow_name_resolution_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
     over = threading.Event()
 
     def hangs(*_: object, **__: object) -> list[object]:
@@ -252,7 +252,7 @@ def test_a_name_that_nobody_looks_up_in_time_is_not_waited_for(
     assert took < 10.0
 
 
-def test_several_requests_are_under_way_at_once(server: ModelServer) -> None:
+def test_several_requests_run_concurrently(server: ModelServer) -> None:
     together = threading.Barrier(3)
 
     def reply(request: Any) -> None:
@@ -277,7 +277,7 @@ def test_several_requests_are_under_way_at_once(server: ModelServer) -> None:
     client.close()
 
 
-def test_what_is_under_way_is_given_up_when_the_client_is_closed(server: ModelServer) -> None:
+def test_closing_client_abandons_pending_requests(server: ModelServer) -> None:
     server.reply = drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)
     client = HttpClient("http of a test")
     url = Endpoint(base_url=server.url, model="small").url
@@ -290,7 +290,7 @@ def test_what_is_under_way_is_given_up_when_the_client_is_closed(server: ModelSe
     client.close()
 
 
-def test_an_answer_is_not_unpacked(server: ModelServer) -> None:
+def test_response_is_not_decompressed(server: ModelServer) -> None:
     packed = gzip.compress(b"x" * 1000)
 
     def reply(request: Any) -> None:
@@ -306,7 +306,7 @@ def test_an_answer_is_not_unpacked(server: ModelServer) -> None:
     assert server.headers[0]["Accept-Encoding"] == "identity"
 
 
-def test_a_name_that_cannot_be_in_a_certificate_is_refused(server: ModelServer) -> None:
+def test_name_invalid_for_certificates_is_refused(server: ModelServer) -> None:
     port = server.url.split(":")[2].split("/")[0]
     with pytest.raises(Refused) as caught:
         post(f"https://127.0.0.1.:{port}/v1", {}, b"", limit_s=2.0, most=10)
@@ -333,16 +333,14 @@ def test_plain_http_behind_https_is_refused(server: ModelServer) -> None:
         ("http://api.example.org/v1", "m", "secret", "INSECURE"),
     ],
 )
-def test_an_endpoint_that_cannot_be_used_is_refused(
-    base_url: str, model: str, key: str, code: str
-) -> None:
+def test_unusable_endpoint_is_refused(base_url: str, model: str, key: str, code: str) -> None:
     with pytest.raises(Refused) as caught:
         Endpoint(base_url=base_url, model=model, key=key)
     assert caught.value.code == code
     assert not key or key not in str(caught.value)
 
 
-def test_the_key_is_never_shown() -> None:
+def test_api_key_is_never_shown() -> None:
     endpoint = Endpoint(base_url="https://api.example.org/v1/", model="m", key="secret")
     assert "secret" not in repr(endpoint)
     assert endpoint.url == "https://api.example.org/v1/chat/completions"

@@ -20,27 +20,27 @@ def end_of(check: StartCheck, beats_until: float, *, is_on_graph: bool = False) 
     return now
 
 
-def test_a_market_that_hears_nothing_starts_soon() -> None:
+def test_market_hearing_no_other_starts_quickly() -> None:
     check = StartCheck(0.0)
     now = end_of(check, beats_until=0.0)
     assert now <= LISTEN_S + 0.1
     assert not check.is_refused(now)
 
 
-def test_a_market_that_is_just_ending_is_waited_for() -> None:
+def test_ending_market_is_awaited() -> None:
     check = StartCheck(0.0)
     now = end_of(check, beats_until=0.8)
     assert not check.is_refused(now)
 
 
-def test_a_market_on_the_graph_is_listened_for_longer_and_in_vain_if_it_is_dead() -> None:
+def test_dead_market_on_graph_only_delays_start() -> None:
     check = StartCheck(0.0)
     now = end_of(check, beats_until=0.0, is_on_graph=True)
     assert LISTEN_S < now <= LEAVE_S + 0.1
     assert not check.is_refused(now)
 
 
-def test_beside_a_market_that_stays_none_starts() -> None:
+def test_second_market_does_not_start_beside_live_one() -> None:
     check = StartCheck(0.0)
     now = end_of(check, beats_until=9.0)
     assert now <= LEAVE_S + 0.1
@@ -48,7 +48,7 @@ def test_beside_a_market_that_stays_none_starts() -> None:
     assert check.alive == "old"
 
 
-def test_a_market_does_not_give_way_to_itself_nor_to_a_last_heartbeat() -> None:
+def test_market_ignores_own_and_final_heartbeats() -> None:
     watch = OtherMarket("b")
     assert not watch.gives_way("b", 50, 1)
     assert not watch.gives_way("a", 100, 2)
@@ -57,7 +57,7 @@ def test_a_market_does_not_give_way_to_itself_nor_to_a_last_heartbeat() -> None:
 
 
 @given(ages, ages)
-def test_of_two_markets_exactly_one_gives_way_and_it_is_the_younger(one: int, two: int) -> None:
+def test_younger_of_two_markets_gives_way(one: int, two: int) -> None:
     here, there = OtherMarket("a"), OtherMarket("b")
     here.gives_way("b", two - 1, one)
     there.gives_way("a", one - 1, two)

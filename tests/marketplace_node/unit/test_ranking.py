@@ -42,7 +42,7 @@ def taken(**changes: Any) -> Auction:
     return auction
 
 
-def test_weights_of_the_scene_count_for_agents_that_state_none() -> None:
+def test_scene_weights_apply_to_agents_without_weights() -> None:
     weights = {"age": 0.0, "familiarity": 2.0, "mood": 1.0}
     parameters = tuple(replace(one, weight=weights[one.name]) for one in SPACE.parameters)
     space = replace(SPACE, parameters=parameters)
@@ -54,7 +54,7 @@ def test_weights_of_the_scene_count_for_agents_that_state_none() -> None:
 
 
 @pytest.mark.parametrize("kind", [tuple, list, lambda v: array("d", v), np.array])
-def test_vectors_and_weights_may_come_in_any_kind_of_sequence(kind: Any) -> None:
+def test_vectors_and_weights_accept_any_sequence_type(kind: Any) -> None:
     vectors, weights = (4.0, 1.5, 3.0, 3.0, 5.0, 3.5), (1.0, 2.0, 1.0, 1.0, 1.0, 1.0)
     decision = taken(vectors=kind(vectors), weights=kind(weights)).close(
         ClosedBy.ALL_ANSWERED, 0.1
@@ -73,20 +73,20 @@ def test_vectors_and_weights_may_come_in_any_kind_of_sequence(kind: Any) -> None
         ((1.0, 1.0, 1.0), ("", "WRONG_LENGTH")),
     ],
 )
-def test_bad_weights_are_refused(weights: tuple[float, ...], refused: tuple[str, str]) -> None:
+def test_invalid_weights_are_refused(weights: tuple[float, ...], refused: tuple[str, str]) -> None:
     decision = taken(weights=weights).close(ClosedBy.ALL_ANSWERED, 0.1)
 
     assert [(bid.agent, bid.code) for bid in decision.refused] == [refused]
 
 
-def test_what_is_no_number_at_all_is_refused_agent_by_agent() -> None:
+def test_non_numeric_values_are_refused_per_agent() -> None:
     decision = taken(vectors=("x", 1.5, 3.0, 3.0, 5.0, 3.5)).close(ClosedBy.ALL_ANSWERED, 0.1)
 
     assert [(bid.agent, bid.code) for bid in decision.refused] == [(GUIDE, "NOT_A_NUMBER")]
     assert [bid.vector for bid in decision.ranking] == [(3.0, 5.0, 3.5)]
 
 
-def test_what_is_accepted_so_far_comes_by_distance() -> None:
+def test_accepted_bids_are_ordered_by_distance() -> None:
     auction = taken()
 
     assert [(bid.agent, bid.distance) for bid in auction.accepted] == [
@@ -95,11 +95,11 @@ def test_what_is_accepted_so_far_comes_by_distance() -> None:
     ]
 
 
-def test_no_bids_rank_to_nothing() -> None:
+def test_empty_bids_give_empty_ranking() -> None:
     assert decide(SPACE, terms(strategy="thompson", shadow="ucb"), bids({})).bids == ()
 
 
-def test_a_strategy_that_is_not_installed_is_refused_by_name() -> None:
+def test_uninstalled_strategy_is_refused_by_name() -> None:
     for changes in ({"strategy": "theirs"}, {"shadow": "theirs"}):
         with pytest.raises(Refused, match="no strategy 'theirs' is installed"):
             decide(SPACE, terms(**changes), bids({GUIDE: (4.0, 1.5, 3.0)}))

@@ -16,7 +16,7 @@ from ranked_rounds import bids, terms
 NAN = math.nan
 
 
-def test_an_award_shows_its_sum_and_the_margin_to_the_next() -> None:
+def test_award_shows_its_sum_and_margin_to_next() -> None:
     market = Driver()
     market.register()
     market.scene()
@@ -28,7 +28,7 @@ def test_an_award_shows_its_sum_and_the_margin_to_the_next() -> None:
     )
 
 
-def test_a_single_bid_says_that_there_was_no_other() -> None:
+def test_single_bid_reason_says_it_had_no_rival() -> None:
     market = Driver()
     market.register("/agents", GUIDE)
     market.scene()
@@ -46,7 +46,7 @@ def test_a_single_bid_says_that_there_was_no_other() -> None:
         ((-1.0, 1.0, 3.0), "5.5 = |4−(−1)| + |1.5−1| + |3−3|"),
     ],
 )
-def test_missing_and_negative_values_are_said(values: tuple[float, ...], text: str) -> None:
+def test_missing_and_negative_values_are_shown(values: tuple[float, ...], text: str) -> None:
     awarded_for = scene("s", *values)
     bid = decide(SPACE, terms(awarded_for), bids({GUIDE: (4.0, 1.5, 3.0)})).bids[0]
 
@@ -63,7 +63,7 @@ def tied(market: Driver, scene_id: str) -> str:
     return reason.split("; ")[1]
 
 
-def test_ties_are_explained_by_who_has_not_run_for_longest() -> None:
+def test_tie_reason_names_least_recently_run_agent() -> None:
     market = Driver()
     market.register()
 
@@ -75,7 +75,7 @@ def test_ties_are_explained_by_who_has_not_run_for_longest() -> None:
     ]
 
 
-def test_ties_by_name_are_explained_by_the_name() -> None:
+def test_tie_reason_names_alphabetical_order() -> None:
     market = Driver(tie_break="name")
     market.register()
 
@@ -134,7 +134,7 @@ def test_a_market_without_agents_says_so() -> None:
     assert market.status.message == "scene 's1' is over: no agents are registered"
 
 
-def test_hosts_that_cannot_be_asked_are_named_with_the_reason() -> None:
+def test_unavailable_hosts_are_named_with_reason() -> None:
     market = Driver(host_wait_s=0)
     market.register()
     market.die()
@@ -144,7 +144,7 @@ def test_hosts_that_cannot_be_asked_are_named_with_the_reason() -> None:
     assert market.auction.reason == ("nobody bids: /agents is not asked: it has no heartbeat")
 
 
-def test_of_many_parameters_the_first_are_shown_and_the_rest_is_counted() -> None:
+def test_sum_shows_first_parameters_and_counts_rest() -> None:
     space = SceneSpace(
         parameters=tuple(
             SceneParameter(name=f"p{index}", minimum=0.0, maximum=5.0, default=0.0)

@@ -32,13 +32,13 @@ GUIDE, EXPRESS, CHILD = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5), (1.0, 2.0, 4.0)
         ((0.1, 0.2, 0.3), (0.0, 0.0, 0.0), 0.1 + 0.2 + 0.3),
     ],
 )
-def test_the_manhattan_distance_of_some_bids(
+def test_manhattan_distance_matches_known_values(
     bid: tuple[float, ...], scene: tuple[float, ...], distance: float
 ) -> None:
     assert scored("manhattan", field(scene, [bid]))[0].distance == distance
 
 
-def test_a_weight_multiplies_what_a_parameter_contributes() -> None:
+def test_weight_multiplies_contribution_of_parameter() -> None:
     [found] = scored(
         "weighted_manhattan", field((5.0, 1.0, 3.0), [GUIDE], weights=[(2.0, 0.0, 1.0)])
     )
@@ -47,14 +47,14 @@ def test_a_weight_multiplies_what_a_parameter_contributes() -> None:
     assert found.score == 2.0
 
 
-def test_the_straight_line_is_shared_out_among_the_parameters() -> None:
+def test_euclidean_distance_is_split_among_parameters() -> None:
     scores = scored("euclidean", field((1.0, 1.0, NAN), [(4.0, 5.0, 3.0), (1.0, 1.0, 5.0)]))
 
     assert [one.distance for one in scores] == [5.0, 0.0]
     assert [one.contributions for one in scores] == [(9 / 5, 16 / 5, 0.0), (0.0, 0.0, 0.0)]
 
 
-def test_the_expected_distance_to_a_certain_value_is_the_distance() -> None:
+def test_expected_distance_to_certain_value_equals_distance() -> None:
     unsure = field((3.0, 1.0, NAN), [(3.0, 4.0, 2.0)], std=(1.0, 0.0, NAN))
 
     age, familiarity, mood = scored("expected_manhattan", unsure)[0].contributions
@@ -64,7 +64,7 @@ def test_the_expected_distance_to_a_certain_value_is_the_distance() -> None:
 
 @pytest.mark.parametrize("gap", [0.0, 0.3, -1.0, 2.5, -8.0, 60.0])
 @pytest.mark.parametrize("std", [1e-3, 0.4, 1.0, 7.0])
-def test_the_folded_mean_agrees_with_its_integral(gap: float, std: float) -> None:
+def test_folded_mean_matches_its_integral(gap: float, std: float) -> None:
     points = np.linspace(-12.0, 12.0, 200_001)
     density = np.exp(-0.5 * points**2) / math.sqrt(2 * math.pi)
     integral = np.trapezoid(np.abs(gap + std * points) * density, points)
@@ -72,7 +72,7 @@ def test_the_folded_mean_agrees_with_its_integral(gap: float, std: float) -> Non
     assert folded_mean(gap, std) == pytest.approx(float(integral), rel=1e-7)
 
 
-def test_the_folded_mean_agrees_with_a_hundred_thousand_draws() -> None:
+def test_folded_mean_matches_100000_random_draws() -> None:
     draws = np.abs(0.7 + 0.5 * round_rng("folded").standard_normal(100_000))
 
     assert folded_mean(0.7, 0.5) == pytest.approx(
@@ -92,7 +92,7 @@ def winners(
     return [counts[index] for index in range(len(bids))]
 
 
-def test_softmax_draws_with_the_chances_of_its_formula() -> None:
+def test_softmax_draws_match_its_formula() -> None:
     bids = [(3.0, 3.0, 3.0), (3.0, 3.5, 3.0), (2.0, 3.5, 3.0)]
     expected = np.exp(-np.array([0.0, 0.5, 1.5]) / 0.5)
     expected *= 20_000 / expected.sum()
@@ -103,7 +103,7 @@ def test_softmax_draws_with_the_chances_of_its_formula() -> None:
 
 
 @pytest.mark.parametrize("epsilon", [0.0, 0.1, 1.0])
-def test_epsilon_greedy_leaves_its_share_of_rounds_to_chance(epsilon: float) -> None:
+def test_epsilon_greedy_randomizes_configured_share_of_rounds(epsilon: float) -> None:
     rounds = 20_000
     nearest, *others = winners(
         "epsilon_greedy", rounds, [(3.0, 3.0, 3.0), GUIDE, EXPRESS], epsilon=epsilon
@@ -115,7 +115,7 @@ def test_epsilon_greedy_leaves_its_share_of_rounds_to_chance(epsilon: float) -> 
     assert nearest == rounds - sum(others)
 
 
-def test_the_bonus_of_ucb_falls_with_the_runs_of_an_agent_and_grows_with_those_of_others() -> None:
+def test_ucb_bonus_falls_with_runs_of_its_agent() -> None:
     def bonus(runs: int, rounds: int) -> float:
         seen = field((3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
         return scored("ucb", seen, c=2.0)[0].bonus
@@ -126,7 +126,7 @@ def test_the_bonus_of_ucb_falls_with_the_runs_of_an_agent_and_grows_with_those_o
     assert bonus(1, 100) > bonus(1, 10)
 
 
-def test_the_bonus_of_bounded_ucb_is_that_of_ucb_up_to_the_margin() -> None:
+def test_bounded_ucb_caps_ucb_bonus_at_margin() -> None:
     def bonus(runs: int, rounds: int, *scene: float) -> float:
         seen = field(scene or (3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
         return scored("bounded_ucb", seen, c=0.5, margin=0.4)[0].bonus
@@ -138,7 +138,7 @@ def test_the_bonus_of_bounded_ucb_is_that_of_ucb_up_to_the_margin() -> None:
     assert bonus(0, 7, NAN, NAN, NAN) == 0.0
 
 
-def test_within_the_margin_everybody_gets_a_turn_and_beyond_it_nobody() -> None:
+def test_bounded_ucb_explores_only_within_margin() -> None:
     runs = [0, 0, 0]
     for round_number in range(2_000):
         seen = field((1.0, 1.0), [(1.0, 1.0), (2.5, 2.0), (3.0, 2.3)], runs=runs,
@@ -152,7 +152,7 @@ def test_within_the_margin_everybody_gets_a_turn_and_beyond_it_nobody() -> None:
     assert beyond == 0
 
 
-def test_thompson_comes_to_manhattan_as_an_agent_runs_again_and_again() -> None:
+def test_thompson_converges_to_manhattan_with_more_runs() -> None:
     def spread(runs: int) -> float:
         many = field((3.0, 3.0, 3.0), [GUIDE] * 2_000, runs=[runs] * 2_000)
         scores = scored("thompson", many, round_rng("thompson"), sigma=0.1)
@@ -164,7 +164,7 @@ def test_thompson_comes_to_manhattan_as_an_agent_runs_again_and_again() -> None:
     assert [one.score for one in still] == [one.distance for one in still]
 
 
-def test_equal_scores_go_to_the_least_recently_run_then_to_the_name() -> None:
+def test_equal_scores_prefer_least_recently_run_then_name() -> None:
     names = ["cat", "ann", "bob"]
 
     def places(scores: list[float], last_run: list[int], tie_break: str) -> list[str]:
@@ -176,11 +176,11 @@ def test_equal_scores_go_to_the_least_recently_run_then_to_the_name() -> None:
     assert places([1, 1, 1], [3, 7, 0], "name") == ["ann", "bob", "cat"]
 
 
-def test_the_chance_of_a_seed_is_the_same_on_every_machine() -> None:
+def test_seeded_randomness_is_portable() -> None:
     assert round_rng("epoch/4").random() == 0.2232831641075249
 
 
-def test_every_strategy_says_what_it_does_and_what_can_be_set() -> None:
+def test_strategies_describe_themselves_and_their_options() -> None:
     assert next(iter(STRATEGIES)) == "manhattan"
     for name, spec in STRATEGIES.items():
         assert spec.name == name
@@ -191,7 +191,7 @@ def test_every_strategy_says_what_it_does_and_what_can_be_set() -> None:
         assert spec.values({}) == {option.name: option.default for option in spec.options}
 
 
-def test_out_of_the_box_exploration_is_bounded() -> None:
+def test_default_exploration_is_bounded() -> None:
     file = Path(__file__).parents[3] / "bt_agents_bringup" / "params" / "system.yaml"
     launched = yaml.safe_load(file.read_text())["/**/marketplace"]["ros__parameters"]
 

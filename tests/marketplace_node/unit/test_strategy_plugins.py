@@ -44,7 +44,7 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_strategy_of_the_page_ranks_and_broken_ones_stop_nothing(package: Path) -> None:
+def test_documented_strategy_ranks_despite_broken_plugins(package: Path) -> None:
     script = """
         from market_harness import SPACE, scene
         from marketplace_node.round.ranking import decide
@@ -122,7 +122,7 @@ class Loaded(EntryPoint):
         ("leaves", "cannot be loaded: SystemExit: no licence bye"),
     ],
 )
-def test_what_cannot_be_a_strategy_is_a_problem_in_words(name: str, words: str) -> None:
+def test_invalid_strategy_is_reported_with_explanation(name: str, words: str) -> None:
     specs, problems = read_plugins([Loaded(name, "m:x", GROUP), Loaded("own", "m:SPEC", GROUP)])
 
     assert list(specs) == ["own"]
@@ -178,7 +178,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("score", BAD)
-def test_a_strategy_that_fails_is_named_and_manhattan_ranks(
+def test_failing_strategy_is_named_and_manhattan_ranks(
     score: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = ranked_by(score, monkeypatch, strategy="theirs")
@@ -188,7 +188,7 @@ def test_a_strategy_that_fails_is_named_and_manhattan_ranks(
 
 
 @pytest.mark.parametrize("score", BAD)
-def test_a_shadow_that_fails_chooses_nobody_and_is_named(
+def test_failing_shadow_is_named_and_has_no_winner(
     score: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = ranked_by(score, monkeypatch, shadow="theirs")
@@ -197,9 +197,7 @@ def test_a_shadow_that_fails_chooses_nobody_and_is_named(
     assert found.shadow_failure == BAD[score]
 
 
-def test_a_shadow_that_fails_is_told_of_in_the_explanation(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_explanation_mentions_failing_shadow(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = replace(SPEC, name="theirs", score=raising)
     monkeypatch.setattr(ranking, "STRATEGIES", {**STRATEGIES, "theirs": spec})
     decision = decided(terms(shadow="theirs"), bids({"ann": (4.0, 4.0, 4.0)}))
@@ -209,9 +207,7 @@ def test_a_shadow_that_fails_is_told_of_in_the_explanation(
     )
 
 
-def test_a_round_whose_ranking_breaks_ends_without_an_award(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_round_with_failing_ranking_ends_without_award(monkeypatch: pytest.MonkeyPatch) -> None:
     def breaks(*_: Any, **__: Any) -> Ranked:
         raise RuntimeError("out of order")
 

@@ -28,13 +28,13 @@ MANY = st.lists(READINGS, min_size=1, max_size=6)
 
 
 @given(MANY)
-def test_a_fused_value_lies_between_its_inputs(readings):
+def test_fused_value_lies_between_its_inputs(readings):
     values = [reading.value for reading in readings]
     assert min(values) <= fused(readings).value <= max(values)
 
 
 @given(MANY, READINGS)
-def test_another_reading_never_makes_the_result_less_sure(readings, more):
+def test_another_reading_never_reduces_certainty(readings, more):
     before, after = fused(readings), fused([*readings, more])
     assert after.confidence >= before.confidence
     if before.std > 0.0:
@@ -50,13 +50,13 @@ def test_equal_readings_fuse_to_their_value(reading, count):
 
 
 @given(READINGS)
-def test_one_reading_that_is_sure_stays_as_it_is(reading):
+def test_single_certain_reading_stays_unchanged(reading):
     sure = replace(reading, confidence=1.0)
     assert fused([sure]) == sure
 
 
 @given(st.data(), MANY)
-def test_the_order_of_readings_does_not_matter(data, readings):
+def test_order_of_readings_does_not_matter(data, readings):
     assert fused(data.draw(st.permutations(readings))) == fused(readings)
 
 
@@ -69,7 +69,7 @@ def test_two_certain_readings_fuse_by_inverse_variance(a, b, s, t):
 
 
 @given(VALUES, VALUES, CONFIDENCES, CONFIDENCES)
-def test_without_deviations_the_confidences_are_the_weights(a, b, c, d):
+def test_confidences_are_the_weights_without_deviations(a, b, c, d):
     result = fused(
         [Reading(value=a, at=0.0, confidence=c), Reading(value=b, at=0.0, confidence=d)]
     )
@@ -78,7 +78,7 @@ def test_without_deviations_the_confidences_are_the_weights(a, b, c, d):
 
 
 @given(READINGS, READINGS, st.floats(0.0, 100.0))
-def test_a_smoothed_reading_lies_between_the_one_before_and_the_new_one(before, new, seconds):
+def test_smoothed_reading_lies_between_old_and_new(before, new, seconds):
     result = smoothed(before, new, seconds)
     for name in ("value", "std", "confidence"):
         low, high = sorted((getattr(before, name), getattr(new, name)))
@@ -87,7 +87,7 @@ def test_a_smoothed_reading_lies_between_the_one_before_and_the_new_one(before, 
 
 
 @given(VALUES, VALUES, CONFIDENCES, st.floats(0.1, 10.0), st.integers(1, 20))
-def test_smoothing_converges_by_the_same_share_in_the_same_time(start, end, sure, tau, steps):
+def test_smoothing_depends_on_time_not_on_steps(start, end, sure, tau, steps):
     """In however many steps the time is cut, what is left is exp(−c·t/τ) of the difference."""
     now = Reading(value=start, at=0.0)
     for number in range(1, steps + 1):
@@ -98,6 +98,6 @@ def test_smoothing_converges_by_the_same_share_in_the_same_time(start, end, sure
 
 
 @given(READINGS, READINGS)
-def test_without_a_time_constant_or_after_staleness_nothing_is_smoothed(before, new):
+def test_smoothing_needs_time_constant_and_fresh_reading(before, new):
     assert smoothed(before, new, 0.0) == new
     assert smoothed(replace(before, stale_at=new.at - 1.0), new, 5.0) == new

@@ -73,13 +73,13 @@ def play(rule: AddresseeRule, crowd: list[Moment]) -> list[tuple[float, str, tup
 
 
 @given(rules, crowds)
-def test_the_addressee_is_somebody_tracked_or_nobody(rule, crowd):
+def test_addressee_is_a_tracked_person_or_none(rule, crowd):
     for _, addressee, tracked in play(rule, crowd):
         assert addressee in (NOBODY, *tracked)
 
 
 @given(rules, crowds)
-def test_two_persons_are_never_chosen_closer_than_the_hold_time(rule, crowd):
+def test_addressee_switches_are_hold_time_apart(rule, crowd):
     chosen_at, last, before = -math.inf, NOBODY, NOBODY
     for now, addressee, _ in play(rule, crowd):
         if addressee not in (NOBODY, before):
@@ -89,7 +89,7 @@ def test_two_persons_are_never_chosen_closer_than_the_hold_time(rule, crowd):
 
 
 @given(rules, crowds)
-def test_nobody_is_left_who_is_tracked_and_whom_nobody_has_been_better_than(rule, crowd):
+def test_tracked_addressee_without_better_rival_is_kept(rule, crowd):
     before = NOBODY
     even = [Moment(m.after_s, m.listed, tuple((p, 0.5) for p in IDS)) for m in crowd]
     for _, addressee, tracked in play(rule, even):
@@ -98,7 +98,7 @@ def test_nobody_is_left_who_is_tracked_and_whom_nobody_has_been_better_than(rule
 
 
 @given(rules, crowds)
-def test_the_same_history_chooses_the_same(rule, crowd):
+def test_same_history_chooses_the_same_addressee(rule, crowd):
     assert play(rule, crowd) == play(rule, crowd)
 
 
@@ -107,7 +107,7 @@ samples = st.lists(st.tuples(values, st.floats(0.0, 2.0), st.floats(0.01, 1.0)),
 
 
 @given(samples)
-def test_an_estimate_lies_between_what_was_measured(measured):
+def test_estimate_lies_between_measurements(measured):
     running = Running()
     for number, (value, std, weight) in enumerate(measured):
         running = running.after(value, std, weight, float(number))
@@ -117,7 +117,7 @@ def test_an_estimate_lies_between_what_was_measured(measured):
 
 
 @given(samples, st.floats(0.0, 1e6), st.floats(0.0, 1e6))
-def test_the_uncertainty_of_an_estimate_never_falls_with_its_age(measured, age_s, more_s):
+def test_estimate_uncertainty_never_falls_with_age(measured, age_s, more_s):
     running = Running()
     for value, std, weight in measured:
         running = running.after(value, std, weight, 0.0)
@@ -126,7 +126,7 @@ def test_the_uncertainty_of_an_estimate_never_falls_with_its_age(measured, age_s
 
 
 @given(values, st.integers(1, 500))
-def test_equal_measurements_are_estimated_as_they_are(value, count):
+def test_equal_measurements_are_estimated_exactly(value, count):
     running = Running()
     for _ in range(count):
         running = running.after(value, 0.0, 1.0, 0.0)
@@ -138,7 +138,7 @@ names = st.text(min_size=1, max_size=20)
 
 
 @given(st.dictionaries(names, samples, max_size=5), names)
-def test_what_is_kept_comes_back_to_the_last_digit(people, place):
+def test_stored_memory_is_restored_exactly(people, place):
     memory = Memory(SPACE)
     for person, measured in people.items():
         memory.came(person, 0.0)

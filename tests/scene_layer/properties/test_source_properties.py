@@ -51,7 +51,7 @@ MESSAGES = st.dictionaries(st.sampled_from(["data", "sure", "doubt"]), ANYTHING)
 
 
 @given(st.lists(st.tuples(st.sampled_from(SPEC.every_source), MESSAGES), max_size=8))
-def test_any_message_is_read_or_refused_by_name(messages):
+def test_any_message_is_read_or_rejected_with_code(messages):
     sources = Sources(SPEC)
     refused: list[Refused] = []
     for number, (source, fields) in enumerate(messages):
@@ -74,7 +74,7 @@ def test_any_message_is_read_or_refused_by_name(messages):
 
 @pytest.mark.parametrize("forget", [Sources.forget, lambda sources, person: None])
 @given(people=st.lists(st.sampled_from(["anna", "ben", "a/b"]), max_size=6))
-def test_what_is_read_of_one_person_says_nothing_of_another(
+def test_readings_of_one_person_do_not_affect_another(
     forget: Callable[[Sources, str], None], people: list[str]
 ) -> None:
     sources = Sources(SPEC)

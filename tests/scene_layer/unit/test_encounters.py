@@ -106,7 +106,7 @@ def words(scene: Scene) -> list[str]:
     ]
 
 
-def test_a_scene_is_about_the_addressee_and_has_their_values():
+def test_scene_has_values_of_the_addressee():
     room = Room()
     anna, ben = {"age": 4.0, "mood": 2.0, "distance_m": 1.0}, {"age": 1.0, "distance_m": 2.0}
     room.see(0.0, ben=ben, anna=anna)
@@ -124,7 +124,7 @@ def test_a_scene_is_about_the_addressee_and_has_their_values():
     assert words(of_ben) == ["age measured 1", "mood", "height", "noise measured 7"]
 
 
-def test_nobody_is_a_scene_of_its_own():
+def test_scene_without_person_is_separate():
     room = Room()
     room.hear(7.0)
     scene = room.announce()
@@ -133,7 +133,7 @@ def test_nobody_is_a_scene_of_its_own():
     assert room.value("mood").source == "nobody is there"
 
 
-def test_a_ladder_has_no_person_though_somebody_walks_by():
+def test_scene_declared_without_person_ignores_passers_by():
     room = Room()
     room.see(0.0, anna={"age": 4.0})
     scene = room.announce(person=False, mood=1.0)
@@ -143,7 +143,7 @@ def test_a_ladder_has_no_person_though_somebody_walks_by():
     assert not room.scene().person
 
 
-def test_what_is_not_measured_of_a_stranger_is_left_out_or_a_default():
+def test_unmeasured_value_of_stranger_is_missing_or_default():
     room = Room()
     room.see(0.0, anna={"height": 1.6})
     room.announce()
@@ -152,7 +152,7 @@ def test_what_is_not_measured_of_a_stranger_is_left_out_or_a_default():
     assert (age.std, age.confidence, age.source) == (pytest.approx(IGNORANCE), 0.0, "default")
 
 
-def test_a_value_that_goes_stale_is_estimated_less_and_less_surely():
+def test_stale_value_is_estimated_with_growing_uncertainty():
     room = Room()
     for second in range(10):
         room.see(float(second), anna={"age": 4.0, "mood": 2.0, "height": 1.6})
@@ -176,7 +176,7 @@ def test_a_value_that_goes_stale_is_estimated_less_and_less_surely():
     assert age.confidence == pytest.approx(1 - (age.std / IGNORANCE) ** 2)
 
 
-def test_the_spread_of_what_was_measured_is_the_uncertainty_of_an_estimate():
+def test_estimate_uncertainty_is_spread_of_measurements():
     room = Room()
     for second in range(100):
         room.see(float(second), anna={"mood": 2.0 + 2.0 * (second % 2)})
@@ -187,7 +187,7 @@ def test_the_spread_of_what_was_measured_is_the_uncertainty_of_an_estimate():
     assert mood.std == pytest.approx(1.0, abs=0.02)
 
 
-def test_somebody_known_by_name_is_remembered_and_a_stranger_is_not():
+def test_known_person_is_remembered_and_stranger_is_not():
     room = Room()
     for second in range(3):
         room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0, "known": 0.0})
@@ -204,7 +204,7 @@ def test_somebody_known_by_name_is_remembered_and_a_stranger_is_not():
     assert age.value == pytest.approx(3.0, abs=0.05)
 
 
-def test_each_visit_counts_once_in_the_average_of_the_place():
+def test_each_visit_counts_once_in_place_average():
     room = Room()
     for number in range(4):
         for second in range(50 if number else 1):
@@ -215,7 +215,7 @@ def test_each_visit_counts_once_in_the_average_of_the_place():
     assert room.value("age").value == pytest.approx(2.0, abs=0.05)
 
 
-def test_nothing_estimated_or_given_is_remembered():
+def test_estimated_and_given_values_are_not_remembered():
     room = Room()
     room.see(0.0, anna={"known": 1.0})
     room.announce(age=5.0, mood=1.0)
@@ -226,13 +226,13 @@ def test_nothing_estimated_or_given_is_remembered():
     assert room.memory.snapshot() == ({}, {})
 
 
-def test_a_reading_without_confidence_is_no_reading():
+def test_reading_without_confidence_is_ignored():
     room = Room()
     room.see(0.0, anna={"mood": 1.0, "sure": 0.0})
     assert words(room.announce())[1] == "mood"
 
 
-def test_a_run_keeps_its_person_though_somebody_else_is_nearer():
+def test_run_keeps_its_person_despite_nearer_one():
     room = Room()
     room.see(0.0, anna={"mood": 4.0, "distance_m": 1.0})
     room.announce()
@@ -250,7 +250,7 @@ def test_a_run_keeps_its_person_though_somebody_else_is_nearer():
     assert room.announce("t").person_id == "ben"
 
 
-def test_a_run_whose_person_is_lost_keeps_what_was_known_and_takes_nobody_else():
+def test_run_with_lost_person_keeps_values_without_substitute():
     room = Room()
     for second in range(3):
         room.see(float(second), anna={"age": 5.0, "mood": 4.0, "distance_m": 1.0})
@@ -271,7 +271,7 @@ def test_a_run_whose_person_is_lost_keeps_what_was_known_and_takes_nobody_else()
     assert room.memory.estimate("anna", "", "age", 1013.0) is None, "a stranger is forgotten"
 
 
-def test_a_run_that_began_with_nobody_takes_the_first_who_comes_and_keeps_them():
+def test_run_without_person_adopts_first_one_who_comes():
     room = Room()
     room.announce()
     room.running = "s"
@@ -282,7 +282,7 @@ def test_a_run_that_began_with_nobody_takes_the_first_who_comes_and_keeps_them()
     assert (room.scene().person, room.scene().person_id) == (False, "anna")
 
 
-def test_a_scene_layer_that_is_started_again_follows_the_person_of_the_run():
+def test_restarted_scene_layer_follows_person_of_run():
     room = Room()
     foreign = Scene(
         scene_id="s",
@@ -298,7 +298,7 @@ def test_a_scene_layer_that_is_started_again_follows_the_person_of_the_run():
     assert (room.scene().person_id, words(room.scene())[1]) == ("anna", "mood measured 4")
 
 
-def test_a_given_value_wins_until_something_newer_is_measured_of_this_person():
+def test_given_value_lasts_until_newer_measurement_of_person():
     room = Room()
     room.see(0.0, anna={"mood": 4.0, "distance_m": 1.0}, ben={"mood": 5.0, "distance_m": 2.0})
     room.announce(mood=1.0)
@@ -308,7 +308,7 @@ def test_a_given_value_wins_until_something_newer_is_measured_of_this_person():
     assert words(room.scene())[1] == "mood measured 3"
 
 
-def test_looking_at_what_is_there_now_follows_the_addressee():
+def test_current_scene_follows_the_addressee():
     room = Room()
     room.see(0.0, anna={"distance_m": 1.0})
     room.estimate.give("", {}, None, 0.0)
@@ -353,7 +353,7 @@ class Door:
         return f"{value.origin.name.lower()} {value.value:.3g} {value.source}".strip()
 
 
-def test_without_ids_nobody_takes_over_what_was_known_of_the_one_before():
+def test_values_without_ids_do_not_pass_between_persons():
     door = Door()
     assert door.at(0.0, there=True, age=5.0) == "measured 5 age"
     assert door.at(10.0, there=True) == "estimated 5 this person, seen once"
@@ -364,7 +364,7 @@ def test_without_ids_nobody_takes_over_what_was_known_of_the_one_before():
     assert door.at(21.0, there=False).startswith("estimated 2.99 everybody here, 2 visits")
 
 
-def test_without_ids_a_run_keeps_what_was_known_of_the_one_who_left():
+def test_run_without_ids_keeps_values_of_departed_person():
     door = Door()
     door.at(0.0, there=True, age=5.0)
     door.running = "s"
@@ -377,7 +377,7 @@ def test_without_ids_a_run_keeps_what_was_known_of_the_one_who_left():
 # --- forgetting -----------------------------------------------------------------------------
 
 
-def test_a_person_who_is_forgotten_is_unknown_until_they_come_again():
+def test_forgotten_person_is_unknown_until_next_visit():
     room = Room()
     for second in range(3):
         room.see(float(second), anna={"age": 5.0, "known": 1.0})
@@ -392,7 +392,7 @@ def test_a_person_who_is_forgotten_is_unknown_until_they_come_again():
     assert set(room.memory.snapshot(room.estimate.encounters.known)[0]) == {"anna"}
 
 
-def test_a_place_can_be_forgotten():
+def test_place_can_be_forgotten():
     room = Room()
     room.see(0.0, face1={"age": 5.0})
     room.see(1.0)
@@ -400,7 +400,7 @@ def test_a_place_can_be_forgotten():
     assert room.memory.snapshot() == ({}, {})
 
 
-def test_whoever_was_not_seen_for_longest_is_forgotten_first():
+def test_person_not_seen_longest_is_forgotten_first():
     memory = Memory(SPEC.space)
     for number in range(MOST_KNOWN + 10):
         person = f"p{number}"
@@ -416,7 +416,7 @@ def test_whoever_was_not_seen_for_longest_is_forgotten_first():
 # --- what outlives a restart ----------------------------------------------------------------
 
 
-def test_who_is_known_by_name_outlives_a_restart_and_who_is_here_unnamed_does_not():
+def test_only_known_persons_survive_restart():
     room = Room()
     for second in range(3):
         room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0})
@@ -433,7 +433,7 @@ def test_who_is_known_by_name_outlives_a_restart_and_who_is_here_unnamed_does_no
     assert again.value("age").source == "anna, seen 2 times"
 
 
-def test_ids_that_come_and_go_between_two_looks_leave_nothing_behind():
+def test_ids_gone_between_two_updates_leave_no_data():
     room = Room()
     sources = room.sources
     for picture in range(40):
@@ -446,7 +446,7 @@ def test_ids_that_come_and_go_between_two_looks_leave_nothing_behind():
     assert sources.people == frozenset()
 
 
-def test_a_tracker_that_loses_somebody_known_for_moments_does_not_make_more_visits():
+def test_short_tracking_gaps_create_no_new_visits():
     room = Room()
     for second in range(0, 120, 2):
         room.see(float(second), anna={"age": 5.0, "known": 1.0})
@@ -464,7 +464,7 @@ def test_a_tracker_that_loses_somebody_known_for_moments_does_not_make_more_visi
     assert persons["anna"].seen_at == 1119.0, "when they went, not when that was certain"
 
 
-def test_of_many_who_are_out_of_sight_those_gone_for_longest_have_left():
+def test_persons_out_of_sight_longest_leave_first():
     room = Room()
     for number in range(MOST_AWAY + 10):
         room.see(float(number), **{f"anna{number}": {"age": 5.0, "known": 1.0}})
@@ -473,7 +473,7 @@ def test_of_many_who_are_out_of_sight_those_gone_for_longest_have_left():
     assert room.memory.snapshot()[1]["lobby"].visits == 10
 
 
-def test_of_a_person_who_is_lost_only_what_was_said_of_them_counts():
+def test_only_personal_readings_count_for_lost_person():
     room = Room(spec=BOTH)
     room.see(0.0, anna={"mood": 5.0})
     room.announce()
@@ -488,7 +488,7 @@ def test_of_a_person_who_is_lost_only_what_was_said_of_them_counts():
     assert room.value("mood").origin is not Origin.MEASURED
 
 
-def test_the_room_alone_is_not_the_mood_of_somebody_nor_is_it_remembered():
+def test_room_reading_alone_is_not_a_personal_mood():
     room = Room(spec=BOTH)
     room.see(0.0, anna={"known": 1.0})
     room.hear(1.0, "mood")
@@ -500,7 +500,7 @@ def test_the_room_alone_is_not_the_mood_of_somebody_nor_is_it_remembered():
     assert room.memory.snapshot({"anna"})[0]["anna"].values["mood"].mean == 5.0
 
 
-def test_a_camera_of_thirty_pictures_a_second_counts_once_a_second_and_silence_not_at_all():
+def test_measurements_count_at_most_once_per_second():
     room = Room()
     for picture in range(61):
         room.see(picture / 30.0, anna={"age": 5.0})

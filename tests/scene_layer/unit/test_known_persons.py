@@ -105,7 +105,7 @@ def refusal(room: Room, person: str, **values: object) -> str:
     return refused.value.code
 
 
-def test_the_visits_of_somebody_known_are_counted_and_those_of_strangers_are_not() -> None:
+def test_visits_are_counted_only_for_known_persons() -> None:
     room = Room()
     room.see(0.0, "anna")
     assert (room.begin("s").person_id, room.scene().visits) == ("anna", 1)
@@ -117,7 +117,7 @@ def test_the_visits_of_somebody_known_are_counted_and_those_of_strangers_are_not
     assert (room.begin("u").person_id, room.scene("u").visits) == ("7", 0)
 
 
-def test_somebody_out_of_sight_for_a_moment_is_on_the_same_visit() -> None:
+def test_short_absence_is_part_of_same_visit() -> None:
     room = Room()
     room.see(0.0, "anna")
     room.see(1.0)
@@ -125,7 +125,7 @@ def test_somebody_out_of_sight_for_a_moment_is_on_the_same_visit() -> None:
     assert room.begin("s").visits == 1
 
 
-def test_what_is_remembered_is_in_the_scenes_of_that_person_at_this_visit_and_the_next() -> None:
+def test_remembered_values_appear_in_current_and_later_visits() -> None:
     room = Room()
     room.see(0.0, "anna", "ben")
     room.remember("anna", favourite="tea", cups=2)
@@ -139,7 +139,7 @@ def test_what_is_remembered_is_in_the_scenes_of_that_person_at_this_visit_and_th
     assert room.begin("t").remembered == {"favourite": "water"}
 
 
-def test_what_cannot_be_remembered_is_refused_and_changes_nothing() -> None:
+def test_invalid_remember_request_is_rejected_without_change() -> None:
     room = Room()
     room.see(0.0, "anna", strangers=("7",))
     assert refusal(room, "7", favourite="tea") == "UNKNOWN_PERSON"
@@ -150,7 +150,7 @@ def test_what_cannot_be_remembered_is_refused_and_changes_nothing() -> None:
     assert room.begin("s").remembered == {}
 
 
-def test_what_is_remembered_is_forgotten_with_the_person_and_not_kept_before_they_return() -> None:
+def test_forgetting_person_drops_remembered_values_until_they_return() -> None:
     room = Room()
     room.see(0.0, "anna")
     room.remember("anna", favourite="tea")
@@ -161,7 +161,7 @@ def test_what_is_remembered_is_forgotten_with_the_person_and_not_kept_before_the
     assert "anna" not in persons
 
 
-def test_somebody_away_is_remembered_in_the_file_and_after_a_restart() -> None:
+def test_absent_person_is_remembered_across_restart() -> None:
     room = Room()
     room.see(0.0, "anna", strangers=("7",))
     room.remember("anna", favourite="tea", cups=1)
@@ -178,7 +178,7 @@ def test_somebody_away_is_remembered_in_the_file_and_after_a_restart() -> None:
     assert (scene.visits, scene.remembered) == (2, {"favourite": "tea", "cups": 3.0})
 
 
-def test_a_file_has_what_scene_yaml_declares_and_nothing_else() -> None:
+def test_memory_file_holds_only_values_declared_in_scene() -> None:
     space = Room().spec.space
     person = {"visits": 3, "seen_at": 1.0, "values": {}}
 
@@ -197,7 +197,7 @@ def test_a_file_has_what_scene_yaml_declares_and_nothing_else() -> None:
         read(**{f"k{number}": 1 for number in range(33)})
 
 
-def test_a_told_value_is_told_by_the_person_until_something_newer_is_measured() -> None:
+def test_told_value_lasts_until_newer_measurement() -> None:
     room = Room()
     room.see(0.0, "anna")
     room.begin("s")
@@ -213,7 +213,7 @@ def test_a_told_value_is_told_by_the_person_until_something_newer_is_measured() 
     assert room.pain() == "measured 5"
 
 
-def test_a_value_of_the_person_holds_in_later_interactions_and_one_of_the_scene_does_not() -> None:
+def test_personal_value_persists_across_interactions_unlike_scene_value() -> None:
     room = Room()
     room.see(0.0, "anna")
     room.begin("s")
@@ -223,7 +223,7 @@ def test_a_value_of_the_person_holds_in_later_interactions_and_one_of_the_scene_
     assert [one.origin for one in later.values] == [Origin.TOLD, Origin.MISSING]
 
 
-def test_a_value_of_the_person_is_forgotten_when_they_leave() -> None:
+def test_personal_value_is_forgotten_when_person_leaves() -> None:
     room = Room()
     room.see(0.0, "anna")
     room.begin("s")
@@ -236,7 +236,7 @@ def test_a_value_of_the_person_is_forgotten_when_they_leave() -> None:
     assert room.pain() == "missing"
 
 
-def test_a_value_of_the_person_is_not_one_of_whoever_is_addressed_next() -> None:
+def test_personal_value_does_not_pass_to_next_addressee() -> None:
     room = Room()
     room.see(0.0, "anna", "ben")
     room.begin("s")
@@ -247,7 +247,7 @@ def test_a_value_of_the_person_is_not_one_of_whoever_is_addressed_next() -> None
     assert room.pain("s") == "told 8"
 
 
-def test_without_ids_a_value_is_of_whoever_is_there_until_nobody_is() -> None:
+def test_value_without_ids_lasts_until_no_person_present() -> None:
     room = Room(WITHOUT_IDS)
     room.somebody(0.0, True)
     room.begin("s")
@@ -260,7 +260,7 @@ def test_without_ids_a_value_is_of_whoever_is_there_until_nobody_is() -> None:
     assert room.begin("u").values[0].origin is Origin.MISSING
 
 
-def test_a_value_that_nobody_measured_to_be_there_is_one_of_its_interaction() -> None:
+def test_value_without_measured_person_belongs_to_its_interaction() -> None:
     room = Room(WITHOUT_IDS)
     room.estimate.begin("s", "", {"pain": 8.0}, True, 0.0)
     assert room.pain() == "given 8"
@@ -269,7 +269,7 @@ def test_a_value_that_nobody_measured_to_be_there_is_one_of_its_interaction() ->
     assert room.pain() == "missing"
 
 
-def test_a_told_value_of_a_foreign_scene_stays_told() -> None:
+def test_told_value_of_adopted_scene_stays_told() -> None:
     room = Room()
     room.see(0.0, "anna")
     room.begin("s")
@@ -280,7 +280,7 @@ def test_a_told_value_of_a_foreign_scene_stays_told() -> None:
     assert other.scene("s").values[1].origin is Origin.TOLD
 
 
-def test_somebody_whom_a_script_names_is_known_until_the_next_visit_begins() -> None:
+def test_scripted_person_is_known_until_next_visit() -> None:
     room = Room(WITHOUT_IDS)
     begin = room.estimate.encounters.begin_visit
     for now, visitor, visits, remembered in (

@@ -24,7 +24,7 @@ def running(*samples: tuple[float, float, float]) -> Running:
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 300])
-def test_it_is_the_weighted_mean_and_scatter_of_everything_that_was_measured(count):
+def test_estimate_is_weighted_mean_and_scatter_of_measurements(count):
     random = numpy.random.default_rng(count)
     values, stds = random.uniform(1.0, 5.0, count), random.uniform(0.0, 1.0, count)
     confidences = random.uniform(0.1, 1.0, count)
@@ -39,23 +39,23 @@ def test_it_is_the_weighted_mean_and_scatter_of_everything_that_was_measured(cou
 
 
 @pytest.mark.parametrize("age_s", [0.0, 1.0, 600.0, DRIFT_S, 1e7])
-def test_it_gets_less_sure_as_the_formula_says(age_s):
+def test_uncertainty_grows_by_the_documented_formula(age_s):
     known = (0.5 + IGNORANCE**2) / (2.0 + 1.0)
     expected = known + (IGNORANCE**2 - known) * (1.0 - math.exp(-2.0 * age_s / DRIFT_S))
     found = Running(mean=4.0, scatter=0.5, weight=2.0, at=0.0)
     assert found.std(IGNORANCE, age_s) == pytest.approx(math.sqrt(expected))
 
 
-def test_what_sensors_doubt_is_in_the_estimate():
+def test_sensor_uncertainty_is_part_of_estimate():
     sure, unsure = running((3.0, 0.0, 1.0)), running((3.0, 0.8, 1.0))
     assert unsure.std(IGNORANCE, 0.0) ** 2 - sure.std(IGNORANCE, 0.0) ** 2 == pytest.approx(0.32)
 
 
-def test_of_the_range_alone_the_deviation_is_that_of_any_value_of_it():
+def test_deviation_without_measurements_is_that_of_range():
     assert AGE.ignorance == IGNORANCE
 
 
-def test_what_is_kept_is_not_changed_by_what_comes_later():
+def test_snapshot_is_unaffected_by_later_changes():
     memory = Memory(SceneSpace(parameters=(AGE,)))
     memory.came("anna", 0.0)
     memory.measured("anna", "age", 4.0, 0.0, 1.0, 0.0)

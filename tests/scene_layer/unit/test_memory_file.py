@@ -25,7 +25,7 @@ GOOD = memory.to_text({"anna": ANNA}, {"lobby": ANNA})
 NOW = 1000.0
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
+def test_written_memory_is_read_back(tmp_path: Path) -> None:
     path = tmp_path / "state" / "memory.json"
     assert memory.read_memory(path, SPACE, NOW) == ({}, {})
     memory.save_memory(path, {"anna": ANNA}, {"lobby": ANNA})
@@ -34,13 +34,13 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
 
 
-def test_an_empty_file_is_an_empty_memory(tmp_path: Path) -> None:
+def test_empty_file_is_empty_memory(tmp_path: Path) -> None:
     path = tmp_path / "memory.json"
     path.write_text(" \n")
     assert memory.read_memory(path, SPACE, NOW) == ({}, {})
 
 
-def test_what_there_is_no_room_for_is_what_was_seen_longest_ago() -> None:
+def test_size_limit_drops_entries_seen_longest_ago() -> None:
     persons = {f"p{at}": replace(ANNA, seen_at=float(at)) for at in range(100)}
     places = {"lobby": replace(ANNA, seen_at=98.5), "café": replace(ANNA, seen_at=0.5)}
     text = memory.to_text(persons, places, 1000)
@@ -52,7 +52,7 @@ def test_what_there_is_no_room_for_is_what_was_seen_longest_ago() -> None:
     assert memory.from_text(memory.to_text(persons, places), SPACE, NOW) == (persons, places)
 
 
-def test_what_a_wrong_clock_saw_in_the_future_was_seen_now() -> None:
+def test_future_timestamps_are_clamped_to_now() -> None:
     persons, places = memory.from_text(GOOD, SPACE, 2.0)
     for known in (persons["anna"], places["lobby"]):
         assert (known.seen_at, known.values["age"].at) == (2.0, 2.0)
@@ -93,7 +93,7 @@ def changed(**person: object) -> str:
         ),
     ],
 )
-def test_a_damaged_file_is_refused_as_a_whole(tmp_path: Path, text: str, words: str) -> None:
+def test_damaged_file_is_rejected_as_a_whole(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "memory.json"
     path.write_text(text)
     with pytest.raises(memory.DamagedMemoryError, match=words) as refused:
@@ -102,7 +102,7 @@ def test_a_damaged_file_is_refused_as_a_whole(tmp_path: Path, text: str, words: 
     assert len(str(refused.value)) < 1000
 
 
-def test_a_file_that_is_no_text_any_more_or_too_large_is_damaged(tmp_path: Path) -> None:
+def test_non_text_or_oversized_file_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "memory.json"
     path.write_bytes(GOOD.replace("anna", "XXX").encode().replace(b"XXX", b"\xff\xfe\x00"))
     with pytest.raises(memory.DamagedMemoryError, match="is not text"):
@@ -117,7 +117,7 @@ def test_a_file_that_is_no_text_any_more_or_too_large_is_damaged(tmp_path: Path)
     "content",
     [b"SQLite format 3\x00", b"\xff\xfe", b"[]", b"null", b'{"format": 2}', b"format: 1"],
 )
-def test_a_file_of_another_program_is_not_called_damaged(tmp_path: Path, content: bytes) -> None:
+def test_file_of_another_program_is_not_damaged(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "ledger.sqlite"
     path.write_bytes(content)
     with pytest.raises(BtAgentsError, match=r"is not a memory.*name another file") as refused:
@@ -125,19 +125,19 @@ def test_a_file_of_another_program_is_not_called_damaged(tmp_path: Path, content
     assert not isinstance(refused.value, memory.DamagedMemoryError)
 
 
-def test_a_folder_is_no_memory(tmp_path: Path) -> None:
+def test_folder_is_not_a_memory(tmp_path: Path) -> None:
     with pytest.raises(BtAgentsError, match="is a folder, expected a file") as refused:
         memory.read_memory(tmp_path, SPACE, NOW)
     assert not isinstance(refused.value, memory.DamagedMemoryError)
 
 
-def test_values_that_the_parameters_do_not_have_any_more_are_left_out() -> None:
+def test_values_of_removed_parameters_are_dropped() -> None:
     text = changed(values={"age": [9.0, 1.0, 1.0, 0.0], "gone": [1.0, 1.0, 1.0, 0.0]})
     persons, _ = memory.from_text(text, SPACE, NOW)
     assert persons["anna"].values == {}
 
 
-def test_damaged_files_are_kept_aside_each_under_a_name_of_its_own(tmp_path: Path) -> None:
+def test_damaged_files_are_kept_under_unique_names(tmp_path: Path) -> None:
     path = tmp_path / "memory.json"
     for text in ("first", "second"):
         path.write_text(text)

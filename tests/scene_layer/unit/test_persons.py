@@ -179,7 +179,7 @@ Step = tuple[float, str | None, dict[str, float], str]
         ),
     ],
 )
-def test_the_addressee(rule: str, steps: list[Step]) -> None:
+def test_addressee_follows_the_rule(rule: str, steps: list[Step]) -> None:
     crowd = persons(rule)
     for now, ids, ranks, expected in steps:
         if ids is not None:
@@ -198,14 +198,14 @@ def test_the_addressee(rule: str, steps: list[Step]) -> None:
         ("engaged", "", {}, "nobody is there"),
     ],
 )
-def test_the_reason_is_in_words(rule, ids, ranks, words):
+def test_addressee_reason_is_readable(rule, ids, ranks, words):
     crowd = persons(rule)
     crowd.receive_ids(ids.split(), 0.0)
     crowd.update(ranks, 0.0)
     assert crowd.reason == words
 
 
-def test_the_reason_of_a_switch_and_of_a_loss():
+def test_switch_and_loss_have_a_reason():
     crowd = persons("nearest")
     for now in (0.0, 2.0, 3.0):
         crowd.receive_ids(["anna", "ben"], now)
@@ -216,7 +216,7 @@ def test_the_reason_of_a_switch_and_of_a_loss():
     assert (crowd.addressee, crowd.reason) == (NOBODY, "ben is gone")
 
 
-def test_who_comes_and_who_goes_is_told_once():
+def test_arrivals_and_departures_are_reported_once():
     crowd = persons(lost_after=0.5)
     told = []
     for now, ids in [(0.0, "a b"), (0.1, "a b"), (0.2, "b"), (0.4, "b c"), (0.7, "b c")]:
@@ -227,11 +227,11 @@ def test_who_comes_and_who_goes_is_told_once():
     assert crowd.tracked == ("b", "c")
 
 
-def test_a_tracker_may_count_persons_instead_of_naming_them():
+def test_tracker_ids_may_be_numbers():
     assert [check_id(7), check_id(numpy.uint64(2**64 - 1))] == ["7", str(2**64 - 1)]
 
 
-def test_whoever_is_tracked_goes_before_those_who_are_not():
+def test_tracked_persons_take_precedence_over_new_ones():
     crowd = persons()
     crowd.receive_ids(["anna"], 0.0)
     crowd.update({}, 0.0)
@@ -258,7 +258,7 @@ def test_whoever_is_tracked_goes_before_those_who_are_not():
         ("\u202eanna", "BAD_TEXT"),
     ],
 )
-def test_a_hostile_id_is_refused_by_name_and_the_others_count(hostile, code):
+def test_hostile_id_is_rejected_and_others_count(hostile, code):
     with pytest.raises(Refused) as refused:
         check_id(hostile)
     assert refused.value.code == code
@@ -276,7 +276,7 @@ def test_any_other_text_is_an_id(usual):
     assert check_id(usual) == usual
 
 
-def test_an_id_that_stands_twice_is_one_person():
+def test_duplicate_id_is_one_person():
     crowd = persons()
     problem = crowd.receive_ids(["a", "b", "a"], 0.0)
     assert problem is not None
@@ -285,7 +285,7 @@ def test_an_id_that_stands_twice_is_one_person():
     assert crowd.tracked == ("a", "b")
 
 
-def test_of_ten_thousand_persons_the_first_are_tracked_and_stay():
+def test_first_of_ten_thousand_persons_are_tracked():
     crowd = persons()
     crowd.receive_ids(["anna"], 0.0)
     crowd.update({}, 0.0)

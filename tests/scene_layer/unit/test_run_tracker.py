@@ -35,7 +35,7 @@ class Story:
 @pytest.mark.parametrize(
     ("moment", "stale_s"), [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.25, 1.25), (60.0, 60.0)]
 )
-def test_the_scene_as_awarded_counts_for_the_lease_and_is_stale_then(moment, stale_s):
+def test_awarded_scene_is_fresh_for_the_lease(moment, stale_s):
     assert Story().at(moment) == replace(AWARDED, stale_s=stale_s)
 
 
@@ -43,27 +43,27 @@ def test_the_scene_as_awarded_counts_for_the_lease_and_is_stale_then(moment, sta
     ("lease_s", "moment", "stale_s"),
     [(1.0, 5.5, 0.0), (1.0, 6.0, 0.0), (1.0, 6.5, 1.5), (2.0, 6.5, 0.0), (0.25, 5.5, 0.5)],
 )
-def test_each_live_scene_counts_anew_for_the_lease(lease_s, moment, stale_s):
+def test_each_live_scene_renews_the_lease(lease_s, moment, stale_s):
     story = Story(lease_s)
     live = scene(mood=1)
     story.receive(5.0, live)
     assert story.at(moment) == replace(live, stale_s=stale_s)
 
 
-def test_a_live_scene_after_a_silence_counts_at_once():
+def test_live_scene_after_silence_counts_at_once():
     story = Story()
     assert story.at(9.0).stale_s
     story.receive(9.0, scene(mood=2))
     assert story.at(9.5) == scene(mood=2)
 
 
-def test_a_live_scene_of_another_scene_neither_counts_nor_breaks_the_silence():
+def test_foreign_live_scene_does_not_break_silence():
     story = Story()
     story.receive(0.75, replace(scene(mood=5), scene_id="another"))
     assert story.at(1.5) == replace(AWARDED, stale_s=1.5)
 
 
-def test_a_lease_that_is_tuned_acts_at_once():
+def test_tuned_lease_applies_at_once():
     story = Story()
     assert story.at(2.0).stale_s
     story.view.lease_s = 3.0
@@ -91,7 +91,7 @@ def silenced(tree: str, **fields: object) -> Stage:
         ("scene.mood == 3 and live.mood == 3", "live.mood"),
     ],
 )
-def test_a_condition_over_a_stale_value_is_not_true_and_says_why(condition, name):
+def test_condition_on_stale_value_fails_with_reason(condition, name):
     stage = silenced(f"check: {condition}")
     assert stage.tick() == "failed"
     assert f"'{name}' {SILENT}" in stage.message
@@ -101,7 +101,7 @@ def test_a_condition_over_a_stale_value_is_not_true_and_says_why(condition, name
     "condition",
     ["scene.mood == 3", "live.stale", "live.stale or not live.person", "profile.age >= 1"],
 )
-def test_what_needs_no_fresh_value_is_told_as_ever(condition):
+def test_condition_without_fresh_values_is_decided_as_usual(condition):
     assert silenced(f"check: {condition}").tick() == "succeeded"
 
 
@@ -109,19 +109,19 @@ def test_a_fresh_live_scene_is_not_stale():
     assert Stage("check: not live.stale and live.mood == 3").tick() == "succeeded"
 
 
-def test_a_text_with_a_stale_value_is_not_said():
+def test_text_with_stale_value_is_not_spoken():
     stage = silenced("log: the mood is ${live.mood}")
     assert stage.tick() == "failed"
     assert f"'live.mood' {SILENT}" in stage.message
 
 
-def test_a_node_is_left_out_while_its_condition_is_stale():
+def test_node_with_stale_condition_is_skipped():
     stage = silenced("{when: live.mood >= 1, wait: 1 s}")
     assert stage.tick() == "succeeded"
     assert f"left out: 'live.mood' {SILENT}" in [one.message for one in stage.changes]
 
 
-def test_a_while_ends_its_node_as_soon_as_the_value_is_stale():
+def test_while_ends_its_node_once_value_is_stale():
     stage = Stage("{while: live.person, wait: 10 s}")
     assert stage.tick() == "running"
     stage.live = replace(stage.live, stale_s=2.3)
@@ -129,7 +129,7 @@ def test_a_while_ends_its_node_as_soon_as_the_value_is_stale():
     assert f"'live.person' {SILENT}" in stage.message
 
 
-def test_a_wait_says_once_that_it_is_stale_and_goes_on_when_the_scene_layer_is_back():
+def test_wait_reports_staleness_once_and_resumes_with_updates():
     stage = Stage("wait_for: {condition: live.mood >= 3, for: 2 s}")
     stage.tick()
     for silent_s in (1.1, 1.2, 1.3):
@@ -143,7 +143,7 @@ def test_a_wait_says_once_that_it_is_stale_and_goes_on_when_the_scene_layer_is_b
     assert stage.after(0.1) == "succeeded"
 
 
-def test_a_condition_that_is_not_so_calls_its_stale_names_stale():
+def test_false_condition_names_its_stale_values():
     stage = silenced("check: not live.stale and live.mood > 3")
     assert stage.tick() == "failed"
     assert "live.mood is stale" in stage.message

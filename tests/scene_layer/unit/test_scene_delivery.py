@@ -36,7 +36,7 @@ class Driver:
         return [one.scene_id for one in self.delivery.given_up(self.now)]
 
 
-def test_a_scene_for_a_market_that_lives_on_is_sent_once() -> None:
+def test_scene_for_a_live_market_is_sent_once() -> None:
     layer = Driver("e1")
     assert layer.announce() is False
     layer.wait(5.0)
@@ -45,7 +45,7 @@ def test_a_scene_for_a_market_that_lives_on_is_sent_once() -> None:
     assert not layer.delivery.pending
 
 
-def test_without_a_market_scenes_are_kept_and_sent_in_order_when_there_is_one() -> None:
+def test_scenes_without_market_are_queued_in_order() -> None:
     layer = Driver()
     assert layer.announce("s1")
     assert layer.announce("s2")
@@ -57,7 +57,7 @@ def test_without_a_market_scenes_are_kept_and_sent_in_order_when_there_is_one() 
     assert layer.sent == ["s1", "s2"]
 
 
-def test_a_market_that_is_not_matched_yet_is_sent_nothing() -> None:
+def test_unmatched_market_is_sent_nothing() -> None:
     layer = Driver("e1")
     layer.listens = False
     assert layer.announce()
@@ -70,7 +70,7 @@ def test_a_market_that_is_not_matched_yet_is_sent_nothing() -> None:
 
 
 @pytest.mark.parametrize("shown", ["s1", "a child"])
-def test_what_a_market_shows_to_have_is_sent_no_more(shown: str) -> None:
+def test_scene_acknowledged_by_market_is_not_sent_again(shown: str) -> None:
     layer = Driver()
     layer.announce("s1", "a child")
     layer.epoch = "e1"
@@ -82,7 +82,7 @@ def test_what_a_market_shows_to_have_is_sent_no_more(shown: str) -> None:
     assert not layer.delivery.pending
 
 
-def test_a_market_that_shows_nothing_is_sent_a_kept_scene_once_more() -> None:
+def test_unacknowledged_queued_scene_is_sent_once_more() -> None:
     layer = Driver()
     layer.announce()
     layer.epoch = "e1"
@@ -92,7 +92,7 @@ def test_a_market_that_shows_nothing_is_sent_a_kept_scene_once_more() -> None:
     assert not layer.delivery.pending
 
 
-def test_a_scene_whose_market_dies_at_once_goes_to_the_next_one() -> None:
+def test_scene_of_crashed_market_goes_to_next_one() -> None:
     layer = Driver("e1")
     assert layer.announce() is False
     layer.epoch = ""
@@ -106,7 +106,7 @@ def test_a_scene_whose_market_dies_at_once_goes_to_the_next_one() -> None:
     assert layer.sent == ["s1"]
 
 
-def test_a_label_that_another_market_has_shown_says_nothing() -> None:
+def test_label_shown_by_another_market_is_no_acknowledgement() -> None:
     layer = Driver("e1")
     layer.announce("s1", "a child")
     layer.epoch = ""
@@ -117,7 +117,7 @@ def test_a_label_that_another_market_has_shown_says_nothing() -> None:
     assert layer.delivery.pending
 
 
-def test_of_more_scenes_than_can_be_kept_the_oldest_is_given_up() -> None:
+def test_full_queue_drops_the_oldest_scene() -> None:
     layer = Driver()
     for number in range(MOST_KEPT + 2):
         layer.announce(f"s{number}")
@@ -126,7 +126,7 @@ def test_of_more_scenes_than_can_be_kept_the_oldest_is_given_up() -> None:
     assert layer.given_up() == []
 
 
-def test_a_scene_is_given_up_once_when_no_market_comes() -> None:
+def test_scene_is_dropped_once_when_no_market_comes() -> None:
     layer = Driver()
     layer.announce()
     layer.now += KEPT_S - 0.1

@@ -63,7 +63,7 @@ class Lab:
         ]
 
 
-def test_what_nobody_read_is_missing():
+def test_unread_value_is_missing():
     lab = Lab()
     scene = lab.scene(0.0)
     assert lab.values(0.0) == ["missing", "missing"]
@@ -71,7 +71,7 @@ def test_what_nobody_read_is_missing():
     assert SPACE.scene(scene.values) == scene.values
 
 
-def test_a_reading_has_an_age_and_goes_stale():
+def test_reading_has_an_age_and_goes_stale():
     lab = Lab()
     lab.read(MOOD, 4.0, 10.0)
     assert lab.values(11.5) == ["missing", "measured 4"]
@@ -80,7 +80,7 @@ def test_a_reading_has_an_age_and_goes_stale():
     assert lab.values(12.1) == ["missing", "missing"]
 
 
-def test_a_given_value_holds_until_a_newer_reading_arrives():
+def test_given_value_holds_until_newer_reading_arrives():
     lab = Lab()
     lab.read(MOOD, 4.0, 1.0)
     lab.estimate.begin("s", "", {"mood": 2.0}, None, 2.0)
@@ -90,7 +90,7 @@ def test_a_given_value_holds_until_a_newer_reading_arrives():
     assert lab.values(1010.0) == ["missing", "missing"], "the sensor lived, and has fallen silent"
 
 
-def test_a_given_value_counts_for_its_own_interaction_only():
+def test_given_value_counts_only_for_its_interaction():
     lab = Lab()
     lab.estimate.begin("running", "", {"mood": 4.0}, None, 1.0)
     lab.estimate.begin("waiting", "", {"mood": 1.0}, None, 2.0)
@@ -98,7 +98,7 @@ def test_a_given_value_counts_for_its_own_interaction_only():
     assert lab.values(3.0, "waiting") == ["missing", "given 1"]
 
 
-def test_an_urgent_scene_stays_urgent_for_its_own_interaction():
+def test_urgent_scene_stays_urgent_in_its_interaction():
     lab = Lab()
     lab.estimate.begin("alarm", "", {"mood": 4.0}, None, 1.0, urgent=True)
     lab.estimate.begin("calm", "", {"mood": 4.0}, None, 1.0)
@@ -116,7 +116,7 @@ def test_values_given_later_are_added():
     assert lab.scene(3.0).person
 
 
-def test_a_foreign_scene_is_adopted_with_what_was_given_in_it():
+def test_foreign_scene_is_adopted_with_its_given_values():
     lab = Lab()
     values = (
         SceneValue(name="age", value=4.0, origin=Origin.MEASURED, age_s=0.1),
@@ -128,7 +128,7 @@ def test_a_foreign_scene_is_adopted_with_what_was_given_in_it():
     assert lab.scene(2.0).label == "from elsewhere"
 
 
-def test_adopting_a_known_scene_keeps_what_was_given_since():
+def test_adopting_known_scene_keeps_newer_given_values():
     lab = Lab()
     lab.estimate.begin("s", "", {"mood": 4.0}, None, 1.0)
     awarded = lab.scene(1.0)
@@ -138,7 +138,7 @@ def test_adopting_a_known_scene_keeps_what_was_given_since():
 
 
 @pytest.mark.parametrize("follow_up", ["s+1", "s+12", "s+again", "s+again+1"])
-def test_what_was_given_holds_in_follow_up_rounds_until_something_newer_is_measured(follow_up):
+def test_given_values_hold_in_follow_up_rounds(follow_up):
     lab = Lab(PERSON)
     lab.estimate.begin("s", "words", {"age": 4.0, "mood": 4.0}, True, 1.0)
     awarded = lab.scene(1.0).with_id(follow_up)
@@ -153,7 +153,7 @@ def test_what_was_given_holds_in_follow_up_rounds_until_something_newer_is_measu
     assert not lab.scene(5.5, follow_up).person
 
 
-def test_the_person_of_a_foreign_scene_is_there_until_anything_is_measured_here():
+def test_person_of_foreign_scene_is_present_until_measurement():
     lab = Lab(PERSON)
     missing = tuple(SceneValue.missing(name) for name in SPACE.names)
     lab.estimate.adopt(Scene(scene_id="s", label="", person=True, values=missing), 1.0)
@@ -163,7 +163,7 @@ def test_the_person_of_a_foreign_scene_is_there_until_anything_is_measured_here(
     assert not lab.scene(110.0).person, "the sensor lived, and has fallen silent"
 
 
-def test_old_interactions_are_forgotten_one_by_one():
+def test_oldest_interactions_are_forgotten_first():
     lab = Lab()
     for number in range(MAX_INTERACTIONS + 1):
         lab.estimate.begin(str(number), "", {"mood": 4.0}, None, 0.0)
@@ -171,7 +171,7 @@ def test_old_interactions_are_forgotten_one_by_one():
     assert lab.values(0.0, "1") == ["missing", "given 4"]
 
 
-def test_without_a_person_source_somebody_is_there_when_anything_is_known():
+def test_any_reading_implies_a_person_without_person_source():
     lab = Lab()
     assert not lab.scene(0.0).person
     lab.read(MOOD, 4.0, 0.0)
@@ -179,7 +179,7 @@ def test_without_a_person_source_somebody_is_there_when_anything_is_known():
     assert not lab.scene(9.0).person
 
 
-def test_a_person_source_that_is_silent_or_stale_sees_nobody():
+def test_silent_or_stale_person_source_sees_no_person():
     lab = Lab(PERSON)
     lab.read(MOOD, 4.0, 0.0)
     assert not lab.scene(0.0).person
@@ -189,13 +189,13 @@ def test_a_person_source_that_is_silent_or_stale_sees_nobody():
 
 
 @pytest.mark.parametrize(("raw", "there"), [(0, False), (0.4, False), (0.5, True), (3, True)])
-def test_a_person_may_be_read_as_a_count_or_a_confidence(raw, there):
+def test_person_may_be_read_as_count_or_confidence(raw, there):
     lab = Lab(PERSON)
     lab.read(PERSON, raw, 0.0)
     assert lab.scene(0.0).person is there
 
 
-def test_a_given_person_holds_until_the_source_speaks_again():
+def test_given_person_holds_until_source_sends_again():
     lab = Lab(PERSON)
     lab.read(PERSON, True, 0.0)
     lab.estimate.begin("s", "ladder", {}, False, 1.0)
@@ -217,7 +217,7 @@ def test_a_given_person_holds_until_the_source_speaks_again():
         (["mood"], [5.01], "OUT_OF_RANGE"),
     ],
 )
-def test_hostile_given_values_are_refused_by_name(names, values, code):
+def test_invalid_given_values_are_rejected_with_code(names, values, code):
     with pytest.raises(Refused) as refused:
         check_given(SPACE, names, values)
     assert refused.value.code == code
@@ -227,7 +227,7 @@ def run(number: int, epoch: str = "e") -> LiveRun:
     return LiveRun(epoch=epoch, round=number, scene_id=f"s{number}")
 
 
-def test_a_run_is_live_from_its_start_to_its_end():
+def test_run_is_live_from_start_to_end():
     following = RunTracker()
     assert following.started(run(1))
     assert following.run == run(1)
@@ -235,7 +235,7 @@ def test_a_run_is_live_from_its_start_to_its_end():
     assert following.run is None
 
 
-def test_the_end_of_another_run_ends_nothing():
+def test_end_of_another_run_ends_nothing():
     following = RunTracker()
     following.started(run(2))
     following.ended("e", 1)
@@ -243,14 +243,14 @@ def test_the_end_of_another_run_ends_nothing():
     assert following.run == run(2)
 
 
-def test_a_start_that_arrives_after_its_end_starts_nothing():
+def test_start_arriving_after_its_end_starts_nothing():
     following = RunTracker()
     following.ended("e", 1)
     assert not following.started(run(1))
     assert following.started(run(2))
 
 
-def test_an_old_start_is_no_run_when_the_market_has_gone_past_it():
+def test_start_older_than_market_round_starts_nothing():
     following = RunTracker()
     following.market("e", 3, idle=True)
     assert not following.started(run(2))
@@ -260,7 +260,7 @@ def test_an_old_start_is_no_run_when_the_market_has_gone_past_it():
     assert following.run == run(4)
 
 
-def test_a_restarted_market_has_lost_its_runs():
+def test_restarted_market_ends_earlier_runs():
     following = RunTracker()
     following.started(run(1))
     following.market("new", 0, idle=True)

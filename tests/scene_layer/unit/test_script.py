@@ -34,7 +34,7 @@ def begin(performance: ScriptPerformance, scene_id: str, now: float = 0.0) -> Vi
     return found
 
 
-def test_each_visit_begins_when_the_market_has_finished_the_one_before():
+def test_each_visit_begins_after_market_finishes_previous_one():
     a, b = visit("a"), visit("b")
     performance = play(a, b)
     performance.market(market(), 0.0)
@@ -51,7 +51,7 @@ def test_each_visit_begins_when_the_market_has_finished_the_one_before():
     assert performance.next(0.4) is None
 
 
-def test_nothing_begins_before_the_market_is_known_idle_and_has_agents():
+def test_first_visit_waits_for_idle_market_with_agents():
     performance = play(visit("a"), wait_for_agents=3)
     assert performance.next(0.0) is None
     performance.market(market(agents=2), 0.0)
@@ -62,7 +62,7 @@ def test_nothing_begins_before_the_market_is_known_idle_and_has_agents():
     assert performance.next(0.0) is not None
 
 
-def test_a_visit_is_over_though_the_market_has_turned_to_another_scene_already():
+def test_visit_ends_when_market_moved_to_another_scene():
     performance = play(visit("a"), visit("b"))
     performance.market(market(), 0.0)
     begin(performance, "s1")
@@ -73,7 +73,7 @@ def test_a_visit_is_over_though_the_market_has_turned_to_another_scene_already()
     assert performance.next(2.0) is not None
 
 
-def test_a_visit_that_a_restarted_market_takes_up_again_is_not_sent_again():
+def test_visit_resumed_by_restarted_market_is_not_resent():
     a = visit("a", changes=(SceneChange(after_s=1.0, values={"mood": 2.0}),))
     performance = play(a)
     performance.market(market(), 0.0)
@@ -91,7 +91,7 @@ def test_a_visit_that_a_restarted_market_takes_up_again_is_not_sent_again():
     assert performance.done
 
 
-def test_a_restarted_market_that_knows_nothing_of_the_visit_gets_it_again():
+def test_visit_unknown_to_restarted_market_is_sent_again():
     a = visit("a")
     performance = play(a)
     performance.market(market(), 0.0)
@@ -105,7 +105,7 @@ def test_a_restarted_market_that_knows_nothing_of_the_visit_gets_it_again():
     assert performance.done
 
 
-def test_a_scene_that_an_idle_market_leaves_lying_is_sent_again():
+def test_scene_ignored_by_idle_market_is_sent_again():
     performance = play(visit("a"))
     performance.market(market(), 0.0)
     begin(performance, "s1", 10.0)
@@ -115,7 +115,7 @@ def test_a_scene_that_an_idle_market_leaves_lying_is_sent_again():
     assert begin(performance, "s2", 16.0) is not None
 
 
-def test_a_busy_market_may_take_as_long_as_it_likes():
+def test_busy_market_has_no_time_limit():
     performance = play(visit("a"))
     performance.market(market(), 0.0)
     begin(performance, "s1", 0.0)
@@ -123,7 +123,7 @@ def test_a_busy_market_may_take_as_long_as_it_likes():
     assert not performance.not_taken(1000.0)
 
 
-def test_changes_come_once_at_their_time_after_the_run_started():
+def test_changes_come_once_timed_from_run_start():
     late = SceneChange(after_s=3.0, values={"mood": 1.0})
     early = SceneChange(after_s=1.0, values={"mood": 2.0})
     performance = play(visit("a", changes=(late, early)))
@@ -140,7 +140,7 @@ def test_changes_come_once_at_their_time_after_the_run_started():
     assert performance.due(300.0) == []
 
 
-def test_a_start_that_is_received_before_its_scene_counts():
+def test_run_start_received_before_its_scene_counts():
     change = SceneChange(after_s=3.0, values={"mood": 2.0})
     performance = play(visit("a", changes=(change,)), visit("b", changes=(change,)))
     performance.market(market(), 0.0)
@@ -155,7 +155,7 @@ def test_a_start_that_is_received_before_its_scene_counts():
     assert performance.due(20.0) == [], "the start of the visit before is none of this one"
 
 
-def test_a_faster_pace_brings_changes_sooner():
+def test_faster_pace_brings_changes_sooner():
     change = SceneChange(after_s=10.0, values={"mood": 2.0})
     performance = play(visit("a", changes=(change,)), pace=5.0)
     performance.market(market(), 0.0)
@@ -165,7 +165,7 @@ def test_a_faster_pace_brings_changes_sooner():
     assert performance.due(2.0) == [change]
 
 
-def test_what_was_to_change_in_a_visit_that_is_over_does_not():
+def test_changes_of_finished_visit_are_dropped():
     change = SceneChange(after_s=1.0, values={"mood": 2.0})
     performance = play(visit("a", changes=(change,)), visit("b"))
     performance.market(market(), 0.0)
@@ -178,14 +178,14 @@ def test_what_was_to_change_in_a_visit_that_is_over_does_not():
     assert performance.due(9.0) == []
 
 
-def test_a_script_without_visits_is_done_at_once():
+def test_script_without_visits_is_done_at_once():
     performance = play()
     performance.market(market(), 0.0)
     assert performance.done
     assert performance.next(0.0) is None
 
 
-def test_the_first_word_that_occurs_in_a_question_decides_the_answer():
+def test_first_matching_word_of_question_decides_answer():
     who = visit("a", answers={"Luggage": "yes", "go": "later"})
     assert answer(who, "May I carry your luggage? Shall we go?") == "yes"
     assert answer(who, "Shall we GO?") == "later"

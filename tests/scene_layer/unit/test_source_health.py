@@ -7,19 +7,19 @@ from bt_agents_core.health import Health
 from scene_layer.health import Standing, sources_health
 
 
-def test_sources_with_readings_that_hold_are_well():
+def test_sources_with_fresh_readings_are_ok():
     health = sources_health({"/age": Standing.FRESH}, {})
     assert (health.part, health.level) == ("sources", Health.OK)
     assert health.message == "every source has a reading that holds"
 
 
-def test_a_source_that_was_never_read_is_a_warning_and_a_stale_one_is_stale():
+def test_unread_source_warns_and_stale_source_is_stale():
     unread = sources_health({"/age": Standing.UNREAD, "/mood": Standing.FRESH}, {})
     assert (unread.level, unread.message) == (Health.WARN, "no reading so far: /age")
     stale = sources_health({"/age": Standing.UNREAD, "/mood": Standing.STALE}, {})
     assert (stale.level, stale.message) == (Health.STALE, "stale: /mood")
 
 
-def test_refused_messages_are_counted_beside_what_is_known_of_their_topic():
+def test_refused_messages_are_counted_per_topic():
     health = sources_health({"/age": Standing.UNREAD}, {("/age", "OUT_OF_RANGE"): 12})
     assert health.values == {"/age": "no reading so far, 12 refused as OUT_OF_RANGE"}

@@ -53,12 +53,12 @@ SPEC = SceneSpec(space=SPACE, sources=(AGE, MOOD, OTHER_MOOD), person=PERSON)
     ("reading", "value"),
     [(-5.0, 1.0), (10.0, 1.0), (15.0, 1.5), (20.0, 2.0), (50.0, 3.5), (80.0, 5.0), (200.0, 5.0)],
 )
-def test_a_reading_is_mapped_between_the_points_and_held_beyond_them(reading, value):
+def test_reading_is_interpolated_and_held_beyond_map_points(reading, value):
     assert mapped(AGE.points, reading) == value
 
 
 @pytest.mark.parametrize("value", [1.0, 1.5, 2.0, 3.5, 5.0])
-def test_an_inverted_value_maps_back_to_itself(value):
+def test_inverted_value_maps_back_to_itself(value):
     assert mapped(AGE.points, inverted(AGE.points, value)) == pytest.approx(value)
 
 
@@ -67,12 +67,12 @@ def test_falling_and_flat_points_can_be_inverted():
     assert [inverted(falling, v) for v in (5.0, 4.0, 3.0, 2.0, 1.0)] == [0.0, 0.5, 1.0, 2.5, 3.0]
 
 
-def test_a_value_that_no_reading_maps_to_takes_the_nearest_point():
+def test_unreachable_value_inverts_to_nearest_point():
     assert inverted(AGE.points, 9.0) == 80.0
     assert inverted(AGE.points, 0.0) == 10.0
 
 
-def test_without_points_a_reading_is_its_value():
+def test_reading_without_points_is_its_value():
     assert mapped(MOOD.points, 4.5) == 4.5
     assert inverted(MOOD.points, 4.5) == 4.5
 
@@ -95,7 +95,7 @@ def read(sources: Sources, spec: SourceSpec, raw: object, now: float, person: st
         (5.5, "OUT_OF_RANGE"),
     ],
 )
-def test_a_bad_reading_is_refused_and_counted_and_the_last_good_one_stays(raw, code):
+def test_bad_reading_is_rejected_and_last_good_kept(raw, code):
     sources = Sources(SPEC)
     read(sources, MOOD, 4.0, 10.0)
     for count in (1, 2):
@@ -109,7 +109,7 @@ def test_a_bad_reading_is_refused_and_counted_and_the_last_good_one_stays(raw, c
     assert (reading.value, reading.at, reading.stale_at) == (4.0, 10.0, 12.0)
 
 
-def test_a_reading_out_of_the_map_is_clamped_but_an_endless_one_is_refused():
+def test_reading_outside_map_is_clamped_but_infinity_rejected():
     sources = Sources(SPEC)
     read(sources, AGE, 1e300, 0.0)
     assert sources.latest("age", 0.0).value == 5.0
@@ -117,7 +117,7 @@ def test_a_reading_out_of_the_map_is_clamped_but_an_endless_one_is_refused():
         read(sources, AGE, math.inf, 1.0)
 
 
-def test_several_sources_count_together_as_long_as_they_are_fresh():
+def test_fresh_readings_of_several_sources_are_fused():
     sources = Sources(SPEC)
     read(sources, MOOD, 4.0, 1.0)
     read(sources, OTHER_MOOD, 2.0, 2.0)
@@ -127,7 +127,7 @@ def test_several_sources_count_together_as_long_as_they_are_fresh():
     assert sources.latest("mood", 3.5).value == 2.0
 
 
-def test_when_all_are_stale_the_newest_is_told_as_it_was():
+def test_newest_reading_remains_when_all_are_stale():
     sources = Sources(SPEC)
     read(sources, MOOD, 4.0, 1.0)
     read(sources, OTHER_MOOD, 2.0, 2.0)
@@ -136,7 +136,7 @@ def test_when_all_are_stale_the_newest_is_told_as_it_was():
     assert sources.reading(MOOD, 9.0) is None
 
 
-def test_a_change_is_told_from_a_repetition():
+def test_changed_reading_is_distinguished_from_repetition():
     sources = Sources(SPEC)
     assert read(sources, MOOD, 4.0, 1.0)
     assert not read(sources, MOOD, 4.0, 2.0)
@@ -144,7 +144,7 @@ def test_a_change_is_told_from_a_repetition():
     assert read(sources, MOOD, 3.0, 9.0), "it had been stale, so it is news again"
 
 
-def test_a_boolean_is_a_reading_of_zero_or_one():
+def test_boolean_is_read_as_zero_or_one():
     sources = Sources(SPEC)
     read(sources, PERSON, True, 1.0)
     assert sources.latest_person().value == 1.0
@@ -152,7 +152,7 @@ def test_a_boolean_is_a_reading_of_zero_or_one():
     assert sources.latest_person().value == 0.0
 
 
-def test_nobody_is_known_before_the_first_reading():
+def test_person_is_unknown_before_first_reading():
     assert Sources(SPEC).latest("mood", 0.0) is None
     assert Sources(SPEC).latest_person() is None
 
@@ -196,12 +196,12 @@ def after(source: str, *messages: dict[str, object]) -> Reading | None:
     return sources.latest("mood", float(len(messages) - 1))
 
 
-def test_a_reading_may_be_computed():
+def test_reading_may_be_computed():
     field = "3 + msg.valence * msg.confidence"
     assert after(topic(field), {"valence": 1.0, "confidence": 0.5}).value == 3.5
 
 
-def test_a_word_is_looked_up_and_an_unknown_one_refused_with_what_is_known():
+def test_table_maps_words_and_rejects_unknown_ones():
     source = topic("emotion", "table: {happy: 5, sad: 1, true: 2, 7: 3}")
     assert after(source, {"emotion": "happy"}).value == 5.0
     assert after(source, {"emotion": True}).value == 2.0
@@ -213,7 +213,7 @@ def test_a_word_is_looked_up_and_an_unknown_one_refused_with_what_is_known():
     assert refused.value.code == "UNKNOWN_WORD"
 
 
-def test_a_field_that_is_nan_has_no_value_where_an_expression_says_what_to_take():
+def test_nan_field_takes_value_after_else():
     source = topic("msg.data else 2", "confidence: msg.sure else 0.5")
     assert after(source, {"data": math.nan, "sure": math.nan}).value == 2.0
     assert after(source, {"data": math.nan, "sure": math.nan}).confidence == 0.5
@@ -222,7 +222,7 @@ def test_a_field_that_is_nan_has_no_value_where_an_expression_says_what_to_take(
         after(topic("msg.data + 1"), {"data": math.nan})
 
 
-def test_without_confidence_nothing_was_measured():
+def test_reading_without_confidence_is_no_measurement():
     source = topic("data", "confidence: sure")
     assert after(source, {"data": math.nan, "sure": 0.0}) is None
     assert after(source, {"data": 2.0, "sure": False}) is None
@@ -232,20 +232,20 @@ def test_without_confidence_nothing_was_measured():
 
 
 @pytest.mark.parametrize("sure", [1.01, -0.1, math.nan, math.inf, "high", None])
-def test_a_confidence_outside_of_0_to_1_is_refused(sure):
+def test_confidence_outside_0_to_1_is_rejected(sure):
     with pytest.raises(Refused, match="expected 0 to 1") as refused:
         after(topic("data", "confidence: sure"), {"data": 2.0, "sure": sure})
     assert refused.value.code == "OUT_OF_RANGE"
 
 
 @pytest.mark.parametrize("std", [-0.1, math.nan, math.inf, "small", None])
-def test_a_standard_deviation_below_0_is_refused(std):
+def test_negative_standard_deviation_is_rejected(std):
     with pytest.raises(Refused, match="expected 0 or more") as refused:
         after(topic("data", "std: doubt"), {"data": 2.0, "doubt": std})
     assert refused.value.code == "OUT_OF_RANGE"
 
 
-def test_a_standard_deviation_is_mapped_with_the_reading():
+def test_standard_deviation_is_mapped_with_the_reading():
     source = topic("data", "std: 0.5, map: {0: 1, 10: 5}")
     assert after(source, {"data": 5.0}).std == pytest.approx(0.2)
     at_the_end = after(source, {"data": 10.0}).std
@@ -254,17 +254,17 @@ def test_a_standard_deviation_is_mapped_with_the_reading():
         assert after(source, {"data": beyond}).std == at_the_end, "what is held is not exact"
 
 
-def test_a_standard_deviation_is_never_more_than_that_of_any_value_of_the_range():
+def test_standard_deviation_is_bounded_by_that_of_range():
     source = topic("data", "std: 9e99, confidence: 1e-300")
     assert after(source, {"data": 2.0}).std == pytest.approx(4 / math.sqrt(12))
 
 
-def test_beside_a_table_the_standard_deviation_is_that_of_the_value():
+def test_table_leaves_standard_deviation_unmapped():
     source = topic("data", "std: 0.5, table: {sad: 1, happy: 5}")
     assert after(source, {"data": "sad"}).std == 0.5
 
 
-def test_an_empty_list_is_no_measurement_but_a_missing_field_is_refused():
+def test_empty_list_is_ignored_but_missing_field_rejected():
     source = topic("faces.0.mood")
     assert after(source, {"faces": []}) is None
     with pytest.raises(Refused, match=r"no field 'faces\.0\.mood'") as refused:
@@ -272,7 +272,7 @@ def test_an_empty_list_is_no_measurement_but_a_missing_field_is_refused():
     assert refused.value.code == "UNKNOWN_FIELD"
 
 
-def test_what_cannot_be_computed_is_refused_and_counted():
+def test_uncomputable_reading_is_rejected_and_counted():
     sources, spec = written(topic("msg.a / msg.b"))
     with pytest.raises(Refused, match="by zero") as refused:
         sources.read(spec.sources[0], message_of({"a": 1, "b": 0}), 0.0)
@@ -280,7 +280,7 @@ def test_what_cannot_be_computed_is_refused_and_counted():
     assert sources.refusals == {("face", "NOT_COMPUTABLE"): 1}
 
 
-def test_a_smoothed_reading_follows_slowly_and_begins_anew_after_a_gap():
+def test_smoothed_reading_lags_and_restarts_after_gap():
     sources, spec = written(topic("data", "smoothing: 1 s"))
     (mood,) = spec.sources
     read(sources, mood, 1.0, 0.0)
@@ -290,7 +290,7 @@ def test_a_smoothed_reading_follows_slowly_and_begins_anew_after_a_gap():
     assert sources.latest("mood", 9.0).value == 5.0
 
 
-def test_a_source_for_each_person_keeps_their_readings_apart():
+def test_per_person_source_keeps_readings_apart():
     sources, spec = written(topic("data", name="p/<person>/mood"), PERSONS)
     (mood,) = spec.sources
     read(sources, mood, 2.0, 0.0, "anna")
@@ -303,7 +303,7 @@ def test_a_source_for_each_person_keeps_their_readings_apart():
     assert sources.latest("mood", 1.0, "ben").value == 4.0
 
 
-def test_a_source_that_is_about_nobody_counts_for_everybody():
+def test_impersonal_source_counts_for_every_person():
     each, all_ = topic("data", name="p/<person>/mood"), topic("data", name="room")
     sources, spec = written(f"[{each}, {all_}]", PERSONS)
     read(sources, spec.sources[0], 2.0, 0.0, "anna")
@@ -316,7 +316,7 @@ def test_a_source_that_is_about_nobody_counts_for_everybody():
     assert sources.latest("mood", 1.0).value == 4.0
 
 
-def test_a_source_of_items_reads_the_item_of_a_person():
+def test_item_source_reads_item_of_its_person():
     sources, spec = written("{from: tracked, field: msg.happy * 5, confidence: sure}", PERSONS)
     (mood,) = spec.sources
     assert (mood.topic, mood.of_item, mood.stale_after_s) == ("faces", True, 2.0)
@@ -325,7 +325,7 @@ def test_a_source_of_items_reads_the_item_of_a_person():
     assert (found.value, found.confidence) == (4.0, 0.5)
 
 
-def test_topics_are_known_for_persons_and_for_parts_that_have_an_id():
+def test_topics_exist_for_persons_and_identified_parts():
     sources, spec = written(topic("data", name="faces/<face>/mood"), PERSONS)
     (mood,), (part,) = spec.sources, spec.persons.parts
     people = ("anna", "b/c", "1st", "", "x" * 10_000, "d__e", "ü")
@@ -338,7 +338,7 @@ def test_topics_are_known_for_persons_and_for_parts_that_have_an_id():
     assert sources.topics(["anna"], 1.0) == wanted
 
 
-def test_a_place_is_a_word_or_what_a_topic_says():
+def test_place_is_constant_or_read_from_topic():
     sources, spec = written(topic("data"), "place: lobby")
     assert (spec.place, sources.place(0.0)) == ("lobby", "lobby")
     sources, spec = written(topic("data"), f"place: {topic('data', name='where')}")
@@ -352,7 +352,7 @@ def test_a_place_is_a_word_or_what_a_topic_says():
 @pytest.mark.parametrize(
     ("text", "code"), [("x" * 101, "TOO_LONG"), ("a\nb", "TOO_LONG"), (7, "NOT_A_TEXT")]
 )
-def test_a_place_that_is_no_short_text_is_refused(text, code):
+def test_place_must_be_a_short_text(text, code):
     sources, spec = written(topic("data"), f"place: {topic('data', name='where')}")
     with pytest.raises(Refused) as refused:
         read(sources, spec.place, text, 0.0)
@@ -360,7 +360,7 @@ def test_a_place_that_is_no_short_text_is_refused(text, code):
     assert sources.place(0.0) == ""
 
 
-def test_a_topic_is_unread_then_its_reading_holds_then_it_is_stale():
+def test_topic_standing_goes_from_unread_to_stale():
     sources = Sources(SPEC)
     assert set(sources.standings(now=0.0).values()) == {Standing.UNREAD}
     sources.read(AGE, message_of({"data": 20.0}), now=1.0)
