@@ -59,7 +59,7 @@ def start_together(system: System, trees: Path, *ros_arguments: str) -> NodeProc
 def test_single_process_tree_waits_on_simulated_time(system: System, tmp_path: Path) -> None:
     tree = "sequence: [{say: first}, {wait: 5 s}, {say: second}]"
     start_together(system, write_trees(tmp_path / "a", leo=(5, tree)), "-p", "use_sim_time:=true")
-    system.mouth.holds = lambda _text: False
+    system.say_server.holds = lambda _text: False
     clock = system.ros.node.create_publisher(Clock, "/clock", qos.SENSOR)
     system.until_ready(hosts=1, agents=1)
     # Each node of the process has a clock of its own.
@@ -79,17 +79,17 @@ def test_single_process_tree_waits_on_simulated_time(system: System, tmp_path: P
         return bool(system.started("leo"))
 
     system.until(bids, "a run under simulated time")
-    beats = system.pulse("agents")
-    system.until(lambda: system.mouth.texts == ["first"], "the first sentence")
+    beats = system.heartbeat_probe("agents")
+    system.until(lambda: system.say_server.texts == ["first"], "the first sentence")
     before = beats.count
     system.until(lambda: beats.count >= before + 10, "a while in which time stands still")
-    assert system.mouth.texts == ["first"]
+    assert system.say_server.texts == ["first"]
     play(104)
     before = beats.count
     system.until(lambda: beats.count >= before + 10, "a while before the wait is over")
-    assert system.mouth.texts == ["first"]
+    assert system.say_server.texts == ["first"]
     play(105)
-    system.until(lambda: system.mouth.texts == ["first", "second"], "the second sentence")
+    system.until(lambda: system.say_server.texts == ["first", "second"], "the second sentence")
     system.until(lambda: system.ended("leo"), "the end of the run")
     assert system.ended("leo")[0].outcome == Run.SUCCEEDED
 
@@ -102,10 +102,10 @@ def test_single_process_remaps_names_inside_and_outside(system: System, tmp_path
     remapped += ["-r", "marketplace:bt_agents/auctions:=their/bt_agents/auctions"]
     remapped += ["-p", f"helpers:trees:={trees}"]
     start_together(system, trees, *remapped)
-    system.mouth.holds = lambda _text: False
+    system.say_server.holds = lambda _text: False
     calls = system.ros.collect(CallForBids, "their/bt_agents/calls", qos.EVENTS)
     runs: list[Run] = system.ros.collect(Run, "their/bt_agents/runs", qos.HISTORY)
-    beats = system.pulse("helpers")
+    beats = system.heartbeat_probe("helpers")
     system.until(
         lambda: system.statuses and system.statuses[-1].agents == 1, "the agent has registered"
     )
@@ -224,7 +224,7 @@ def test_single_process_runs_as_launch_file_starts_it(system: System, tmp_path: 
     modules = tuple(shared["args"].split())
     started = replace(bare, arguments=modules, parts=dict(zip(modules, modules, strict=True)))
     process = system.start(Launched(**vars(started), ros_arguments=tuple(words)))
-    system.mouth.holds = lambda _text: False
+    system.say_server.holds = lambda _text: False
     system.until_ready(hosts=1, agents=1)
     system.scene("s1", age=5, familiarity=3, mood=3)
     system.until(lambda: system.ended("leo"), "a run")

@@ -88,7 +88,7 @@ def test_run_end_is_announced_once_despite_market_crash(
         system.scene(name, age=5, familiarity=3, mood=3)
         system.until_speaking("leo speaks")
 
-        epoch = kill_at_the_end(system, market, fatal, system.mouth.finish)
+        epoch = kill_at_the_end(system, market, fatal, system.say_server.finish)
 
         found = system.until_end_of(name)
         assert (found.epoch, found.code, found.agent) == (epoch, "SUCCEEDED", "leo")
@@ -113,11 +113,11 @@ def test_scene_refusal_is_announced_once_despite_market_crash(
 
         found = system.until_end_of(name)
         assert (found.epoch, found.code) == (epoch, "BUSY")
-        system.mouth.holds = lambda _text: False
-        system.mouth.finish()
+        system.say_server.holds = lambda _text: False
+        system.say_server.finish()
         if "asked again as" in system.until_end_of(f"first{number}").message:
             system.until_end_of(f"first{number}{AGAIN}")
-        system.mouth.holds = lambda _text: True
+        system.say_server.holds = lambda _text: True
     check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
 
 
@@ -136,7 +136,7 @@ def test_run_ends_once_when_market_and_host_crash(
         if moment == "while it runs":
             epoch = system.kill_market(market)
         else:
-            epoch = die_at_the_end(system, market, fatal, system.mouth.finish, "run")
+            epoch = die_at_the_end(system, market, fatal, system.say_server.finish, "run")
         host.kill()
         market.start()
         host.start()
@@ -149,7 +149,7 @@ def test_run_ends_once_when_market_and_host_crash(
             epoch,
             getattr(Run, code),
         )
-        system.mouth.finish()
+        system.say_server.finish()
     check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(PAIRS)])
     assert _runs(system.ended()) == _runs(system.started())
 

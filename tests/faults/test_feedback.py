@@ -51,10 +51,10 @@ def test_feedback_for_killed_node_is_applied_exactly_once(system: System, tmp_pa
     system.scene("s1", age=5, familiarity=3, mood=3)
     system.until_speaking("the first")
     feedback.kill()
-    system.mouth.finish()
+    system.say_server.finish()
     system.until_speaking("the second")
-    system.mouth.holds = lambda _text: False
-    system.mouth.finish()
+    system.say_server.holds = lambda _text: False
+    system.say_server.finish()
     assert system.until_end_of("s1").code == "SUCCEEDED"
     assert list(profiles[-1].revisions) == [0]
 

@@ -44,10 +44,12 @@ def test_run_continues_under_heartbeat_flood(
     system.market(trees, collect_deadline=0.05, bid_deadline=5.0, host_lease=LEASE_S)
     system.host("agents", trees, market_lease=LEASE_S)
     system.until_ready(hosts=1, agents=1)
-    pulse = system.pulse("agents")
+    heartbeat_probe = system.heartbeat_probe("agents")
     system.scene("s1", age=5, familiarity=3, mood=3)
     system.until_speaking("leo speaks")
-    system.until(lambda: pulse.count and system.started("leo"), "a heartbeat, and the start")
+    system.until(
+        lambda: heartbeat_probe.count and system.started("leo"), "a heartbeat, and the start"
+    )
     publisher = system.ros.node.create_publisher(type(message), topic, qos.EVENTS)
     system.until(publisher.get_subscription_count, "somebody hears the flood")
     serialized = serialize_message(message)
@@ -65,5 +67,5 @@ def test_run_continues_under_heartbeat_flood(
     system.until(is_over, "the end of the flood")
     assert system.ended() == []
     assert all(status.hosts == 1 for status in system.statuses[before:])
-    system.mouth.finish()
+    system.say_server.finish()
     assert system.until_end_of("s1").code == "SUCCEEDED"

@@ -9,7 +9,7 @@ import pytest
 
 from bt_agents_interfaces.msg import Auction, MarketHeartbeat, Run, TreeStatus
 from bt_agents_ros import qos
-from processes import BEATS_A_SECOND, NodeProcess, Pulse, SilentHost, System, write_trees
+from processes import BEATS_A_SECOND, HeartbeatProbe, NodeProcess, SilentHost, System, write_trees
 
 pytestmark = pytest.mark.e2e
 
@@ -41,7 +41,7 @@ def old_person(system: System, scene_id: str) -> None:
     system.scene(scene_id, age=5, familiarity=3, mood=3)
 
 
-def until_lost(system: System, other: Pulse) -> tuple[Run, int]:
+def until_lost(system: System, other: HeartbeatProbe) -> tuple[Run, int]:
     """Wait until leo is lost; return that and how many beats of the other host it took."""
     before = other.count
     system.until(lambda: system.ended("leo"), "the end of leo's run")
@@ -53,24 +53,24 @@ def test_lost_host_is_replaced_by_next_agent_quickly(
     system: System, tmp_path: Path, fault: str
 ) -> None:
     host, _ = two_hosts(system, tmp_path)
-    pulse = system.pulse("agents_b")
+    heartbeat_probe = system.heartbeat_probe("agents_b")
     old_person(system, "s1")
     system.until_speaking("leo begins")
-    system.until(lambda: pulse.count, "a heartbeat")
+    system.until(lambda: heartbeat_probe.count, "a heartbeat")
     if fault == "killed":
         host.kill()
     else:
         host.hang()
-    lost, beats = until_lost(system, pulse)
+    lost, beats = until_lost(system, heartbeat_probe)
     assert lost.outcome == Run.LOST
     assert "/agents_a is gone: no heartbeat" in lost.message
     assert beats <= 2 * BEATS_A_SECOND
     system.until(lambda: system.started("mira"), "mira's start")
     second = system.auctions[-1]
     assert (second.follows, second.winner) == (lost.round, "mira")
-    system.until(lambda: "mira begins" in system.mouth.speaking, "mira speaks")
-    system.mouth.holds = lambda _text: False
-    system.mouth.finish()
+    system.until(lambda: "mira begins" in system.say_server.speaking, "mira speaks")
+    system.say_server.holds = lambda _text: False
+    system.say_server.finish()
     end = system.until_end_of("s1")
     assert (end.code, end.agent) == ("SUCCEEDED", "mira")
     assert [run.agent for run in system.started()] == ["leo", "mira"]
@@ -81,23 +81,25 @@ def test_resumed_host_stops_its_tree_without_speaking(
     system: System, tmp_path: Path, sentence: str
 ) -> None:
     host, _ = two_hosts(system, tmp_path)
-    first = system.pulse("agents_a")
+    first = system.heartbeat_probe("agents_a")
     old_person(system, "s1")
     system.until_speaking("leo begins")
     host.hang()
     if sentence == "over":
-        system.mouth.finish()
-    system.until(lambda: "mira begins" in system.mouth.speaking, "mira speaks")
+        system.say_server.finish()
+    system.until(lambda: "mira begins" in system.say_server.speaking, "mira speaks")
     beats = first.count
     host.go_on()
     system.until(lambda: first.count > beats and not first.busy, "leo's host is idle")
-    assert system.mouth.texts == ["leo begins", "mira begins"]
-    assert system.mouth.sentences[0].how == ("finished" if sentence == "over" else "cancelled")
-    assert system.mouth.speaking == ["mira begins"]
-    system.mouth.holds = lambda _text: False
-    system.mouth.finish()
+    assert system.say_server.texts == ["leo begins", "mira begins"]
+    assert system.say_server.say_goals[0].how == (
+        "finished" if sentence == "over" else "cancelled"
+    )
+    assert system.say_server.speaking == ["mira begins"]
+    system.say_server.holds = lambda _text: False
+    system.say_server.finish()
     assert system.until_end_of("s1").code == "SUCCEEDED"
-    assert system.mouth.texts == ["leo begins", "mira begins", "mira ends"]
+    assert system.say_server.texts == ["leo begins", "mira begins", "mira ends"]
     old_person(system, "s2")
     assert system.until_end_of("s2").agent == "leo"
 
@@ -105,12 +107,12 @@ def test_resumed_host_stops_its_tree_without_speaking(
 def test_resumed_host_does_not_act_on_expired_wait(system: System, tmp_path: Path) -> None:
     tree = "sequence: [say: leo begins, wait: 500 ms, say: leo ends]"
     host, _ = two_hosts(system, tmp_path, leo=tree)
-    first = system.pulse("agents_a")
+    first = system.heartbeat_probe("agents_a")
     statuses = system.ros.collect(TreeStatus, "agents_a/status", qos.EVENTS)
     system.until(lambda: first.count, "a heartbeat")
     old_person(system, "s1")
     system.until_speaking("leo begins")
-    system.mouth.finish()
+    system.say_server.finish()
     system.until(
         lambda: any("wait" in change.path for status in statuses for change in status.changes),
         "leo waits",
@@ -120,14 +122,14 @@ def test_resumed_host_does_not_act_on_expired_wait(system: System, tmp_path: Pat
     beats = first.count
     host.go_on()
     system.until(lambda: first.count > beats + 2 and not first.busy, "leo's host is idle")
-    assert system.mouth.texts == ["leo begins", "mira begins"]
+    assert system.say_server.texts == ["leo begins", "mira begins"]
 
 
 def let_them_speak(system: System, *texts: str) -> None:
     """Let a tree come to its end, which says these texts."""
     for text in texts:
         system.until_speaking(text)
-        system.mouth.finish()
+        system.say_server.finish()
 
 
 def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) -> None:
@@ -135,7 +137,7 @@ def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) ->
     # A third one that is silent keeps every round open, so that the hang comes before the goal.
     silent = system.ros.add(SilentHost())
     silent.register(system.ros)
-    first, second = system.pulse("agents_a"), system.pulse("agents_b")
+    first, second = system.heartbeat_probe("agents_a"), system.heartbeat_probe("agents_b")
     hung = 0
     for number in range(1, 41):
         system.until_ready(hosts=3, agents=3)
@@ -150,14 +152,14 @@ def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) ->
         assert second.count - hung_at <= 2 * BEATS_A_SECOND
         assert (system.started()[-1].agent, system.started()[-1].round) == ("mira", number)
         system.until_speaking("mira begins")
-        said, beats = len(system.mouth.texts), first.count
+        said, beats = len(system.say_server.texts), first.count
         host.go_on()
         system.until(
             lambda n=beats: first.count > n + 2 and not first.busy, "leo's host beats and is idle"
         )
         let_them_speak(system, "mira begins", "mira ends")
         assert system.until_end_of(scene_id).agent == "mira"
-        assert system.mouth.texts[said:] == ["mira ends"]
+        assert system.say_server.texts[said:] == ["mira ends"]
         # The hang may come when the probe has heard the bid and the market has not.
         hung += system.auctions[-1].winner == "leo"
         if hung == 20:
@@ -170,8 +172,8 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     silent = system.ros.add(SilentHost())
     silent.register(system.ros)
     system.until_ready(hosts=3, agents=3)
-    pulse = system.pulse("agents_b")
-    system.until(lambda: pulse.count, "a heartbeat")
+    heartbeat_probe = system.heartbeat_probe("agents_b")
+    system.until(lambda: heartbeat_probe.count, "a heartbeat")
     beats = system.ros.collect(MarketHeartbeat, "/marketplace/heartbeat", qos.EVENTS)
     old_person(system, "s1")
     system.until(lambda: system.has_bid("/agents_a", 1), "the bid of leo")
@@ -179,16 +181,16 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     seen = len(beats)
     system.until(lambda: len(beats) > seen + 1, "two heartbeats of the market")
     host.kill()
-    killed_at = pulse.count
+    killed_at = heartbeat_probe.count
     system.until(system.started, "a start")
-    assert pulse.count - killed_at <= 2 * BEATS_A_SECOND
+    assert heartbeat_probe.count - killed_at <= 2 * BEATS_A_SECOND
     assert [run.agent for run in system.started()] == ["mira"]
     refused = [run for run in system.runs if run.event == Run.REFUSED]
     assert [(run.agent, run.message) for run in refused] == [
         ("leo", "/agents_a is gone: no heartbeat")
     ]
-    system.mouth.holds = lambda _text: False
-    system.mouth.finish()
+    system.say_server.holds = lambda _text: False
+    system.say_server.finish()
     assert system.until_end_of("s1").code == "SUCCEEDED"
     host.start()
     system.until_ready(hosts=3, agents=3)
@@ -220,7 +222,7 @@ def test_round_with_silent_host_closes_at_deadline(system: System, tmp_path: Pat
 
 def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(LEO, "say: leo speaks"))
-    system.mouth.holds = lambda _text: False
+    system.say_server.holds = lambda _text: False
     system.market(trees, collect_deadline=0.05, queue_limit=100)
     first = system.host("agents", trees)
     system.until_ready(hosts=1, agents=1)
@@ -233,7 +235,7 @@ def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path
     assert sorted((end.scene_id, end.code) for end in system.ends) == sorted(
         (scene_id, "SUCCEEDED") for scene_id in ids
     )
-    assert len(system.mouth.texts) == 100
+    assert len(system.say_server.texts) == 100
     starts = system.started()
     assert len(starts) == 100
     assert len({run.host_instance for run in starts}) == 1
@@ -242,5 +244,5 @@ def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path
     system.until_ready(hosts=1, agents=1)
     old_person(system, "after")
     assert system.until_end_of("after").code == "SUCCEEDED"
-    assert len(system.mouth.texts) == 101
+    assert len(system.say_server.texts) == 101
     assert system.started()[-1].host_instance != starts[0].host_instance

@@ -46,8 +46,8 @@ def all_wait_for_the_host(system: System) -> bool:
 
 
 def check_that_the_line_runs(system: System) -> None:
-    system.mouth.holds = lambda _text: False
-    system.mouth.finish()
+    system.say_server.holds = lambda _text: False
+    system.say_server.finish()
     system.until(lambda: all(system.ends_of(name) for name in LINE), "the end of every scene")
     assert [system.ends_of(name)[0].code for name in LINE] == ["SUCCEEDED"] * len(LINE)
     ends = Counter(end.scene_id for end in system.ends)
@@ -84,8 +84,8 @@ def test_queue_survives_killed_market(system: System, tmp_path: Path, both: bool
     market.start()
     if both:
         host.start()
-    system.mouth.holds = lambda _text: False
-    system.mouth.finish()
+    system.say_server.holds = lambda _text: False
+    system.say_server.finish()
     system.until_ready(hosts=1, agents=1, after=epoch)
     system.until(lambda: system.ends_of("s1"), "the end of the scene that was under way")
     [end] = system.ends_of("s1")
@@ -100,7 +100,7 @@ def test_scenes_announced_without_market_reach_it_once(system: System, tmp_path:
     market, _ = market_and_host(system, tmp_path)
     system.start(components.scene_layer(tmp_path / "leo"))
     analyze = system.ros.node.create_client(Analyze, "scene_layer/analyze")
-    system.mouth.holds = lambda _text: False
+    system.say_server.holds = lambda _text: False
 
     def announce(age: float) -> Analyze.Response:
         request = Analyze.Request(
@@ -115,8 +115,10 @@ def test_scenes_announced_without_market_reach_it_once(system: System, tmp_path:
     epoch = system.kill_market(market)
     # The first one is announced before the layer can know that the market is dead.
     unsure = announce(3.0)
-    pulse = system.pulse("agents")
-    system.until(lambda: pulse.count > 3 * BEATS_A_SECOND, "the market is known to be away")
+    heartbeat_probe = system.heartbeat_probe("agents")
+    system.until(
+        lambda: heartbeat_probe.count > 3 * BEATS_A_SECOND, "the market is known to be away"
+    )
     kept = [announce(age) for age in (2.0, 3.0, 4.0)]
     assert all(answer.kept for answer in kept)
     assert kept[0].message.startswith("no marketplace is there")

@@ -55,7 +55,7 @@ def test_lifecycle_manager_can_restart_whole_system(
     system: System, tmp_path: Path, layout: str
 ) -> None:
     trees = write_trees(tmp_path / "trees", leo=(4.5, "say: leo speaks"))
-    system.mouth.holds = lambda _text: False
+    system.say_server.holds = lambda _text: False
     parts = [
         replace(one, parameters={**one.parameters, AUTOSTART: False})
         for one in (

@@ -33,8 +33,8 @@ def old_person(system: System, scene_id: str) -> None:
 
 def check_that_nothing_else_runs(system: System, epoch: str, starts: int) -> None:
     """Let one more scene run through the new market, and count what has started there."""
-    system.mouth.holds = lambda _text: False
-    system.mouth.finish()
+    system.say_server.holds = lambda _text: False
+    system.say_server.finish()
     old_person(system, "s2")
     assert system.until_end_of("s2").code == "SUCCEEDED"
     assert len(system.started(epoch=epoch)) == starts + 1
@@ -46,18 +46,18 @@ def test_killed_market_ends_its_run_and_successor_retries(
     system: System, tmp_path: Path, restart: str
 ) -> None:
     market = market_and_hosts(system, tmp_path)
-    pulse = system.pulse("agents_a")
+    heartbeat_probe = system.heartbeat_probe("agents_a")
     old_person(system, "s1")
     system.until_speaking("leo speaks")
-    system.until(lambda: pulse.count, "a heartbeat")
+    system.until(lambda: heartbeat_probe.count, "a heartbeat")
     epoch = system.kill_market(market)
-    killed_at = pulse.count
+    killed_at = heartbeat_probe.count
     if restart == "at once":
         market.start()
-    first = system.mouth.sentences[0]
+    first = system.say_server.say_goals[0]
     system.until(lambda: first.how, "the end of what leo says")
     assert first.how == "cancelled"
-    assert pulse.count - killed_at <= 4 * BEATS_A_SECOND
+    assert heartbeat_probe.count - killed_at <= 4 * BEATS_A_SECOND
     if restart != "at once":
         market.start()
     system.until_ready(hosts=2, agents=2, after=epoch)
@@ -74,18 +74,18 @@ def test_killed_market_ends_its_run_and_successor_retries(
     assert again in end.message
     check_that_nothing_else_runs(system, new, starts=1)
     assert system.until_end_of(again).code == "SUCCEEDED"
-    assert system.mouth.texts == ["leo speaks"] * 3
+    assert system.say_server.texts == ["leo speaks"] * 3
 
 
 def test_run_ending_without_market_is_not_repeated(system: System, tmp_path: Path) -> None:
     market = market_and_hosts(system, tmp_path)
-    pulse = system.pulse("agents_a")
+    heartbeat_probe = system.heartbeat_probe("agents_a")
     old_person(system, "s1")
     system.until_speaking("leo speaks")
-    system.until(lambda: pulse.busy, "the host is busy")
+    system.until(lambda: heartbeat_probe.busy, "the host is busy")
     epoch = system.kill_market(market)
-    system.mouth.finish()
-    system.until(lambda: not pulse.busy, "the run is over")
+    system.say_server.finish()
+    system.until(lambda: not heartbeat_probe.busy, "the run is over")
     market.start()
     system.until_ready(hosts=2, agents=2, after=epoch)
     end = system.until_end_of("s1")
@@ -99,23 +99,25 @@ def test_market_hanging_beyond_lease_loses_run_and_continues(
     system: System, tmp_path: Path
 ) -> None:
     market = market_and_hosts(system, tmp_path)
-    pulse = system.pulse("agents_a")
+    heartbeat_probe = system.heartbeat_probe("agents_a")
     old_person(system, "s1")
     system.until_speaking("leo speaks")
-    system.until(lambda: pulse.count and system.started("leo"), "a heartbeat, and the start")
+    system.until(
+        lambda: heartbeat_probe.count and system.started("leo"), "a heartbeat, and the start"
+    )
     market.hang()
-    hung_at = pulse.count
-    first = system.mouth.sentences[0]
+    hung_at = heartbeat_probe.count
+    first = system.say_server.say_goals[0]
     system.until(lambda: first.how, "the end of what leo says")
     assert first.how == "cancelled"
-    assert pulse.count - hung_at <= 4 * BEATS_A_SECOND
+    assert heartbeat_probe.count - hung_at <= 4 * BEATS_A_SECOND
     market.go_on()
     system.until_end_of("s1")
     [ended] = system.ended("leo")
     assert ended.outcome in (Run.CANCELLED, Run.LOST)
     assert "silent" in ended.message
     system.until_ready(hosts=2, agents=2)
-    system.mouth.holds = lambda _text: False
+    system.say_server.holds = lambda _text: False
     old_person(system, "s2")
     assert system.until_end_of("s2").code == "SUCCEEDED"
     assert len(system.ends_of("s1")) == 1

@@ -17,7 +17,7 @@ from action_msgs.msg import GoalStatus, GoalStatusArray
 from bt_agents_interfaces.msg import MarketStatus, OpenGoals, Run
 from bt_agents_ros import qos
 from bt_agents_tools.launcher import components
-from processes import BEATS_A_SECOND, ROOT, NodeProcess, Pulse, System, write_trees
+from processes import BEATS_A_SECOND, ROOT, HeartbeatProbe, NodeProcess, System, write_trees
 
 pytestmark = pytest.mark.e2e
 
@@ -52,14 +52,14 @@ def test_next_agent_waits_for_killed_hosts_sentence(system: System, tmp_path: Pa
     old_person(system, "s1")
     system.until_speaking("leo speaks")
     host.kill()
-    system.until(lambda: "mira speaks" in system.mouth.speaking, "mira speaks")
+    system.until(lambda: "mira speaks" in system.say_server.speaking, "mira speaks")
     system.until(lambda: system.started("mira"), "the news of mira's start")
-    leo, mira = system.mouth.sentences
+    leo, mira = system.say_server.say_goals
     assert (leo.how, mira.beside) == ("cancelled", ())
     [lost] = system.ended("leo")
     assert (lost.outcome, list(lost.orphans)) == (Run.LOST, ["tree"])
     assert system.started("mira")[0].message == "the host took the run"
-    system.mouth.finish()
+    system.say_server.finish()
     assert system.until_end_of("s1").code == "SUCCEEDED"
 
 
@@ -68,20 +68,20 @@ def test_next_run_reports_goals_that_did_not_stop(
     system: System, tmp_path: Path, server: str
 ) -> None:
     _, host, _ = two_hosts(system, tmp_path, takeover_deadline=1.0)
-    pulse = system.pulse("agents_b")
-    system.mouth.on_cancel = server
+    heartbeat_probe = system.heartbeat_probe("agents_b")
+    system.say_server.on_cancel = server
     old_person(system, "s1")
     system.until_speaking("leo speaks")
     host.kill()
     system.until(lambda: system.ended("leo"), "leo is lost")
-    lost_at = pulse.count
+    lost_at = heartbeat_probe.count
     waiting = "goals of /agents_a are being cancelled: /say (tree)"
     system.until(
         lambda: any(waiting in status.message for status in system.statuses), "the market waits"
     )
-    assert system.mouth.texts == ["leo speaks"]
+    assert system.say_server.texts == ["leo speaks"]
     system.until(lambda: system.started("mira"), "mira's start")
-    assert BEATS_A_SECOND // 2 <= pulse.count - lost_at <= 10 * BEATS_A_SECOND
+    assert BEATS_A_SECOND // 2 <= heartbeat_probe.count - lost_at <= 10 * BEATS_A_SECOND
     unconfirmed = "not confirmed to have ended: /say (tree) of /agents_a"
     assert unconfirmed in system.started("mira")[0].message
     system.until(
@@ -100,15 +100,15 @@ def test_restarted_host_ends_its_open_goals_without_market(system: System, tmp_p
     system.until_speaking("leo speaks")
     host.kill()
     epoch = system.kill_market(market)
-    assert system.mouth.speaking == ["leo speaks"]
+    assert system.say_server.speaking == ["leo speaks"]
     host.start()
     system.until_speaking()
-    assert system.mouth.sentences[0].how == "cancelled"
+    assert system.say_server.say_goals[0].how == "cancelled"
     market.start()
     system.until_ready(hosts=2, agents=2, after=epoch)
     old_person(system, "s2")
     system.until_speaking("leo speaks")
-    assert system.mouth.sentences[-1].beside == ()
+    assert system.say_server.say_goals[-1].beside == ()
 
 
 def test_restarted_market_ends_dead_hosts_goals_first(system: System, tmp_path: Path) -> None:
@@ -119,12 +119,12 @@ def test_restarted_market_ends_dead_hosts_goals_first(system: System, tmp_path: 
     system.until(lambda: '"/say"' in scenes.read_text(), "the market has stored what is open")
     host.kill()
     epoch = system.kill_market(market)
-    assert system.mouth.speaking == ["leo speaks"]
+    assert system.say_server.speaking == ["leo speaks"]
     market.start()
     system.until_ready(hosts=1, agents=1, after=epoch)
     system.scene("s2", age=1, familiarity=3, mood=3)
-    system.until(lambda: "mira speaks" in system.mouth.speaking, "mira speaks")
-    leo, mira = system.mouth.sentences
+    system.until(lambda: "mira speaks" in system.say_server.speaking, "mira speaks")
+    leo, mira = system.say_server.say_goals
     assert (leo.how, mira.beside) == ("cancelled", ())
 
 
@@ -133,19 +133,19 @@ def test_restarted_host_settles_open_goals_before_registering(
     system: System, tmp_path: Path, server: str
 ) -> None:
     _, host, _ = two_hosts(system, tmp_path, takeover_deadline=0.5)
-    pulse = system.pulse("agents_a")
-    system.until(lambda: pulse.count > 0, "its heartbeat is heard")
-    system.mouth.on_cancel = server
+    heartbeat_probe = system.heartbeat_probe("agents_a")
+    system.until(lambda: heartbeat_probe.count > 0, "its heartbeat is heard")
+    system.say_server.on_cancel = server
     old_person(system, "s1")
     system.until_speaking("leo speaks")
     host.kill()
     system.until(lambda: system.ended("leo"), "leo is lost")
     system.until(lambda: system.statuses[-1].hosts == 1, "one host is left")
-    before = pulse.count
+    before = heartbeat_probe.count
     host.start()
     system.until(lambda: system.statuses[-1].hosts == 2, "it is registered again")
     # It beats while it waits.
-    waited = pulse.count - before
+    waited = heartbeat_probe.count - before
     assert waited <= 15 * BEATS_A_SECOND
     if server == "refuses":
         assert waited >= BEATS_A_SECOND // 2
@@ -159,7 +159,7 @@ def test_second_host_process_leaves_goals_of_first_alone(system: System, tmp_pat
     second = system.host("agents_a", tmp_path / "a", tmp_path / "a" / "open-goals")
     system.until(lambda: "HOST_EXISTS" in second.said, "the refusal of the second")
     assert "open-goals cannot be used" in second.said
-    assert system.mouth.speaking == ["leo speaks"]
+    assert system.say_server.speaking == ["leo speaks"]
 
 
 def drivers(system: System, tmp_path: Path) -> tuple[dict[str, NodeProcess], NodeProcess, Any]:
@@ -180,14 +180,14 @@ def drivers(system: System, tmp_path: Path) -> tuple[dict[str, NodeProcess], Nod
     return nodes, robot, states
 
 
-def until_driving(system: System, pulses: Sequence[Pulse], name: str, age: float) -> Run:
+def until_driving(system: System, pulses: Sequence[HeartbeatProbe], name: str, age: float) -> Run:
     """Put a scene on the market until it has one; return the start of its run."""
     begun, asked = len(system.started()), itertools.count()
     due = 0
 
     def started() -> bool:
         nonlocal due
-        beats = sum(pulse.count for pulse in pulses)
+        beats = sum(heartbeat_probe.count for heartbeat_probe in pulses)
         # A market that has just been started may not be heard by the probe yet.
         if beats >= due and system.statuses[-1].state == MarketStatus.IDLE:
             due = beats + 2 * BEATS_A_SECOND
@@ -210,7 +210,7 @@ def until_idle(system: System, after: str) -> None:
 
 def test_random_kills_never_cause_two_simultaneous_drives(system: System, tmp_path: Path) -> None:
     nodes, robot, states = drivers(system, tmp_path)
-    pulses = system.pulse("agents_a"), system.pulse("agents_b")
+    pulses = system.heartbeat_probe("agents_a"), system.heartbeat_probe("agents_b")
     luck = random.Random(KILLS)
     hosts_of = {"leo": nodes["agents_a"], "mira": nodes["agents_b"]}
     for number in range(KILLS):
@@ -250,7 +250,7 @@ def test_host_publishes_open_goals_before_sending_them(system: System, tmp_path:
     two_hosts(system, tmp_path)
     old_person(system, "s1")
     system.until_speaking("leo speaks")
-    system.mouth.finish()
+    system.say_server.finish()
     system.until_end_of("s1")
     of_leo: list[OpenGoals] = []
 
@@ -261,7 +261,7 @@ def test_host_publishes_open_goals_before_sending_them(system: System, tmp_path:
     system.until(told, "leo's host has nothing open")
     [named] = [message for message in of_leo if message.goals]
     [goal] = named.goals
-    [sentence] = system.mouth.sentences
+    [sentence] = system.say_server.say_goals
     assert bytes(goal.goal_id) == bytes(sentence.goal.goal_id.uuid)
     assert (goal.path, goal.action) == ("tree", "/say")
     assert named.heartbeat == "/agents_a/heartbeat"

@@ -33,7 +33,7 @@ def robot_and_host(
     text = file.read_text().replace("within: 2 s", f"within: {within}")
     patient = f"{{result: 2 min, accept: {accept}, server: {accept}}}"
     file.write_text(text.replace("{result: 2 min}", patient))
-    system.ros.remove(system.mouth)
+    system.ros.remove(system.say_server)
     system.market(trees, collect_deadline=0.05, bid_deadline=5.0)
     robot = system.start(components.robot(pace=1.0, voice="off"))
     system.host("agents", trees)
@@ -45,14 +45,14 @@ def test_killing_robot_during_sentence_fails_leaf_and_run(system: System, tmp_pa
     acts: list[String] = system.ros.collect(String, "robot/transcript", qos.EVENTS)
     opened: list[OpenGoals] = system.ros.collect(OpenGoals, "bt_agents/open_goals", qos.FACTS)
     robot = robot_and_host(system, tmp_path, f"say: {LONG}")
-    pulse = system.pulse("agents")
+    heartbeat_probe = system.heartbeat_probe("agents")
     system.scene("s1", age=5, familiarity=3, mood=3)
-    system.until(lambda: acts and pulse.count, "the robot speaks")
+    system.until(lambda: acts and heartbeat_probe.count, "the robot speaks")
     robot.kill()
-    killed_at = pulse.count
+    killed_at = heartbeat_probe.count
     end = system.until_end_of("s1")
     assert end.code == "FAILED"
-    assert pulse.count - killed_at <= 5 * BEATS_A_SECOND
+    assert heartbeat_probe.count - killed_at <= 5 * BEATS_A_SECOND
     [ended] = system.ended("leo")
     assert ended.outcome == Run.FAILED
     assert "say unreachable" in ended.message

@@ -28,12 +28,12 @@ sequence:
 
 def test_tree_sees_unknown_mood_without_scene_layer(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(4.0, TREE))
-    system.mouth.holds = lambda _text: False
+    system.say_server.holds = lambda _text: False
     system.market(trees, bid_deadline=5.0)
     layer = system.start(components.scene_layer(trees))
     system.host("agents", trees)
     system.until_ready(hosts=1, agents=1)
-    pulse = system.pulse("agents")
+    heartbeat_probe = system.heartbeat_probe("agents")
     analyze = system.ros.node.create_client(Analyze, "scene_layer/analyze")
 
     def sense(mood: float, *, announce: bool) -> Any:
@@ -46,22 +46,22 @@ def test_tree_sees_unknown_mood_without_scene_layer(system: System, tmp_path: Pa
         return system.ask(analyze, request)
 
     def last() -> str:
-        said = system.mouth.texts
+        said = system.say_server.texts
         return said[-1] if said else ""
 
     assert sense(4.0, announce=True).accepted
     system.until(lambda: last() == "mood 4", "the mood as awarded")
     sense(2.0, announce=False)
     system.until(lambda: last() == "mood 2", "the mood of now")
-    system.until(lambda: pulse.count, "a heartbeat")
+    system.until(lambda: heartbeat_probe.count, "a heartbeat")
 
     layer.kill()
-    killed_at = pulse.count
+    killed_at = heartbeat_probe.count
     system.until(lambda: last() == "mood unknown", "the mood is stale")
-    assert pulse.count - killed_at <= 3 * BEATS_A_SECOND
-    heard = len(system.mouth.texts)
-    system.until(lambda: len(system.mouth.texts) >= heard + 10, "ten more rounds of the tree")
-    assert set(system.mouth.texts[heard:]) == {"mood unknown"}
+    assert heartbeat_probe.count - killed_at <= 3 * BEATS_A_SECOND
+    heard = len(system.say_server.texts)
+    system.until(lambda: len(system.say_server.texts) >= heard + 10, "ten more rounds of the tree")
+    assert set(system.say_server.texts[heard:]) == {"mood unknown"}
 
     layer.start()
     system.until(lambda: last() != "mood unknown", "the mood is fresh again")

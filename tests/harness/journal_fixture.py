@@ -91,7 +91,7 @@ def write_folder(folder: Path, **profiles: tuple[float, float, float]) -> Path:
     return folder
 
 
-class Town:
+class JournaledSystem:
     """Two agents, a market and a robot, without processes; publishes what a journal would record.
 
     Args:
@@ -311,16 +311,16 @@ class Town:
         )
 
 
-def morning(folder: Path, **how: Any) -> Town:
-    """Return a town after four rounds, with runs and feedback."""
-    town = Town(folder, **how)
+def morning(folder: Path, **how: Any) -> JournaledSystem:
+    """Return a system after four rounds, with runs and feedback."""
+    journaled = JournaledSystem(folder, **how)
     for number, (age, mood) in enumerate([(4.0, 3.0), (1.0, 3.0), (3.0, 2.5), (4.4, 1.0)]):
         person = scene(f"s{number}", age=age, familiarity=2.0, mood=mood)
-        agent = town.round(person)
-        town.run(agent, person, mood)
+        agent = journaled.round(person)
+        journaled.run(agent, person, mood)
         kind = FeedbackKind.POSITIVE if number % 2 else FeedbackKind.DIRECT
-        town.give_feedback(agent, kind, (age, 2.0, NAN))
-    return town
+        journaled.give_feedback(agent, kind, (age, 2.0, NAN))
+    return journaled
 
 
 def topic_of(kind: Any, name: str) -> RecordedTopic:

@@ -72,7 +72,7 @@ def registration(
     return Registration(**(values | changes))
 
 
-class Driver:
+class MarketHarness:
     """Drives one market, by the paper's rule unless told otherwise, and keeps every effect."""
 
     def __init__(self, rules: tuple[MarketRule, ...] = (), **settings: Any) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A marketplace node on a stage: hosts that do what a test says, and what the market says."""
+"""A marketplace node, hosts that do what a test says, and what the market publishes."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ class FakeHost(Node):
         super().destroy_node()
 
 
-class Stage:
+class MarketNodeHarness:
     """A market by the paper's rule, what it says, and the ways to talk to it."""
 
     def __init__(

@@ -181,7 +181,7 @@ class NodeProcess:
 
 
 @dataclass(eq=False, kw_only=True)
-class Sentence:
+class SayGoal:
     """One goal of ``say``.
 
     Attributes:
@@ -196,20 +196,20 @@ class Sentence:
     beside: tuple[str, ...] = ()
 
 
-class Mouth(Node):
-    """The robot's mouth: says each text until the test lets it end, or until it is cancelled.
+class SayServer(Node):
+    """Action server of `say`: says each text until the test lets it end, or until it is cancelled.
 
     Attributes:
         holds: Whether a text is held until :meth:`finish`; others end at once.
         on_cancel: ``stops``; ``refuses``; ``hangs``, which never answers.
-        sentences: Everything it was told to say, in order.
+        say_goals: Everything it was told to say, in order.
     """
 
     def __init__(self) -> None:
-        super().__init__("mouth")
+        super().__init__("say_server")
         self.holds: Callable[[str], bool] = lambda _text: True
         self.on_cancel = "stops"
-        self.sentences: list[Sentence] = []
+        self.say_goals: list[SayGoal] = []
         self._server = ActionServer(
             self,
             Say,
@@ -225,16 +225,16 @@ class Mouth(Node):
     @property
     def texts(self) -> list[str]:
         """What it was told to say, in order."""
-        return [sentence.text for sentence in self.sentences]
+        return [sentence.text for sentence in self.say_goals]
 
     @property
     def speaking(self) -> list[str]:
         """What is being said now."""
-        return [sentence.text for sentence in self.sentences if not sentence.how]
+        return [sentence.text for sentence in self.say_goals if not sentence.how]
 
     def finish(self) -> None:
         """Come to the end of everything that is being said."""
-        for sentence in self.sentences:
+        for sentence in self.say_goals:
             self._end(sentence, "finished")
 
     def destroy_node(self) -> None:
@@ -247,7 +247,7 @@ class Mouth(Node):
             await Future(executor=self.executor)
         if self.on_cancel == "refuses":
             return CancelResponse.REJECT
-        for sentence in self.sentences:
+        for sentence in self.say_goals:
             if sentence.goal.goal_id == handle.goal_id:
                 self._end(sentence, "cancelled")
         return CancelResponse.ACCEPT
@@ -255,8 +255,8 @@ class Mouth(Node):
     async def _say(self, handle: Any) -> Say.Result:
         text = handle.request.text
         done = Future(executor=self.executor)
-        sentence = Sentence(text=text, goal=handle, done=done, beside=tuple(self.speaking))
-        self.sentences.append(sentence)
+        sentence = SayGoal(text=text, goal=handle, done=done, beside=tuple(self.speaking))
+        self.say_goals.append(sentence)
         if self.holds(text):
             await sentence.done
         else:
@@ -268,7 +268,7 @@ class Mouth(Node):
         return Say.Result()
 
     @staticmethod
-    def _end(sentence: Sentence, how: str) -> None:
+    def _end(sentence: SayGoal, how: str) -> None:
         if not sentence.how:
             sentence.how = how
             sentence.done.set_result(None)
@@ -305,7 +305,7 @@ class SilentHost(Node):
 
 
 @dataclass(eq=False)
-class Pulse:
+class HeartbeatProbe:
     """The heartbeats of a host, as the probe hears them."""
 
     beats: list[Heartbeat] = field(default_factory=list)
@@ -333,7 +333,7 @@ class System:
         self.ros = ros
         self.folder = folder
         self.processes: list[NodeProcess] = []
-        self.mouth: Mouth = ros.add(Mouth())
+        self.say_server: SayServer = ros.add(SayServer())
         self.auctions: list[Auction] = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
         self.bids: list[Bids] = []
         self._bidding = ros.node.create_subscription(
@@ -370,9 +370,9 @@ class System:
         given = {**component.parameters, **parameters}
         return self.start(replace(component, parameters=given), name)
 
-    def pulse(self, host: str) -> Pulse:
+    def heartbeat_probe(self, host: str) -> HeartbeatProbe:
         """Listen to the heartbeats of a host."""
-        return Pulse(self.ros.collect(Heartbeat, f"/{host}/heartbeat", qos.EVENTS))
+        return HeartbeatProbe(self.ros.collect(Heartbeat, f"/{host}/heartbeat", qos.EVENTS))
 
     def close(self) -> None:
         """Kill everything and print what it said, which pytest shows of a failed test."""
@@ -380,8 +380,8 @@ class System:
             process.kill()
             print(f"--- {process.node}\n{process.said[-6000:]}")
         # A goal that has come in has to be answered, or rclpy leaves a coroutine behind.
-        self.mouth.holds = lambda _text: False
-        self.mouth.finish()
+        self.say_server.holds = lambda _text: False
+        self.say_server.finish()
         self.ros.turns()
 
     # Waiting
@@ -419,7 +419,7 @@ class System:
         ]
         lines += [f"round {bids.round}: {bids.host} answers" for bids in self.bids[-20:]]
         lines += [f"scene {end.scene_id} {end.code}: {end.message}" for end in self.ends]
-        lines += [f"{s.how or 'speaking'}: {s.text}" for s in self.mouth.sentences[-20:]]
+        lines += [f"{s.how or 'speaking'}: {s.text}" for s in self.say_server.say_goals[-20:]]
         if self.statuses:
             lines.append(f"market: {self.statuses[-1].message}")
         return "\n".join(lines)
@@ -496,7 +496,7 @@ class System:
 
     def until_speaking(self, *texts: str) -> None:
         """Wait until exactly these texts are being said."""
-        self.until(lambda: self.mouth.speaking == list(texts), f"{texts} being said")
+        self.until(lambda: self.say_server.speaking == list(texts), f"{texts} being said")
 
 
 def _event(run: Run) -> str:

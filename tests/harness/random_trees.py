@@ -30,7 +30,7 @@ CONDITIONS = ("true", "false", "live.mood > 2", "live.age > 2", "1 / live.mood >
 POSITION = Position(file="random.yaml", line=1, column=1)
 
 
-class Puppet(py_trees.behaviour.Behaviour):
+class ScriptedLeaf(py_trees.behaviour.Behaviour):
     """Ends as it was told, after so many ticks; ``crash`` raises instead.
 
     Attributes:
@@ -38,8 +38,8 @@ class Puppet(py_trees.behaviour.Behaviour):
         set_up: Those that were set up and not shut down yet.
     """
 
-    alive: set[Puppet]
-    set_up: set[Puppet]
+    alive: set[ScriptedLeaf]
+    set_up: set[ScriptedLeaf]
 
     def __init__(self, name: str, ticks: int, end: str) -> None:
         super().__init__(name)
@@ -47,11 +47,11 @@ class Puppet(py_trees.behaviour.Behaviour):
         self.end = end
 
     def setup(self, **_kwargs: object) -> None:
-        Puppet.set_up.add(self)
+        ScriptedLeaf.set_up.add(self)
 
     def initialise(self) -> None:
         self.left = self.ticks
-        Puppet.alive.add(self)
+        ScriptedLeaf.alive.add(self)
 
     def update(self) -> Status:
         self.left -= 1
@@ -62,10 +62,10 @@ class Puppet(py_trees.behaviour.Behaviour):
         return Status[self.end]
 
     def terminate(self, new_status: Status) -> None:
-        Puppet.alive.discard(self)
+        ScriptedLeaf.alive.discard(self)
 
     def shutdown(self) -> None:
-        Puppet.set_up.discard(self)
+        ScriptedLeaf.set_up.discard(self)
 
 
 def _node(kind: str, /, *children: NodeSpec, **fields: Value | Expression) -> NodeSpec:
@@ -131,7 +131,7 @@ def _message(condition: Expression | None, hold: Value) -> NodeSpec:
 
 def _puppet(ticks: int, end: str) -> NodeSpec:
     fields = {"ticks": Literal(value=ticks), "end": Literal(value=end)}
-    return replace(_node("puppet", **fields), plugin=Puppet)
+    return replace(_node("leaf", **fields), plugin=ScriptedLeaf)
 
 
 leaves: st.SearchStrategy[NodeSpec] = st.one_of(

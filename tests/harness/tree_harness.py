@@ -54,7 +54,7 @@ def agent(tree: str, head: str = "") -> AgentSpec:
     return read_agent_text(text, "a.yaml", SYMBOLS)
 
 
-class Stage:
+class TreeHarness:
     """One run of a tree that a test watches tick by tick.
 
     Args:

@@ -41,8 +41,8 @@ TREES = {
 }
 
 
-class Town:
-    """A market, a host, a mouth and a journal on one executor."""
+class JournalHarness:
+    """A market, a host, a say server and a journal on one executor."""
 
     def __init__(self, ros: Any, path: Path) -> None:
         self.ros = ros
@@ -51,7 +51,7 @@ class Town:
         )
         self.today = date(2026, 3, 1)
         self.files = path / "journal"
-        self.mouth = ScriptedServer(ros, script=Script(finish_s=0.05))
+        self.say_server = ScriptedServer(ros, script=Script(finish_s=0.05))
         self.market = Market(ros)
         self.host: HostNode = ros.add(make_host(self.folder))
         self.market.open()
@@ -82,16 +82,16 @@ class Town:
 
 
 @pytest.fixture
-def town(ros: Any, tmp_path: Path) -> Iterator[Town]:
-    return Town(ros, tmp_path)
+def harness(ros: Any, tmp_path: Path) -> Iterator[JournalHarness]:
+    return JournalHarness(ros, tmp_path)
 
 
-def test_the_trace_of_each_run_is_recorded(town: Town) -> None:
-    journal = town.record()
-    assert town.run("setter").outcome == RunAgent.Result.SUCCEEDED
-    assert town.run("talker").outcome == RunAgent.Result.SUCCEEDED
-    town.ros.remove(journal)
-    found = town.elements(*town.files.glob("*.mcap"))
+def test_the_trace_of_each_run_is_recorded(harness: JournalHarness) -> None:
+    journal = harness.record()
+    assert harness.run("setter").outcome == RunAgent.Result.SUCCEEDED
+    assert harness.run("talker").outcome == RunAgent.Result.SUCCEEDED
+    harness.ros.remove(journal)
+    found = harness.elements(*harness.files.glob("*.mcap"))
     assert found[:2] == [
         ("tree/0.set", StatusChange.SUCCESS, {"way": "'left'"}),
         ("tree/1.set", StatusChange.SUCCESS, {"steps": "3"}),
@@ -99,30 +99,34 @@ def test_the_trace_of_each_run_is_recorded(town: Town) -> None:
     assert ("tree/1.say", StatusChange.SUCCESS, {}) in found
 
 
-def test_each_day_has_its_own_runs(town: Town) -> None:
-    journal = town.record()
-    town.run("talker")
-    town.today += timedelta(days=1)
-    town.run("setter")
-    town.ros.remove(journal)
-    first, second = sorted(town.files.glob("*.mcap"))
-    assert {path for path, _, _ in town.elements(first)} == {"tree", "tree/0.say", "tree/1.say"}
-    assert {path for path, _, _ in town.elements(second)} == {"tree", "tree/0.set", "tree/1.set"}
+def test_each_day_has_its_own_runs(harness: JournalHarness) -> None:
+    journal = harness.record()
+    harness.run("talker")
+    harness.today += timedelta(days=1)
+    harness.run("setter")
+    harness.ros.remove(journal)
+    first, second = sorted(harness.files.glob("*.mcap"))
+    assert {path for path, _, _ in harness.elements(first)} == {"tree", "tree/0.say", "tree/1.say"}
+    assert {path for path, _, _ in harness.elements(second)} == {
+        "tree",
+        "tree/0.set",
+        "tree/1.set",
+    }
     assert index_entries(JournalReader([second]).entries()).counts["/bt_agents/cards"] >= 1
 
 
-def test_second_journal_in_same_folder_is_refused(town: Town, tmp_path: Path) -> None:
-    town.record()
+def test_second_journal_in_same_folder_is_refused(harness: JournalHarness, tmp_path: Path) -> None:
+    harness.record()
     with pytest.raises(Refused, match="another journal writes"):
-        JournalNode(town.files, today=lambda: town.today)
+        JournalNode(harness.files, today=lambda: harness.today)
     blocked = tmp_path / "file"
     blocked.write_text("")
     with pytest.raises(BtAgentsError, match="no place for the journal"):
         JournalNode(blocked / "journal")
 
 
-def test_service_starts_marks_and_stops_recording(town: Town) -> None:
-    ros, journal = town.ros, town.record()
+def test_service_starts_marks_and_stops_recording(harness: JournalHarness) -> None:
+    ros, journal = harness.ros, harness.record()
     record = ros.node.create_client(Record, "journal/record", qos_profile=qos.SERVICE)
     states: list[RecordingStatus] = []
     ros.node.create_subscription(RecordingStatus, "journal/status", states.append, qos.FACT)
@@ -142,7 +146,7 @@ def test_service_starts_marks_and_stops_recording(town: Town) -> None:
     assert ask(action=9).code == "UNKNOWN_ACTION"
     ros.remove(journal)
 
-    newest = sorted(town.files.glob("*.mcap"))[-1]
+    newest = sorted(harness.files.glob("*.mcap"))[-1]
     assert recording_label(newest) == "morning"
     recording = index_entries(JournalReader([newest]).entries())
     [status] = recording.recordings.values()
@@ -151,11 +155,11 @@ def test_service_starts_marks_and_stops_recording(town: Town) -> None:
     assert recording.counts["/agents/files"] == 1
 
 
-def test_journal_file_fits_ros2_bag_and_foxglove(town: Town) -> None:
-    journal = town.record()
-    town.ros.until(lambda: "/agents/trees" in journal.journal._facts)
+def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> None:
+    journal = harness.record()
+    harness.ros.until(lambda: "/agents/trees" in journal.journal._facts)
     journal.journal.close()
-    [file] = town.files.glob("*.mcap")
+    [file] = harness.files.glob("*.mcap")
     with file.open("rb") as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == "ros2"
@@ -183,10 +187,10 @@ def test_journal_file_fits_ros2_bag_and_foxglove(town: Town) -> None:
     assert (trees["history"], trees["reliability"], trees["durability"]) == (1, 1, 1)
 
 
-def test_health_changes_are_recorded_and_repeated_per_file(town: Town) -> None:
-    journal = town.record()
-    publisher = town.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
-    town.ros.until(publisher.get_subscription_count)
+def test_health_changes_are_recorded_and_repeated_per_file(harness: JournalHarness) -> None:
+    journal = harness.record()
+    publisher = harness.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
+    harness.ros.until(publisher.get_subscription_count)
 
     def report(level: bytes, message: str, *, sent: int) -> None:
         status = DiagnosticStatus(
@@ -194,14 +198,14 @@ def test_health_changes_are_recorded_and_repeated_per_file(town: Town) -> None:
         )
         for _ in range(sent):
             publisher.publish(DiagnosticArray(status=[status]))
-            town.ros.turns()
+            harness.ros.turns()
 
     report(DiagnosticStatus.OK, "clear", sent=5)
     report(DiagnosticStatus.WARN, "dusty", sent=5)
     report(DiagnosticStatus.OK, "clear", sent=1)
-    town.today += timedelta(days=1)
-    town.run("talker")
-    town.ros.until(lambda: len(list(town.files.glob("*.mcap"))) == 2)
+    harness.today += timedelta(days=1)
+    harness.run("talker")
+    harness.ros.until(lambda: len(list(harness.files.glob("*.mcap"))) == 2)
     journal.journal.flush(0)
     first, second = (
         [
@@ -211,7 +215,7 @@ def test_health_changes_are_recorded_and_repeated_per_file(town: Town) -> None:
             for status in entry.decode().status
             if status.name == "eye: lens"
         ]
-        for file in sorted(town.files.glob("*.mcap"))
+        for file in sorted(harness.files.glob("*.mcap"))
     )
     assert first == ["clear", "dusty", "clear"]
     assert second == ["clear"]

@@ -46,7 +46,7 @@ from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_ros import limits, qos, size_check
 from bt_agents_ros.size_check import RefusalLog, check_bytes, check_content, check_fields
 from fake_market import TREES, Market, make_host
-from market_node_harness import Stage
+from market_node_harness import MarketNodeHarness
 from programs import ROOT
 
 pytestmark = pytest.mark.ros
@@ -359,8 +359,8 @@ def test_foreign_message_has_one_size_limit(ros: Any) -> None:
 
 
 def test_oversized_request_is_refused_with_code_without_effect(ros: Any) -> None:
-    stage = Stage(ros)
-    stage.host()
+    harness = MarketNodeHarness(ros)
+    harness.host()
     operating = ros.node.create_client(
         OperateMarket,
         "marketplace/operate",
@@ -373,37 +373,37 @@ def test_oversized_request_is_refused_with_code_without_effect(ros: Any) -> None
     refused = ros.call(operating, request)
     assert (refused.accepted, refused.code) == (False, "TOO_LARGE")
     assert refused.message == ("OperateMarket_Request has 20000108 bytes, expected at most 262144")
-    assert stage.statuses[-1].pinned == ""
+    assert harness.statuses[-1].pinned == ""
     request.reason = ""
     assert ros.call(operating, request).accepted
 
-    answer = ros.call(stage.cancelling, CancelRun.Request(reason="x" * 20_001))
+    answer = ros.call(harness.cancelling, CancelRun.Request(reason="x" * 20_001))
     assert answer.message.startswith("TOO_LARGE: CancelRun_Request.reason has 20001 characters")
-    registered = ros.call(stage.registering, RegisterHost.Request(agents=["x"] * 400_000))
+    registered = ros.call(harness.registering, RegisterHost.Request(agents=["x"] * 400_000))
     assert not registered.accepted
     assert registered.message.startswith("TOO_LARGE: RegisterHost_Request.agents has 400000")
 
 
 def test_scene_with_overlong_label_ends_by_name(ros: Any) -> None:
-    stage = Stage(ros)
-    stage.host()
-    stage.scenes.publish(Scene(scene_id="s1", label="x" * 1001))
-    ros.until(lambda: stage.ends)
+    harness = MarketNodeHarness(ros)
+    harness.host()
+    harness.scenes.publish(Scene(scene_id="s1", label="x" * 1001))
+    ros.until(lambda: harness.ends)
 
-    [end] = stage.ends
+    [end] = harness.ends
     assert (end.scene_id, end.code) == ("s1", "TOO_LONG")
     assert end.message == "scene: label has 1001 characters, expected 1000 at most"
 
 
 def test_run_with_oversized_result_fails_by_name(ros: Any) -> None:
-    stage = Stage(ros)
-    host = stage.host()
+    harness = MarketNodeHarness(ros)
+    host = harness.host()
     host.message = "x" * limits.MESSAGE_BYTES
-    stage.scene()
+    harness.scene()
     ros.until(lambda: host.ended)
     host.finish()
 
-    run = stage.until_event(Run.ENDED)
+    run = harness.until_event(Run.ENDED)
     assert run.outcome == Run.FAILED
     assert run.message.startswith("TOO_LARGE: RunAgent_GetResult_Response has 262")
 

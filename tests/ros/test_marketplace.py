@@ -31,7 +31,7 @@ from bt_agents_interfaces.srv import CollectFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import header_at, scene_to_msg
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, scene
-from market_node_harness import FAR, FakeHost, Stage
+from market_node_harness import FAR, FakeHost, MarketNodeHarness
 from marketplace_node.node import MarketplaceNode, read_configuration
 
 pytestmark = pytest.mark.ros
@@ -40,21 +40,21 @@ SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
 
 
 @pytest.fixture
-def stage(ros: Any) -> Stage:
-    return Stage(ros)
+def harness(ros: Any) -> MarketNodeHarness:
+    return MarketNodeHarness(ros)
 
 
-def test_scene_starts_run_of_closest_agent(stage: Stage) -> None:
-    host = stage.host()
-    stage.scene()
-    started = stage.until_event(Run.STARTED)
+def test_scene_starts_run_of_closest_agent(harness: MarketNodeHarness) -> None:
+    host = harness.host()
+    harness.scene()
+    started = harness.until_event(Run.STARTED)
     host.finish()
-    ended = stage.until_event(Run.ENDED)
-    stage.until_over()
-    stage.ros.until(lambda: stage.statuses[-1].hosts == 1)
-    status = stage.statuses[-1]
+    ended = harness.until_event(Run.ENDED)
+    harness.until_over()
+    harness.ros.until(lambda: harness.statuses[-1].hosts == 1)
+    status = harness.statuses[-1]
 
-    auction = stage.auctions[0]
+    auction = harness.auctions[0]
     assert auction.reason == (
         "attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; "
         "next: professional_express 6.5 (margin 5.0)"
@@ -71,7 +71,7 @@ def test_scene_starts_run_of_closest_agent(stage: Stage) -> None:
 
 
 def test_feedback_is_collected_from_the_service(ros: Any) -> None:
-    stage = Stage(ros, collect_deadline=5.0)
+    harness = MarketNodeHarness(ros, collect_deadline=5.0)
     requests: list[Any] = []
 
     def collect(
@@ -82,49 +82,49 @@ def test_feedback_is_collected_from_the_service(ros: Any) -> None:
         return response
 
     ros.node.create_service(CollectFeedback, "feedback/collect", collect, qos_profile=qos.SERVICE)
-    host = stage.host()
-    stage.scene()
-    stage.until_event(Run.STARTED)
+    host = harness.host()
+    harness.scene()
+    harness.until_event(Run.STARTED)
     host.finish(RunAgent.Result.FAILED)
-    status = stage.until_over()
+    status = harness.until_over()
 
     assert [(r.round, r.agent, r.outcome) for r in requests] == [(1, GUIDE, Run.FAILED)]
     assert status.message.endswith("the guide has learned")
 
 
-def test_refused_goal_goes_to_next_best_agent(stage: Stage) -> None:
-    host = stage.host()
+def test_refused_goal_goes_to_next_best_agent(harness: MarketNodeHarness) -> None:
+    host = harness.host()
     host.refuses = {GUIDE}
-    stage.scene()
+    harness.scene()
 
-    assert stage.until_event(Run.REFUSED).agent == GUIDE
-    assert stage.until_event(Run.STARTED).agent == EXPRESS
+    assert harness.until_event(Run.REFUSED).agent == GUIDE
+    assert harness.until_event(Run.STARTED).agent == EXPRESS
 
 
-def test_run_ended_as_refused_goes_to_next_best(stage: Stage) -> None:
-    host = stage.host()
+def test_run_ended_as_refused_goes_to_next_best(harness: MarketNodeHarness) -> None:
+    host = harness.host()
     host.explains = {GUIDE}
-    stage.scene()
+    harness.scene()
 
-    refused = stage.until_event(Run.REFUSED)
+    refused = harness.until_event(Run.REFUSED)
     assert (refused.agent, refused.message) == (
         GUIDE,
         "/agents refused it (BUSY: another tree runs)",
     )
-    assert stage.until_event(Run.STARTED).agent == EXPRESS
+    assert harness.until_event(Run.STARTED).agent == EXPRESS
     host.finish()
-    stage.until_over()
-    assert [run.agent for run in stage.runs if run.event == Run.STARTED] == [EXPRESS]
+    harness.until_over()
+    assert [run.agent for run in harness.runs if run.event == Run.STARTED] == [EXPRESS]
 
 
-def test_silent_host_does_not_block_round(stage: Stage) -> None:
-    stage.host()
-    silent = stage.host("others", **{PLAIN: FAR})
+def test_silent_host_does_not_block_round(harness: MarketNodeHarness) -> None:
+    harness.host()
+    silent = harness.host("others", **{PLAIN: FAR})
     silent.silent = True
-    stage.scene()
-    stage.until_event(Run.STARTED)
+    harness.scene()
+    harness.until_event(Run.STARTED)
 
-    auction = stage.auctions[0]
+    auction = harness.auctions[0]
     assert auction.closed_by == Auction.DEADLINE
     assert list(auction.silent_hosts) == ["/others"]
     assert auction.duration_s >= 0.5
@@ -161,42 +161,42 @@ def without_reasons(message: Bids) -> None:
     ],
 )
 def test_malformed_bids_do_not_affect_next_round(
-    stage: Stage, distort: Callable[[Bids], None], code: str
+    harness: MarketNodeHarness, distort: Callable[[Bids], None], code: str
 ) -> None:
-    host = stage.host()
+    host = harness.host()
     host.distort = distort
-    stage.scene()
-    stage.until_over()
-    assert {bid.code for bid in stage.auctions[0].refused} == {code}
-    assert stage.auctions[0].outcome == Auction.NO_BIDS
+    harness.scene()
+    harness.until_over()
+    assert {bid.code for bid in harness.auctions[0].refused} == {code}
+    assert harness.auctions[0].outcome == Auction.NO_BIDS
 
     host.distort = lambda _: None
-    stage.scene("s2")
-    assert stage.until_event(Run.STARTED).agent == GUIDE
+    harness.scene("s2")
+    assert harness.until_event(Run.STARTED).agent == GUIDE
 
 
-def test_cancel_stops_tree_and_ends_interaction(stage: Stage) -> None:
-    host = stage.host()
-    stage.scene()
-    stage.until_event(Run.STARTED)
-    answer = stage.cancel(reason="button")
-    ended = stage.until_event(Run.ENDED)
-    stage.until_over()
+def test_cancel_stops_tree_and_ends_interaction(harness: MarketNodeHarness) -> None:
+    host = harness.host()
+    harness.scene()
+    harness.until_event(Run.STARTED)
+    answer = harness.cancel(reason="button")
+    ended = harness.until_event(Run.ENDED)
+    harness.until_over()
 
     assert (answer.accepted, answer.message) == (True, "stopping attentive_guide")
     assert ended.outcome == Run.CANCELLED
     assert host.log == ["start attentive_guide", "end attentive_guide"]
 
 
-def test_mood_change_hands_over_to_another_agent(stage: Stage) -> None:
-    host = stage.host()
-    stage.scene()
-    stage.until_event(Run.STARTED)
+def test_mood_change_hands_over_to_another_agent(harness: MarketNodeHarness) -> None:
+    host = harness.host()
+    harness.scene()
+    harness.until_event(Run.STARTED)
     live = scene_to_msg(scene("s1", 5.0, 1.0, 1.0))
-    assert stage.cancel(epoch="epoch", round=1, reason="bored", again=True, scene=live).accepted
-    assert stage.until_event(Run.STARTED, count=2).agent == EXPRESS
+    assert harness.cancel(epoch="epoch", round=1, reason="bored", again=True, scene=live).accepted
+    assert harness.until_event(Run.STARTED, count=2).agent == EXPRESS
     host.finish()
-    stage.until_over("s1")
+    harness.until_over("s1")
 
     assert host.log == [
         "start attentive_guide",
@@ -205,33 +205,33 @@ def test_mood_change_hands_over_to_another_agent(stage: Stage) -> None:
         "end professional_express",
     ]
     assert list(host.calls[1].excluded) == [GUIDE]
-    assert stage.auctions[1].follows == 1
-    assert stage.auctions[1].scene.scene_id == "s1+1"
+    assert harness.auctions[1].follows == 1
+    assert harness.auctions[1].scene.scene_id == "s1+1"
 
 
 def test_lost_host_ends_run_and_others_are_asked(ros: Any) -> None:
-    stage = Stage(ros, host_lease=0.5)
-    host = stage.host()
-    stage.host("others", **{PLAIN: FAR})
-    stage.scene()
-    assert stage.until_event(Run.STARTED).agent == GUIDE
+    harness = MarketNodeHarness(ros, host_lease=0.5)
+    host = harness.host()
+    harness.host("others", **{PLAIN: FAR})
+    harness.scene()
+    assert harness.until_event(Run.STARTED).agent == GUIDE
     ros.remove(host)
 
-    ended = stage.until_event(Run.ENDED)
+    ended = harness.until_event(Run.ENDED)
     assert ended.outcome == Run.LOST
     assert "no heartbeat" in ended.message
-    assert stage.until_event(Run.STARTED, count=2).agent == PLAIN
+    assert harness.until_event(Run.STARTED, count=2).agent == PLAIN
 
 
-def test_scene_ends_when_no_agents_are_registered(stage: Stage) -> None:
-    stage.scene()
-    stage.until_over()
+def test_scene_ends_when_no_agents_are_registered(harness: MarketNodeHarness) -> None:
+    harness.scene()
+    harness.until_over()
 
-    assert stage.auctions[0].reason == "no agents are registered"
+    assert harness.auctions[0].reason == "no agents are registered"
 
 
 def test_valid_scene_is_accepted_after_hostile_ones(
-    stage: Stage, capfd: pytest.CaptureFixture[str]
+    harness: MarketNodeHarness, capfd: pytest.CaptureFixture[str]
 ) -> None:
     good = scene_to_msg(scene("s1"))
     strange = SceneValue(name="x", value=1.0, origin=SceneValue.GIVEN)
@@ -239,14 +239,14 @@ def test_valid_scene_is_accepted_after_hostile_ones(
     unknown = [SceneValue(name=name, value=1.0, origin=77) for name in SPACE.names]
     bad = ([], [strange], good.values[:2], infinite, unknown, [*good.values] * 2)
     for number, values in enumerate(bad):
-        stage.scenes.publish(Scene(scene_id=f"bad{number}", values=values))
-    stage.scenes.publish(Scene(scene_id="", values=good.values))
-    stage.scenes.publish(Scene(scene_id="x" * 10_000, values=[]))
-    stage.scene("s1")
-    stage.scene("s1")
-    stage.ros.until(lambda: len(stage.ends) == len(bad) + 3)
+        harness.scenes.publish(Scene(scene_id=f"bad{number}", values=values))
+    harness.scenes.publish(Scene(scene_id="", values=good.values))
+    harness.scenes.publish(Scene(scene_id="x" * 10_000, values=[]))
+    harness.scene("s1")
+    harness.scene("s1")
+    harness.ros.until(lambda: len(harness.ends) == len(bad) + 3)
 
-    assert [(end.scene_id, end.code) for end in stage.ends] == [
+    assert [(end.scene_id, end.code) for end in harness.ends] == [
         ("bad0", "EMPTY"),
         ("bad1", "UNKNOWN_PARAMETER"),
         ("bad2", "WRONG_LENGTH"),
@@ -257,13 +257,13 @@ def test_valid_scene_is_accepted_after_hostile_ones(
         ("s1", "DUPLICATE"),
         ("s1", "NO_BIDS"),
     ]
-    assert all(end.message and end.epoch == "epoch" for end in stage.ends)
-    assert [auction.scene.scene_id for auction in stage.auctions] == ["s1"]
+    assert all(end.message and end.epoch == "epoch" for end in harness.ends)
+    assert [auction.scene.scene_id for auction in harness.auctions] == ["s1"]
     assert "EMPTY: scene: no scene_id; every scene needs a unique one" in capfd.readouterr().err
 
 
-def test_valid_registration_is_accepted_after_hostile_ones(stage: Stage) -> None:
-    host = stage.ros.add(FakeHost())
+def test_valid_registration_is_accepted_after_hostile_ones(harness: MarketNodeHarness) -> None:
+    host = harness.ros.add(FakeHost())
     for changes, code in (
         ({"host": ""}, "BAD_NAME"),
         ({"run_action": "no such name"}, "BAD_NAME"),
@@ -272,40 +272,40 @@ def test_valid_registration_is_accepted_after_hostile_ones(stage: Stage) -> None
         ({"parameters": []}, "OTHER_PARAMETERS"),
         ({"heartbeat": "/bt_agents/scene"}, "UNREACHABLE"),
     ):
-        answer = stage.ros.call(stage.registering, host.request(**changes))
+        answer = harness.ros.call(harness.registering, host.request(**changes))
         assert not answer.accepted
         assert answer.message.startswith(code), answer.message
         assert list(answer.agent_ids) == [0, 0]
         assert answer.epoch == "epoch"
-    answer = stage.ros.call(stage.registering, host.request(agents=["Bad", GUIDE]))
+    answer = harness.ros.call(harness.registering, host.request(agents=["Bad", GUIDE]))
 
     assert answer.accepted
     assert [bool(agent_id) for agent_id in answer.agent_ids] == [False, True]
 
 
-def test_valid_cancel_works_after_hostile_ones(stage: Stage) -> None:
-    host = stage.host()
-    assert stage.cancel().message == "nothing runs"
-    stage.scene()
-    stage.until_event(Run.STARTED)
-    assert not stage.cancel(epoch="earlier").accepted
-    assert not stage.cancel(round=2**32 - 1).accepted
+def test_valid_cancel_works_after_hostile_ones(harness: MarketNodeHarness) -> None:
+    host = harness.host()
+    assert harness.cancel().message == "nothing runs"
+    harness.scene()
+    harness.until_event(Run.STARTED)
+    assert not harness.cancel(epoch="earlier").accepted
+    assert not harness.cancel(round=2**32 - 1).accepted
     assert host.log == ["start attentive_guide"]
 
-    answer = stage.cancel(again=True, reason="x" * 10_000)
+    answer = harness.cancel(again=True, reason="x" * 10_000)
     assert answer.accepted
     assert "the scene as awarded is asked for again" in answer.message
-    assert stage.until_event(Run.STARTED, count=2).agent == EXPRESS
+    assert harness.until_event(Run.STARTED, count=2).agent == EXPRESS
 
 
-def test_parameters_are_described_and_validated(stage: Stage) -> None:
-    describing = stage.ros.node.create_client(
+def test_parameters_are_described_and_validated(harness: MarketNodeHarness) -> None:
+    describing = harness.ros.node.create_client(
         DescribeParameters, "marketplace/describe_parameters"
     )
-    setting = stage.ros.node.create_client(SetParameters, "marketplace/set_parameters")
+    setting = harness.ros.node.create_client(SetParameters, "marketplace/set_parameters")
     names = ["strategy", "bid_deadline", "on_new_scene", "tie_break", "queue_limit"]
     names += ["preempt_margin", "preempt_cooldown", "host_lease"]
-    described = stage.ros.call(describing, DescribeParameters.Request(names=names)).descriptors
+    described = harness.ros.call(describing, DescribeParameters.Request(names=names)).descriptors
 
     assert all(descriptor.description for descriptor in described)
     assert described[1].floating_point_range[0].to_value == 60.0
@@ -314,7 +314,7 @@ def test_parameters_are_described_and_validated(stage: Stage) -> None:
     def set_to(name: str, **value: Any) -> Any:
         parameter = ParameterMsg(name=name, value=ParameterValue(**value))
         request = SetParameters.Request(parameters=[parameter])
-        return stage.ros.call(setting, request).results[0]
+        return harness.ros.call(setting, request).results[0]
 
     double, string = ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_STRING
     assert "magic" in set_to("strategy", type=string, string_value="magic").reason
@@ -327,26 +327,26 @@ def test_parameters_are_described_and_validated(stage: Stage) -> None:
     assert set_to("preempt_cooldown", type=double, double_value=0.0).successful
     assert set_to("bid_deadline", type=double, double_value=0.1).successful
 
-    stage.host().silent = True
-    stage.scene()
-    stage.until_over()
-    assert 0.1 <= stage.auctions[0].duration_s < 0.5
+    harness.host().silent = True
+    harness.scene()
+    harness.until_over()
+    assert 0.1 <= harness.auctions[0].duration_s < 0.5
 
 
-def test_stopping_the_market_stops_the_tree(stage: Stage) -> None:
-    host = stage.host()
-    stage.scene()
-    stage.until_event(Run.STARTED)
-    assert not stage.market.stopped()
-    stage.market.request_stop()
-    stage.ros.until(stage.market.stopped)
+def test_stopping_the_market_stops_the_tree(harness: MarketNodeHarness) -> None:
+    host = harness.host()
+    harness.scene()
+    harness.until_event(Run.STARTED)
+    assert not harness.market.stopped()
+    harness.market.request_stop()
+    harness.ros.until(harness.market.stopped)
 
     assert host.log == ["start attentive_guide", "end attentive_guide"]
 
 
-def test_market_heartbeat_names_its_epoch(stage: Stage) -> None:
-    heard = stage.ros.collect(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)
-    stage.ros.until(lambda: len(heard) >= 5)
+def test_market_heartbeat_names_its_epoch(harness: MarketNodeHarness) -> None:
+    heard = harness.ros.collect(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)
+    harness.ros.until(lambda: len(heard) >= 5)
 
     assert {beat.epoch for beat in heard} == {"epoch"}
     numbers = [beat.sequence for beat in heard]
@@ -354,52 +354,52 @@ def test_market_heartbeat_names_its_epoch(stage: Stage) -> None:
 
 
 def test_nearer_agent_preempts_run_for_its_own_scene(ros: Any) -> None:
-    stage = Stage(ros, on_new_scene="preempt")
-    host = stage.host()
-    stage.scene("s1")
-    stage.until_event(Run.STARTED)
-    stage.scene("s2", 3.0, 5.0, 3.5)
-    started = stage.until_event(Run.STARTED, count=2)
+    harness = MarketNodeHarness(ros, on_new_scene="preempt")
+    host = harness.host()
+    harness.scene("s1")
+    harness.until_event(Run.STARTED)
+    harness.scene("s2", 3.0, 5.0, 3.5)
+    started = harness.until_event(Run.STARTED, count=2)
     host.finish()
-    ros.until(lambda: len(stage.ends) == 2)
+    ros.until(lambda: len(harness.ends) == 2)
 
-    assert [auction.outcome for auction in stage.auctions] == [
+    assert [auction.outcome for auction in harness.auctions] == [
         Auction.AWARDED,
         Auction.PREEMPTS,
         Auction.AWARDED,
     ]
-    assert stage.auctions[1].reason == (
+    assert harness.auctions[1].reason == (
         "professional_express 0.0 for the new scene, attentive_guide who runs has 5.0: better by "
         "5.0, margin 1.0: attentive_guide is stopped"
     )
     assert (started.agent, started.round, started.scene.scene_id) == (EXPRESS, 3, "s2")
-    assert [(end.scene_id, end.code, end.agent) for end in stage.ends] == [
+    assert [(end.scene_id, end.code, end.agent) for end in harness.ends] == [
         ("s1", "PREEMPTED", GUIDE),
         ("s2", "SUCCEEDED", EXPRESS),
     ]
 
 
 def test_challenge_with_silent_host_ends_at_deadline(ros: Any) -> None:
-    stage = Stage(ros, on_new_scene="preempt")
-    host = stage.host()
-    stage.scene("s1")
-    stage.until_event(Run.STARTED)
+    harness = MarketNodeHarness(ros, on_new_scene="preempt")
+    host = harness.host()
+    harness.scene("s1")
+    harness.until_event(Run.STARTED)
     host.silent = True
-    stage.scene("s2", urgent=True)
-    ros.until(lambda: len(stage.auctions) == 2)
+    harness.scene("s2", urgent=True)
+    ros.until(lambda: len(harness.auctions) == 2)
 
-    assert stage.auctions[1].outcome == Auction.WAITS
-    assert list(stage.auctions[1].silent_hosts) == ["/agents"]
-    assert stage.statuses[-1].state == MarketStatus.RUNNING
+    assert harness.auctions[1].outcome == Auction.WAITS
+    assert list(harness.auctions[1].silent_hosts) == ["/agents"]
+    assert harness.statuses[-1].state == MarketStatus.RUNNING
     host.silent = False
     host.finish()
-    assert stage.until_event(Run.STARTED, count=2).scene.scene_id == "s2"
+    assert harness.until_event(Run.STARTED, count=2).scene.scene_id == "s2"
 
 
-def earlier_run(stage: Stage, host: FakeHost, cause: int) -> Run:
+def earlier_run(harness: MarketNodeHarness, host: FakeHost, cause: int) -> Run:
     """Return a run that an earlier market has not heard the end of."""
     return Run(
-        header=header_at(stage.market.get_clock().now().to_msg()),
+        header=header_at(harness.market.get_clock().now().to_msg()),
         epoch="earlier",
         round=7,
         event=Run.ENDED,
@@ -414,41 +414,41 @@ def earlier_run(stage: Stage, host: FakeHost, cause: int) -> Run:
     )
 
 
-def test_unreported_run_is_recorded_and_its_scene_retried(stage: Stage) -> None:
-    host = stage.ros.add(FakeHost())
-    cut_off = earlier_run(stage, host, Run.MARKET_LOST)
+def test_unreported_run_is_recorded_and_its_scene_retried(harness: MarketNodeHarness) -> None:
+    host = harness.ros.add(FakeHost())
+    cut_off = earlier_run(harness, host, Run.MARKET_LOST)
     spoilt = [Run(), Run(epoch="earlier", round=8, event=Run.ENDED, outcome=77, agent=GUIDE)]
     request = host.request(unreported=[*spoilt, cut_off, cut_off])
-    answer = stage.ros.call(stage.registering, request)
+    answer = harness.ros.call(harness.registering, request)
     host.agent_ids = list(answer.agent_ids)
-    stage.ros.until(lambda: stage.ends)
+    harness.ros.until(lambda: harness.ends)
 
-    (told,) = stage.runs
+    (told,) = harness.runs
     assert (told.epoch, told.round, told.outcome) == ("earlier", 7, Run.CANCELLED)
-    (end,) = stage.ends
+    (end,) = harness.ends
     assert (end.scene_id, end.code, end.agent) == ("old", "LOST", GUIDE)
     assert end.message.endswith("asked again as scene 'old+again'")
-    stage.ros.until(lambda: stage.auctions)
-    assert stage.auctions[0].scene.scene_id == "old+again"
+    harness.ros.until(lambda: harness.auctions)
+    assert harness.auctions[0].scene.scene_id == "old+again"
 
 
 @pytest.mark.parametrize("cause", [Run.NOT_STOPPED, Run.BY_MARKET, Run.BY_HOST, 77])
-def test_deliberately_stopped_run_is_not_restarted(stage: Stage, cause: int) -> None:
-    host = stage.ros.add(FakeHost())
-    stopped = earlier_run(stage, host, cause)
+def test_deliberately_stopped_run_is_not_restarted(harness: MarketNodeHarness, cause: int) -> None:
+    host = harness.ros.add(FakeHost())
+    stopped = earlier_run(harness, host, cause)
     stopped.stopped_by, stopped.stop_reason = Run.OPERATOR, "it is late"
-    stage.ros.call(stage.registering, host.request(unreported=[stopped]))
-    stage.ros.until(lambda: stage.ends and stage.runs)
+    harness.ros.call(harness.registering, host.request(unreported=[stopped]))
+    harness.ros.until(lambda: harness.ends and harness.runs)
 
-    assert [(end.scene_id, end.code) for end in stage.ends] == [("old", "CANCELLED")]
-    (told,) = stage.runs
+    assert [(end.scene_id, end.code) for end in harness.ends] == [("old", "CANCELLED")]
+    (told,) = harness.runs
     assert (told.stopped_by, told.stop_reason) == (Run.OPERATOR, "it is late")
 
 
 def test_stalled_host_finds_cancel_together_with_goal(ros: Any) -> None:
-    stage = Stage(ros, host_lease=0.5)
-    host = stage.host()
-    other = stage.host("others", **{PLAIN: FAR})
+    harness = MarketNodeHarness(ros, host_lease=0.5)
+    host = harness.host()
+    other = harness.host("others", **{PLAIN: FAR})
     bids = host.answers
 
     def hang(message: Bids) -> None:
@@ -457,24 +457,26 @@ def test_stalled_host_finds_cancel_together_with_goal(ros: Any) -> None:
         message.epoch = "nothing more"
 
     host.distort = hang
-    stage.scene()
-    assert stage.until_event(Run.STARTED).agent == PLAIN
+    harness.scene()
+    assert harness.until_event(Run.STARTED).agent == PLAIN
     ros.executor.add_node(host)
     ros.until(lambda: host.log)
     ros.until(lambda: host.goal is None)
 
     assert host.log == [f"never began {GUIDE}"]
     assert other.log == [f"start {PLAIN}"]
-    assert [run.agent for run in stage.runs if run.event == Run.STARTED] == [PLAIN]
+    assert [run.agent for run in harness.runs if run.event == Run.STARTED] == [PLAIN]
 
 
 def test_missed_feedback_collection_waits_for_feedback_node(ros: Any) -> None:
-    stage = Stage(ros, collect_deadline=600.0)  # it is known to be away, so nobody waits
-    host = stage.host()
-    stage.scene()
-    stage.until_event(Run.STARTED)
+    harness = MarketNodeHarness(
+        ros, collect_deadline=600.0
+    )  # it is known to be away, so nobody waits
+    host = harness.host()
+    harness.scene()
+    harness.until_event(Run.STARTED)
     host.finish()
-    status = stage.until_over()
+    status = harness.until_over()
     assert status.message.endswith("feedback is kept until the feedback node is back")
     requests: list[Any] = []
 
@@ -487,17 +489,17 @@ def test_missed_feedback_collection_waits_for_feedback_node(ros: Any) -> None:
     ros.turns()
 
     assert [(request.epoch, request.round) for request in requests] == [("epoch", 1)]
-    assert [end.code for end in stage.ends] == ["SUCCEEDED"]
+    assert [end.code for end in harness.ends] == ["SUCCEEDED"]
 
 
 def test_simultaneous_end_of_full_queue_is_announced_completely(ros: Any) -> None:
-    stage = Stage(ros, queue_limit=100, host_lease=0.5)
+    harness = MarketNodeHarness(ros, queue_limit=100, host_lease=0.5)
     ends = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
     auctions = ros.collect(Auction, "bt_agents/auctions", qos.FACTS)
-    host = stage.host()
+    host = harness.host()
     for number in range(101):
-        stage.scene(f"s{number}")
-    ros.until(lambda: stage.statuses[-1].queued == 100)
+        harness.scene(f"s{number}")
+    ros.until(lambda: harness.statuses[-1].queued == 100)
     ros.remove(host)
     ros.until(lambda: len(ends) >= 101 and len(auctions) >= 102)
 
@@ -510,17 +512,17 @@ def test_simultaneous_end_of_full_queue_is_announced_completely(ros: Any) -> Non
     assert late == ends
 
 
-def test_run_of_supposedly_refused_goal_is_cancelled(stage: Stage) -> None:
-    host = stage.host()
+def test_run_of_supposedly_refused_goal_is_cancelled(harness: MarketNodeHarness) -> None:
+    host = harness.host()
     host.refuses = {GUIDE, EXPRESS}
-    stage.scene()
-    assert stage.until_over().state == MarketStatus.IDLE
+    harness.scene()
+    assert harness.until_over().state == MarketStatus.IDLE
     host.refuses = set()
-    runner = ActionClient(stage.ros.node, RunAgent, "agents/run")
-    stage.ros.until(runner.server_is_ready)
+    runner = ActionClient(harness.ros.node, RunAgent, "agents/run")
+    harness.ros.until(runner.server_is_ready)
     goal = runner.send_goal_async(RunAgent.Goal(epoch="epoch", round=1, agent=GUIDE))
 
-    stage.ros.until(lambda: host.log == ["start attentive_guide", "end attentive_guide"])
+    harness.ros.until(lambda: host.log == ["start attentive_guide", "end attentive_guide"])
     assert goal.result().accepted
     runner.destroy()
 

@@ -20,7 +20,7 @@ from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from market_harness import EXPRESS, GUIDE, SPACE, scene
-from market_node_harness import Stage
+from market_node_harness import MarketNodeHarness
 from marketplace_node.node.messages import scene_or_last
 
 pytestmark = pytest.mark.ros
@@ -31,8 +31,8 @@ class OperatorClient:
 
     def __init__(self, ros: Any, **parameters: Any) -> None:
         self.ros = ros
-        self.stage = Stage(ros, **parameters)
-        self.host = self.stage.host()
+        self.harness = MarketNodeHarness(ros, **parameters)
+        self.host = self.harness.host()
         make = ros.node.create_client
         self.operating = make(OperateMarket, "marketplace/operate", qos_profile=qos.SERVICE)
         self.previewing = make(PreviewAuction, "marketplace/preview", qos_profile=qos.SERVICE)
@@ -63,16 +63,16 @@ class OperatorClient:
 
     def play(self, scene_id: str) -> Auction:
         """Have a scene played to its end; return the decision."""
-        started = len([run for run in self.stage.runs if run.event == Run.STARTED])
-        self.stage.scene(scene_id)
-        self.stage.until_event(Run.STARTED, count=started + 1)
+        started = len([run for run in self.harness.runs if run.event == Run.STARTED])
+        self.harness.scene(scene_id)
+        self.harness.until_event(Run.STARTED, count=started + 1)
         self.host.finish()
-        self.stage.until_over(scene_id)
-        return self.stage.auctions[-1]
+        self.harness.until_over(scene_id)
+        return self.harness.auctions[-1]
 
     @property
     def status(self) -> MarketStatus:
-        return self.stage.statuses[-1]
+        return self.harness.statuses[-1]
 
 
 @pytest.fixture
@@ -98,19 +98,19 @@ def test_pins_vetoes_and_their_ends_are_published(operator: OperatorClient) -> N
 
 
 def test_veto_hands_run_to_next_agent(operator: OperatorClient) -> None:
-    operator.stage.scene()
-    operator.stage.until_event(Run.STARTED)
+    operator.harness.scene()
+    operator.harness.until_event(Run.STARTED)
     answer = operator.operate(OperateMarket.Request.VETO, GUIDE)
 
     assert answer.accepted
     assert "stopping attentive_guide" in answer.message
-    assert operator.stage.until_event(Run.STARTED, count=2).agent == EXPRESS
+    assert operator.harness.until_event(Run.STARTED, count=2).agent == EXPRESS
 
 
 def test_award_gives_last_scene_to_chosen_agent(operator: OperatorClient) -> None:
     operator.play("s1")
     answer = operator.operate(OperateMarket.Request.AWARD, EXPRESS)
-    started = operator.stage.until_event(Run.STARTED, count=2)
+    started = operator.harness.until_event(Run.STARTED, count=2)
 
     assert answer.accepted, answer.message
     assert (started.agent, started.scene.scene_id) == (EXPRESS, "s1+award1")
@@ -158,7 +158,7 @@ def test_preview_asks_hosts_without_starting_run(operator: OperatorClient) -> No
     assert answer.auction.preview
     assert [bid.agent for bid in answer.auction.ranking] == [EXPRESS, GUIDE]
     assert answer.auction.explanation
-    assert operator.stage.auctions == []
+    assert operator.harness.auctions == []
     assert operator.host.log == []
 
 
@@ -177,8 +177,8 @@ def test_preview_fills_missing_values_like_scene_layer() -> None:
 
 
 def test_preview_does_not_interrupt_run(operator: OperatorClient) -> None:
-    operator.stage.scene()
-    operator.stage.until_event(Run.STARTED)
+    operator.harness.scene()
+    operator.harness.until_event(Run.STARTED)
     answer = operator.preview(strategy="euclidean")
 
     assert answer.accepted, answer.message
@@ -186,7 +186,7 @@ def test_preview_does_not_interrupt_run(operator: OperatorClient) -> None:
     assert answer.auction.scene.scene_id == "s1"
     assert operator.status.state == MarketStatus.RUNNING
     operator.host.finish()
-    assert operator.stage.until_over("s1").round == 1
+    assert operator.harness.until_over("s1").round == 1
 
 
 def test_concurrent_previews_are_all_answered(operator: OperatorClient) -> None:
@@ -281,7 +281,7 @@ def test_pins_and_vetoes_survive_market_restart(ros: Any, tmp_path: Path) -> Non
     operator = OperatorClient(ros, overrides_file=path)
     assert operator.operate(OperateMarket.Request.VETO, GUIDE).accepted
     assert operator.operate(OperateMarket.Request.PIN, EXPRESS).accepted
-    ros.remove(operator.stage.market)
+    ros.remove(operator.harness.market)
     ros.add(active_market(SPACE, "again", overrides_file=path))
     ros.until(lambda: operator.status.epoch == "again" and operator.status.pinned)
 

@@ -58,7 +58,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
             del sys.modules[name]
 
 
-class Stage:
+class PluginHarness:
     """A host with one agent, which a market has run."""
 
     def __init__(self, ros: Any, tmp_path: Path, tree: str) -> None:
@@ -91,18 +91,18 @@ class Stage:
 def test_documented_example_runs(ros: Any, tmp_path: Path) -> None:
     other = ScriptedServer(ros, "other/say")
     said = ScriptedServer(ros)
-    stage = Stage(ros, tmp_path, block("yaml"))
+    harness = PluginHarness(ros, tmp_path, block("yaml"))
     logged = ros.collect(Log, "/rosout", qos.FACTS)
     for number in (1, 2):
-        stage.begin(number)
-        stage.publish(Bool, "door", True)
+        harness.begin(number)
+        harness.publish(Bool, "door", True)
         ros.until(lambda count=number: len(other.goals) == count)
-        stage.publish(String, "words", f"hello {number}")
-        result = stage.result()
+        harness.publish(String, "words", f"hello {number}")
+        result = harness.result()
         assert (result.outcome, list(result.orphans)) == (RunAgent.Result.SUCCEEDED, [])
     assert [goal.request.text for goal in other.goals] == ["Come in."] * 2
     assert [goal.request.text for goal in said.goals] == ["You said hello 1.", "You said hello 2."]
-    assert stage.count() == stage.made
+    assert harness.count() == harness.made
     keys = py_trees.blackboard.Blackboard.keys()
     assert not [key for key in keys if key.startswith(("/heard", "/goal_"))]
     clients = py_trees.blackboard.Blackboard.clients.values()
@@ -111,60 +111,60 @@ def test_documented_example_runs(ros: Any, tmp_path: Path) -> None:
 
 
 def test_restarted_leaf_reuses_one_subscription_and_releases_it(ros: Any, tmp_path: Path) -> None:
-    stage = Stage(ros, tmp_path, "tree: {door: true, repeat: {times: 300}}\n")
-    stage.host._runs.set_rate(1000.0)
+    harness = PluginHarness(ros, tmp_path, "tree: {door: true, repeat: {times: 300}}\n")
+    harness.host._runs.set_rate(1000.0)
     seen: list[int] = []
-    stage.host._runs.on_tick(lambda: seen.append(stage.count()[0]))
-    stage.begin()
-    stage.publish(Bool, "door", True)
-    result = stage.result()
+    harness.host._runs.on_tick(lambda: seen.append(harness.count()[0]))
+    harness.begin()
+    harness.publish(Bool, "door", True)
+    result = harness.result()
     assert result.outcome == RunAgent.Result.SUCCEEDED
     assert result.ticks >= 300
-    assert max(seen) == stage.made[0] + 1
-    assert stage.count() == stage.made
+    assert max(seen) == harness.made[0] + 1
+    assert harness.count() == harness.made
 
 
 def test_goal_stopped_before_acceptance_is_cancelled_on_acceptance(
     ros: Any, tmp_path: Path
 ) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(accept_s=0.6, finish_s=None))
-    stage = Stage(ros, tmp_path, "tree: {greet: Come in., timeout: 0.2 s}\n")
-    stage.begin()
-    result = stage.result()
+    harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in., timeout: 0.2 s}\n")
+    harness.begin()
+    result = harness.result()
     assert (result.outcome, list(result.orphans)) == (RunAgent.Result.FAILED, [])
     [goal] = other.goals
     assert (goal.outcome, goal.cancels) == ("cancelled", 1)
-    assert stage.count() == stage.made
+    assert harness.count() == harness.made
 
 
 def test_goal_stopped_while_running_is_cancelled_once(ros: Any, tmp_path: Path) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(finish_s=None))
-    stage = Stage(ros, tmp_path, "tree: {greet: Come in.}\n")
-    stage.begin()
+    harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in.}\n")
+    harness.begin()
     ros.until(lambda: other.goals and other.goals[0].accepted.done())
     ros.turns()
-    stage.handle.cancel_goal_async()
-    result = stage.result()
+    harness.handle.cancel_goal_async()
+    result = harness.result()
     assert (result.outcome, list(result.orphans)) == (RunAgent.Result.CANCELLED, [])
     assert (other.goals[0].outcome, other.goals[0].cancels) == ("cancelled", 1)
 
 
 def test_goal_of_unstoppable_server_is_an_orphan(ros: Any, tmp_path: Path) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(finish_s=None, on_cancel="refuses"))
-    stage = Stage(ros, tmp_path, "tree: {greet: Come in., timeout: 0.5 s}\n")
-    stage.begin()
-    result = stage.result()
+    harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in., timeout: 0.5 s}\n")
+    harness.begin()
+    result = harness.result()
     assert (result.outcome, list(result.orphans)) == (RunAgent.Result.FAILED, ["tree"])
     assert other.goals[0].cancels
 
 
 def test_missing_server_fails_leaf_without_blocking(ros: Any, tmp_path: Path) -> None:
-    stage = Stage(ros, tmp_path, "tree: {greet: Come in.}\n")
+    harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in.}\n")
     began = time.monotonic()
-    stage.begin()
-    result = stage.result()
+    harness.begin()
+    result = harness.result()
     assert result.outcome == RunAgent.Result.FAILED
     assert "other/say unreachable: its server is not there" in result.message
     assert time.monotonic() - began < 20.0
     assert not result.overruns or result.ticks > 10
-    assert stage.count() == stage.made
+    assert harness.count() == harness.made

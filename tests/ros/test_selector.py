@@ -14,7 +14,7 @@ from bt_agents_interfaces.srv import SelectAgent
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from market_harness import EXPRESS, GUIDE, SPACE, scene
-from market_node_harness import Stage
+from market_node_harness import MarketNodeHarness
 from marketplace_node.external_ranking.openai_protocol import Endpoint
 from marketplace_node.node.selector import SelectorNode
 from model_server import ModelServer, drips, free_port, model_server, says, sends
@@ -33,18 +33,18 @@ def decide(ros: Any, *, url: str = "", limit_s: float = 10.0, cards: int = 0) ->
 
     Before that the selector, when there is a ``url``, has heard so many cards.
     """
-    stage = Stage(ros, strategy="external", **{"external.limit": limit_s})
+    harness = MarketNodeHarness(ros, strategy="external", **{"external.limit": limit_s})
     if url:
         selector = ros.add(SelectorNode(SPACE, Endpoint(base_url=url, model="small")))
         ros.until(lambda: len(selector.descriptions) == cards)
-        ros.until(lambda: stage.market.selector.service_is_ready())
-    host = stage.host()
-    stage.scene()
-    started = stage.until_event(Run.STARTED)
-    assert started.agent == stage.auctions[0].winner
+        ros.until(lambda: harness.market.selector.service_is_ready())
+    host = harness.host()
+    harness.scene()
+    started = harness.until_event(Run.STARTED)
+    assert started.agent == harness.auctions[0].winner
     host.finish()
-    stage.until_over()
-    return stage.auctions[0]
+    harness.until_over()
+    return harness.auctions[0]
 
 
 def test_model_chooses_winner(ros: Any, server: ModelServer) -> None:

@@ -28,7 +28,7 @@ from bt_agents_ros.workarounds.sender_identity import (
 from fake_market import Market, folder, make_host
 from feedback_node.ledger import Ledger
 from market_harness import EXPRESS, GUIDE, SPACE
-from market_node_harness import FakeHost, Stage
+from market_node_harness import FakeHost, MarketNodeHarness
 
 WAITER = """
 format: 1
@@ -146,12 +146,12 @@ def test_callback_receives_sender_participant_from_graph(
 
 
 def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
-    stage = Stage(ros)
-    host = stage.host()
+    harness = MarketNodeHarness(ros)
+    host = harness.host()
     forged = stranger.publisher(ros, Bids, "bt_agents/bids")
     host.silent = True
     for number in range(1, 6):
-        stage.scene(f"s{number}")
+        harness.scene(f"s{number}")
         ros.until(lambda n=number: bool(host.calls) and host.calls[-1].round == n)
         call = host.calls[-1]
         forged.publish(
@@ -169,65 +169,65 @@ def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
         host.silent = False
         host.answer(call)
         host.silent = True
-        ros.until(lambda n=number: len(stage.auctions) == n)
+        ros.until(lambda n=number: len(harness.auctions) == n)
         ros.until(lambda: host.ended is not None and not host.ended.done())
         host.finish()
-        stage.until_over(f"s{number}")
+        harness.until_over(f"s{number}")
 
-    assert [auction.winner for auction in stage.auctions] == [GUIDE] * 5
-    refused = [one for auction in stage.auctions for one in auction.refused]
+    assert [auction.winner for auction in harness.auctions] == [GUIDE] * 5
+    refused = [one for auction in harness.auctions for one in auction.refused]
     assert [(one.host, one.code) for one in refused] == [(host.host, "OTHER_PARTICIPANT")] * 5
-    assert all(auction.outcome == Auction.AWARDED for auction in stage.auctions)
+    assert all(auction.outcome == Auction.AWARDED for auction in harness.auctions)
     assert "which has registered it" in refused[0].reason
 
 
 def test_foreign_heartbeats_do_not_keep_host_alive(ros: Any, stranger: Stranger) -> None:
-    stage = Stage(ros)
-    host = stage.host()
-    ros.until(lambda: stage.statuses[-1].hosts == 1)
+    harness = MarketNodeHarness(ros)
+    host = harness.host()
+    ros.until(lambda: harness.statuses[-1].hosts == 1)
     forged = stranger.publisher(ros, Heartbeat, "/agents/heartbeat")
     name = host.host
     ros.remove(host)
 
     def is_gone() -> bool:
         forged.publish(Heartbeat(host=name, host_instance="first"))
-        return bool(stage.statuses[-1].hosts == 0)
+        return bool(harness.statuses[-1].hosts == 0)
 
     ros.until(is_gone)
 
 
 def test_stranger_cannot_register_as_existing_host(ros: Any, stranger: Stranger) -> None:
-    stage = Stage(ros)
-    host = stage.host()
+    harness = MarketNodeHarness(ros)
+    host = harness.host()
     request = host.request(run_action="/stranger/run", agents=["spy"])
     answer = stranger.call(ros, RegisterHost, "marketplace/register", request)
     assert not answer.accepted
     assert answer.message.startswith("OTHER_PARTICIPANT")
     assert not any(answer.award_key)
-    stage.scene()
-    assert stage.until_event(1).agent == GUIDE
+    harness.scene()
+    assert harness.until_event(1).agent == GUIDE
     assert host.goal.agent == GUIDE
 
 
 def test_restarted_host_registers_from_its_new_process(ros: Any, stranger: Stranger) -> None:
-    stage = Stage(ros)
-    host = stage.host()
+    harness = MarketNodeHarness(ros)
+    host = harness.host()
     request = host.request(host_instance="second")
-    ros.until(lambda: stage.statuses[-1].hosts == 1)
+    ros.until(lambda: harness.statuses[-1].hosts == 1)
     ros.remove(host)
-    ros.until(lambda: stage.statuses[-1].hosts == 0)
+    ros.until(lambda: harness.statuses[-1].hosts == 0)
     answer = stranger.call(ros, RegisterHost, "marketplace/register", request)
     assert answer.accepted, answer.message
 
 
 def test_goals_carry_award_key_of_registration(ros: Any) -> None:
-    stage = Stage(ros)
-    host: FakeHost = stage.host()
-    first = ros.call(stage.registering, host.request())
-    again = ros.call(stage.registering, host.request())
-    other = ros.call(stage.registering, host.request(host="/b", agents=["b"]))
-    stage.scene()
-    stage.until_event(1)
+    harness = MarketNodeHarness(ros)
+    host: FakeHost = harness.host()
+    first = ros.call(harness.registering, host.request())
+    again = ros.call(harness.registering, host.request())
+    other = ros.call(harness.registering, host.request(host="/b", agents=["b"]))
+    harness.scene()
+    harness.until_event(1)
     assert bytes(host.goal.award_key) == bytes(first.award_key) == bytes(again.award_key)
     assert bytes(other.award_key) != bytes(first.award_key)
     assert any(other.award_key)

@@ -20,8 +20,8 @@ from bt_agents.engine.nodes.wait_for import WaitForMessage
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.field_types import Plain
 from bt_agents_language.model.specs import NodeSpec
-from random_trees import ACTIONS, Puppet, placed, trees
-from tree_harness import Stage, scene
+from random_trees import ACTIONS, ScriptedLeaf, placed, trees
+from tree_harness import TreeHarness, scene
 
 HEAD = """
 tunables:
@@ -53,12 +53,12 @@ events = st.one_of(
 stories = st.lists(events, max_size=14)
 
 
-class Watched(Stage):
-    """A stage that counts how often each node starts, and knows what each tick did."""
+class Watched(TreeHarness):
+    """A harness that counts how often each node starts, and knows what each tick did."""
 
     def __init__(self, tree: NodeSpec, script: dict[str, list[ScriptedReply]]) -> None:
-        Puppet.alive = set()
-        Puppet.set_up = set()
+        ScriptedLeaf.alive = set()
+        ScriptedLeaf.set_up = set()
         super().__init__(tree, head=HEAD, answers=script, awarded=scene(mood=3), random=Random(1))
         # What the reader promises a name to mean cannot be promised of a random tree.
         self.environment._result = {}
@@ -91,18 +91,18 @@ class Watched(Stage):
         return [node for node in self.root.iterate() if isinstance(node, kind)]
 
 
-def _under_way(stage: Watched) -> int:
+def _under_way(harness: Watched) -> int:
     """Return how many goals are sent and neither ended nor cancelled."""
     open_goals = [
         goal
-        for _, goal in stage.run._context._goals
+        for _, goal in harness.run._context._goals
         if not goal.state.ended and goal.cancelled_at is None  # type: ignore[attr-defined]
     ]
     return len(open_goals)
 
 
-def _listening(stage: Watched) -> int:
-    return sum(not inbox.closed for _, inbox in stage.environment._inboxes)
+def _listening(harness: Watched) -> int:
+    return sum(not inbox.closed for _, inbox in harness.environment._inboxes)
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
@@ -110,26 +110,26 @@ def _listening(stage: Watched) -> int:
 def test_nothing_runs_below_a_halted_node(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
-    stage = Watched(tree, script)
-    for _ in stage.play(story):
-        assert stage.root.status in (Status.RUNNING, *ENDED)
-        for node in stage.root.iterate():
+    harness = Watched(tree, script)
+    for _ in harness.play(story):
+        assert harness.root.status in (Status.RUNNING, *ENDED)
+        for node in harness.root.iterate():
             assert isinstance(node.status, Status)
             if node.status is not Status.RUNNING:
                 assert all(below.status is not Status.RUNNING for below in node.iterate())
-        senders = [*stage.leaves(SkillLeaf), *stage.leaves(GiveFeedback)]
-        assert _under_way(stage) <= sum(leaf.status is Status.RUNNING for leaf in senders)
-        listeners = stage.leaves(WaitForMessage)
-        assert _listening(stage) == sum(leaf.status is Status.RUNNING for leaf in listeners)
-        assert len(Puppet.alive) == sum(
+        senders = [*harness.leaves(SkillLeaf), *harness.leaves(GiveFeedback)]
+        assert _under_way(harness) <= sum(leaf.status is Status.RUNNING for leaf in senders)
+        listeners = harness.leaves(WaitForMessage)
+        assert _listening(harness) == sum(leaf.status is Status.RUNNING for leaf in listeners)
+        assert len(ScriptedLeaf.alive) == sum(
             node.spec.plugin is not None and node.status is Status.RUNNING
-            for node in stage.root.iterate()
+            for node in harness.root.iterate()
         )
-    stage.interrupt()
-    assert {node.status for node in stage.root.iterate()} == {Status.INVALID}
-    assert _under_way(stage) == 0
-    assert _listening(stage) == 0
-    assert Puppet.alive == set()
+    harness.interrupt()
+    assert {node.status for node in harness.root.iterate()} == {Status.INVALID}
+    assert _under_way(harness) == 0
+    assert _listening(harness) == 0
+    assert ScriptedLeaf.alive == set()
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
@@ -137,11 +137,11 @@ def test_nothing_runs_below_a_halted_node(
 def test_modifiers_keep_their_contracts(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
-    stage = Watched(tree, script)
+    harness = Watched(tree, script)
     done: set[str] = set()
-    for _ in stage.play(story):
-        answered = {node.spec.path: status for node, status in stage.ticked}
-        for node, status in stage.ticked:
+    for _ in harness.play(story):
+        answered = {node.spec.path: status for node, status in harness.ticked}
+        for node, status in harness.ticked:
             child = answered.get(node.children[0].spec.path) if node.children else None
             match node.spec.kind:
                 case "succeed":
@@ -166,10 +166,12 @@ def test_equal_inputs_produce_equal_traces(
 ) -> None:
     traces = []
     for _ in range(2):
-        stage = Watched(tree, script)
-        for _ in stage.play(story):
+        harness = Watched(tree, script)
+        for _ in harness.play(story):
             pass
-        traces.append((stage.changes, stage.asked, stage.environment.logged, stage.outcome))
+        traces.append(
+            (harness.changes, harness.asked, harness.environment.logged, harness.outcome)
+        )
     assert traces[0] == traces[1]
 
 
@@ -178,11 +180,11 @@ def test_equal_inputs_produce_equal_traces(
 def test_reported_changes_cover_every_status_change(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
-    stage = Watched(tree, script)
-    for _ in stage.play(story):
-        told = dict.fromkeys((node.spec.path for node in stage.root.iterate()), Status.INVALID)
-        told.update((change.path, change.status) for change in stage.changes)
-        assert told == {node.spec.path: node.status for node in stage.root.iterate()}
+    harness = Watched(tree, script)
+    for _ in harness.play(story):
+        told = dict.fromkeys((node.spec.path for node in harness.root.iterate()), Status.INVALID)
+        told.update((change.path, change.status) for change in harness.changes)
+        assert told == {node.spec.path: node.status for node in harness.root.iterate()}
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)
@@ -190,18 +192,18 @@ def test_reported_changes_cover_every_status_change(
 def test_cancel_at_any_time_leaves_nothing_running(
     tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
-    stage = Watched(tree, script)
-    for _ in stage.play(story):
+    harness = Watched(tree, script)
+    for _ in harness.play(story):
         pass
-    stage.run.cancel("enough")
-    assert _under_way(stage) == 0
-    assert _listening(stage) == 0
-    assert Puppet.alive == set()
-    stage.after(5.0)
-    assert stage.outcome != "running"
-    assert Puppet.set_up == set()
-    assert stage.run.result is not None
-    assert stage.run.result.orphans == ()
+    harness.run.cancel("enough")
+    assert _under_way(harness) == 0
+    assert _listening(harness) == 0
+    assert ScriptedLeaf.alive == set()
+    harness.after(5.0)
+    assert harness.outcome != "running"
+    assert ScriptedLeaf.set_up == set()
+    assert harness.run.result is not None
+    assert harness.run.result.orphans == ()
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -210,9 +212,9 @@ def test_random_picks_follow_weights(weights: list[int], seed: int) -> None:
     children = "\n".join(
         f"    - {{log: '{place}', weight: {weight}}}" for place, weight in enumerate(weights)
     )
-    stage = Stage(f"repeat: forever\nrandom:\n  seed: {seed}\n  children:\n{children}")
-    stage.tick(600)
-    picked = Counter(int(text) for _, text in stage.environment.logged)
+    harness = TreeHarness(f"repeat: forever\nrandom:\n  seed: {seed}\n  children:\n{children}")
+    harness.tick(600)
+    picked = Counter(int(text) for _, text in harness.environment.logged)
     for place, weight in enumerate(weights):
         share = weight / sum(weights)
         # Six standard deviations of the binomial distribution.

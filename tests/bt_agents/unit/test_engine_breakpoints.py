@@ -8,125 +8,129 @@ from typing import Any
 import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import Stage
+from tree_harness import TreeHarness
 
 LONG = {"say": [ScriptedReply(after_s=100.0)]}
 
 
-def stopped(tree: str, *paths: str, **how: Any) -> Stage:
-    stage = Stage(tree, **how)
-    stage.run.set_breakpoints(paths)
-    return stage
+def stopped(tree: str, *paths: str, **how: Any) -> TreeHarness:
+    harness = TreeHarness(tree, **how)
+    harness.run.set_breakpoints(paths)
+    return harness
 
 
 def test_breakpoint_holds_node_until_next_tick() -> None:
-    stage = stopped("sequence: [{say: one}, {say: two}]", "tree/1.say")
-    stage.tick()
-    assert stage.run.held == ("tree/1.say",)
-    assert (stage.said, stage.status("1.say"), stage.run.tip) == (["one"], "RUNNING", "tree/1.say")
-    assert stage.tick() == "succeeded"
-    assert (stage.said, stage.run.held) == (["one", "two"], ())
+    harness = stopped("sequence: [{say: one}, {say: two}]", "tree/1.say")
+    harness.tick()
+    assert harness.run.held == ("tree/1.say",)
+    assert (harness.said, harness.status("1.say"), harness.run.tip) == (
+        ["one"],
+        "RUNNING",
+        "tree/1.say",
+    )
+    assert harness.tick() == "succeeded"
+    assert (harness.said, harness.run.held) == (["one", "two"], ())
 
 
 def test_breakpoint_holds_the_root() -> None:
-    stage = stopped("say: hello", "tree")
-    stage.tick()
-    assert (stage.run.held, stage.said) == (("tree",), [])
-    assert stage.tick() == "succeeded"
+    harness = stopped("say: hello", "tree")
+    harness.tick()
+    assert (harness.run.held, harness.said) == (("tree",), [])
+    assert harness.tick() == "succeeded"
 
 
 def test_held_node_reports_running_once() -> None:
-    stage = stopped("say: hello", "tree", answers=LONG)
-    stage.tick(3)
-    assert stage.reports("tree") == [("RUNNING", "")]
+    harness = stopped("say: hello", "tree", answers=LONG)
+    harness.tick(3)
+    assert harness.reports("tree") == [("RUNNING", "")]
 
 
 def test_siblings_in_parallel_tick_beside_held_node() -> None:
-    stage = stopped("parallel: [{say: one}, {show: two}]", "tree/0.say")
-    stage.tick()
-    assert stage.asked == ["show"]
-    assert stage.tick() == "succeeded"
+    harness = stopped("parallel: [{say: one}, {show: two}]", "tree/0.say")
+    harness.tick()
+    assert harness.asked == ["show"]
+    assert harness.tick() == "succeeded"
 
 
 def test_node_halted_in_same_tick_is_not_held() -> None:
     tree = "selector: [{parallel: [{say: one}, {check: scene.age > 4}]}, {say: two}]"
-    stage = stopped(tree, "tree/0.parallel/0.say", answers=LONG)
-    stage.tick()
-    assert stage.run.held == ()
-    assert stage.said == ["two"]
+    harness = stopped(tree, "tree/0.parallel/0.say", answers=LONG)
+    harness.tick()
+    assert harness.run.held == ()
+    assert harness.said == ["two"]
 
 
 def test_breakpoint_holds_every_repeat_round() -> None:
-    stage = stopped("repeat: {times: 2}\nsay: hello", "tree")
+    harness = stopped("repeat: {times: 2}\nsay: hello", "tree")
     held = []
-    while stage.outcome == "running":
-        stage.tick()
-        held.append(stage.run.held)
+    while harness.outcome == "running":
+        harness.tick()
+        held.append(harness.run.held)
     assert held == [("tree",), (), ("tree",), ()]
 
 
 def test_breakpoint_ignores_node_whose_when_is_false() -> None:
-    stage = stopped("sequence: [{say: one, when: mood.change > 3}, {say: two}]", "tree/0.say")
-    assert stage.tick() == "succeeded"
-    assert stage.said == ["two"]
+    harness = stopped("sequence: [{say: one, when: mood.change > 3}, {say: two}]", "tree/0.say")
+    assert harness.tick() == "succeeded"
+    assert harness.said == ["two"]
 
 
 def test_interrupted_held_node_is_held_again() -> None:
-    stage = stopped("say: hello", "tree")
-    stage.tick()
-    stage.interrupt()
-    assert stage.status("tree") == "INVALID"
-    stage.tick()
-    assert (stage.run.held, stage.said) == (("tree",), [])
+    harness = stopped("say: hello", "tree")
+    harness.tick()
+    harness.interrupt()
+    assert harness.status("tree") == "INVALID"
+    harness.tick()
+    assert (harness.run.held, harness.said) == (("tree",), [])
 
 
 def test_interrupted_node_without_breakpoint_starts_once() -> None:
-    stage = stopped("say: hello", "tree", answers=LONG)
-    stage.tick()
-    stage.run.set_breakpoints(())
-    stage.interrupt()
-    stage.tick(5)
-    assert stage.said == ["hello"]
+    harness = stopped("say: hello", "tree", answers=LONG)
+    harness.tick()
+    harness.run.set_breakpoints(())
+    harness.interrupt()
+    harness.tick(5)
+    assert harness.said == ["hello"]
 
 
 def test_removing_breakpoint_releases_held_node() -> None:
-    stage = stopped("sequence: [{say: one}, {say: two}]", "tree/0.say", "tree/1.say")
-    stage.tick()
-    stage.run.set_breakpoints(())
-    assert stage.tick() == "succeeded"
+    harness = stopped("sequence: [{say: one}, {say: two}]", "tree/0.say", "tree/1.say")
+    harness.tick()
+    harness.run.set_breakpoints(())
+    assert harness.tick() == "succeeded"
 
 
 def test_breakpoint_set_during_run_takes_effect() -> None:
-    stage = Stage("sequence: [{say: one}, {say: two}]", answers=LONG)
-    stage.tick()
-    stage.run.set_breakpoints(("tree/1.say",))
-    stage.after(100.0)
-    assert (stage.run.held, stage.said) == (("tree/1.say",), ["one"])
+    harness = TreeHarness("sequence: [{say: one}, {say: two}]", answers=LONG)
+    harness.tick()
+    harness.run.set_breakpoints(("tree/1.say",))
+    harness.after(100.0)
+    assert (harness.run.held, harness.said) == (("tree/1.say",), ["one"])
 
 
 def test_cancel_of_held_node_only_cleans_up() -> None:
-    stage = stopped("say: hello", "tree", head="on_cancel: {say: good-bye}")
-    stage.tick()
-    stage.run.cancel("enough")
-    while stage.outcome == "running":
-        stage.tick()
-    assert (stage.outcome, stage.said) == ("cancelled", ["good-bye"])
+    harness = stopped("say: hello", "tree", head="on_cancel: {say: good-bye}")
+    harness.tick()
+    harness.run.cancel("enough")
+    while harness.outcome == "running":
+        harness.tick()
+    assert (harness.outcome, harness.said) == ("cancelled", ["good-bye"])
 
 
 def test_cleanup_tick_holds_no_node() -> None:
-    stage = stopped("say: hello", "tree", head="on_cancel: {wait: 1 s}")
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.tick()
-    assert (stage.outcome, stage.run.held) == ("running", ())
+    harness = stopped("say: hello", "tree", head="on_cancel: {wait: 1 s}")
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.tick()
+    assert (harness.outcome, harness.run.held) == ("running", ())
 
 
 def test_breakpoint_does_not_hold_cleanup() -> None:
-    stage = stopped("say: hello", "on_cancel", head="on_cancel: {say: good-bye}", answers=LONG)
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.tick()
-    assert stage.said == ["hello", "good-bye"]
+    harness = stopped("say: hello", "on_cancel", head="on_cancel: {say: good-bye}", answers=LONG)
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.tick()
+    assert harness.said == ["hello", "good-bye"]
 
 
 @pytest.mark.parametrize(
@@ -141,24 +145,24 @@ def test_breakpoint_does_not_hold_cleanup() -> None:
     ],
 )
 def test_breakpoints_on_every_node_keep_the_outcome(tree: str) -> None:
-    plain, stage = Stage(tree), Stage(tree)
-    every = [node.spec.path for node in stage.root.iterate()]
-    stage.run.set_breakpoints(every)
-    for one in (plain, stage):
+    plain, harness = TreeHarness(tree), TreeHarness(tree)
+    every = [node.spec.path for node in harness.root.iterate()]
+    harness.run.set_breakpoints(every)
+    for one in (plain, harness):
         ticks = 0
         while one.outcome == "running":
             one.tick()
             ticks += 1
             assert ticks < 100
-    assert (stage.outcome, len(stage.said)) == (plain.outcome, len(plain.said))
-    assert stage.run.ticks > plain.run.ticks
+    assert (harness.outcome, len(harness.said)) == (plain.outcome, len(plain.said))
+    assert harness.run.ticks > plain.run.ticks
 
 
 def test_tip_name_shows_current_values() -> None:
     tunable = "tunables:\n  words: {default: hello, description: d}"
-    stage = Stage('say: "${words}!"', head=tunable, answers=LONG)
-    stage.run.set_breakpoints(("tree",))
-    stage.tick()
-    assert stage.run.tip_name == 'say "${words}!"'
-    stage.tick()
-    assert stage.run.tip_name == 'say "hello!"'
+    harness = TreeHarness('say: "${words}!"', head=tunable, answers=LONG)
+    harness.run.set_breakpoints(("tree",))
+    harness.tick()
+    assert harness.run.tip_name == 'say "${words}!"'
+    harness.tick()
+    assert harness.run.tip_name == 'say "hello!"'

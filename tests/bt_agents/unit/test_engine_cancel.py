@@ -12,7 +12,7 @@ from bt_agents.engine.run import RunLimits, TreeOutcome
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.engine.ticker import Ticker
 from bt_agents_core.stop_cause import Cancellation
-from tree_harness import Stage
+from tree_harness import TreeHarness
 
 LONG = ScriptedReply(after_s=100.0)
 STUBBORN = ScriptedReply(after_s=100.0, cancel_s=math.inf)
@@ -21,167 +21,171 @@ SPEAKS = "sequence: [{say: hello}, {show: {text: x}}]"
 
 
 def test_cancel_before_first_tick_needs_no_cleanup() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP)
-    stage.run.cancel("enough")
-    assert stage.outcome == "cancelled"
-    assert stage.asked == []
-    result = stage.run.result
+    harness = TreeHarness(SPEAKS, head=CLEAN_UP)
+    harness.run.cancel("enough")
+    assert harness.outcome == "cancelled"
+    assert harness.asked == []
+    result = harness.run.result
     assert result is not None
     assert (result.ticks, result.tip, result.message) == (0, "", "enough")
 
 
 def test_cancel_halts_leaf_now_and_cleans_up_next() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]})
-    stage.tick()
-    stage.run.cancel("enough")
-    assert stage.environment.running() == []
-    assert stage.said == ["hello"]
-    assert stage.tick() == "running"
-    assert stage.said == ["hello", "good-bye"]
-    assert stage.after(1.0) == "cancelled"
-    assert stage.message == "enough"
+    harness = TreeHarness(
+        SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]}
+    )
+    harness.tick()
+    harness.run.cancel("enough")
+    assert harness.environment.running() == []
+    assert harness.said == ["hello"]
+    assert harness.tick() == "running"
+    assert harness.said == ["hello", "good-bye"]
+    assert harness.after(1.0) == "cancelled"
+    assert harness.message == "enough"
 
 
 def test_a_cancel_during_a_cancel_changes_nothing() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]})
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.tick()
-    assert stage.run.cancel("more than enough") == []
-    assert stage.environment.running() == ["say"]
-    assert stage.after(1.0) == "cancelled"
-    assert stage.message == "enough"
-    assert stage.said == ["hello", "good-bye"]
+    harness = TreeHarness(
+        SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]}
+    )
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.tick()
+    assert harness.run.cancel("more than enough") == []
+    assert harness.environment.running() == ["say"]
+    assert harness.after(1.0) == "cancelled"
+    assert harness.message == "enough"
+    assert harness.said == ["hello", "good-bye"]
 
 
 def test_overlong_cleanup_is_halted() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.tick()
-    assert stage.after(2.9) == "running"
-    assert stage.after(0.1) == "cancelled"
-    assert stage.environment.running() == []
+    harness = TreeHarness(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.tick()
+    assert harness.after(2.9) == "running"
+    assert harness.after(0.1) == "cancelled"
+    assert harness.environment.running() == []
 
 
 def test_cancel_while_settling_keeps_success() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "parallel: {succeed_on: one, children: [{say: x}, {show: {text: y}}]}",
         head=CLEAN_UP,
         answers={"show": [ScriptedReply(after_s=9.0, cancel_s=0.5)]},
     )
-    assert stage.tick() == "running"
-    assert stage.run.cancel("too late") == []
-    assert stage.after(0.5) == "succeeded"
-    assert stage.said == ["x"]
+    assert harness.tick() == "running"
+    assert harness.run.cancel("too late") == []
+    assert harness.after(0.5) == "succeeded"
+    assert harness.said == ["x"]
 
 
 def test_cancel_while_settling_keeps_failure() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "parallel: [{say: x}, {show: {text: y}}]",
         answers={
             "say": [ScriptedReply(state=GoalState.ABORTED, message="hoarse")],
             "show": [ScriptedReply(after_s=9.0, cancel_s=0.5)],
         },
     )
-    assert stage.tick() == "running"
-    stage.run.cancel("too late")
-    assert stage.after(0.5) == "failed"
-    assert "hoarse" in stage.message
+    assert harness.tick() == "running"
+    harness.run.cancel("too late")
+    assert harness.after(0.5) == "failed"
+    assert "hoarse" in harness.message
 
 
 def test_cancel_after_end_keeps_the_result() -> None:
-    stage = Stage(SPEAKS)
-    assert stage.tick() == "succeeded"
-    result = stage.run.result
-    assert stage.run.cancel("too late") == []
-    stage.tick(3)
-    assert stage.run.result is result
+    harness = TreeHarness(SPEAKS)
+    assert harness.tick() == "succeeded"
+    result = harness.run.result
+    assert harness.run.cancel("too late") == []
+    harness.tick(3)
+    assert harness.run.result is result
 
 
 def test_run_waits_for_pending_goal_to_be_cancelled() -> None:
-    stage = Stage(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
-    stage.tick()
-    stage.run.cancel("enough")
-    assert stage.outcome == "running"
-    assert stage.after(0.9) == "running"
-    assert stage.after(0.1) == "cancelled"
-    assert stage.run.result is not None
-    assert stage.run.result.orphans == ()
+    harness = TreeHarness(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
+    harness.tick()
+    harness.run.cancel("enough")
+    assert harness.outcome == "running"
+    assert harness.after(0.9) == "running"
+    assert harness.after(0.1) == "cancelled"
+    assert harness.run.result is not None
+    assert harness.run.result.orphans == ()
 
 
 def test_endless_goal_is_an_orphan_of_its_node() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         SPEAKS, head=CLEAN_UP, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0)
     )
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.tick()
-    assert stage.after(3.0) == "running"
-    assert stage.after(2.0) == "cancelled"
-    assert stage.run.result is not None
-    assert stage.run.result.orphans == ("tree/0.say", "on_cancel")
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.tick()
+    assert harness.after(3.0) == "running"
+    assert harness.after(2.0) == "cancelled"
+    assert harness.run.result is not None
+    assert harness.run.result.orphans == ("tree/0.say", "on_cancel")
 
 
 def test_host_cancel_can_skip_cleanup() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
-    stage.tick()
-    stage.run.cancel("the host is stopping", clean_up=False)
-    assert stage.outcome == "cancelled"
-    assert stage.said == ["hello"]
+    harness = TreeHarness(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
+    harness.tick()
+    harness.run.cancel("the host is stopping", clean_up=False)
+    assert harness.outcome == "cancelled"
+    assert harness.said == ["hello"]
 
 
 def test_second_cancel_without_cleanup_halts_running_cleanup() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.tick()
-    assert stage.environment.running() == ["say"]
-    stage.run.cancel("the host is stopping", clean_up=False)
-    assert stage.environment.running() == []
-    assert stage.tick() == "cancelled"
-    assert stage.message == "enough"
+    harness = TreeHarness(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.tick()
+    assert harness.environment.running() == ["say"]
+    harness.run.cancel("the host is stopping", clean_up=False)
+    assert harness.environment.running() == []
+    assert harness.tick() == "cancelled"
+    assert harness.message == "enough"
 
 
 def test_expired_cleanup_starts_no_further_node() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         SPEAKS,
         head="on_cancel: {sequence: [{say: good-bye}, {say: really}]}",
         answers={"say": [LONG, ScriptedReply(after_s=1.0)]},
     )
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.tick()
-    assert stage.after(60.0) == "cancelled"
-    assert stage.said == ["hello", "good-bye"]
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.tick()
+    assert harness.after(60.0) == "cancelled"
+    assert harness.said == ["hello", "good-bye"]
 
 
 @pytest.mark.parametrize("wait_s", [0.0, 1.0])
 def test_shortened_settling_ends_the_wait_for_goals(wait_s: float) -> None:
-    stage = Stage(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
-    stage.tick()
+    harness = TreeHarness(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
+    harness.tick()
     if not wait_s:
-        stage.run.shorten_settling(0.7)
-    stage.run.cancel("the host is stopping")
-    assert stage.after(wait_s) == "running"
-    stage.run.shorten_settling(0.7)
-    assert stage.after(0.6) == "running"
-    assert stage.after(0.1) == "cancelled"
-    assert stage.run.result is not None
-    assert stage.run.result.orphans == ("tree/0.say",)
-    stage.run.shorten_settling(0.7)
-    assert stage.outcome == "cancelled"
+        harness.run.shorten_settling(0.7)
+    harness.run.cancel("the host is stopping")
+    assert harness.after(wait_s) == "running"
+    harness.run.shorten_settling(0.7)
+    assert harness.after(0.6) == "running"
+    assert harness.after(0.1) == "cancelled"
+    assert harness.run.result is not None
+    assert harness.run.result.orphans == ("tree/0.say",)
+    harness.run.shorten_settling(0.7)
+    assert harness.outcome == "cancelled"
 
 
 def test_give_up_ends_run_whose_nodes_cannot_halt(monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = Stage(SPEAKS, answers={"say": [LONG]})
-    stage.tick()
+    harness = TreeHarness(SPEAKS, answers={"say": [LONG]})
+    harness.tick()
 
     def stuck(_ticker: object) -> None:
         raise RuntimeError("cogwheel")
 
     monkeypatch.setattr(Ticker, "halt", stuck)
-    result = stage.run.give_up("RuntimeError: cogwheel")
+    result = harness.run.give_up("RuntimeError: cogwheel")
     assert result.outcome is TreeOutcome.FAILED
     assert result.orphans == ("tree/0.say",)
 
@@ -199,46 +203,46 @@ class SlowClock:
 
 
 def test_tick_overrun_names_the_slowest_node() -> None:
-    stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
+    harness = TreeHarness(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
     clock = SlowClock()
-    stage.run._steady = clock
-    stage.run.period_s = 0.1
+    harness.run._steady = clock
+    harness.run.period_s = 0.1
     # Looked at before the tick, then when each leaf answers, then at the end.
     clock.steps = iter([0.0, 0.01, 0.2, 0.01, 0.0])
-    stage.tick()
-    overrun = stage.run.overrun
+    harness.tick()
+    overrun = harness.run.overrun
     assert overrun is not None
     assert overrun.slowest == "tree/1.show"
     assert overrun.slowest_s == pytest.approx(0.2)
     assert overrun.took_s == pytest.approx(0.22)
-    stage.tick()
-    assert stage.run.overrun is None
-    stage.run.cancel("enough")
-    assert stage.run.result is not None
-    assert stage.run.result.overruns == 1
+    harness.tick()
+    assert harness.run.overrun is None
+    harness.run.cancel("enough")
+    assert harness.run.result is not None
+    assert harness.run.result.overruns == 1
 
 
 def test_overrun_after_last_leaf_names_the_root() -> None:
-    stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
+    harness = TreeHarness(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
     clock = SlowClock()
-    stage.run._steady = clock
-    stage.run.period_s = 0.1
+    harness.run._steady = clock
+    harness.run.period_s = 0.1
     clock.steps = iter([0.0, 0.01, 0.02, 0.3])
-    stage.tick()
-    overrun = stage.run.overrun
+    harness.tick()
+    overrun = harness.run.overrun
     assert overrun is not None
     assert overrun.slowest == "tree"
     assert overrun.slowest_s == pytest.approx(0.3)
 
 
 def test_run_without_period_has_no_overruns() -> None:
-    stage = Stage("say: x")
+    harness = TreeHarness("say: x")
     clock = SlowClock()
-    stage.run._steady = clock
+    harness.run._steady = clock
     clock.steps = iter([0.0, 100.0, 0.0, 100.0])
-    assert stage.tick() == "succeeded"
-    assert stage.run.result is not None
-    assert stage.run.result.overruns == 0
+    assert harness.tick() == "succeeded"
+    assert harness.run.result is not None
+    assert harness.run.result.overruns == 0
 
 
 TELLS_WHY = (
@@ -252,51 +256,51 @@ OPERATOR = Cancellation(by="operator", reason="the shift is over")
 
 @pytest.mark.parametrize(("cancellation", "text"), [(RULE, "Sorry."), (OPERATOR, OPERATOR.reason)])
 def test_cleanup_reads_who_cancelled_and_why(cancellation: Cancellation, text: str) -> None:
-    stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    stage.tick()
-    stage.run.cancel("enough", cancellation=cancellation)
-    stage.tick()
-    assert stage.said == ["hello", text]
+    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
+    harness.tick()
+    harness.run.cancel("enough", cancellation=cancellation)
+    harness.tick()
+    assert harness.said == ["hello", text]
 
 
 def test_cleanup_waits_for_the_cancel_cause_it_reads() -> None:
-    stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    stage.tick()
-    stage.run.cancel("enough")
-    assert stage.environment.running() == []
-    assert stage.after(0.05) == "running"
-    assert stage.said == ["hello"]
-    stage.run.cancel("enough", cancellation=RULE)
-    stage.tick()
-    assert stage.said == ["hello", "Sorry."]
-    stage.run.cancel("enough", cancellation=OPERATOR)
-    stage.tick()
-    assert stage.said == ["hello", "Sorry."]
+    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
+    harness.tick()
+    harness.run.cancel("enough")
+    assert harness.environment.running() == []
+    assert harness.after(0.05) == "running"
+    assert harness.said == ["hello"]
+    harness.run.cancel("enough", cancellation=RULE)
+    harness.tick()
+    assert harness.said == ["hello", "Sorry."]
+    harness.run.cancel("enough", cancellation=OPERATOR)
+    harness.tick()
+    assert harness.said == ["hello", "Sorry."]
 
 
 def test_cancel_cause_is_missing_after_its_deadline() -> None:
-    stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    stage.tick()
-    stage.run.cancel("enough")
-    assert stage.run.deadline == pytest.approx(RunLimits().explain_s)
-    stage.after(RunLimits().explain_s)
-    assert stage.said == ["hello", "I stop here."]
+    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
+    harness.tick()
+    harness.run.cancel("enough")
+    assert harness.run.deadline == pytest.approx(RunLimits().explain_s)
+    harness.after(RunLimits().explain_s)
+    assert harness.said == ["hello", "I stop here."]
 
 
 def test_run_awaiting_cancel_cause_can_skip_cleanup() -> None:
-    stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.run.cancel("the host is stopping", clean_up=False)
-    assert stage.tick() == "cancelled"
-    assert stage.said == ["hello"]
+    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.run.cancel("the host is stopping", clean_up=False)
+    assert harness.tick() == "cancelled"
+    assert harness.said == ["hello"]
 
 
 def test_agent_sets_its_own_cleanup_limit() -> None:
     head = f"{CLEAN_UP}\non_cancel_within: 5 s"
-    stage = Stage(SPEAKS, head=head, answers={"say": [LONG]})
-    stage.tick()
-    stage.run.cancel("enough")
-    stage.tick()
-    assert stage.after(4.9) == "running"
-    assert stage.after(0.1) == "cancelled"
+    harness = TreeHarness(SPEAKS, head=head, answers={"say": [LONG]})
+    harness.tick()
+    harness.run.cancel("enough")
+    harness.tick()
+    assert harness.after(4.9) == "running"
+    assert harness.after(0.1) == "cancelled"

@@ -10,7 +10,7 @@ import pytest
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import Stage, scene
+from tree_harness import TreeHarness, scene
 
 FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 LONG = [ScriptedReply(after_s=100.0)]
@@ -31,9 +31,9 @@ CASES = """
 
 @pytest.mark.parametrize(("age", "words"), [(1.0, "Hi!"), (5.0, "Good day."), (3.0, "Hello.")])
 def test_choose_runs_only_the_first_matching_case(age: float, words: str) -> None:
-    stage = Stage(CASES, awarded=scene(age=age, mood=3))
-    assert stage.tick() == "succeeded"
-    assert stage.said == [words]
+    harness = TreeHarness(CASES, awarded=scene(age=age, mood=3))
+    assert harness.tick() == "succeeded"
+    assert harness.said == [words]
 
 
 def test_choose_evaluates_cases_only_at_start() -> None:
@@ -41,29 +41,29 @@ def test_choose_evaluates_cases_only_at_start() -> None:
     #  0 |    1     |   R   |     |   R
     #  1 |    5     |   R   |     |   R
     #  2 |    5     |   S   |     |   S
-    stage = Stage(
+    harness = TreeHarness(
         CASES, awarded=scene(age=1, mood=3), answers={"say": [ScriptedReply(after_s=2.0)]}
     )
-    assert stage.tick() == "running"
-    stage.set_live("age", 5.0)
-    assert stage.after(1.0) == "running"
-    assert stage.after(1.0) == "succeeded"
-    assert stage.said == ["Hi!"]
+    assert harness.tick() == "running"
+    harness.set_live("age", 5.0)
+    assert harness.after(1.0) == "running"
+    assert harness.after(1.0) == "succeeded"
+    assert harness.said == ["Hi!"]
 
 
 def test_choose_reevaluates_cases_after_interruption() -> None:
-    stage = Stage(CASES, awarded=scene(age=1, mood=3), answers={"say": LONG})
-    stage.tick()
-    stage.interrupt()
-    assert stage.environment.running() == []
-    stage.set_live("age", 5.0)
-    stage.tick()
-    assert stage.said == ["Hi!", "Good day."]
-    assert stage.status("tree/0.young@when") == "INVALID"
+    harness = TreeHarness(CASES, awarded=scene(age=1, mood=3), answers={"say": LONG})
+    harness.tick()
+    harness.interrupt()
+    assert harness.environment.running() == []
+    harness.set_live("age", 5.0)
+    harness.tick()
+    assert harness.said == ["Hi!", "Good day."]
+    assert harness.status("tree/0.young@when") == "INVALID"
 
 
 def test_failed_case_fails_choose_without_trying_others() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         choose:
           - name: go
@@ -75,13 +75,13 @@ def test_failed_case_fails_choose_without_trying_others() -> None:
         """,
         answers={"drive": FAILS},
     )
-    assert stage.tick() == "failed"
-    assert stage.said == []
-    assert stage.message == "drive aborted: motor off"
+    assert harness.tick() == "failed"
+    assert harness.said == []
+    assert harness.message == "drive aborted: motor off"
 
 
 def test_choose_without_matching_case_fails_with_reasons() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         choose:
           - name: young
@@ -93,34 +93,34 @@ def test_choose_without_matching_case_fails_with_reasons() -> None:
         """,
         awarded=scene(mood=3),
     )
-    assert stage.tick() == "failed"
-    assert stage.said == []
-    assert stage.message.startswith(
+    assert harness.tick() == "failed"
+    assert harness.said == []
+    assert harness.message.startswith(
         "no case fits; young: 'scene.age' has no value; "
         "happy: not so: scene.mood > 3 (scene.mood is 3) (tree, a.yaml"
     )
 
 
 def test_case_with_missing_value_does_not_match() -> None:
-    stage = Stage(CASES, awarded=scene(mood=3))
-    assert stage.tick() == "succeeded"
-    assert stage.said == ["Hello."]
+    harness = TreeHarness(CASES, awarded=scene(mood=3))
+    assert harness.tick() == "succeeded"
+    assert harness.said == ["Hello."]
 
 
 def test_case_of_earlier_round_keeps_no_status() -> None:
-    stage = Stage(f"{CASES}repeat: 2", awarded=scene(age=1, mood=3))
-    stage.tick()
-    assert stage.status("0.young") == "SUCCESS"
-    stage.set_live("age", 5.0)
-    assert stage.tick() == "succeeded"
-    assert stage.status("0.young") == "INVALID"
-    assert stage.said == ["Hi!", "Good day."]
+    harness = TreeHarness(f"{CASES}repeat: 2", awarded=scene(age=1, mood=3))
+    harness.tick()
+    assert harness.status("0.young") == "SUCCESS"
+    harness.set_live("age", 5.0)
+    assert harness.tick() == "succeeded"
+    assert harness.status("0.young") == "INVALID"
+    assert harness.said == ["Hi!", "Good day."]
 
 
 def test_choose_reports_its_chosen_case() -> None:
-    stage = Stage(CASES, awarded=scene(age=5, mood=3))
-    stage.tick()
-    assert stage.reports("tree") == [("SUCCESS", "case 'old'")]
+    harness = TreeHarness(CASES, awarded=scene(age=5, mood=3))
+    harness.tick()
+    assert harness.reports("tree") == [("SUCCESS", "case 'old'")]
 
 
 RANDOM = """
@@ -139,25 +139,25 @@ RANDOM = """
 def test_seeded_random_picks_the_same_every_run() -> None:
     said = []
     for number in range(3):
-        stage = Stage(RANDOM, random=Random(number))
-        stage.tick(50)
-        said.append(stage.said)
+        harness = TreeHarness(RANDOM, random=Random(number))
+        harness.tick(50)
+        said.append(harness.said)
     assert said[0] == said[1] == said[2]
     assert set(said[0]) == {"a", "b"}
 
 
 def test_random_picks_in_proportion_to_weights() -> None:
-    stage = Stage(RANDOM)
-    stage.tick(3000)
-    assert stage.said.count("never") == 0
-    assert 900 < stage.said.count("a") < 1100
+    harness = TreeHarness(RANDOM)
+    harness.tick(3000)
+    assert harness.said.count("never") == 0
+    assert 900 < harness.said.count("a") < 1100
 
 
 def test_unseeded_random_uses_the_run_seed() -> None:
     tree = "repeat: forever\nrandom:\n  - say: a\n  - say: b\n  - say: c"
-    first, second, third = (Stage(tree, random=Random(seed)) for seed in (1, 1, 2))
-    for stage in (first, second, third):
-        stage.tick(30)
+    first, second, third = (TreeHarness(tree, random=Random(seed)) for seed in (1, 1, 2))
+    for harness in (first, second, third):
+        harness.tick(30)
     assert first.said == second.said
     assert first.said != third.said
 
@@ -165,25 +165,25 @@ def test_unseeded_random_uses_the_run_seed() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_random_without_repeats_picks_all_before_repeating(seed: int) -> None:
     tree = "repeat: 12\nrandom: {repeats: false, children: [say: a, say: b, say: c]}"
-    stage = Stage(tree, random=Random(seed))
-    stage.tick(50)
-    said = stage.said
+    harness = TreeHarness(tree, random=Random(seed))
+    harness.tick(50)
+    said = harness.said
     assert [set(said[at : at + 3]) for at in (0, 3, 6, 9)] == [{"a", "b", "c"}] * 4
     assert all(one != other for one, other in pairwise(said))
 
 
 def test_random_without_repeats_may_repeat_its_only_choice() -> None:
     tree = "repeat: 3\nrandom: {repeats: false, children: [say: a, {say: b, weight: 0}]}"
-    stage = Stage(tree)
-    stage.tick(20)
-    assert stage.said == ["a", "a", "a"]
+    harness = TreeHarness(tree)
+    harness.tick(20)
+    assert harness.said == ["a", "a", "a"]
 
 
 def test_seeded_random_nodes_are_independent() -> None:
     one = "random:\n  seed: 7\n  children: [{say: a}, {say: b}]\nrepeat: 20"
-    alone = Stage(one)
+    alone = TreeHarness(one)
     alone.tick(20)
-    both = Stage(
+    both = TreeHarness(
         """
         repeat: forever
         sequence:
@@ -196,53 +196,55 @@ def test_seeded_random_nodes_are_independent() -> None:
 
 
 def test_random_keeps_picked_child_and_takes_its_result() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "random:\n  - say: a\n  - show: b", answers={"say": LONG, "show": LONG}, random=Random(3)
     )
-    assert stage.tick(20, step_s=1.0) == "running"
-    assert len(stage.asked) == 1
-    stage.interrupt()
-    assert stage.environment.running() == []
-    stage = Stage("random:\n  - drive: a\n  - drive: b", answers={"drive": FAILS})
-    assert stage.tick() == "failed"
-    assert len(stage.asked) == 1
+    assert harness.tick(20, step_s=1.0) == "running"
+    assert len(harness.asked) == 1
+    harness.interrupt()
+    assert harness.environment.running() == []
+    harness = TreeHarness("random:\n  - drive: a\n  - drive: b", answers={"drive": FAILS})
+    assert harness.tick() == "failed"
+    assert len(harness.asked) == 1
 
 
 def test_tuned_weights_apply_at_next_start() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "repeat: forever\nrandom:\n  - say: a\n    weight: ${w}\n  - say: b\n    weight: ${1 - w}",
         head="tunables: {w: {default: 1.0, min: 0, max: 1, description: d}}",
     )
-    stage.tick(5)
-    stage.tunables["w"] = 0.0
-    stage.tick(5)
-    assert stage.said == ["a"] * 5 + ["b"] * 5
+    harness.tick(5)
+    harness.tunables["w"] = 0.0
+    harness.tick(5)
+    assert harness.said == ["a"] * 5 + ["b"] * 5
 
 
 def test_random_fails_when_all_weights_are_zero() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "random:\n  - say: a\n    weight: 0\n  - say: b\n    weight: ${scene.mood}",
         awarded=scene(mood=0),
     )
-    assert stage.tick() == "failed"
-    assert stage.said == []
-    assert stage.message.startswith("all weights are 0, expected at least one larger number (tree")
+    assert harness.tick() == "failed"
+    assert harness.said == []
+    assert harness.message.startswith(
+        "all weights are 0, expected at least one larger number (tree"
+    )
 
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "much", True, 10**400])
 def test_invalid_weight_fails_with_message(value: object) -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "random:\n  - say: a\n    weight: ${w}\n  - say: b",
         head="tunables: {w: {default: 1.0, min: 0, max: 9, description: d}}",
     )
-    stage.tunables["w"] = value  # type: ignore[assignment]
-    assert stage.tick() == "failed"
-    assert "'weight' is " in stage.message
-    assert "expected a number from 0 on" in stage.message
+    harness.tunables["w"] = value  # type: ignore[assignment]
+    assert harness.tick() == "failed"
+    assert "'weight' is " in harness.message
+    assert "expected a number from 0 on" in harness.message
 
 
 def test_extreme_weights_do_not_overflow() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         repeat: forever
         random:
@@ -255,5 +257,5 @@ def test_extreme_weights_do_not_overflow() -> None:
         """,
         random=Random(1),
     )
-    stage.tick(40)
-    assert set(stage.said) == {"a", "b"}
+    harness.tick(40)
+    assert set(harness.said) == {"a", "b"}

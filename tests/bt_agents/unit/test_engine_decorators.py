@@ -17,7 +17,7 @@ from bt_agents.engine.builder import BEHAVIOURS
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_language.nodes import catalogue
-from tree_harness import Stage, scene
+from tree_harness import TreeHarness, scene
 
 LONG = [ScriptedReply(after_s=100.0)]
 SECOND = [ScriptedReply(after_s=1.0)]
@@ -77,9 +77,9 @@ def test_pairs_cover_every_modifier() -> None:
 
 @pytest.mark.parametrize(("outer", "inner"), PAIRS)
 def test_modifiers_nest_in_documented_order(outer: str, inner: str) -> None:
-    stage = Stage(f"{inner}: {WRITTEN[inner]}\nsay: x\n{outer}: {WRITTEN[outer]}")
+    harness = TreeHarness(f"{inner}: {WRITTEN[inner]}\nsay: x\n{outer}: {WRITTEN[outer]}")
     kinds = []
-    node = stage.root
+    node = harness.root
     while True:
         kinds.append(node.spec.kind)
         if not node.children:
@@ -87,8 +87,8 @@ def test_modifiers_nest_in_documented_order(outer: str, inner: str) -> None:
         node = node.children[0]
     assert kinds == [outer, inner, "say"]
     for _ in range(9):
-        stage.after(10.0)
-    assert stage.outcome in ("succeeded", "failed")
+        harness.after(10.0)
+    assert harness.outcome in ("succeeded", "failed")
 
 
 def test_while_halts_node_when_its_condition_turns_false() -> None:
@@ -96,54 +96,56 @@ def test_while_halts_node_when_its_condition_turns_false() -> None:
     #  0 |  3   | R         |   R
     #  1 |  3   | R         |   R
     #  2 |  1   | cancelled |   F
-    stage = Stage("say: x\nwhile: live.mood >= 2", answers={"say": LONG})
-    assert stage.tick() == "running"
-    assert stage.after(1.0) == "running"
-    stage.set_mood(1.0)
-    assert stage.after(1.0) == "failed"
-    assert stage.environment.running() == []
-    assert stage.message.startswith(
+    harness = TreeHarness("say: x\nwhile: live.mood >= 2", answers={"say": LONG})
+    assert harness.tick() == "running"
+    assert harness.after(1.0) == "running"
+    harness.set_mood(1.0)
+    assert harness.after(1.0) == "failed"
+    assert harness.environment.running() == []
+    assert harness.message.startswith(
         "not so any more: live.mood >= 2 (live.mood is 1) (tree@while, a.yaml:"
     )
 
 
 def test_while_with_false_condition_starts_nothing() -> None:
-    stage = Stage("say: x\nwhile: scene.age > 4")
-    assert stage.tick() == "failed"
-    assert stage.said == []
-    assert stage.message.startswith("not so: scene.age > 4 (")
+    harness = TreeHarness("say: x\nwhile: scene.age > 4")
+    assert harness.tick() == "failed"
+    assert harness.said == []
+    assert harness.message.startswith("not so: scene.age > 4 (")
 
 
 def test_while_fails_when_its_condition_cannot_be_evaluated() -> None:
-    stage = Stage("say: x\nwhile: live.age > 1", awarded=scene(mood=3), answers={"say": LONG})
-    assert stage.tick() == "failed"
-    assert "'live.age' has no value" in stage.message
-    stage = Stage("say: x\nwhile: 1 / live.mood > 0", answers={"say": LONG})
-    stage.tick()
-    stage.set_mood(0.0)
-    assert stage.tick() == "failed"
-    assert "by zero" in stage.message
-    assert stage.environment.running() == []
+    harness = TreeHarness(
+        "say: x\nwhile: live.age > 1", awarded=scene(mood=3), answers={"say": LONG}
+    )
+    assert harness.tick() == "failed"
+    assert "'live.age' has no value" in harness.message
+    harness = TreeHarness("say: x\nwhile: 1 / live.mood > 0", answers={"say": LONG})
+    harness.tick()
+    harness.set_mood(0.0)
+    assert harness.tick() == "failed"
+    assert "by zero" in harness.message
+    assert harness.environment.running() == []
 
 
 def test_while_ends_in_same_tick_as_its_node() -> None:
-    stage = Stage("say: x\nwhile: live.mood >= 2", answers={"say": SECOND})
-    stage.tick()
-    assert stage.after(1.0) == "succeeded"
+    harness = TreeHarness("say: x\nwhile: live.mood >= 2", answers={"say": SECOND})
+    harness.tick()
+    assert harness.after(1.0) == "succeeded"
 
 
 def test_while_guards_retry_pause() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "say: x\nretry: {attempts: 3, pause: 9 s}\nwhile: live.mood >= 2", answers={"say": FAILS}
     )
-    assert stage.tick() == "running"
-    stage.set_mood(1.0)
-    assert stage.after(1.0) == "failed"
-    assert len(stage.said) == 1
+    assert harness.tick() == "running"
+    harness.set_mood(1.0)
+    assert harness.after(1.0) == "failed"
+    assert len(harness.said) == 1
 
 
 def test_failed_while_starts_afresh() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         repeat: forever
         sequence:
@@ -153,52 +155,52 @@ def test_failed_while_starts_afresh() -> None:
         """,
         answers={"say": LONG},
     )
-    stage.tick()
-    stage.set_mood(1.0)
-    stage.tick(3)
-    assert len(stage.said) == 1
-    stage.set_mood(3.0)
-    stage.tick()
-    assert len(stage.said) == 2
-    assert stage.environment.running() == ["say"]
+    harness.tick()
+    harness.set_mood(1.0)
+    harness.tick(3)
+    assert len(harness.said) == 1
+    harness.set_mood(3.0)
+    harness.tick()
+    assert len(harness.said) == 2
+    assert harness.environment.running() == ["say"]
 
 
 def test_when_fails_if_its_condition_cannot_be_evaluated() -> None:
-    stage = Stage("say: x\nwhen: 1 / scene.mood > 0", awarded=scene(mood=0))
-    assert stage.tick() == "failed"
-    assert stage.said == []
-    [(status, message)] = stage.reports("tree@when")
+    harness = TreeHarness("say: x\nwhen: 1 / scene.mood > 0", awarded=scene(mood=0))
+    assert harness.tick() == "failed"
+    assert harness.said == []
+    [(status, message)] = harness.reports("tree@when")
     assert status == "FAILURE"
     assert "by zero" in message
 
 
 def test_when_is_reevaluated_after_interruption() -> None:
-    stage = Stage("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
-    stage.tick()
-    stage.interrupt()
-    assert stage.environment.running() == []
-    stage.set_mood(1.0)
-    assert stage.tick() == "succeeded"
-    assert len(stage.said) == 1
+    harness = TreeHarness("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
+    harness.tick()
+    harness.interrupt()
+    assert harness.environment.running() == []
+    harness.set_mood(1.0)
+    assert harness.tick() == "succeeded"
+    assert len(harness.said) == 1
 
 
 def test_skipped_node_drops_its_earlier_status() -> None:
     head = "subtrees: {hi: {tree: {say: x, once: true}}}"
-    stage = Stage("subtree: hi\nrepeat: 2", head=head)
-    assert stage.tick() == "running"
-    assert stage.status("tree/hi") == "SUCCESS"
-    assert stage.tick() == "succeeded"
-    assert stage.status("tree/hi") == "INVALID"
-    assert stage.status("tree/hi@once") == "SUCCESS"
+    harness = TreeHarness("subtree: hi\nrepeat: 2", head=head)
+    assert harness.tick() == "running"
+    assert harness.status("tree/hi") == "SUCCESS"
+    assert harness.tick() == "succeeded"
+    assert harness.status("tree/hi") == "INVALID"
+    assert harness.status("tree/hi@once") == "SUCCESS"
 
 
 def test_blocked_while_does_not_report_an_earlier_reason() -> None:
     head = "subtrees: {go: {tree: {drive: x, while: live.mood >= 2}}}"
-    stage = Stage("subtree: go\nretry: 2", head=head, answers={"drive": FAILS})
-    assert stage.tick() == "running"
-    stage.set_mood(1.0)
-    assert stage.tick() == "failed"
-    assert "not so: live.mood >= 2" in stage.message
+    harness = TreeHarness("subtree: go\nretry: 2", head=head, answers={"drive": FAILS})
+    assert harness.tick() == "running"
+    harness.set_mood(1.0)
+    assert harness.tick() == "failed"
+    assert "not so: live.mood >= 2" in harness.message
 
 
 def test_once_skips_node_after_its_first_end() -> None:
@@ -206,7 +208,7 @@ def test_once_skips_node_after_its_first_end() -> None:
     #   1   |   S   |   S    |   R
     #   2   |  out  |   S    |   R
     #   3   |  out  |   S    |   S
-    stage = Stage(
+    harness = TreeHarness(
         """
         repeat: 3
         sequence:
@@ -215,13 +217,13 @@ def test_once_skips_node_after_its_first_end() -> None:
           - say: Once more.
         """
     )
-    assert stage.tick(3) == "succeeded"
-    assert stage.said == ["Hello.", "Once more.", "Once more.", "Once more."]
-    assert ("SUCCESS", "left out: done once already") in stage.reports("tree/0.say@once")
+    assert harness.tick(3) == "succeeded"
+    assert harness.said == ["Hello.", "Once more.", "Once more.", "Once more."]
+    assert ("SUCCESS", "left out: done once already") in harness.reports("tree/0.say@once")
 
 
 def test_selector_moves_past_finished_once() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         repeat: 3
         selector:
@@ -230,12 +232,12 @@ def test_selector_moves_past_finished_once() -> None:
           - say: later
         """
     )
-    assert stage.tick(3) == "succeeded"
-    assert stage.said == ["first time", "later", "later"]
+    assert harness.tick(3) == "succeeded"
+    assert harness.said == ["first time", "later", "later"]
 
 
 def test_once_counts_a_failure_as_done() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         repeat: 3
         selector:
@@ -245,20 +247,20 @@ def test_once_counts_a_failure_as_done() -> None:
         """,
         answers={"drive": FAILS},
     )
-    assert stage.tick(3) == "succeeded"
-    assert stage.asked == ["drive", "say", "say", "say"]
+    assert harness.tick(3) == "succeeded"
+    assert harness.asked == ["drive", "say", "say", "say"]
 
 
 def test_once_restarts_node_interrupted_before_its_end() -> None:
-    stage = Stage("say: x\nonce: true", answers={"say": LONG})
-    stage.tick()
-    stage.interrupt()
-    assert stage.tick() == "running"
-    assert len(stage.said) == 2
+    harness = TreeHarness("say: x\nonce: true", answers={"say": LONG})
+    harness.tick()
+    harness.interrupt()
+    assert harness.tick() == "running"
+    assert len(harness.said) == 2
 
 
 def test_once_survives_interruption_of_its_parent() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - say: x
@@ -266,10 +268,10 @@ def test_once_survives_interruption_of_its_parent() -> None:
           - wait: 9 s
         """
     )
-    stage.tick()
-    stage.interrupt()
-    stage.tick()
-    assert stage.said == ["x"]
+    harness.tick()
+    harness.interrupt()
+    harness.tick()
+    assert harness.said == ["x"]
 
 
 def test_cooldown_skips_node_for_its_duration() -> None:
@@ -279,38 +281,42 @@ def test_cooldown_skips_node_for_its_duration() -> None:
     #  2 | out |   R
     #  5 | out |   R
     #  6 |  R  |   R
-    stage = Stage(
+    harness = TreeHarness(
         "repeat: forever\nsequence:\n  - say: x\n    cooldown: 5 s", answers={"say": SECOND}
     )
-    stage.tick()
-    stage.after(1.0)
-    stage.after(1.0)
-    assert ("SUCCESS", "left out: done less than 5 s ago") in stage.reports("tree/0.say@cooldown")
-    stage.after(3.9)
-    assert len(stage.said) == 1
-    stage.after(0.1)
-    assert len(stage.said) == 2
+    harness.tick()
+    harness.after(1.0)
+    harness.after(1.0)
+    assert ("SUCCESS", "left out: done less than 5 s ago") in harness.reports(
+        "tree/0.say@cooldown"
+    )
+    harness.after(3.9)
+    assert len(harness.said) == 1
+    harness.after(0.1)
+    assert len(harness.said) == 2
 
 
 def test_selector_moves_past_cooling_child() -> None:
-    stage = Stage("repeat: 2\nselector:\n  - say: first\n    cooldown: 5 s\n  - say: second")
-    assert stage.tick(2) == "succeeded"
-    assert stage.said == ["first", "second"]
+    harness = TreeHarness(
+        "repeat: 2\nselector:\n  - say: first\n    cooldown: 5 s\n  - say: second"
+    )
+    assert harness.tick(2) == "succeeded"
+    assert harness.said == ["first", "second"]
 
 
 def test_zero_cooldown_skips_nothing_and_is_tunable() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "repeat: forever\nsequence:\n  - say: x\n    cooldown: ${rest}",
         head="tunables: {rest: {default: 0 s, min: 0 s, max: 60 s, description: d}}",
     )
-    stage.tick(3)
-    assert len(stage.said) == 3
-    stage.tunables["rest"] = 10.0
-    stage.after(9.0)
-    assert len(stage.said) == 3
-    stage.tunables["rest"] = 9.0
-    stage.tick()
-    assert len(stage.said) == 4
+    harness.tick(3)
+    assert len(harness.said) == 3
+    harness.tunables["rest"] = 10.0
+    harness.after(9.0)
+    assert len(harness.said) == 3
+    harness.tunables["rest"] = 9.0
+    harness.tick()
+    assert len(harness.said) == 4
 
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "soon", True, 10**400])
@@ -321,22 +327,22 @@ def test_invalid_duration_fails_with_message(value: object) -> None:
         "say: x\ntimeout: ${t}",
         "wait_for: {condition: 1 > 0, for: '${t}'}",
     ):
-        stage = Stage(tree, head=head, answers={"say": LONG})
-        stage.tunables["t"] = value  # type: ignore[assignment]
-        assert stage.tick() == "failed", tree
-        assert "expected a time such as '5 s'" in stage.message
-        assert "a.yaml:" in stage.message
-        assert stage.environment.running() == []
+        harness = TreeHarness(tree, head=head, answers={"say": LONG})
+        harness.tunables["t"] = value  # type: ignore[assignment]
+        assert harness.tick() == "failed", tree
+        assert "expected a time such as '5 s'" in harness.message
+        assert "a.yaml:" in harness.message
+        assert harness.environment.running() == []
 
 
 def test_invalid_cooldown_fails_when_evaluated() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "repeat: 2\nsequence:\n  - say: x\n    cooldown: ${rest}",
         head="tunables: {rest: {default: 1 s, min: 0 s, max: 60 s, description: d}}",
     )
-    stage.tunables["rest"] = -1.0
-    assert stage.tick(2) == "failed"
-    assert "expected a time" in stage.message
+    harness.tunables["rest"] = -1.0
+    assert harness.tick(2) == "failed"
+    assert "expected a time" in harness.message
 
 
 def test_succeed_and_fail_override_result_at_node_end() -> None:
@@ -344,65 +350,65 @@ def test_succeed_and_fail_override_result_at_node_end() -> None:
         [ScriptedReply(after_s=1.0)],
         [ScriptedReply(after_s=1.0, state=GoalState.ABORTED)],
     ):
-        stage = Stage("drive: x\nsucceed: true", answers={"drive": answers})
-        assert stage.tick() == "running"
-        assert stage.after(1.0) == "succeeded"
-        stage = Stage("drive: x\nfail: true", answers={"drive": answers})
-        assert stage.tick() == "running"
-        assert stage.after(1.0) == "failed"
+        harness = TreeHarness("drive: x\nsucceed: true", answers={"drive": answers})
+        assert harness.tick() == "running"
+        assert harness.after(1.0) == "succeeded"
+        harness = TreeHarness("drive: x\nfail: true", answers={"drive": answers})
+        assert harness.tick() == "running"
+        assert harness.after(1.0) == "failed"
 
 
 def test_fail_keeps_reason_of_failed_child() -> None:
-    stage = Stage("drive: x\nfail: true", answers={"drive": FAILS})
-    assert stage.tick() == "failed"
-    assert stage.message == "drive aborted: motor off"
-    stage = Stage("drive: x\nfail: true")
-    assert stage.tick() == "failed"
-    assert stage.message.startswith("succeeded, and counts as failed (tree@fail")
+    harness = TreeHarness("drive: x\nfail: true", answers={"drive": FAILS})
+    assert harness.tick() == "failed"
+    assert harness.message == "drive aborted: motor off"
+    harness = TreeHarness("drive: x\nfail: true")
+    assert harness.tick() == "failed"
+    assert harness.message.startswith("succeeded, and counts as failed (tree@fail")
 
 
 def test_succeed_covers_inner_modifiers() -> None:
-    stage = Stage("say: x\nwhile: scene.age > 4\ntimeout: 1 s\nretry: 2\nsucceed: true")
-    assert stage.tick() == "succeeded"
-    stage = Stage("say: x\ntimeout: 1 s\nsucceed: true", answers={"say": LONG})
-    stage.tick()
-    assert stage.after(1.0) == "succeeded"
-    assert stage.environment.running() == []
+    harness = TreeHarness("say: x\nwhile: scene.age > 4\ntimeout: 1 s\nretry: 2\nsucceed: true")
+    assert harness.tick() == "succeeded"
+    harness = TreeHarness("say: x\ntimeout: 1 s\nsucceed: true", answers={"say": LONG})
+    harness.tick()
+    assert harness.after(1.0) == "succeeded"
+    assert harness.environment.running() == []
 
 
 def test_zero_timeout_lets_instant_node_succeed() -> None:
-    assert Stage("say: x\ntimeout: 0 s").tick() == "succeeded"
-    stage = Stage("say: x\ntimeout: 0 s", answers={"say": LONG})
-    assert stage.tick() == "failed"
-    assert stage.environment.running() == []
+    assert TreeHarness("say: x\ntimeout: 0 s").tick() == "succeeded"
+    harness = TreeHarness("say: x\ntimeout: 0 s", answers={"say": LONG})
+    assert harness.tick() == "failed"
+    assert harness.environment.running() == []
 
 
 def test_timeout_is_tunable_and_restarts_after_interruption() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "say: x\ntimeout: ${limit}",
         head="tunables: {limit: {default: 9 s, min: 1 s, max: 60 s, description: d}}",
         answers={"say": LONG},
     )
-    stage.tick()
-    assert stage.after(8.0) == "running"
-    stage.interrupt()
-    assert stage.tick() == "running"
-    assert stage.after(8.0) == "running"
-    stage.tunables["limit"] = 8.0
-    assert stage.tick() == "failed"
+    harness.tick()
+    assert harness.after(8.0) == "running"
+    harness.interrupt()
+    assert harness.tick() == "running"
+    assert harness.after(8.0) == "running"
+    harness.tunables["limit"] = 8.0
+    assert harness.tick() == "failed"
 
 
 def test_halted_modifier_leaves_nothing_running_below() -> None:
     keys = [f"{key}: {value}" for key, value in WRITTEN.items() if key not in ("fail", "invert")]
-    stage = Stage("\n".join(["say: x", *keys]), answers={"say": LONG})
-    assert stage.tick() == "running"
-    stage.interrupt()
-    assert {node.status.name for node in stage.root.iterate()} == {"INVALID"}
-    assert stage.environment.running() == []
+    harness = TreeHarness("\n".join(["say: x", *keys]), answers={"say": LONG})
+    assert harness.tick() == "running"
+    harness.interrupt()
+    assert {node.status.name for node in harness.root.iterate()} == {"INVALID"}
+    assert harness.environment.running() == []
 
 
 def test_py_trees_tools_handle_every_node_kind() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - parallel: {succeed_on: 1, children: [{say: x}, {wait: 1 s}]}
@@ -419,31 +425,33 @@ def test_py_trees_tools_handle_every_node_kind() -> None:
           - {wait: 5 s, succeed: true}
         """
     )
-    tree = py_trees.trees.BehaviourTree(stage.root)
+    tree = py_trees.trees.BehaviourTree(harness.root)
     snapshot = py_trees.visitors.SnapshotVisitor()
     tree.visitors += [snapshot, py_trees.visitors.DebugVisitor()]
     tree.setup()
     tree.tick()
-    assert stage.root.id in snapshot.visited
-    shown = py_trees.display.ascii_tree(stage.root, show_status=True)
+    assert harness.root.id in snapshot.visited
+    shown = py_trees.display.ascii_tree(harness.root, show_status=True)
     assert "random" in shown
-    stage.interrupt()
-    assert {node.status.name for node in stage.root.iterate()} == {"INVALID"}
+    harness.interrupt()
+    assert {node.status.name for node in harness.root.iterate()} == {"INVALID"}
 
 
 def test_timeout_reports_pending_condition() -> None:
-    stage = Stage("wait_for: live.mood > 4\ntimeout: 5 s")
-    stage.tick()
-    assert stage.after(5.0) == "failed"
-    assert stage.message.startswith(
+    harness = TreeHarness("wait_for: live.mood > 4\ntimeout: 5 s")
+    harness.tick()
+    assert harness.after(5.0) == "failed"
+    assert harness.message.startswith(
         "not done within 5 s: not so yet: live.mood > 4 (live.mood is 3) (tree@timeout"
     )
 
 
 def test_timeout_reports_why_last_message_did_not_match() -> None:
-    stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}\ntimeout: 5 s")
-    stage.tick()
-    stage.environment.arrive("t", {"data": False})
-    stage.tick()
-    assert stage.after(5.0) == "failed"
-    assert "not done within 5 s: the last message is not so: msg.data (tree@" in stage.message
+    harness = TreeHarness(
+        "wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}\ntimeout: 5 s"
+    )
+    harness.tick()
+    harness.environment.arrive("t", {"data": False})
+    harness.tick()
+    assert harness.after(5.0) == "failed"
+    assert "not done within 5 s: the last message is not so: msg.data (tree@" in harness.message

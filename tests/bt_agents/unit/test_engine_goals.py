@@ -12,7 +12,7 @@ from bt_agents.engine.scripted_environment import ManualClock, ScriptedReply
 from bt_agents.host.environment.goal import GRAPH_S, REPEATS, SECOND_POLL_S, GoalTrack
 from bt_agents_core.field_types import BindingKind
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
-from tree_harness import Stage
+from tree_harness import TreeHarness
 
 BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=1.0)
 
@@ -337,28 +337,28 @@ action:
 def test_each_goal_failure_has_its_own_message(
     answer: ScriptedReply, after_s: float, words: str
 ) -> None:
-    stage = Stage(RAW, answers={"dance": [answer]})
-    stage.tick()
-    stage.after(after_s)
-    assert stage.reports("tree")[-1] == ("FAILURE", words)
+    harness = TreeHarness(RAW, answers={"dance": [answer]})
+    harness.tick()
+    harness.after(after_s)
+    assert harness.reports("tree")[-1] == ("FAILURE", words)
 
 
 def test_long_server_message_is_truncated() -> None:
     huge = ScriptedReply(state=GoalState.ABORTED, message="x" * 10_000_000)
-    stage = Stage(RAW, answers={"dance": [huge]})
-    stage.tick(2)
-    assert len(stage.message) < 400
+    harness = TreeHarness(RAW, answers={"dance": [huge]})
+    harness.tick(2)
+    assert len(harness.message) < 400
 
 
 def test_run_settles_timed_out_goal_before_ending() -> None:
     stubborn = ScriptedReply(after_s=99.0, cancel_s=1.0)
-    stage = Stage(RAW, answers={"dance": [stubborn]})
-    stage.tick()
-    assert stage.after(60.0) == "running"  # it settles
-    assert stage.environment.running() == ["dance"]
-    assert stage.after(1.0) == "failed"
-    assert stage.run.result is not None
-    assert stage.run.result.orphans == ()
+    harness = TreeHarness(RAW, answers={"dance": [stubborn]})
+    harness.tick()
+    assert harness.after(60.0) == "running"  # it settles
+    assert harness.environment.running() == ["dance"]
+    assert harness.after(1.0) == "failed"
+    assert harness.run.result is not None
+    assert harness.run.result.orphans == ()
 
 
 def test_unconfirmed_goal_is_an_orphan() -> None:
@@ -367,19 +367,19 @@ def test_unconfirmed_goal_is_an_orphan() -> None:
         ScriptedReply(after_s=99.0, vanishes=True),
         ScriptedReply(accept_s=math.inf, after_s=math.inf),
     ):
-        stage = Stage(RAW, answers={"dance": [lost]})
-        stage.tick()
-        stage.after(60.0)
-        assert stage.after(2.0) == "failed"
-        assert stage.run.result is not None
-        assert stage.run.result.orphans == ("tree",)
+        harness = TreeHarness(RAW, answers={"dance": [lost]})
+        harness.tick()
+        harness.after(60.0)
+        assert harness.after(2.0) == "failed"
+        assert harness.run.result is not None
+        assert harness.run.result.orphans == ("tree",)
 
 
 def test_unsent_goal_is_not_an_orphan() -> None:
-    stage = Stage(RAW, answers={"dance": [ScriptedReply(state=GoalState.UNREACHABLE)]})
-    assert stage.tick() == "failed"
-    assert stage.run.result is not None
-    assert stage.run.result.orphans == ()
+    harness = TreeHarness(RAW, answers={"dance": [ScriptedReply(state=GoalState.UNREACHABLE)]})
+    assert harness.tick() == "failed"
+    assert harness.run.result is not None
+    assert harness.run.result.orphans == ()
 
 
 FOLLOWED = """
@@ -396,15 +396,17 @@ parallel:
 
 def test_action_feedback_updates_outputs_during_action() -> None:
     told = ((1.0, {"progress": 0.1}), (2.0, {"progress": 0.5}), (3.0, {"progress": 0.9}))
-    stage = Stage(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
-    assert stage.tick() == "running"
-    assert stage.reports("tree/1.sequence/0.wait_for") == [("RUNNING", "'done' has no value yet")]
-    stage.after(1.0)
-    assert stage.said == []
-    stage.after(1.0)
-    stage.tick()
-    assert stage.said == ["half: 0.5"]
-    assert stage.after(3.0) == "succeeded"
+    harness = TreeHarness(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
+    assert harness.tick() == "running"
+    assert harness.reports("tree/1.sequence/0.wait_for") == [
+        ("RUNNING", "'done' has no value yet")
+    ]
+    harness.after(1.0)
+    assert harness.said == []
+    harness.after(1.0)
+    harness.tick()
+    assert harness.said == ["half: 0.5"]
+    assert harness.after(3.0) == "succeeded"
 
 
 def test_outputs_include_last_feedback_at_action_end() -> None:
@@ -417,13 +419,13 @@ def test_outputs_include_last_feedback_at_action_end() -> None:
       - say: "${done}"
     """
     told = ScriptedReply(after_s=1.0, feedback=((0.5, {"progress": 1.0}),))
-    stage = Stage(tree, answers={"dance": [told]})
-    stage.tick()
-    assert stage.after(1.0) == "succeeded"
-    assert stage.said == ["1"]
-    stage = Stage(tree, answers={"dance": [ScriptedReply()]})
-    assert stage.tick() == "failed"
-    assert stage.message.startswith("'done' has no value")
+    harness = TreeHarness(tree, answers={"dance": [told]})
+    harness.tick()
+    assert harness.after(1.0) == "succeeded"
+    assert harness.said == ["1"]
+    harness = TreeHarness(tree, answers={"dance": [ScriptedReply()]})
+    assert harness.tick() == "failed"
+    assert harness.message.startswith("'done' has no value")
 
 
 @pytest.mark.parametrize(
@@ -432,34 +434,34 @@ def test_outputs_include_last_feedback_at_action_end() -> None:
 def test_malformed_feedback_neither_ends_goal_nor_raises(told: dict[str, object]) -> None:
     answer = ScriptedReply(after_s=1.0, feedback=((0.0, told),))  # type: ignore[arg-type]
     tree = RAW + "  outputs: {done: feedback.progress}"
-    stage = Stage(tree, answers={"dance": [answer]})
-    assert stage.tick() == "running"
-    assert stage.after(1.0) == "succeeded"
-    assert len(str(stage.changes)) < 10_000
+    harness = TreeHarness(tree, answers={"dance": [answer]})
+    assert harness.tick() == "running"
+    assert harness.after(1.0) == "succeeded"
+    assert len(str(harness.changes)) < 10_000
 
 
 @pytest.mark.parametrize(
     "result", [{"answer": math.nan}, {"answer": "x" * 10_000_000}, {"answer": ""}, {}]
 )
 def test_malformed_result_does_not_raise(result: dict[str, object]) -> None:
-    stage = Stage("ask: Yes?", answers={"ask": [ScriptedReply(result=result)]})  # type: ignore[arg-type]
-    assert stage.tick() in ("succeeded", "failed")
-    assert len(str(stage.changes)) < 10_000
+    harness = TreeHarness("ask: Yes?", answers={"ask": [ScriptedReply(result=result)]})  # type: ignore[arg-type]
+    assert harness.tick() in ("succeeded", "failed")
+    assert len(str(harness.changes)) < 10_000
 
 
 LATCHED = "wait_for: {topic: door, type: std_msgs/msg/Bool, until: msg.data, latched: %s}"
 
 
 def test_latched_topic_delivers_last_message_at_first_tick() -> None:
-    stage = Stage(LATCHED % "true")
-    stage.environment.arrive("door", {"data": False})
-    stage.environment.arrive("door", {"data": True})
-    assert stage.tick() == "succeeded"
+    harness = TreeHarness(LATCHED % "true")
+    harness.environment.arrive("door", {"data": False})
+    harness.environment.arrive("door", {"data": True})
+    assert harness.tick() == "succeeded"
 
 
 def test_unlatched_topic_delivers_only_messages_during_wait() -> None:
-    stage = Stage(LATCHED % "false")
-    stage.environment.arrive("door", {"data": True})
-    assert stage.tick() == "running"
-    stage.environment.arrive("door", {"data": True})
-    assert stage.tick() == "succeeded"
+    harness = TreeHarness(LATCHED % "false")
+    harness.environment.arrive("door", {"data": True})
+    assert harness.tick() == "running"
+    harness.environment.arrive("door", {"data": True})
+    assert harness.tick() == "succeeded"

@@ -13,7 +13,7 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_language.model.specs import Literal, MapValue, NodeSpec
-from tree_harness import Stage, agent, scene
+from tree_harness import TreeHarness, agent, scene
 
 TUNABLES = """
 tunables:
@@ -23,7 +23,7 @@ tunables:
 
 
 def test_log_writes_line_and_reports_it() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - log: The scene is ${scene.age}.
@@ -31,47 +31,47 @@ def test_log_writes_line_and_reports_it() -> None:
           - log: {message: Broken., level: error}
         """
     )
-    assert stage.tick() == "succeeded"
-    assert stage.environment.logged == [
+    assert harness.tick() == "succeeded"
+    assert harness.environment.logged == [
         ("info", "The scene is 3."),
         ("warning", "Something is odd."),
         ("error", "Broken."),
     ]
-    assert stage.reports("tree/0.log") == [("SUCCESS", "The scene is 3.")]
+    assert harness.reports("tree/0.log") == [("SUCCESS", "The scene is 3.")]
 
 
 def test_repeated_log_line_is_reported_again() -> None:
-    stage = Stage("log: once more\nrepeat: 3")
-    assert stage.tick(3) == "succeeded"
-    assert stage.reports("tree") == [("SUCCESS", "once more")] * 3
+    harness = TreeHarness("log: once more\nrepeat: 3")
+    assert harness.tick(3) == "succeeded"
+    assert harness.reports("tree") == [("SUCCESS", "once more")] * 3
 
 
 def test_instant_skill_reports_each_run_unlike_check() -> None:
-    stage = Stage("repeat: 3\nsequence:\n  - check: scene.age == 3\n  - say: x")
-    stage.tick(3)
-    assert len(stage.reports("tree/1.say")) == 3
-    assert len(stage.reports("tree/0.check")) == 1
+    harness = TreeHarness("repeat: 3\nsequence:\n  - check: scene.age == 3\n  - say: x")
+    harness.tick(3)
+    assert len(harness.reports("tree/1.say")) == 3
+    assert len(harness.reports("tree/0.check")) == 1
 
 
 def test_halted_node_is_reported_in_same_tick() -> None:
-    stage = Stage("say: x\ntimeout: 2 s", answers={"say": [ScriptedReply(after_s=9.0)]})
-    stage.tick()
-    assert stage.after(2.0) == "failed"
-    assert [status for status, _ in stage.reports("tree")] == ["RUNNING", "INVALID"]
+    harness = TreeHarness("say: x\ntimeout: 2 s", answers={"say": [ScriptedReply(after_s=9.0)]})
+    harness.tick()
+    assert harness.after(2.0) == "failed"
+    assert [status for status, _ in harness.reports("tree")] == ["RUNNING", "INVALID"]
 
 
 @pytest.mark.parametrize(
     ("word", "kind"), [("positive", FeedbackKind.POSITIVE), ("negative", FeedbackKind.NEGATIVE)]
 )
 def test_give_feedback_succeeds_once_accepted(word: str, kind: FeedbackKind) -> None:
-    stage = Stage(f"give_feedback: {word}")
-    assert stage.tick() == "succeeded"
-    assert stage.environment.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
-    assert stage.reports("tree") == [("SUCCESS", f"{word} feedback given")]
+    harness = TreeHarness(f"give_feedback: {word}")
+    assert harness.tick() == "succeeded"
+    assert harness.environment.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
+    assert harness.reports("tree") == [("SUCCESS", f"{word} feedback given")]
 
 
 def test_direct_feedback_carries_its_values_and_the_reason() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         give_feedback:
           kind: direct
@@ -79,8 +79,8 @@ def test_direct_feedback_carries_its_values_and_the_reason() -> None:
           reason: At ${scene.age}.
         """
     )
-    assert stage.tick() == "succeeded"
-    assert stage.environment.feedback_given == [
+    assert harness.tick() == "succeeded"
+    assert harness.environment.feedback_given == [
         GivenFeedback(kind=FeedbackKind.DIRECT, values={"age": 4.0, "mood": 5.0}, reason="At 3.")
     ]
 
@@ -89,21 +89,21 @@ def test_refused_feedback_fails_with_its_reason() -> None:
     refusal = ScriptedReply(
         state=GoalState.REJECTED, message="the last run had no scene", after_s=1.0
     )
-    stage = Stage("give_feedback: positive", answers={GIVE_FEEDBACK: [refusal]})
-    assert stage.tick() == "running"
-    assert stage.after(1.0) == "failed"
-    assert stage.message == "positive feedback rejected: the last run had no scene"
+    harness = TreeHarness("give_feedback: positive", answers={GIVE_FEEDBACK: [refusal]})
+    assert harness.tick() == "running"
+    assert harness.after(1.0) == "failed"
+    assert harness.message == "positive feedback rejected: the last run had no scene"
 
 
 def test_cancel_does_not_wait_for_unanswered_feedback() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "give_feedback: positive", answers={GIVE_FEEDBACK: [ScriptedReply(after_s=99.0)]}
     )
-    stage.tick()
-    stage.run.cancel("enough")
-    assert stage.outcome == "cancelled"
-    assert stage.run.result is not None
-    assert stage.run.result.orphans == ()
+    harness.tick()
+    harness.run.cancel("enough")
+    assert harness.outcome == "cancelled"
+    assert harness.run.result is not None
+    assert harness.run.result.orphans == ()
 
 
 def feedback(**fields: object) -> NodeSpec:
@@ -118,10 +118,10 @@ def feedback(**fields: object) -> NodeSpec:
 
 def test_direct_feedback_without_values_is_refused() -> None:
     for fields in ({}, {"values": MapValue(items={})}):
-        stage = Stage(feedback(kind=Literal(value="direct"), **fields))
-        assert stage.tick() == "failed"
-        assert stage.message.startswith("direct feedback has no values, expected at least one")
-        assert stage.environment.feedback_given == []
+        harness = TreeHarness(feedback(kind=Literal(value="direct"), **fields))
+        assert harness.tick() == "failed"
+        assert harness.message.startswith("direct feedback has no values, expected at least one")
+        assert harness.environment.feedback_given == []
 
 
 @pytest.mark.parametrize(
@@ -137,14 +137,14 @@ def test_direct_feedback_without_values_is_refused() -> None:
 )
 def test_direct_feedback_refuses_impossible_values(name: str, value: object, words: str) -> None:
     values = MapValue(items={name: Literal(value=value)})  # type: ignore[arg-type]
-    stage = Stage(feedback(kind=Literal(value="direct"), values=values))
-    assert stage.tick() == "failed"
-    assert words in stage.message
-    assert stage.environment.feedback_given == []
+    harness = TreeHarness(feedback(kind=Literal(value="direct"), values=values))
+    assert harness.tick() == "failed"
+    assert words in harness.message
+    assert harness.environment.feedback_given == []
 
 
 def test_values_are_computed_on_demand() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - set: {count: "${steps + 1}"}
@@ -152,46 +152,46 @@ def test_values_are_computed_on_demand() -> None:
         """,
         head=TUNABLES,
     )
-    assert stage.tick() == "succeeded"
-    assert stage.said == ["8 steps, at most 5."]
-    assert stage.environment.goals[-1].goal.fields["rate"] == 0.75
+    assert harness.tick() == "succeeded"
+    assert harness.said == ["8 steps, at most 5."]
+    assert harness.environment.goals[-1].goal.fields["rate"] == 0.75
 
 
 def test_uncomputable_value_fails_with_message() -> None:
-    stage = Stage("say: '${1 / live.mood}'", awarded=scene(mood=0))
-    assert stage.tick() == "failed"
-    assert "by zero" in stage.message
-    assert "(tree, a.yaml:" in stage.message
+    harness = TreeHarness("say: '${1 / live.mood}'", awarded=scene(mood=0))
+    assert harness.tick() == "failed"
+    assert "by zero" in harness.message
+    assert "(tree, a.yaml:" in harness.message
 
 
 def test_quantities_in_text_are_spoken_with_units() -> None:
-    stage = Stage("say: I wait ${patience}, in ${steps} steps.\nrepeat: 2", head=TUNABLES)
-    stage.tick()
-    stage.tunables["patience"] = 0.25
-    stage.tick()
-    assert stage.said == ["I wait 1.5 min, in 3 steps.", "I wait 250 ms, in 3 steps."]
+    harness = TreeHarness("say: I wait ${patience}, in ${steps} steps.\nrepeat: 2", head=TUNABLES)
+    harness.tick()
+    harness.tunables["patience"] = 0.25
+    harness.tick()
+    assert harness.said == ["I wait 1.5 min, in 3 steps.", "I wait 250 ms, in 3 steps."]
 
 
 def test_booleans_and_lists_are_spoken_as_words() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - set: {things: [1.0, two, true]}
           - say: ${things}, ${live.person}
         """
     )
-    stage.tick()
-    assert stage.said == ["1, two, yes, yes"]
+    harness.tick()
+    assert harness.said == ["1, two, yes, yes"]
 
 
 def test_unoffered_skill_fails_with_reason() -> None:
     tree = agent("say: x").tree
     assert tree.skill is not None
     lost = replace(tree.skill, binding=None, unoffered="its type is not installed")
-    stage = Stage(replace(tree, skill=lost))
-    assert stage.tick() == "failed"
-    assert "'say' cannot be done: its type is not installed" in stage.message
-    assert stage.asked == []
+    harness = TreeHarness(replace(tree, skill=lost))
+    assert harness.tick() == "failed"
+    assert "'say' cannot be done: its type is not installed" in harness.message
+    assert harness.asked == []
 
 
 @pytest.mark.parametrize(
@@ -213,12 +213,12 @@ def test_output_is_renamed_and_extracted_from_json_text(
         "sequence:\n  - ask: Which?\n    outputs: {drink: answer}\n  - say: ${drink}"
     ).tree
     ask, say = tree.children
-    stage = Stage(
+    harness = TreeHarness(
         replace(tree, children=(replace(ask, outputs={"drink": path}), say)),
         answers={"ask": [ScriptedReply(result=result)]},
     )
-    stage.tick()
-    assert words in (stage.said[0] if stage.said else stage.message)
+    harness.tick()
+    assert words in (harness.said[0] if harness.said else harness.message)
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_output_is_renamed_and_extracted_from_json_text(
     ],
 )
 def test_failed_condition_reports_values_of_its_names(condition: str, values: str) -> None:
-    stage = Stage(
+    harness = TreeHarness(
         f"""
         sequence:
           - set: {{word: yes, truth: false, third: '${{10 / 3}}', long: {"a" * 50}}}
@@ -249,12 +249,12 @@ def test_failed_condition_reports_values_of_its_names(condition: str, values: st
         """,
         awarded=scene(mood=3, familiarity=2),
     )
-    assert stage.tick() == "failed"
-    assert stage.message == f"not so: {condition}{values}"
+    assert harness.tick() == "failed"
+    assert harness.message == f"not so: {condition}{values}"
 
 
 def test_unset_name_can_be_tested_and_defaulted() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         repeat: 3
         sequence:
@@ -264,8 +264,8 @@ def test_unset_name_can_be_tested_and_defaulted() -> None:
           - say: ${tries}
         """
     )
-    stage.tick(20)
-    assert stage.said == ["1", "again", "2", "again", "3"]
+    harness.tick(20)
+    assert harness.said == ["1", "again", "2", "again", "3"]
 
 
 def test_number_is_parsed_from_answer_or_node_fails() -> None:
@@ -275,9 +275,9 @@ def test_number_is_parsed_from_answer_or_node_fails() -> None:
           - set: {pain: "${number(answer)}"}
           - say: It is ${pain + 1}.
         """
-    told = Stage(tree, answers={"ask": [ScriptedReply(result={"answer": "about 4"})]})
+    told = TreeHarness(tree, answers={"ask": [ScriptedReply(result={"answer": "about 4"})]})
     assert told.tick() == "succeeded"
     assert told.said == ["It is 5."]
-    not_told = Stage(tree, answers={"ask": [ScriptedReply(result={"answer": "no idea"})]})
+    not_told = TreeHarness(tree, answers={"ask": [ScriptedReply(result={"answer": "no idea"})]})
     assert not_told.tick() == "failed"
     assert "found none in digits in the text 'no idea'" in not_told.message

@@ -11,49 +11,49 @@ import pytest
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.scene import Scene
-from tree_harness import Stage, scene
+from tree_harness import TreeHarness, scene
 
 ANNA = replace(scene(age=3), person_id="anna", visits=2)
 NAMES = {"remember": "scene_layer/remember", "analyze": "scene_layer/analyze"}
 
 
-def stage(tree: str, awarded: Scene = ANNA, **answers: ScriptedReply) -> Stage:
+def harness(tree: str, awarded: Scene = ANNA, **answers: ScriptedReply) -> TreeHarness:
     replies = {NAMES.get(key, key): [one] for key, one in answers.items()}
-    return Stage(tree, awarded=awarded, answers=replies)
+    return TreeHarness(tree, awarded=awarded, answers=replies)
 
 
-def said(one: Stage) -> list[Any]:
+def said(one: TreeHarness) -> list[Any]:
     return [
         goal.goal.fields["text"] for goal in one.environment.goals if "text" in goal.goal.fields
     ]
 
 
-def reason(one: Stage) -> str:
+def reason(one: TreeHarness) -> str:
     assert one.run.result is not None
     return one.run.result.message
 
 
 def test_known_person_has_name_and_visits() -> None:
-    one = stage("say: ${person.name} ${person.visits}")
+    one = harness("say: ${person.name} ${person.visits}")
     assert one.tick() == "succeeded"
     assert said(one) == ["anna 2"]
 
 
 def test_unknown_person_has_neither_name_nor_visits() -> None:
-    one = stage("say: Hello ${person.name else 'you'}!", replace(ANNA, visits=0))
+    one = harness("say: Hello ${person.name else 'you'}!", replace(ANNA, visits=0))
     assert one.tick() == "succeeded"
     assert said(one) == ["Hello you!"]
 
 
 def test_later_arrival_becomes_person_of_empty_run() -> None:
-    one = stage("wait_for: {condition: person.name == 'anna'}", scene(person=False))
+    one = harness("wait_for: {condition: person.name == 'anna'}", scene(person=False))
     assert one.tick() == "running"
     one.live = ANNA
     assert one.after(0.1) == "succeeded"
 
 
 def test_remembered_fact_is_readable_immediately_in_subtree() -> None:
-    one = Stage(
+    one = TreeHarness(
         """
         sequence:
           - remember: {favourite: tea}
@@ -87,27 +87,29 @@ def test_remembered_fact_is_readable_immediately_in_subtree() -> None:
 )
 def test_fact_refused_by_scene_layer_is_not_remembered(reply: ScriptedReply, words: str) -> None:
     tree = "remember: {favourite: tea}\non_failure: {check: known(person.favourite)}"
-    one = stage(tree, remember=reply)
+    one = harness(tree, remember=reply)
     assert one.tick(30, 0.1) == "failed"
     assert any(change.message.startswith(words) for change in one.changes)
 
 
 def test_remember_fails_for_unknown_person() -> None:
-    one = stage("remember: {favourite: tea}", replace(ANNA, visits=0))
+    one = harness("remember: {favourite: tea}", replace(ANNA, visits=0))
     assert one.tick() == "failed"
     assert reason(one).startswith("nobody who is known by name is there")
     assert not one.environment.goals
 
 
 def test_overlong_fact_is_not_sent() -> None:
-    one = stage(f"remember: {{favourite: {'x' * 501}}}")
+    one = harness(f"remember: {{favourite: {'x' * 501}}}")
     assert one.tick() == "failed"
     assert reason(one).startswith("favourite has 501 characters, expected 500 at most")
     assert not one.environment.goals
 
 
 def test_told_value_is_sent_and_awaited_in_scene() -> None:
-    one = stage("sequence: [{set: {scene.age: 4, n: 1}}, {say: '${scene.age} ${live.age} ${n}'}]")
+    one = harness(
+        "sequence: [{set: {scene.age: 4, n: 1}}, {say: '${scene.age} ${live.age} ${n}'}]"
+    )
     assert one.tick() == "running"
     assert [goal.goal.fields for goal in one.environment.goals] == [
         {"names": ("age",), "values": (4.0,), "told": True}
@@ -118,7 +120,7 @@ def test_told_value_is_sent_and_awaited_in_scene() -> None:
 
 
 def test_newer_live_value_does_not_block_set() -> None:
-    one = stage("sequence: [{set: {scene.age: 4}}, {say: '${scene.age} ${live.age}'}]")
+    one = harness("sequence: [{set: {scene.age: 4}}, {say: '${scene.age} ${live.age}'}]")
     one.tick()
     one.set_live("age", 2.0)
     assert one.after(0.4) == "running"
@@ -127,7 +129,7 @@ def test_newer_live_value_does_not_block_set() -> None:
 
 
 def test_mood_change_is_relative_to_awarded_scene() -> None:
-    one = stage("sequence: [{set: {scene.mood: 1}}, {check: mood.change == -2}]", scene(mood=3))
+    one = harness("sequence: [{set: {scene.mood: 1}}, {check: mood.change == -2}]", scene(mood=3))
     one.set_mood(1.0)
     assert one.tick() == "succeeded"
 
@@ -137,7 +139,7 @@ def test_mood_change_is_relative_to_awarded_scene() -> None:
     [("${1 + 8}", "set: age is 9, expected 1 to 5"), ("${number('few')}", "in the text 'few'")],
 )
 def test_out_of_range_value_is_not_sent(value: str, words: str) -> None:
-    one = stage(f'set: {{scene.age: "{value}"}}')
+    one = harness(f'set: {{scene.age: "{value}"}}')
     assert one.tick() == "failed"
     assert words in reason(one)
     assert not one.environment.goals
@@ -145,6 +147,6 @@ def test_out_of_range_value_is_not_sent(value: str, words: str) -> None:
 
 def test_set_fails_when_scene_layer_refuses_value() -> None:
     refused = ScriptedReply(result={"accepted": False, "code": "NOT_RUNNING", "message": ""})
-    one = stage("set: {scene.age: 4}", analyze=refused)
+    one = harness("set: {scene.age: 4}", analyze=refused)
     assert one.tick() == "failed"
     assert reason(one).startswith("the scene layer refuses it: NOT_RUNNING")

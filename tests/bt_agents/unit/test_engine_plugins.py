@@ -19,7 +19,7 @@ from bt_agents.engine.nodes import plugin
 from bt_agents_core.diagnostic import Position
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference
-from tree_harness import Stage, scene
+from tree_harness import TreeHarness, scene
 
 POSITION = Position(file="a.yaml", line=7, column=3)
 OWN_LIMIT_S = plugin.BLOCKS_S
@@ -95,17 +95,17 @@ def repeated(spec: NodeSpec, times: int) -> NodeSpec:
 
 
 def test_plugin_is_set_up_ticked_and_shut_down() -> None:
-    stage = Stage(plugged(Nod, times=Literal(value=2)))
-    assert stage.tick() == "running"
-    assert stage.reports("tree") == [("RUNNING", "1 to go")]
-    assert stage.tick() == "succeeded"
+    harness = TreeHarness(plugged(Nod, times=Literal(value=2)))
+    assert harness.tick() == "running"
+    assert harness.reports("tree") == [("RUNNING", "1 to go")]
+    assert harness.tick() == "succeeded"
     [nod] = Nod.made
     assert nod.name == "nod twice"
     assert nod.calls == ["setup {}", "initialise", "terminate SUCCESS", "shutdown"]
 
 
 def test_changed_fields_create_new_plugin_at_start() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         repeated(
             plugged(
                 Nod, mood=Reference(name="live.mood"), happy=parse_expression("live.mood > 3")
@@ -113,9 +113,9 @@ def test_changed_fields_create_new_plugin_at_start() -> None:
             2,
         )
     )
-    stage.tick()
-    stage.set_mood(4.0)
-    assert stage.tick() == "succeeded"
+    harness.tick()
+    harness.set_mood(4.0)
+    assert harness.tick() == "succeeded"
     assert [nod.more for nod in Nod.made] == [
         {"mood": 3.0, "happy": False},
         {"mood": 4.0, "happy": True},
@@ -123,18 +123,18 @@ def test_changed_fields_create_new_plugin_at_start() -> None:
 
 
 def test_interrupted_plugin_is_terminated_and_reinitialised() -> None:
-    stage = Stage(plugged(Nod, times=Literal(value=3)))
-    stage.tick()
-    stage.interrupt()
+    harness = TreeHarness(plugged(Nod, times=Literal(value=3)))
+    harness.tick()
+    harness.interrupt()
     assert Nod.made[0].calls == ["setup {}", "initialise", "terminate INVALID"]
-    assert stage.tick(2) == "succeeded"
+    assert harness.tick(2) == "succeeded"
     [nod] = Nod.made
     assert nod.calls[-3:] == ["initialise", "terminate SUCCESS", "shutdown"]
 
 
 def test_plugin_is_set_up_once_per_run() -> None:
-    stage = Stage(repeated(plugged(Again), 300))
-    assert stage.tick(300) == "succeeded"
+    harness = TreeHarness(repeated(plugged(Again), 300))
+    assert harness.tick(300) == "succeeded"
     [nod] = Nod.made
     assert [nod.calls.count(call) for call in ("setup {}", "initialise", "shutdown")] == [
         1,
@@ -165,7 +165,7 @@ def test_failed_plugin_is_shut_down_and_recreated() -> None:
         fields={"attempts": Literal(value=3)},
         children=(spec,),
     )
-    assert Stage(retried).tick(3) == "succeeded"
+    assert TreeHarness(retried).tick(3) == "succeeded"
     assert [nod.calls[-1] for nod in Nod.made] == ["shutdown"] * 3
 
 
@@ -178,10 +178,10 @@ def test_first_of_several_errors_is_reported(place: str) -> None:
         def terminate(self, new_status: Status) -> None:
             raise RuntimeError("the third")
 
-    stage = Stage(plugged(Broken))
-    assert stage.tick() == "failed"
-    assert stage.message == "RuntimeError: the first (tree, a.yaml:7:3)"
-    assert stage.root.feedback_message == stage.message
+    harness = TreeHarness(plugged(Broken))
+    assert harness.tick() == "failed"
+    assert harness.message == "RuntimeError: the first (tree, a.yaml:7:3)"
+    assert harness.root.feedback_message == harness.message
 
 
 def test_blackboard_keys_map_to_names_and_are_removed() -> None:
@@ -203,15 +203,15 @@ def test_blackboard_keys_map_to_names_and_are_removed() -> None:
     spec = replace(
         plugged(Doubler, mood=Reference(name="live.mood")), outputs={"doubled": "/their/twice"}
     )
-    stage = Stage(spec)
-    stage.tick()
-    assert stage.run.scope.lookup("doubled") == [6.0]
-    stage.set_mood(4.0)
-    assert stage.tick() == "succeeded"
-    assert stage.run.scope.lookup("doubled") == [8.0]
+    harness = TreeHarness(spec)
+    harness.tick()
+    assert harness.run.scope.lookup("doubled") == [6.0]
+    harness.set_mood(4.0)
+    assert harness.tick() == "succeeded"
+    assert harness.run.scope.lookup("doubled") == [8.0]
     keys = py_trees.blackboard.Blackboard.keys()
     assert not [key for key in keys if key.startswith("/their")]
-    assert not stage.environment.logged
+    assert not harness.environment.logged
 
 
 def test_remapped_blackboard_key_is_removed() -> None:
@@ -227,9 +227,9 @@ def test_remapped_blackboard_key_is_removed() -> None:
             assert self.board.goal == 5
             return Status.SUCCESS
 
-    stage = Stage(plugged(Renamer))
-    assert stage.tick() == "succeeded"
-    assert not stage.environment.logged
+    harness = TreeHarness(plugged(Renamer))
+    assert harness.tick() == "succeeded"
+    assert not harness.environment.logged
     board = py_trees.blackboard.Blackboard
     assert "/renamed" not in board.storage | board.metadata
     assert "renamer" not in board.clients.values()
@@ -241,23 +241,23 @@ def test_non_plain_data_does_not_leave_blackboard() -> None:
             py_trees.blackboard.Blackboard.set("leak", object())
             return Status.SUCCESS
 
-    stage = Stage(replace(plugged(Leaker), outputs={"leak": "leak"}))
-    assert stage.tick() == "failed"
-    assert "put a object on the blackboard as 'leak', expected a message" in stage.message
+    harness = TreeHarness(replace(plugged(Leaker), outputs={"leak": "leak"}))
+    assert harness.tick() == "failed"
+    assert "put a object on the blackboard as 'leak', expected a message" in harness.message
     assert not py_trees.blackboard.Blackboard.exists("leak")
 
 
 def test_cancel_halts_plugin() -> None:
-    stage = Stage(plugged(Nod, times=Literal(value=3)))
-    stage.tick()
-    stage.run.cancel("enough")
-    assert stage.outcome == "cancelled"
+    harness = TreeHarness(plugged(Nod, times=Literal(value=3)))
+    harness.tick()
+    harness.run.cancel("enough")
+    assert harness.outcome == "cancelled"
     assert Nod.made[0].status is Status.INVALID
 
 
 def test_plugin_gets_copies_without_access_to_run() -> None:
     given = {"list": [1, 2]}
-    stage = Stage(
+    harness = TreeHarness(
         repeated(
             plugged(
                 Nod, data=Literal(value=given), more=MapValue(items={"a": ListValue(items=())})
@@ -265,10 +265,10 @@ def test_plugin_gets_copies_without_access_to_run() -> None:
             2,
         )
     )
-    stage.tick()
+    harness.tick()
     [nod] = Nod.made
     assert nod.parent is None
-    assert nod not in list(stage.root.iterate())
+    assert nod not in list(harness.root.iterate())
     nod.more["data"]["list"].append(3)  # type: ignore[index]
     assert given == {"list": [1, 2]}
     assert nod.more["more"] == {"a": ()}
@@ -292,15 +292,15 @@ def broken(place: str, error: BaseException) -> type:
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
 @pytest.mark.parametrize("error", [RuntimeError("no nerve"), SystemExit(3), KeyError("x")])
 def test_raising_plugin_fails_with_path_and_position(place: str, error: BaseException) -> None:
-    stage = Stage(plugged(broken(place, error)))
-    assert stage.tick() == "failed"
-    assert stage.message.endswith("(tree, a.yaml:7:3)")
+    harness = TreeHarness(plugged(broken(place, error)))
+    assert harness.tick() == "failed"
+    assert harness.message.endswith("(tree, a.yaml:7:3)")
     words = {
         RuntimeError: "RuntimeError: no nerve",
         KeyError: "KeyError: 'x'",
         SystemExit: "the plug-in wanted to end the program",
     }
-    assert stage.message.startswith(words[type(error)])
+    assert harness.message.startswith(words[type(error)])
     assert all("shutdown" in nod.calls for nod in Nod.made)
 
 
@@ -326,22 +326,22 @@ def blocking(place: str) -> type:
 @pytest.mark.usefixtures("own_limit")
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
 def test_blocking_plugin_fails_with_path_and_position(place: str) -> None:
-    stage = Stage(plugged(blocking(place)))
+    harness = TreeHarness(plugged(blocking(place)))
     began = time.monotonic()
-    assert stage.tick() == "failed"
+    assert harness.tick() == "failed"
     assert time.monotonic() - began < 30.0
-    assert stage.message == "blocked for more than 0.25 s (tree, a.yaml:7:3)"
+    assert harness.message == "blocked for more than 0.25 s (tree, a.yaml:7:3)"
     assert all("shutdown" in nod.calls for nod in Nod.made)
 
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
 def test_plugin_blocking_in_shutdown_does_not_delay_end(place: str) -> None:
-    stage = Stage(plugged(blocking(place)))
-    stage.tick()
-    stage.root._limit_s = OWN_LIMIT_S
-    stage.run.cancel("enough")
-    assert stage.outcome == "cancelled"
-    told = [stage.root.feedback_message, *(text for _, text in stage.environment.logged)]
+    harness = TreeHarness(plugged(blocking(place)))
+    harness.tick()
+    harness.root._limit_s = OWN_LIMIT_S
+    harness.run.cancel("enough")
+    assert harness.outcome == "cancelled"
+    told = [harness.root.feedback_message, *(text for _, text in harness.environment.logged)]
     assert any("blocked for more than 0.25 s (tree, a.yaml:7:3)" in text for text in told)
 
 
@@ -351,19 +351,19 @@ def test_plugin_that_blocked_gets_shorter_limit() -> None:
             children = [blocking("shutdown")(f"{number}") for number in range(20)]
             super().__init__(name, memory=True, children=children)
 
-    stage = Stage(plugged(Crowd))
-    stage.tick()
-    stage.root._limit_s = OWN_LIMIT_S
+    harness = TreeHarness(plugged(Crowd))
+    harness.tick()
+    harness.root._limit_s = OWN_LIMIT_S
     began = time.monotonic()
-    stage.run.cancel("enough")
-    assert stage.outcome == "cancelled"
+    harness.run.cancel("enough")
+    assert harness.outcome == "cancelled"
     assert time.monotonic() - began < 20 * 0.25
 
 
 def test_base_exception_fails_plugin() -> None:
-    stage = Stage(plugged(broken("update", asyncio.CancelledError("told so"))))
-    assert stage.tick() == "failed"
-    assert stage.message == "the plug-in raised CancelledError: told so (tree, a.yaml:7:3)"
+    harness = TreeHarness(plugged(broken("update", asyncio.CancelledError("told so"))))
+    assert harness.tick() == "failed"
+    assert harness.message == "the plug-in raised CancelledError: told so (tree, a.yaml:7:3)"
 
 
 def test_long_plugin_message_is_truncated() -> None:
@@ -372,18 +372,18 @@ def test_long_plugin_message_is_truncated() -> None:
             self.feedback_message = "x" * 10_000_000
             return Status.FAILURE
 
-    stage = Stage(plugged(Talker))
-    assert stage.tick() == "failed"
-    assert len(stage.message) == 500
+    harness = TreeHarness(plugged(Talker))
+    assert harness.tick() == "failed"
+    assert len(harness.message) == 500
 
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
 def test_plugin_raising_in_shutdown_does_not_disturb_end(place: str) -> None:
-    stage = Stage(plugged(broken(place, RuntimeError("no nerve"))))
-    stage.tick()
-    stage.run.cancel("enough")
-    assert stage.outcome == "cancelled"
-    told = [stage.root.feedback_message, *(text for _, text in stage.environment.logged)]
+    harness = TreeHarness(plugged(broken(place, RuntimeError("no nerve"))))
+    harness.tick()
+    harness.run.cancel("enough")
+    assert harness.outcome == "cancelled"
+    told = [harness.root.feedback_message, *(text for _, text in harness.environment.logged)]
     assert any(text.endswith("RuntimeError: no nerve (tree, a.yaml:7:3)") for text in told)
 
 
@@ -392,23 +392,23 @@ def test_plugin_with_unexpected_fields_fails() -> None:
         def __init__(self, name: str) -> None:
             super().__init__(name)
 
-    stage = Stage(plugged(Bare, depth=Literal(value=1)))
-    assert stage.tick() == "failed"
-    assert "unexpected keyword argument 'depth'" in stage.message
+    harness = TreeHarness(plugged(Bare, depth=Literal(value=1)))
+    assert harness.tick() == "failed"
+    assert "unexpected keyword argument 'depth'" in harness.message
 
 
 def test_field_without_value_fails_before_creating_plugin() -> None:
-    stage = Stage(plugged(Nod, age=Reference(name="scene.age")), awarded=scene(mood=3))
-    assert stage.tick() == "failed"
-    assert "'scene.age' has no value" in stage.message
+    harness = TreeHarness(plugged(Nod, age=Reference(name="scene.age")), awarded=scene(mood=3))
+    assert harness.tick() == "failed"
+    assert "'scene.age' has no value" in harness.message
     assert Nod.made == []
 
 
 @pytest.mark.parametrize("made", [dict, lambda name: 5])
 def test_plugin_that_is_not_a_behaviour_fails(made: Any) -> None:
-    stage = Stage(plugged(made))
-    assert stage.tick() == "failed"
-    assert "expected a py_trees Behaviour" in stage.message
+    harness = TreeHarness(plugged(made))
+    assert harness.tick() == "failed"
+    assert "expected a py_trees Behaviour" in harness.message
 
 
 def test_plugin_tick_without_status_fails() -> None:
@@ -416,18 +416,18 @@ def test_plugin_tick_without_status_fails() -> None:
         def update(self) -> Status:
             return Status.INVALID
 
-    stage = Stage(plugged(Dazed))
-    assert stage.tick() == "failed"
-    assert "expected RUNNING, SUCCESS or FAILURE" in stage.message
+    harness = TreeHarness(plugged(Dazed))
+    assert harness.tick() == "failed"
+    assert "expected RUNNING, SUCCESS or FAILURE" in harness.message
     assert "shutdown" in Nod.made[0].calls
 
 
 def test_built_in_py_trees_behaviours_work_as_leaves() -> None:
-    stage = Stage(repeated(plugged(py_trees.behaviours.Success), 2))
-    assert stage.tick(2) == "succeeded"
-    stage = Stage(plugged(py_trees.behaviours.Failure))
-    assert stage.tick() == "failed"
-    assert stage.message == "failure"
+    harness = TreeHarness(repeated(plugged(py_trees.behaviours.Success), 2))
+    assert harness.tick(2) == "succeeded"
+    harness = TreeHarness(plugged(py_trees.behaviours.Failure))
+    assert harness.tick() == "failed"
+    assert harness.message == "failure"
 
 
 def test_composite_plugin_sets_up_and_shuts_down_children() -> None:
@@ -435,8 +435,8 @@ def test_composite_plugin_sets_up_and_shuts_down_children() -> None:
         def __init__(self, name: str) -> None:
             super().__init__(name, memory=True, children=[Nod("a"), Nod("b")])
 
-    stage = Stage(plugged(Pair))
-    assert stage.tick() == "succeeded"
+    harness = TreeHarness(plugged(Pair))
+    assert harness.tick() == "succeeded"
     for nod in Nod.made:
         assert nod.calls[0] == "setup {}"
         assert nod.calls[-1] == "shutdown"
@@ -450,7 +450,7 @@ def test_py_trees_ticks_the_plugin() -> None:
             callers.append(Path(sys._getframe(1).f_code.co_filename).parent.name)
             return super().update()
 
-    assert Stage(plugged(Curious)).tick() == "succeeded"
+    assert TreeHarness(plugged(Curious)).tick() == "succeeded"
     assert callers == ["py_trees"]
 
 
@@ -460,8 +460,8 @@ def test_plugin_keeps_its_overridden_tick() -> None:
             super().tick_once()
             super().tick_once()
 
-    stage = Stage(plugged(Twice, times=Literal(value=2)))
-    assert stage.tick() == "succeeded"
+    harness = TreeHarness(plugged(Twice, times=Literal(value=2)))
+    assert harness.tick() == "succeeded"
 
 
 def test_plugin_calling_exit_does_not_end_program() -> None:
@@ -469,5 +469,5 @@ def test_plugin_calling_exit_does_not_end_program() -> None:
         def update(self) -> Status:
             sys.exit(1)
 
-    stage = Stage(plugged(Quitter))
-    assert stage.tick() == "failed"
+    harness = TreeHarness(plugged(Quitter))
+    assert harness.tick() == "failed"

@@ -6,7 +6,7 @@ from __future__ import annotations
 from py_trees import display, trees, visitors
 from py_trees.common import Status
 
-from tree_harness import Stage
+from tree_harness import TreeHarness
 
 TREE = """
 sequence:
@@ -25,15 +25,15 @@ sequence:
 
 
 def test_py_trees_manager_ticks_tree_like_a_run() -> None:
-    ours, theirs = Stage(TREE), Stage(TREE)
+    ours, theirs = TreeHarness(TREE), TreeHarness(TREE)
     seen = visitors.SnapshotVisitor()
     manager = trees.BehaviourTree(theirs.root)
     manager.visitors.append(seen)
     while ours.outcome == "running":
         ours.tick()
         manager.tick()
-        for stage in (ours, theirs):
-            stage.environment.clock.advance(1.0)
+        for harness in (ours, theirs):
+            harness.environment.clock.advance(1.0)
         names = {node.id: node.name for node in theirs.root.iterate()}
         assert [node.name for node, _ in ours.ticked] == [names[one] for one in seen.visited]
         pairs = zip(ours.root.iterate(), theirs.root.iterate(), strict=True)
@@ -43,7 +43,7 @@ def test_py_trees_manager_ticks_tree_like_a_run() -> None:
 
 
 def test_nodes_provide_the_py_trees_behaviour_interface() -> None:
-    root = Stage(TREE).root
+    root = TreeHarness(TREE).root
     nodes = list(root.iterate())
     assert len({node.id for node in nodes}) == len(nodes)
     assert {node.id for node in nodes} == {node.id for node in nodes}

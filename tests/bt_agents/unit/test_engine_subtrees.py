@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import Stage, agent
+from tree_harness import TreeHarness, agent
 
 LONG = [ScriptedReply(after_s=100.0)]
 
@@ -22,7 +22,7 @@ subtrees:
 
 
 def test_caller_renames_subtree_outputs() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - subtree: double
@@ -35,17 +35,17 @@ def test_caller_renames_subtree_outputs() -> None:
         """,
         head=COUNT,
     )
-    assert stage.tick() == "succeeded"
-    assert stage.said == ["4 and 8"]
-    assert stage.run._context.scope.blackboard == {"four": 4, "eight": 8}
+    assert harness.tick() == "succeeded"
+    assert harness.said == ["4 and 8"]
+    assert harness.run._context.scope.blackboard == {"four": 4, "eight": 8}
 
 
 def test_subtree_outputs_keep_their_names_by_default() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "sequence:\n  - subtree: double\n    with: {n: 3}\n  - say: ${twice}", head=COUNT
     )
-    assert stage.tick() == "succeeded"
-    assert stage.said == ["6"]
+    assert harness.tick() == "succeeded"
+    assert harness.said == ["6"]
 
 
 def test_subtree_writes_stay_local_to_their_call() -> None:
@@ -60,7 +60,7 @@ def test_subtree_writes_stay_local_to_their_call() -> None:
               when: write
             - say: "${half}"
     """
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - set: {half: outer}
@@ -70,9 +70,9 @@ def test_subtree_writes_stay_local_to_their_call() -> None:
         """,
         head=head,
     )
-    assert stage.tick() == "failed"
-    assert stage.said == ["inner", "outer"]
-    assert "'half' has no value" in stage.message
+    assert harness.tick() == "failed"
+    assert harness.said == ["inner", "outer"]
+    assert "'half' has no value" in harness.message
 
 
 def test_subtree_local_does_not_resolve_to_foreign_tunable() -> None:
@@ -86,9 +86,9 @@ def test_subtree_local_does_not_resolve_to_foreign_tunable() -> None:
             - say: "${half}"
     """
     tree = agent("subtree: one", head).tree
-    stage = Stage(tree, head="tunables: {half: {default: yours, description: d}}")
-    assert stage.tick() == "failed"
-    assert "'half' has no value" in stage.message
+    harness = TreeHarness(tree, head="tunables: {half: {default: yours, description: d}}")
+    assert harness.tick() == "failed"
+    assert "'half' has no value" in harness.message
 
 
 def test_subtree_start_clears_earlier_writes() -> None:
@@ -102,11 +102,11 @@ def test_subtree_start_clears_earlier_writes() -> None:
               when: write
             - say: "${word}"
     """
-    stage = Stage("subtree: one\nrepeat: 2", head=head)
-    stage.tick()
-    stage.tunables["write"] = False
-    assert stage.tick() == "failed"
-    assert stage.said == ["written"]
+    harness = TreeHarness("subtree: one\nrepeat: 2", head=head)
+    harness.tick()
+    harness.tunables["write"] = False
+    assert harness.tick() == "failed"
+    assert harness.said == ["written"]
 
 
 def test_unwritten_output_keeps_caller_value() -> None:
@@ -117,7 +117,7 @@ def test_unwritten_output_keeps_caller_value() -> None:
         outputs: {word: text}
         tree: {set: {word: new}, when: write}
     """
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - set: {mine: old}
@@ -127,9 +127,9 @@ def test_unwritten_output_keeps_caller_value() -> None:
         """,
         head=head,
     )
-    stage.tunables["write"] = False
-    assert stage.tick() == "succeeded"
-    assert stage.said == ["old"]
+    harness.tunables["write"] = False
+    assert harness.tick() == "succeeded"
+    assert harness.said == ["old"]
 
 
 def test_failed_subtree_still_returns_its_outputs() -> None:
@@ -142,13 +142,13 @@ def test_failed_subtree_still_returns_its_outputs() -> None:
             - set: {word: tried}
             - drive: x
     """
-    stage = Stage(
+    harness = TreeHarness(
         "sequence:\n  - {subtree: one, succeed: true}\n  - say: ${word}",
         head=head,
         answers={"drive": [ScriptedReply(state=GoalState.ABORTED)]},
     )
-    assert stage.tick() == "succeeded"
-    assert stage.said == ["tried"]
+    assert harness.tick() == "succeeded"
+    assert harness.said == ["tried"]
 
 
 def test_interrupted_subtree_returns_no_outputs() -> None:
@@ -161,11 +161,11 @@ def test_interrupted_subtree_returns_no_outputs() -> None:
             - set: {word: tried}
             - drive: x
     """
-    stage = Stage("subtree: one", head=head, answers={"drive": LONG})
-    stage.tick()
-    stage.interrupt()
-    assert stage.environment.running() == []
-    assert "word" not in stage.run._context.scope.blackboard
+    harness = TreeHarness("subtree: one", head=head, answers={"drive": LONG})
+    harness.tick()
+    harness.interrupt()
+    assert harness.environment.running() == []
+    assert "word" not in harness.run._context.scope.blackboard
 
 
 def test_caller_sees_outputs_only_at_subtree_end() -> None:
@@ -178,7 +178,7 @@ def test_caller_sees_outputs_only_at_subtree_end() -> None:
             - set: {word: new}
             - wait: 5 s
     """
-    stage = Stage(
+    harness = TreeHarness(
         """
         sequence:
           - set: {word: old}
@@ -189,11 +189,11 @@ def test_caller_sees_outputs_only_at_subtree_end() -> None:
         """,
         head=head,
     )
-    stage.tick()
-    stage.after(1.0)
-    assert stage.said == ["old"]
-    assert stage.after(4.0) == "succeeded"
-    assert stage.said == ["old", "new"]
+    harness.tick()
+    harness.after(1.0)
+    assert harness.said == ["old"]
+    assert harness.after(4.0) == "succeeded"
+    assert harness.said == ["old", "new"]
 
 
 def test_running_subtree_sees_changed_inputs() -> None:
@@ -207,11 +207,11 @@ def test_running_subtree_sees_changed_inputs() -> None:
         inputs: {rest: duration}
         tree: {wait: "${rest}"}
     """
-    stage = Stage("subtree: outer\nwith: {rest: '${t}'}", head=head)
-    stage.tick()
-    assert stage.after(4.0) == "running"
-    stage.tunables["t"] = 8.0
-    assert stage.tick() == "succeeded"
+    harness = TreeHarness("subtree: outer\nwith: {rest: '${t}'}", head=head)
+    harness.tick()
+    assert harness.after(4.0) == "running"
+    harness.tunables["t"] = 8.0
+    assert harness.tick() == "succeeded"
 
 
 def test_concurrent_subtree_calls_do_not_share_names() -> None:
@@ -225,7 +225,7 @@ def test_concurrent_subtree_calls_do_not_share_names() -> None:
             - wait: "${rest}"
             - say: "${mine}"
     """
-    stage = Stage(
+    harness = TreeHarness(
         """
         parallel:
           - {subtree: one, with: {word: first, rest: 2 s}}
@@ -233,23 +233,23 @@ def test_concurrent_subtree_calls_do_not_share_names() -> None:
         """,
         head=head,
     )
-    assert stage.tick(3, step_s=1.0) == "succeeded"
-    assert stage.said == ["second", "first"]
+    assert harness.tick(3, step_s=1.0) == "succeeded"
+    assert harness.said == ["second", "first"]
 
 
 def test_once_in_subtree_counts_per_call_site() -> None:
     head = "subtrees: {hi: {tree: {say: Hi., once: true}}}"
-    stage = Stage("repeat: 2\nsequence:\n  - subtree: hi\n  - subtree: hi", head=head)
-    assert stage.tick(2) == "succeeded"
-    assert stage.said == ["Hi.", "Hi."]
+    harness = TreeHarness("repeat: 2\nsequence:\n  - subtree: hi\n  - subtree: hi", head=head)
+    assert harness.tick(2) == "succeeded"
+    assert harness.said == ["Hi.", "Hi."]
 
 
 def test_cleanup_reads_values_written_by_tree() -> None:
-    stage = Stage(
+    harness = TreeHarness(
         "sequence:\n  - set: {place: gate 7}\n  - wait: 9 s",
         head="on_cancel: {say: 'We were on the way to ${place}.'}",
     )
-    stage.tick()
-    stage.run.cancel("enough")
-    assert stage.tick() == "cancelled"
-    assert stage.said == ["We were on the way to gate 7."]
+    harness.tick()
+    harness.run.cancel("enough")
+    assert harness.tick() == "cancelled"
+    assert harness.said == ["We were on the way to gate 7."]

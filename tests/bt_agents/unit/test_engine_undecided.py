@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from tree_harness import Stage, scene
+from tree_harness import TreeHarness, scene
 
 HEAD = """
 subtrees:
@@ -16,11 +16,11 @@ subtrees:
 WHY = "cannot be decided: level >= 4 ('>=' needs numbers, found the text 'four')"
 
 
-def stage(node: str) -> Stage:
+def harness(node: str) -> TreeHarness:
     """Return a run in which the level of pain is a text where a number was meant."""
     lines = node.strip().splitlines()
     tree = "sequence:\n  - subtree: level_of_pain\n  - " + "\n    ".join(lines)
-    return Stage(tree, head=HEAD)
+    return TreeHarness(tree, head=HEAD)
 
 
 CHOOSE = """
@@ -45,7 +45,7 @@ choose:
     ],
 )
 def test_undecidable_condition_fails_node_with_reason_and_position(node: str, place: str) -> None:
-    played = stage(node)
+    played = harness(node)
     assert played.tick() == "failed"
     assert played.said == []
     assert played.message.startswith(f"{WHY} (tree/1.{place}, a.yaml:")
@@ -54,7 +54,7 @@ def test_undecidable_condition_fails_node_with_reason_and_position(node: str, pl
 
 @pytest.mark.parametrize("node", ["say: x\nwhen: level", "check: level", CHOOSE])
 def test_text_condition_does_not_count_as_false(node: str) -> None:
-    played = stage(node.replace("level >= 4", "level"))
+    played = harness(node.replace("level >= 4", "level"))
     assert played.tick() == "failed"
     assert "cannot be decided: level (it is the text 'four', expected true or false)" in (
         played.message
@@ -71,7 +71,7 @@ def test_text_condition_does_not_count_as_false(node: str) -> None:
     ],
 )
 def test_handled_failure_still_reports_undecidable_condition(node: str) -> None:
-    played = stage(node)
+    played = harness(node)
     assert played.tick() == "succeeded"
     [(level, told)] = played.environment.logged
     assert level == "error"
@@ -81,7 +81,7 @@ def test_handled_failure_still_reports_undecidable_condition(node: str) -> None:
 
 
 def test_undecidable_condition_is_reported_once() -> None:
-    played = stage("check: level >= 4\nretry: 5")
+    played = harness("check: level >= 4\nretry: 5")
     assert played.tick(5) == "failed"
     assert len(played.environment.logged) == 1
     assert played.run.result is not None
@@ -89,7 +89,7 @@ def test_undecidable_condition_is_reported_once() -> None:
 
 
 def test_missing_value_still_counts_as_false() -> None:
-    played = Stage(CHOOSE.replace("level", "scene.age"), awarded=scene(mood=3))
+    played = TreeHarness(CHOOSE.replace("level", "scene.age"), awarded=scene(mood=3))
     assert played.tick() == "succeeded"
     assert played.said == ["Rest well."]
     assert played.environment.logged == []

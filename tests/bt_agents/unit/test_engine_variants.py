@@ -8,16 +8,16 @@ from random import Random
 
 import pytest
 
-from tree_harness import Stage
+from tree_harness import TreeHarness
 
 GREETING = "say: {one_of: [Hello., Hi., Good day.]}"
 
 
 def said(tree: str, seed: int) -> list[object]:
-    stage = Stage(tree, random=Random(seed))
+    harness = TreeHarness(tree, random=Random(seed))
     for _ in range(20):
-        stage.tick()
-    return stage.said
+        harness.tick()
+    return harness.said
 
 
 def test_variants_never_repeat_consecutively_and_all_occur() -> None:
@@ -49,5 +49,5 @@ def test_retry_uses_another_variant() -> None:
 
 @pytest.mark.parametrize("count", [2, 5])
 def test_pick_excludes_the_last_variant(count: int) -> None:
-    context = Stage("wait: 1 s", random=Random(2)).run._context
+    context = TreeHarness("wait: 1 s", random=Random(2)).run._context
     assert {context.pick("tree", count, 1) for _ in range(99)} == {*range(count)} - {1}

@@ -21,7 +21,7 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from defined_interfaces import DefinedInterfaces
 from file_texts import read_agent_text
-from tree_harness import SPACE, TREES, Stage, scene
+from tree_harness import SPACE, TREES, TreeHarness, scene
 
 PLACES = """
 format: 1
@@ -32,7 +32,7 @@ places:
 ANNA = replace(scene(age=3, familiarity=3, mood=3), person_id="anna")
 CODE = {"error_code": 4, "error_msg": "a call of higher priority"}
 
-Play = Callable[..., Stage]
+Play = Callable[..., TreeHarness]
 
 
 def read(tree: str, robot: str, folder: Path) -> AgentSpec:
@@ -61,20 +61,20 @@ def play(skills: Path) -> Play:
         result: Mapping[str, Plain] | None = None,
         awarded: Scene = ANNA,
         **reply: Any,
-    ) -> Stage:
+    ) -> TreeHarness:
         spec = read(tree, robot, skills)
         binding = spec.tree.skill.binding if spec.tree.skill is not None else None
         assert binding is not None
         answer = ScriptedReply(result=result or {}, **reply)
-        stage = Stage(spec.tree, answers={binding.name: [answer]}, awarded=awarded)
-        stage.tick()
-        return stage
+        harness = TreeHarness(spec.tree, answers={binding.name: [answer]}, awarded=awarded)
+        harness.tick()
+        return harness
 
     return play
 
 
-def goal(stage: Stage) -> tuple[str, Mapping[str, Any]]:
-    [sent] = stage.environment.goals
+def goal(harness: TreeHarness) -> tuple[str, Mapping[str, Any]]:
+    [sent] = harness.environment.goals
     return sent.goal.name, sent.goal.fields
 
 
@@ -115,19 +115,19 @@ def test_skill_addresses_person_present_when_it_starts(skills):
     spec = read("{sequence: [{say: Hello?}, {wait: 1 s}, {say: Hello.}]}", "ros4hri", skills)
     nobody = replace(ANNA, person=False, person_id="")
     answers = {"/skill/say": [ScriptedReply(result=FINE)]}
-    stage = Stage(spec.tree, answers=answers, awarded=nobody)
-    stage.tick()
-    stage.live = replace(ANNA, person_id="ben")
-    assert stage.after(1.0) == "succeeded"
-    assert [sent.goal.fields["person_id"] for sent in stage.environment.goals] == ["", "ben"]
+    harness = TreeHarness(spec.tree, answers=answers, awarded=nobody)
+    harness.tick()
+    harness.live = replace(ANNA, person_id="ben")
+    assert harness.after(1.0) == "succeeded"
+    assert [sent.goal.fields["person_id"] for sent in harness.environment.goals] == ["", "ben"]
 
 
 @pytest.mark.parametrize("word", LEAVES)
 def test_result_error_code_fails_succeeded_goal(word, play):
     tree, name, _ = LEAVES[word]
-    stage = play(tree, result={"result": CODE})
-    assert stage.outcome == "failed"
-    assert stage.root.feedback_message == f"{name} failed: code 4: a call of higher priority"
+    harness = play(tree, result={"result": CODE})
+    assert harness.outcome == "failed"
+    assert harness.root.feedback_message == f"{name} failed: code 4: a call of higher priority"
 
 
 def test_zero_error_code_is_a_success(play):
@@ -143,9 +143,9 @@ def test_zero_error_code_is_a_success(play):
     ],
 )
 def test_aborted_goal_reports_its_error_code(result, reason, play):
-    stage = play("say: Hello.", result={"result": result}, state=GoalState.ABORTED)
-    assert stage.outcome == "failed"
-    assert stage.root.feedback_message == f"/skill/say aborted: {reason}"
+    harness = play("say: Hello.", result={"result": result}, state=GoalState.ABORTED)
+    assert harness.outcome == "failed"
+    assert harness.root.feedback_message == f"/skill/say aborted: {reason}"
 
 
 def test_raw_nodes_support_run_fields_and_error_codes(skills):
@@ -156,23 +156,23 @@ def test_raw_nodes_support_run_fields_and_error_codes(skills):
         skills,
     )
     told = {"success": False, "message": "no paper"}
-    stage = Stage(spec.tree, answers={"note": [ScriptedReply(result=told)]})
-    assert stage.tick() == "failed"
-    assert stage.root.feedback_message == "note failed: code False: no paper"
+    harness = TreeHarness(spec.tree, answers={"note": [ScriptedReply(result=told)]})
+    assert harness.tick() == "failed"
+    assert harness.root.feedback_message == "note failed: code False: no paper"
     message = "publish: {topic: who, type: std_msgs/msg/String, message: {data: '${run.agent}'}}"
-    stage = Stage(read(message, "", skills).tree, awarded=ANNA)
-    stage.tick()
-    [sent] = stage.environment.published
+    harness = TreeHarness(read(message, "", skills).tree, awarded=ANNA)
+    harness.tick()
+    [sent] = harness.environment.published
     assert sent.fields == {"data": "a"}
 
 
 def test_ask_fails_when_json_lacks_the_answer(play):
-    stage = play("ask: Where to?", result={**FINE, "answers": "{}"})
-    assert stage.outcome == "failed"
-    assert "result.answers#answer" in stage.root.feedback_message
-    stage = play("ask: Where to?", result={**FINE, "answers": '{"answer": "gate 12"}'})
-    assert stage.outcome == "succeeded"
-    assert stage.run.scope.lookup("answer") == "gate 12"
+    harness = play("ask: Where to?", result={**FINE, "answers": "{}"})
+    assert harness.outcome == "failed"
+    assert "result.answers#answer" in harness.root.feedback_message
+    harness = play("ask: Where to?", result={**FINE, "answers": '{"answer": "gate 12"}'})
+    assert harness.outcome == "succeeded"
+    assert harness.run.scope.lookup("answer") == "gate 12"
 
 
 @pytest.mark.parametrize("robot", ["nav2", "ros4hri"])
@@ -189,28 +189,28 @@ def test_drive_sends_map_pose_of_named_place(robot, play):
 
 
 def test_nav2_reports_remaining_distance_and_error_code(play):
-    stage = play(
+    harness = play(
         "drive: gate 12",
         "nav2",
         {"error_code": 9003, "error_msg": "the goal is blocked"},
         after_s=5.0,
         feedback=((0.0, {"distance_remaining": 7.5}),),
     )
-    assert stage.run.scope.lookup("remaining") == 7.5
-    assert stage.after(5.0) == "failed"
+    assert harness.run.scope.lookup("remaining") == 7.5
+    assert harness.after(5.0) == "failed"
     expected = "navigate_to_pose failed: code 9003: the goal is blocked"
-    assert stage.root.feedback_message == expected
+    assert harness.root.feedback_message == expected
 
 
 def test_undeclared_place_fails_leaf_and_lists_known_places(play, skills):
-    stage = play("drive: gate 13", "nav2")
-    assert stage.outcome == "failed"
-    assert stage.environment.goals == []
+    harness = play("drive: gate 13", "nav2")
+    assert harness.outcome == "failed"
+    assert harness.environment.goals == []
     found = "there is no place 'gate 13'; there are gate 12, lounge"
-    assert found in stage.root.feedback_message
+    assert found in harness.root.feedback_message
     (skills / "places.yaml").unlink()
-    stage = play("drive: gate 13", "nav2")
-    assert "no skills file has the key 'places'" in stage.root.feedback_message
+    harness = play("drive: gate 13", "nav2")
+    assert "no skills file has the key 'places'" in harness.root.feedback_message
 
 
 def test_first_preferred_robot_offering_skill_is_bound(skills):

@@ -19,7 +19,7 @@ from bt_agents.host.tree_streams.stream import (
 from bt_agents.host.tree_streams.tree_snapshot import key_of, node_id
 from bt_agents.host.tree_streams.watched_run import WatchedRun
 from bt_agents_core.errors import Refused
-from tree_harness import Stage
+from tree_harness import TreeHarness
 
 
 def test_snapshot_is_due_on_change_or_near_period() -> None:
@@ -109,47 +109,47 @@ def active(watched: WatchedRun) -> list[str]:
 
 
 def test_nodes_ticked_after_breakpoint_removal_are_active() -> None:
-    stage = Stage("sequence: [{wait: 1 s}, {wait: 1 s}]")
-    watched = WatchedRun(stage.run)
-    stage.run.set_breakpoints(["tree/0.wait"])
+    harness = TreeHarness("sequence: [{wait: 1 s}, {wait: 1 s}]")
+    watched = WatchedRun(harness.run)
+    harness.run.set_breakpoints(["tree/0.wait"])
     watched.note(visits=True, activity=False)
-    stage.tick()
+    harness.tick()
     watched.take_tick(0.0, 0.1)
-    assert stage.run.held == ("tree/0.wait",)
-    stage.run.set_breakpoints([])
-    stage.tick(2, step_s=1.0)
+    assert harness.run.held == ("tree/0.wait",)
+    harness.run.set_breakpoints([])
+    harness.tick(2, step_s=1.0)
     watched.take_tick(1.0, 1.1)
     assert active(watched) == ["tree", "tree/0.wait", "tree/1.wait"]
     assert watched.changed
-    stage.tick()
+    harness.tick()
     watched.take_tick(2.0, 2.1)
     assert active(watched) == ["tree", "tree/1.wait"]
     assert not watched.changed
 
 
 def test_tree_ticks_normally_after_last_watcher_leaves() -> None:
-    stage = Stage("sequence: [{wait: 1 s}, {wait: 1 s}]")
-    stage.tick()
-    watched = WatchedRun(stage.run)
-    changes = len(stage.changes)
+    harness = TreeHarness("sequence: [{wait: 1 s}, {wait: 1 s}]")
+    harness.tick()
+    watched = WatchedRun(harness.run)
+    changes = len(harness.changes)
     watched.note(visits=True, activity=True)
-    stage.tick()
+    harness.tick()
     watched.note(visits=False, activity=False)
     watched.take_tick(0.0, 0.1)
-    stage.tick()
-    assert len(stage.changes) == changes, "watching a tree repeats its changes"
+    harness.tick()
+    assert len(harness.changes) == changes, "watching a tree repeats its changes"
     assert not watched.activity
     assert active(watched) == ["tree", "tree/0.wait"]
 
 
 def test_two_traces_close_in_any_order() -> None:
-    stage = Stage("sequence: [{set: {word: a}}, {wait: 1 s}]")
-    first = ValueTrace(stage.run.root)
-    second = ValueTrace(stage.run.root, repeated=True)
+    harness = TreeHarness("sequence: [{set: {word: a}}, {wait: 1 s}]")
+    first = ValueTrace(harness.run.root)
+    second = ValueTrace(harness.run.root, repeated=True)
     first.close()
-    stage.tick()
+    harness.tick()
     assert [one.name for one in second.take()] == ["word"]
     assert first.take() == []
     second.close()
-    plain = {id(node.fields.names) for node in stage.run.root.iterate()}
-    assert plain == {id(stage.run.scope)}
+    plain = {id(node.fields.names) for node in harness.run.root.iterate()}
+    assert plain == {id(harness.run.scope)}

@@ -11,7 +11,7 @@ import pytest
 from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text
-from tree_harness import SYMBOLS, Stage
+from tree_harness import SYMBOLS, TreeHarness
 
 theirs = pytest.importorskip(
     "behaviortreepy", reason="pip install behaviortreepy brings BehaviorTree.CPP itself"
@@ -102,11 +102,11 @@ def their_end(text: str) -> tuple[object, ...] | None:
 def our_end(text: str) -> tuple[bool, tuple[object, ...]]:
     """Return whether the translation has remarks, and how it ends."""
     made = import_agent(Source("t.xml", text), "a", SYMBOLS)
-    stage = Stage(read_agent_text(made.text, "a.yaml", SYMBOLS).tree)
-    stage.tick(60, 0.01)
-    board = stage.run._context.scope.blackboard
+    harness = TreeHarness(read_agent_text(made.text, "a.yaml", SYMBOLS).tree)
+    harness.tick(60, 0.01)
+    board = harness.run._context.scope.blackboard
     values = (float(board["n"]), float(board["m"]), board["trace"])
-    return bool(made.remarks), (stage.outcome, *values)
+    return bool(made.remarks), (harness.outcome, *values)
 
 
 @pytest.mark.parametrize("seed", range(300))

@@ -33,12 +33,12 @@ from bt_agents_lab.replay.recording_index import read
 from bt_agents_lab.replay.replay_learning import replay_feedback
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.cli.main import bt_agents
-from journal_fixture import PublishedMessage, Town, morning
+from journal_fixture import JournaledSystem, PublishedMessage, morning
 from studio_harness import SPACE
 
 
 @pytest.fixture(scope="module")
-def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
+def journaled(tmp_path_factory: pytest.TempPathFactory) -> JournaledSystem:
     return morning(tmp_path_factory.mktemp("trees") / "trees")
 
 
@@ -54,8 +54,8 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
     ],
     ids=["plain", "split and zstd", "zstd files", "fastwrite", "no send times", "namespace"],
 )
-def test_whole_bag_is_replayed(town: Town, tmp_path: Path, how: dict[str, object]):
-    bag = write_bag(tmp_path / "morning", town.published, **how)
+def test_whole_bag_is_replayed(journaled: JournaledSystem, tmp_path: Path, how: dict[str, object]):
+    bag = write_bag(tmp_path / "morning", journaled.published, **how)
     result = CliRunner().invoke(replay, [str(bag)])
     assert result.exit_code == 0, result.output
     assert "decisions                   4             0             0" in result.output
@@ -65,12 +65,12 @@ def test_whole_bag_is_replayed(town: Town, tmp_path: Path, how: dict[str, object
     assert "everything is equal" not in result.output
 
 
-def test_every_journal_command_reads_bags(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published, files=2, packed=True)
+def test_every_journal_command_reads_bags(journaled: JournaledSystem, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published, files=2, packed=True)
     shown = CliRunner().invoke(journal, [str(bag), "--out", str(tmp_path / "rounds.csv")]).output
     assert "morning_0.mcap.zstd" in shown
     assert "morning_1.mcap.zstd" in shown
-    assert f"{len(town.published)} messages" in shown
+    assert f"{len(journaled.published)} messages" in shown
     assert "bert wins" in shown
     assert len((tmp_path / "rounds.csv").read_text().splitlines()) == 1 + 4 + 8 + 4
     outlook = CliRunner().invoke(what_if, [str(bag), "--learning-rate", "0.5"])
@@ -79,27 +79,31 @@ def test_every_journal_command_reads_bags(town: Town, tmp_path: Path) -> None:
     assert reasons.output.startswith("round 4: bert")
 
 
-def test_messages_of_two_recorders_are_read_once(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published)
+def test_messages_of_two_recorders_are_read_once(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published)
     other = shutil.copytree(bag, tmp_path / "other")
-    assert len(JournalReader([bag, other]).entries()) == len(town.published)
+    assert len(JournalReader([bag, other]).entries()) == len(journaled.published)
 
 
-def test_messages_missing_from_bag_are_no_difference(town: Town, tmp_path: Path) -> None:
+def test_messages_missing_from_bag_are_no_difference(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
     for place in range(15):
-        rest = [*town.published[:place], *town.published[place + 1 :]]
+        rest = [*journaled.published[:place], *journaled.published[place + 1 :]]
         recording = read([write_bag(tmp_path / str(place), rest)])
         found = [*replay_decisions(recording.rounds), *replay_feedback(recording.feedbacks)]
         assert not [each for each in found if each.verdict is ReplayVerdict.DIFFERENT]
 
 
 def test_two_systems_in_one_bag_need_a_namespace(
-    town: Town, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    journaled: JournaledSystem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other = Town(tmp_path / "trees")
+    other = JournaledSystem(tmp_path / "trees")
     both = [
         PublishedMessage(topic=f"/robot{number}{one.topic}", message=one.message)
-        for number, system in ((1, town), (2, other))
+        for number, system in ((1, journaled), (2, other))
         for one in system.published
     ]
     bag = write_bag(tmp_path / "both", both)
@@ -113,8 +117,10 @@ def test_two_systems_in_one_bag_need_a_namespace(
     assert read([bag], "/robot2").counts["/robot1/bt_agents/auctions"] == 4
 
 
-def test_missing_files_and_messages_are_reported(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published, files=5)
+def test_missing_files_and_messages_are_reported(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published, files=5)
     (bag / "morning_2.mcap").unlink()
     result = CliRunner().invoke(replay, [str(bag)])
     assert result.exit_code == 2
@@ -122,18 +128,22 @@ def test_missing_files_and_messages_are_reported(town: Town, tmp_path: Path) -> 
     assert "is said to hold 32 messages, found 25" in result.output
 
 
-def test_missing_message_definition_is_reported(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published, definitions=False)
+def test_missing_message_definition_is_reported(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published, definitions=False)
     [first, *_] = read([bag]).problems
     assert "its recorder has not found the definition of bt_agents_interfaces/msg/" in first
 
 
-def test_bag_of_killed_recorder_is_read_without_metadata(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published)
+def test_bag_of_killed_recorder_is_read_without_metadata(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published)
     (bag / "metadata.yaml").unlink()
     [file] = bag.iterdir()
     file.write_bytes(file.read_bytes()[:-40])
-    assert len(JournalReader([bag]).entries()) == len(town.published)
+    assert len(JournalReader([bag]).entries()) == len(journaled.published)
 
 
 @pytest.mark.parametrize("name", ["morning_0.db3", "morning_0.db3.zstd"])
@@ -191,33 +201,35 @@ def other_numbers(text: str) -> str:
     "spoil", [no_yaml, nested, anchors, too_large, without_files, other_folders]
 )
 def test_broken_metadata_is_reported_and_loses_no_message(
-    town: Town, tmp_path: Path, spoil: Callable[[str], str]
+    journaled: JournaledSystem, tmp_path: Path, spoil: Callable[[str], str]
 ) -> None:
-    bag = write_bag(tmp_path / "morning", town.published)
+    bag = write_bag(tmp_path / "morning", journaled.published)
     metadata = bag / "metadata.yaml"
     metadata.write_text(spoil(metadata.read_text()))
     (tmp_path / "secret.mcap").write_bytes(b"nobody asked for it")
     reader = JournalReader([bag])
-    assert len(reader.entries()) == len(town.published)
+    assert len(reader.entries()) == len(journaled.published)
     assert reader.files == [bag / "morning_0.mcap"]
     assert str(bag) in reader.problems[0]
 
 
-def test_invalid_message_count_is_unknown(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published)
+def test_invalid_message_count_is_unknown(journaled: JournaledSystem, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published)
     metadata = bag / "metadata.yaml"
     metadata.write_text(other_numbers(metadata.read_text()))
     assert recorded_files(bag).messages is None
 
 
-def test_truncated_compressed_file_is_read_to_its_end(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published, packed=True, use_chunking=False)
+def test_truncated_compressed_file_is_read_to_its_end(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published, packed=True, use_chunking=False)
     file = bag / "morning_0.mcap.zstd"
     whole = file.read_bytes()
     for cut in range(0, len(whole), 199):
         file.write_bytes(whole[:cut])
         reader = JournalReader([file])
-        assert len(reader.entries()) <= len(town.published)
+        assert len(reader.entries()) <= len(journaled.published)
         assert reader.problems
 
 
@@ -272,9 +284,9 @@ def test_compressed_file_is_read_up_to_size_limit(
     assert "holds more than 50000 bytes" in reader.problems[0]
 
 
-def test_studio_shows_bag_beside_journals(town: Town, tmp_path: Path) -> None:
-    town.write(tmp_path / "journal-2026-05-04_001.mcap")
-    write_bag(tmp_path / "rosbag2_2026", town.published, files=2)
+def test_studio_shows_bag_beside_journals(journaled: JournaledSystem, tmp_path: Path) -> None:
+    journaled.write(tmp_path / "journal-2026-05-04_001.mcap")
+    write_bag(tmp_path / "rosbag2_2026", journaled.published, files=2)
     (tmp_path / "notes").mkdir()
     studio = Studio("studio", space=SPACE, journal=tmp_path)
     shown = {one.name: one.bytes for one in studio.journal_list()}
@@ -284,8 +296,10 @@ def test_studio_shows_bag_beside_journals(town: Town, tmp_path: Path) -> None:
     assert len(of_bag.newest("rounds")) == 4
 
 
-def test_topic_of_another_program_is_no_second_system(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published, namespace="/robot1")
+def test_topic_of_another_program_is_no_second_system(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published, namespace="/robot1")
     other = tmp_path / "chat.mcap"
     with other.open("wb") as stream:
         writer = Writer(stream)
@@ -294,7 +308,7 @@ def test_topic_of_another_program_is_no_second_system(town: Town, tmp_path: Path
         channel = writer.register_channel("/chat/answers", "cdr", schema)
         writer.add_message(channel, log_time=1, data=b"", publish_time=1)
         writer.finish()
-    assert len(JournalReader([bag, other]).entries()) == len(town.published) + 1
+    assert len(JournalReader([bag, other]).entries()) == len(journaled.published) + 1
 
 
 def test_missing_path_is_reported(tmp_path: Path) -> None:
@@ -302,22 +316,22 @@ def test_missing_path_is_reported(tmp_path: Path) -> None:
         JournalReader([tmp_path / "nowhere"])
 
 
-def test_forget_leaves_bags_and_names_them(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "journal" / "morning", town.published)
+def test_forget_leaves_bags_and_names_them(journaled: JournaledSystem, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "journal" / "morning", journaled.published)
     shutil.copy(bag / "morning_0.mcap", tmp_path / "journal" / "b.mcap.zstd")
     found = erase_from_journals(tmp_path / "journal", PersonMention("carla"))
     assert [one.name for one in found.bags] == ["b.mcap.zstd", "morning"]
     assert (bag / "morning_0.mcap").exists()
 
 
-def test_bookmark_label_in_bag_is_shown(town: Town, tmp_path: Path) -> None:
+def test_bookmark_label_in_bag_is_shown(journaled: JournaledSystem, tmp_path: Path) -> None:
     marked = PublishedMessage(topic="/bt_agents/bookmarks", message=Bookmark(label="they laughed"))
-    bag = write_bag(tmp_path / "morning", [*town.published, marked])
+    bag = write_bag(tmp_path / "morning", [*journaled.published, marked])
     assert "marked: they laughed" in CliRunner().invoke(journal, [str(bag)]).output
 
 
-def test_single_bag_file_is_read_on_its_own(town: Town, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", town.published, files=2)
+def test_single_bag_file_is_read_on_its_own(journaled: JournaledSystem, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", journaled.published, files=2)
     result = CliRunner().invoke(replay, [str(bag / "morning_1.mcap")])
     assert "as no host has sent its texts before" in result.output
     assert "not recorded" in result.output

@@ -21,7 +21,7 @@ from bt_agents_tools.cli.connection import NoSystemError
 from bt_agents_tools.cli.main import bt_agents
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.rows import LAYER, RevisionCause
-from journal_fixture import Town, index_of
+from journal_fixture import JournaledSystem, index_of
 from market_harness import scene
 from scene_layer.memory import KnownPerson, save_memory
 
@@ -36,7 +36,7 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StateFolder:
         yield
 
     monkeypatch.setattr("bt_agents_tools.cli.commands.forget.connect", nobody)
-    town = Town(tmp_path / "trees")
+    journaled = JournaledSystem(tmp_path / "trees")
     monkeypatch.chdir(tmp_path / "trees")
     state = claim_state(tmp_path / "trees", str(tmp_path / "state"))
     with Ledger(state.ledger) as ledger:
@@ -49,9 +49,9 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StateFolder:
     save_memory(state.memory, {"carla": known, "dora": known}, {"lobby": known})
     for name in ("dora", "carla", "dora"):
         somebody = replace(scene(f"s of {name}", 4.0, 2.0, 3.0), person_id=name)
-        agent = town.round(somebody)
-        town.run(agent, somebody)
-    town.write(state.journal / "journal-2026-05-04_001.mcap")
+        agent = journaled.round(somebody)
+        journaled.run(agent, somebody)
+    journaled.write(state.journal / "journal-2026-05-04_001.mcap")
     logs = state.path / "logs" / f"2026-05-04-100000-{2**22 + 1}"
     logs.mkdir(parents=True)
     (logs / "scene_layer.log").write_text("carla comes\ndora comes\ncarlas car\n")
@@ -156,10 +156,10 @@ def test_ledger_in_use_is_left_and_others_cleaned(kept: StateFolder) -> None:
 
 
 def test_emptied_file_is_deleted(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    town.published.clear()
-    town.round(replace(scene("s", 4.0, 2.0, 3.0), person_id="carla"))
-    town.write(tmp_path / "journal" / "journal-2026-05-04_001.mcap")
+    journaled = JournaledSystem(tmp_path / "trees")
+    journaled.published.clear()
+    journaled.round(replace(scene("s", 4.0, 2.0, 3.0), person_id="carla"))
+    journaled.write(tmp_path / "journal" / "journal-2026-05-04_001.mcap")
     erase_from_journals(tmp_path / "journal", PersonMention("carla"))
     assert list((tmp_path / "journal").iterdir()) == []
 

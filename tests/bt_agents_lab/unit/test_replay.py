@@ -22,7 +22,7 @@ from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict
 from bt_agents_lab.replay.replay_learning import replay_feedback
 from hostile_texts import HOSTILE
-from journal_fixture import NAN, Town, index_of, morning
+from journal_fixture import NAN, JournaledSystem, index_of, morning
 from tree_harness import scene
 
 STRATEGIES = {
@@ -46,15 +46,19 @@ def again(path: Path) -> FindingCounts:
 
 
 @pytest.fixture(scope="module")
-def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
-    return morning(tmp_path_factory.mktemp("town") / "trees")
+def journaled(tmp_path_factory: pytest.TempPathFactory) -> JournaledSystem:
+    return morning(tmp_path_factory.mktemp("journaled") / "trees")
 
 
 def altered(
-    town: Town, path: Path, kind: type, change: Callable[[Any], None], which: int = 0
+    journaled: JournaledSystem,
+    path: Path,
+    kind: type,
+    change: Callable[[Any], None],
+    which: int = 0,
 ) -> FindingCounts:
     """Return what a replay finds after one message of a kind was changed."""
-    numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, kind)]
+    numbers = [n for n, one in enumerate(journaled.published) if isinstance(one.message, kind)]
 
     def alter(number: int, message: Any) -> Any:
         if number == numbers[which]:
@@ -62,7 +66,7 @@ def altered(
             change(message)
         return message
 
-    return again(town.write(path / "a.mcap", alter))
+    return again(journaled.write(path / "a.mcap", alter))
 
 
 def different(found: FindingCounts, kind: str) -> ReplayFinding:
@@ -118,8 +122,10 @@ AUCTIONS: dict[str, Callable[[Any], None]] = {
 
 
 @pytest.mark.parametrize("what", AUCTIONS)
-def test_altered_decision_is_detected(town: Town, tmp_path: Path, what: str) -> None:
-    found = altered(town, tmp_path, Auction, AUCTIONS[what])
+def test_altered_decision_is_detected(
+    journaled: JournaledSystem, tmp_path: Path, what: str
+) -> None:
+    found = altered(journaled, tmp_path, Auction, AUCTIONS[what])
     finding = different(found, decisions.KIND)
     assert finding.where.startswith("round 1")
     assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 3
@@ -136,27 +142,33 @@ LESSONS: dict[str, Callable[[Any], None]] = {
 
 
 @pytest.mark.parametrize("what", LESSONS)
-def test_altered_profile_change_is_detected(town: Town, tmp_path: Path, what: str) -> None:
-    found = altered(town, tmp_path, Feedback, LESSONS[what])
+def test_altered_profile_change_is_detected(
+    journaled: JournaledSystem, tmp_path: Path, what: str
+) -> None:
+    found = altered(journaled, tmp_path, Feedback, LESSONS[what])
     assert different(found, replay_learning.KIND).where == "revision 1 of bert"
 
 
-def without(town: Town, path: Path, *kinds: type) -> FindingCounts:
+def without(journaled: JournaledSystem, path: Path, *kinds: type) -> FindingCounts:
     return again(
-        town.write(
+        journaled.write(
             path / "a.mcap",
             lambda _number, message: None if isinstance(message, kinds) else message,
         )
     )
 
 
-def test_replay_without_texts_finds_nothing_equal(town: Town, tmp_path: Path) -> None:
-    found = without(town, tmp_path, AgentFiles)
+def test_replay_without_texts_finds_nothing_equal(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    found = without(journaled, tmp_path, AgentFiles)
     assert {verdict for _, verdict in found.counts} == {ReplayVerdict.NOT_RECORDED}
 
 
-def test_without_cards_lessons_are_named_as_not_recorded(town: Town, tmp_path: Path) -> None:
-    found = without(town, tmp_path, HostCard)
+def test_without_cards_lessons_are_named_as_not_recorded(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    found = without(journaled, tmp_path, HostCard)
     assert found.counts[replay_learning.KIND, ReplayVerdict.NOT_RECORDED] == 4
     assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 4
 
@@ -203,7 +215,7 @@ def test_explanation_of_excluded_agents_is_not_compared(tmp_path: Path) -> None:
 
 
 def test_shadow_based_on_earlier_runs_is_not_different(tmp_path: Path) -> None:
-    made = Town(tmp_path / "trees", shadow="ucb")
+    made = JournaledSystem(tmp_path / "trees", shadow="ucb")
     for number in range(4):
         made.round(scene(f"s{number}", age=1.0))
     assert again(made.write(tmp_path / "a.mcap")).unequal == []
@@ -224,14 +236,14 @@ def test_shadow_based_on_earlier_runs_is_not_different(tmp_path: Path) -> None:
 
 
 def test_a_missing_value_stays_missing(tmp_path: Path) -> None:
-    made = Town(tmp_path / "trees")
+    made = JournaledSystem(tmp_path / "trees")
     made.round(scene("s", age=4.0))
     made.give_feedback("anna", FeedbackKind.DIRECT, (NAN, 3.0, NAN))
     assert again(made.write(tmp_path / "a.mcap")).unequal == []
 
 
-def test_command_reports_full_equality(town: Town, tmp_path: Path) -> None:
-    path = town.write(tmp_path / "a.mcap")
+def test_command_reports_full_equality(journaled: JournaledSystem, tmp_path: Path) -> None:
+    path = journaled.write(tmp_path / "a.mcap")
     result = CliRunner().invoke(replay, [str(path)])
     assert result.exit_code == 0, result.output
     assert "everything is equal" in result.output
@@ -240,8 +252,12 @@ def test_command_reports_full_equality(town: Town, tmp_path: Path) -> None:
     assert data["findings"] == []
 
 
-def test_command_exits_1_and_shows_first_differences(town: Town, tmp_path: Path) -> None:
-    first = next(n for n, one in enumerate(town.published) if isinstance(one.message, Auction))
+def test_command_exits_1_and_shows_first_differences(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    first = next(
+        n for n, one in enumerate(journaled.published) if isinstance(one.message, Auction)
+    )
 
     def alter(number: int, message: Any) -> Any:
         if number == first:
@@ -249,7 +265,7 @@ def test_command_exits_1_and_shows_first_differences(town: Town, tmp_path: Path)
             message.margin = 9.0
         return message
 
-    result = CliRunner().invoke(replay, [str(town.write(tmp_path / "a.mcap", alter))])
+    result = CliRunner().invoke(replay, [str(journaled.write(tmp_path / "a.mcap", alter))])
     assert result.exit_code == 1
     assert (
         "different decision, round 1 (age 4, familiarity 2, mood 3), bert: the margin was 9.0"
@@ -258,14 +274,14 @@ def test_command_exits_1_and_shows_first_differences(town: Town, tmp_path: Path)
     assert "not equal" in result.output
 
 
-def test_raw_journal_text_is_never_printed(town: Town, tmp_path: Path) -> None:
+def test_raw_journal_text_is_never_printed(journaled: JournaledSystem, tmp_path: Path) -> None:
     def alter(_: int, message: Any) -> Any:
         if isinstance(message, Auction):
             message = copy.deepcopy(message)
             message.winner = message.scene.label = message.reason = message.explanation = HOSTILE
         return message
 
-    path = town.write(tmp_path / "a.mcap", alter)
+    path = journaled.write(tmp_path / "a.mcap", alter)
     for command in (journal, replay, what_if):
         output = CliRunner().invoke(command, [str(path)]).output
         assert "title" in output

@@ -98,13 +98,13 @@ def test_decided_and_published_rounds_give_the_same_rows() -> None:
 
 
 def test_journal_exports_rounds_bids_and_feedback(tmp_path: Path) -> None:
-    town = morning(tmp_path / "trees")
+    journaled = morning(tmp_path / "trees")
     file, table = tmp_path / "a.mcap", tmp_path / "a.parquet"
-    town.write(file)
+    journaled.write(file)
     result = CliRunner().invoke(journal, [str(file), "--out", str(table)])
     assert result.exit_code == 0, result.output
     rows = rows_in(table)
-    auctions = [one.message for one in town.published if isinstance(one.message, Auction)]
+    auctions = [one.message for one in journaled.published if isinstance(one.message, Auction)]
     rounds = [row for row in rows if row["row"] == "round"]
     assert [(row["round"], row["agent"]) for row in rounds] == [
         (one.round, one.winner) for one in auctions

@@ -15,20 +15,22 @@ from click.testing import CliRunner, Result
 from bt_agents_interfaces.msg import TreeStatus
 from bt_agents_lab.cli.trace import trace
 from hostile_texts import HOSTILE
-from journal_fixture import Town, morning
+from journal_fixture import JournaledSystem, morning
 
 
 @pytest.fixture(scope="module")
-def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
-    return morning(tmp_path_factory.mktemp("town") / "trees")
+def journaled(tmp_path_factory: pytest.TempPathFactory) -> JournaledSystem:
+    return morning(tmp_path_factory.mktemp("journaled") / "trees")
 
 
 def shown(path: Path, *options: str) -> Result:
     return CliRunner().invoke(trace, ["--journal", str(path), *options])
 
 
-def test_each_element_has_its_status_and_values(town: Town, tmp_path: Path) -> None:
-    rows = json.loads(shown(town.write(tmp_path / "a.mcap"), "1", "--json").stdout)
+def test_each_element_has_its_status_and_values(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    rows = json.loads(shown(journaled.write(tmp_path / "a.mcap"), "1", "--json").stdout)
     told = [(one["tick"], one["path"], one["status"], one["values"]) for one in rows]
     assert told[:4] == [
         (1, "tree/0.say", "running", {}),
@@ -39,8 +41,10 @@ def test_each_element_has_its_status_and_values(town: Town, tmp_path: Path) -> N
     assert told[-1][1:] == ("tree", "success", {})
 
 
-def test_people_and_tables_get_the_values_as_text(town: Town, tmp_path: Path) -> None:
-    path = town.write(tmp_path / "a.mcap")
+def test_people_and_tables_get_the_values_as_text(
+    journaled: JournaledSystem, tmp_path: Path
+) -> None:
+    path = journaled.write(tmp_path / "a.mcap")
     lines = shown(path, "1", "--wide").stdout.splitlines()
     assert lines[0] == "bert, round 1"
     assert any("success" in line and "answer = 'kind'" in line for line in lines)
@@ -48,26 +52,28 @@ def test_people_and_tables_get_the_values_as_text(town: Town, tmp_path: Path) ->
     assert rows[2]["values"] == "answer = 'kind'"
 
 
-def test_without_a_round_it_is_the_last_run(town: Town, tmp_path: Path) -> None:
-    path = town.write(tmp_path / "a.mcap")
+def test_without_a_round_it_is_the_last_run(journaled: JournaledSystem, tmp_path: Path) -> None:
+    path = journaled.write(tmp_path / "a.mcap")
     assert shown(path).stdout == shown(path, "4").stdout
     assert shown(path).stdout.splitlines()[0].endswith("round 4")
 
 
-def test_a_round_without_a_run_is_named(town: Town, tmp_path: Path) -> None:
-    result = shown(town.write(tmp_path / "a.mcap"), "9")
+def test_a_round_without_a_run_is_named(journaled: JournaledSystem, tmp_path: Path) -> None:
+    result = shown(journaled.write(tmp_path / "a.mcap"), "9")
     assert str(result.exception) == (
         "no run of round 9 is in the journal; there are rounds 1, 2, 3, 4"
     )
 
 
-def test_lost_messages_are_counted(town: Town, tmp_path: Path) -> None:
-    numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, TreeStatus)]
-    path = town.write(tmp_path / "a.mcap", lambda n, m: None if n == numbers[1] else m)
+def test_lost_messages_are_counted(journaled: JournaledSystem, tmp_path: Path) -> None:
+    numbers = [
+        n for n, one in enumerate(journaled.published) if isinstance(one.message, TreeStatus)
+    ]
+    path = journaled.write(tmp_path / "a.mcap", lambda n, m: None if n == numbers[1] else m)
     assert "1 messages about trees are lost" in shown(path, "1").stderr
 
 
-def test_texts_of_others_are_printable(town: Town, tmp_path: Path) -> None:
+def test_texts_of_others_are_printable(journaled: JournaledSystem, tmp_path: Path) -> None:
     def alter(_: int, message: Any) -> Any:
         if isinstance(message, TreeStatus):
             message = copy.deepcopy(message)
@@ -78,6 +84,6 @@ def test_texts_of_others_are_printable(town: Town, tmp_path: Path) -> None:
                     value.name = value.value = HOSTILE
         return message
 
-    output = shown(town.write(tmp_path / "a.mcap", alter), "1").output
+    output = shown(journaled.write(tmp_path / "a.mcap", alter), "1").output
     assert "title" in output
     assert not [one for one in output if not one.isprintable() and one != "\n"]

@@ -20,14 +20,14 @@ from bt_agents_lab.cli.what_if import what_if as command
 from bt_agents_lab.replay.counterfactual_replay import Changes, CounterfactualResult, replay_with
 from bt_agents_lab.replay.recording_index import RecordingIndex
 from bt_agents_language.files.folder_reader import read_trees
-from journal_fixture import EPOCH, NAN, Town, index_of, morning, write_folder
+from journal_fixture import EPOCH, NAN, JournaledSystem, index_of, morning, write_folder
 from tree_harness import SPACE, scene
 
 
-def result(town: Town, path: Path, changes: Changes) -> CounterfactualResult:
+def result(journaled: JournaledSystem, path: Path, changes: Changes) -> CounterfactualResult:
     file = path / "a.mcap"
     file.unlink(missing_ok=True)
-    return replay_with(index_of(town.write(file)), changes)
+    return replay_with(index_of(journaled.write(file)), changes)
 
 
 def winners(found: CounterfactualResult) -> list[str]:
@@ -36,11 +36,11 @@ def winners(found: CounterfactualResult) -> list[str]:
 
 @pytest.mark.parametrize("strategy", ["manhattan", "softmax", "ucb", "bounded_ucb", "thompson"])
 def test_unchanged_replay_gives_the_same_results(tmp_path: Path, strategy: str) -> None:
-    town = morning(tmp_path / "trees", strategy=strategy)
-    found = result(town, tmp_path, Changes())
+    journaled = morning(tmp_path / "trees", strategy=strategy)
+    found = result(journaled, tmp_path, Changes())
     assert found.other_winners == 0
     assert [case.margin_now for case in found.rounds] == [c.margin_was for c in found.rounds]
-    assert found.profiles == town.profiles
+    assert found.profiles == journaled.profiles
     assert (found.given, found.withheld) == (4, 0)
 
 
@@ -48,14 +48,16 @@ def test_unchanged_replay_gives_the_same_results(tmp_path: Path, strategy: str) 
 def test_unchanged_replay_of_partial_journal_gives_same_results(
     tmp_path: Path, strategy: str
 ) -> None:
-    town = Town(tmp_path / "trees", strategy=strategy)
-    town.profiles = dict.fromkeys(town.profiles, (2.0, 2.0, 3.0))
+    journaled = JournaledSystem(tmp_path / "trees", strategy=strategy)
+    journaled.profiles = dict.fromkeys(journaled.profiles, (2.0, 2.0, 3.0))
     for number in range(6):
-        town.round(scene(f"s{number}", age=2.0 + number % 3))
-    firsts = [n for n, one in enumerate(town.published) if isinstance(one.message, (Auction, Run))]
+        journaled.round(scene(f"s{number}", age=2.0 + number % 3))
+    firsts = [
+        n for n, one in enumerate(journaled.published) if isinstance(one.message, (Auction, Run))
+    ]
     for missing in (firsts[:2], firsts[:6], firsts[4:6]):
         file = tmp_path / f"{len(missing)}-{missing[0]}.mcap"
-        town.write(file, lambda n, m, gone=missing: None if n in gone else m)
+        journaled.write(file, lambda n, m, gone=missing: None if n in gone else m)
         found = replay_with(index_of(file), Changes())
         assert [case.now for case in found.rounds] == [case.was for case in found.rounds]
         assert {case.now for case in found.rounds} == {"anna", "bert"}
@@ -63,28 +65,28 @@ def test_unchanged_replay_of_partial_journal_gives_same_results(
 
 
 def test_other_learning_rate_moves_profiles_accordingly(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    town.round(scene("s", age=4.0))
-    town.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
-    found = result(town, tmp_path, Changes(rate=0.5))
+    journaled = JournaledSystem(tmp_path / "trees")
+    journaled.round(scene("s", age=4.0))
+    journaled.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    found = result(journaled, tmp_path, Changes(rate=0.5))
     assert found.profiles["bert"] == (4.5 + 0.5 * (5.0 - 4.5), 2.1, 3.3)
 
 
 def test_other_learning_rate_changes_later_winner(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    town.round(scene("s0", age=4.0))
-    town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
-    assert town.round(scene("s1", age=2.6)) == "bert"
-    assert winners(result(town, tmp_path, Changes())) == ["bert", "bert"]
-    assert winners(result(town, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
+    journaled = JournaledSystem(tmp_path / "trees")
+    journaled.round(scene("s0", age=4.0))
+    journaled.give_feedback("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
+    assert journaled.round(scene("s1", age=2.6)) == "bert"
+    assert winners(result(journaled, tmp_path, Changes())) == ["bert", "bert"]
+    assert winners(result(journaled, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
 
 
 def test_feedback_about_another_agents_run_is_withheld(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    assert town.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
-    town.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    journaled = JournaledSystem(tmp_path / "trees")
+    assert journaled.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
+    journaled.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
     agents = read_trees(write_folder(tmp_path / "other", anna=(3.0, 1.6, 3.1), bert=(5, 5, 5)))
-    found = result(town, tmp_path, Changes(agents=agents.agents))
+    found = result(journaled, tmp_path, Changes(agents=agents.agents))
     assert winners(found) == ["anna"]
     assert (found.given, found.withheld) == (0, 1)
     assert found.never == ("bert",)
@@ -92,11 +94,11 @@ def test_feedback_about_another_agents_run_is_withheld(tmp_path: Path) -> None:
 
 
 def test_agents_of_another_folder_bid_by_their_files(tmp_path: Path) -> None:
-    town = morning(tmp_path / "trees")
+    journaled = morning(tmp_path / "trees")
     folder = write_folder(tmp_path / "other", carla=(4.0, 2.0, 3.0), bert=(1.0, 2.0, 3.0))
     file = folder / "agents" / "bert.yaml"
     file.write_text(file.read_text() + "requires: scene.age < 2\n")
-    found = result(town, tmp_path, Changes(agents=read_trees(folder).agents))
+    found = result(journaled, tmp_path, Changes(agents=read_trees(folder).agents))
     assert winners(found) == ["carla", "bert", "carla", "carla"]
     assert found.bidders == {"carla", "bert"}
 
@@ -105,88 +107,90 @@ def _refused(auction: Auction) -> None:
     auction.refused = [RefusedBid(agent="anna", kind=RefusedBid.REFUSED, code="NOT_AWARDED")]
 
 
-LEFT_OUT: dict[str, Callable[[Town], None]] = {
-    "pinned": lambda town: town.publish(
+LEFT_OUT: dict[str, Callable[[JournaledSystem], None]] = {
+    "pinned": lambda journaled: journaled.publish(
         "/bt_agents/market", MarketStatus(epoch=EPOCH, pinned="bert")
     ),
-    "vetoed": lambda town: town.publish(
+    "vetoed": lambda journaled: journaled.publish(
         "/bt_agents/market", MarketStatus(epoch=EPOCH, vetoed=["anna", "carla"])
     ),
-    "excluded": lambda town: setattr(_first(town, CallForBids), "excluded", ["anna", "carla"]),
-    "not awarded": lambda town: _refused(_first(town, Auction)),
+    "excluded": lambda journaled: setattr(
+        _first(journaled, CallForBids), "excluded", ["anna", "carla"]
+    ),
+    "not awarded": lambda journaled: _refused(_first(journaled, Auction)),
 }
 
 
-def _first(town: Town, kind: type) -> Any:
-    return next(one.message for one in town.published if isinstance(one.message, kind))
+def _first(journaled: JournaledSystem, kind: type) -> Any:
+    return next(one.message for one in journaled.published if isinstance(one.message, kind))
 
 
 @pytest.mark.parametrize("why", LEFT_OUT)
 def test_agents_excluded_from_round_stay_excluded(tmp_path: Path, why: str) -> None:
-    town = Town(tmp_path / "trees")
+    journaled = JournaledSystem(tmp_path / "trees")
     if why in ("pinned", "vetoed"):
-        LEFT_OUT[why](town)
-    assert town.round(scene("s0", age=4.5, familiarity=2.1, mood=3.3)) == "bert"
+        LEFT_OUT[why](journaled)
+    assert journaled.round(scene("s0", age=4.5, familiarity=2.1, mood=3.3)) == "bert"
     if why not in ("pinned", "vetoed"):
-        LEFT_OUT[why](town)
+        LEFT_OUT[why](journaled)
     nearer = (4.5, 2.1, 3.3)
     folder = write_folder(tmp_path / "other", anna=nearer, carla=nearer, bert=(4.0, 2.0, 3.0))
     agents = read_trees(folder).agents
-    assert winners(result(town, tmp_path, Changes(agents=agents))) == ["bert"]
+    assert winners(result(journaled, tmp_path, Changes(agents=agents))) == ["bert"]
 
 
 def test_substitute_that_ran_is_taught(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    assert town.round(scene("s0", age=4.5)) == "bert"
-    _first(town, Run).agent = "anna"
-    town.give_feedback("anna", FeedbackKind.DIRECT, (5.0, NAN, NAN))
-    found = result(town, tmp_path, Changes())
+    journaled = JournaledSystem(tmp_path / "trees")
+    assert journaled.round(scene("s0", age=4.5)) == "bert"
+    _first(journaled, Run).agent = "anna"
+    journaled.give_feedback("anna", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    found = result(journaled, tmp_path, Changes())
     assert (found.given, found.withheld) == (1, 0)
-    assert found.profiles["anna"] == town.profiles["anna"]
+    assert found.profiles["anna"] == journaled.profiles["anna"]
 
 
 def test_author_edits_in_between_count(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    town.round(scene("s0", age=4.5))
-    town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
-    town.profiles["bert"] = (2.0, 2.0, 2.0)
+    journaled = JournaledSystem(tmp_path / "trees")
+    journaled.round(scene("s0", age=4.5))
+    journaled.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
+    journaled.profiles["bert"] = (2.0, 2.0, 2.0)
     names = list(SPACE.names)
-    town.publish(
+    journaled.publish(
         "/bt_agents/profiles",
         Profiles(
             parameters=names, agents=["bert"], layers=[""], revisions=[2], vectors=[2.0, 2.0, 2.0]
         ),
     )
-    found = result(town, tmp_path, Changes(rate=0.5))
+    found = result(journaled, tmp_path, Changes(rate=0.5))
     assert found.profiles["bert"] == (2.0, 2.0, 2.0)
 
 
 def test_undo_reverts_hypothetical_learning(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    town.round(scene("s0", age=4.5))
-    town.give_feedback("bert", FeedbackKind.DIRECT, (3.5, NAN, NAN))
-    kept = town.profiles["bert"]
-    town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
-    town.give_feedback("bert", FeedbackKind.SET, kept)
-    undo = town.published[-1].message
+    journaled = JournaledSystem(tmp_path / "trees")
+    journaled.round(scene("s0", age=4.5))
+    journaled.give_feedback("bert", FeedbackKind.DIRECT, (3.5, NAN, NAN))
+    kept = journaled.profiles["bert"]
+    journaled.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
+    journaled.give_feedback("bert", FeedbackKind.SET, kept)
+    undo = journaled.published[-1].message
     undo.learning_rate, undo.rates, undo.feedback_id = 0.0, [], ""
-    assert result(town, tmp_path, Changes()).profiles["bert"] == kept
-    assert result(town, tmp_path, Changes(rate=0.5)).profiles["bert"] == (4.0, 2.1, 3.3)
+    assert result(journaled, tmp_path, Changes()).profiles["bert"] == kept
+    assert result(journaled, tmp_path, Changes(rate=0.5)).profiles["bert"] == (4.0, 2.1, 3.3)
 
 
 def test_a_robust_update_withstands_one_wrong_feedback(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    town.round(scene("s", age=4.0))
+    journaled = JournaledSystem(tmp_path / "trees")
+    journaled.round(scene("s", age=4.0))
     for age in (4.5, 4.5, 4.5, 1.0):
-        town.give_feedback("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
-    assert result(town, tmp_path, Changes()).profiles["bert"][0] < 4.0
-    assert result(town, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
+        journaled.give_feedback("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
+    assert result(journaled, tmp_path, Changes()).profiles["bert"][0] < 4.0
+    assert result(journaled, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
 
 
 def test_random_strategy_gives_reproducible_results(tmp_path: Path) -> None:
-    town = morning(tmp_path / "trees")
+    journaled = morning(tmp_path / "trees")
     changes = Changes(strategy="softmax", options={"temperature": 5.0})
-    first, second = (result(town, tmp_path, changes) for _ in range(2))
+    first, second = (result(journaled, tmp_path, changes) for _ in range(2))
     assert winners(first) == winners(second)
     assert len(set(winners(first))) == 2
 
@@ -240,10 +244,10 @@ def test_only_agents_with_given_tags_bid(tmp_path: Path) -> None:
 
 
 def test_unlabelled_scene_is_shown_by_its_values(tmp_path: Path) -> None:
-    town = Town(tmp_path / "trees")
-    town.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
-    town.round(replace(scene("0b60", age=4.5), label="", person=False))
-    found = result(town, tmp_path, Changes())
+    journaled = JournaledSystem(tmp_path / "trees")
+    journaled.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
+    journaled.round(replace(scene("0b60", age=4.5), label="", person=False))
+    found = result(journaled, tmp_path, Changes())
     assert [case.label for case in found.rounds] == [
         "age 4.5, familiarity 1, mood 3",
         "nobody, age 4.5",

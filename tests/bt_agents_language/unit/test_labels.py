@@ -11,7 +11,7 @@ from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.fields.scope import NameScope, scene_labels, scene_names
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
-from tree_harness import SPACE, Stage, agent, scene
+from tree_harness import SPACE, TreeHarness, agent, scene
 
 NAMES = NameScope(scene_names(SPACE), labels=scene_labels(SPACE))
 
@@ -68,9 +68,9 @@ def test_label_of_unlabelled_value_is_rejected(condition, message, hint):
 
 
 def test_skill_speaks_label():
-    stage = Stage("say: You look ${label(live.mood)}.", awarded=scene(mood=4.2))
-    stage.tick()
-    assert stage.said == ["You look content."]
+    harness = TreeHarness("say: You look ${label(live.mood)}.", awarded=scene(mood=4.2))
+    harness.tick()
+    assert harness.said == ["You look content."]
 
 
 def test_name_set_to_label_cannot_hold_number():

@@ -110,7 +110,7 @@ tree_harness.SYMBOLS = replace(tree_harness.SYMBOLS, plugins=installed_plugins()
 def test_behaviour_of_another_package_is_a_node(package):
     script = PLAY + textwrap.dedent(
         """
-        played = tree_harness.Stage("sequence: [{blink: 3, name: eyes}, {say: done}]")
+        played = tree_harness.TreeHarness("sequence: [{blink: 3, name: eyes}, {say: done}]")
         outcomes = [played.tick() for _ in range(3)]
         words = [c.message for c in played.changes if c.path == "tree/0.eyes"]
         print(json.dumps([outcomes, words, played.said]))

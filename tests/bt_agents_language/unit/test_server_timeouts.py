@@ -19,7 +19,7 @@ from bt_agents_tools.rehearsal.events import EventKind
 from fake_interfaces import FakeInterfaces
 from file_texts import read_agent_text, read_skills_text
 from rehearsal_harness import events_of, rehearsed
-from tree_harness import SYMBOLS, TREES, Stage, agent
+from tree_harness import SYMBOLS, TREES, TreeHarness, agent
 
 CORPUS = Path(__file__).parents[2] / "corpus"
 
@@ -121,13 +121,15 @@ parallel:
 
 def test_shipped_drive_reports_remaining_distance() -> None:
     told_on_the_way = ((1.0, {"remaining_m": 40.0}), (2.0, {"remaining_m": 12.0}))
-    stage = Stage(DRIVE, answers={"drive": [ScriptedReply(after_s=9.0, feedback=told_on_the_way)]})
-    stage.tick()
-    stage.after(1.0)
-    assert stage.said == []
-    stage.after(1.0)
-    stage.tick()
-    assert stage.said == ["Nearly there."]
+    harness = TreeHarness(
+        DRIVE, answers={"drive": [ScriptedReply(after_s=9.0, feedback=told_on_the_way)]}
+    )
+    harness.tick()
+    harness.after(1.0)
+    assert harness.said == []
+    harness.after(1.0)
+    harness.tick()
+    assert harness.said == ["Nearly there."]
 
 
 def test_rehearsal_gives_only_declared_feedback_from_start() -> None:

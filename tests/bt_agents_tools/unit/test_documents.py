@@ -215,9 +215,9 @@ def test_documented_commands_and_options_exist(document: str, text: str) -> None
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a small journal, and a bag of the same system."""
     folder = tmp_path_factory.mktemp("kept")
-    town = morning(folder / "trees")
-    town.write(folder / "morning.mcap")
-    write_bag(folder / "morning", town.published)
+    journaled = morning(folder / "trees")
+    journaled.write(folder / "morning.mcap")
+    write_bag(folder / "morning", journaled.published)
     return folder
 
 

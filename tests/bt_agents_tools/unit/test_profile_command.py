@@ -23,7 +23,7 @@ from ledger_fixture import ManagedLedger
 ANNA = "person/anna"
 
 
-class Room:
+class ProfileCommandHarness:
     """The commands, a desk that does what they order, and a scene layer."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,7 +34,7 @@ class Room:
         monkeypatch.setenv("COLUMNS", "200")
 
     @contextmanager
-    def _connect(self) -> Iterator[Room]:
+    def _connect(self) -> Iterator[ProfileCommandHarness]:
         yield self
 
     def ask(self, service: str, *, action: str, find_s: float = 10.0, **fields: Any) -> Any:
@@ -55,14 +55,14 @@ class Room:
 
 
 @pytest.fixture
-def room(monkeypatch: pytest.MonkeyPatch) -> Room:
-    return Room(monkeypatch)
+def harness(monkeypatch: pytest.MonkeyPatch) -> ProfileCommandHarness:
+    return ProfileCommandHarness(monkeypatch)
 
 
-def test_profile_table_has_row_per_layer(room):
-    room.managed.teach("f1")
-    room.managed.teach_layer(ANNA, age=2.0)
-    lines = room.run().output.splitlines()
+def test_profile_table_has_row_per_layer(harness):
+    harness.managed.teach("f1")
+    harness.managed.teach_layer(ANNA, age=2.0)
+    lines = harness.run().output.splitlines()
     assert lines[0].split() == [
         *("agent", "for", "age", "mood", "revision", "feedbacks", "changed", "seem", "wrong")
     ]
@@ -73,110 +73,110 @@ def test_profile_table_has_row_per_layer(room):
     ]
     assert lines[2].split()[4:6] == ["1", "1"]
     assert [line.split()[2:4] for line in lines[2:]] == [["4", "3"], ["2", "3"]]
-    assert room.run("--csv").output.splitlines()[3].startswith(f"guide,{ANNA},2.0,3.0,1,0,")
-    assert json.loads(room.run("guide", "--json").output)[0]["age"] == 4.0
-    assert len(room.run("guide").output.splitlines()) == 3
-    assert room.run("show", "guide").output == room.run("guide").output
+    assert harness.run("--csv").output.splitlines()[3].startswith(f"guide,{ANNA},2.0,3.0,1,0,")
+    assert json.loads(harness.run("guide", "--json").output)[0]["age"] == 4.0
+    assert len(harness.run("guide").output.splitlines()) == 3
+    assert harness.run("show", "guide").output == harness.run("guide").output
 
 
-def test_profile_history_shows_change_author_and_reason(room):
-    room.managed.teach("f1")
-    assert room.run("undo", "guide", "--author", "eva", "--reason", "[wrong]").output == (
+def test_profile_history_shows_change_author_and_reason(harness):
+    harness.managed.teach("f1")
+    assert harness.run("undo", "guide", "--author", "eva", "--reason", "[wrong]").output == (
         "guide: age 4 → 3 (revision 2)\n"
     )
-    lines = room.run("history", "guide").output.splitlines()
+    lines = harness.run("history", "guide").output.splitlines()
     assert [line.split()[0] for line in lines] == ["revision", "0", "1", "2"]
     assert lines[2].split()[3:] == ["direct", "t", "age", "3", "→", "4"]
     assert lines[3].split()[3:] == ["undo", "eva", "age", "4", "→", "3", "[wrong]"]
-    assert '"cause": "undo"' in room.run("history", "guide", "--json").output
+    assert '"cause": "undo"' in harness.run("history", "guide", "--json").output
 
 
-def test_export_can_be_imported_without_overwriting(room, tmp_path):
-    room.managed.teach("f1")
+def test_export_can_be_imported_without_overwriting(harness, tmp_path):
+    harness.managed.teach("f1")
     file = tmp_path / "learned.json"
-    assert room.run("export", str(file)).output == f"2 profiles written to {file}\n"
-    again = room.run("export", str(file))
+    assert harness.run("export", str(file)).output == f"2 profiles written to {file}\n"
+    again = harness.run("export", str(file))
     assert "File exists; choose another name" in str(again.exception)
-    room.run("reset", "guide")
-    assert "guide: age 3 → 4" in room.run("import", str(file)).output
-    assert "was taken in before" in room.run("import", str(file)).output
+    harness.run("reset", "guide")
+    assert "guide: age 3 → 4" in harness.run("import", str(file)).output
+    assert "was taken in before" in harness.run("import", str(file)).output
     (tmp_path / "bad.json").write_bytes(b"\xff\xfe")
-    assert "cannot be read" in str(room.run("import", str(tmp_path / "bad.json")).exception)
+    assert "cannot be read" in str(harness.run("import", str(tmp_path / "bad.json")).exception)
 
 
-def test_forget_asks_for_confirmation_and_informs_scene_layer(room):
-    room.managed.teach_layer(ANNA)
-    room.scene_layer = SimpleNamespace(accepted=True, code="", message="anna is forgotten")
-    assert room.run("forget", ANNA, answer="n\n").exit_code == 1
-    assert room.asked == []
-    done = room.run("forget", ANNA, answer="y\n")
+def test_forget_asks_for_confirmation_and_informs_scene_layer(harness):
+    harness.managed.teach_layer(ANNA)
+    harness.scene_layer = SimpleNamespace(accepted=True, code="", message="anna is forgotten")
+    assert harness.run("forget", ANNA, answer="n\n").exit_code == 1
+    assert harness.asked == []
+    done = harness.run("forget", ANNA, answer="y\n")
     assert done.output.splitlines()[-2:] == [
         "scene layer: anna is forgotten",
         "1 profile forgotten",
     ]
-    assert room.asked == [("feedback", "FORGET"), ("scene_layer", "FORGET")]
+    assert harness.asked == [("feedback", "FORGET"), ("scene_layer", "FORGET")]
     # Only the scene layer knows somebody who has taught nothing.
-    again = room.run("forget", ANNA, "--yes")
+    again = harness.run("forget", ANNA, "--yes")
     assert (again.exit_code, again.output.splitlines()[-1]) == (
         0,
         f"ledger: no layer '{ANNA}'; there are: none",
     )
-    room.scene_layer = None
-    assert isinstance(room.run("forget", ANNA, "--yes").exception, RefusedElsewhere)
+    harness.scene_layer = None
+    assert isinstance(harness.run("forget", ANNA, "--yes").exception, RefusedElsewhere)
 
 
 @pytest.mark.parametrize(
     ("text", "seconds"), [("90d", 7_776_000), ("2 weeks", 1_209_600), ("12 h", 43_200)]
 )
-def test_age_accepts_days_weeks_and_usual_units(room, text, seconds):
-    room.managed.teach_layer(ANNA)
-    room.managed.now += seconds - 1
+def test_age_accepts_days_weeks_and_usual_units(harness, text, seconds):
+    harness.managed.teach_layer(ANNA)
+    harness.managed.now += seconds - 1
     expire = ("expire", "--yes", "--older", text)
-    assert room.run(*expire).output == "nothing to forget\n"
-    room.managed.now += 2
-    assert room.run(*expire, "--kind", "place").output == "nothing to forget\n"
-    assert room.run(*expire).output == "1 profile forgotten\n"
+    assert harness.run(*expire).output == "nothing to forget\n"
+    harness.managed.now += 2
+    assert harness.run(*expire, "--kind", "place").output == "nothing to forget\n"
+    assert harness.run(*expire).output == "1 profile forgotten\n"
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [("90", "without a unit"), ("1.5", "without a unit"), ("-3d", "more than 0"), ("soon", "90d")],
 )
-def test_invalid_age_forgets_no_person(room, text, words):
-    room.managed.teach_layer(ANNA)
-    refused = room.run("expire", "--yes", f"--older={text}").exception
+def test_invalid_age_forgets_no_person(harness, text, words):
+    harness.managed.teach_layer(ANNA)
+    refused = harness.run("expire", "--yes", f"--older={text}").exception
     assert f"BAD_AGE: --older {text}: " in str(refused)
     assert words in str(refused)
-    assert room.asked == []
+    assert harness.asked == []
 
 
-def test_expire_lists_affected_persons_and_asks(room):
-    room.managed.now = time.time() - 200 * 86_400.0
-    room.managed.teach_layer(ANNA)
-    room.managed.teach_layer("place/lobby")
-    room.managed.now = time.time()
-    room.managed.teach_layer("person/bob")
-    asked = room.run("expire", "--older", "90d", "--kind", "person", answer="n\n")
+def test_expire_lists_affected_persons_and_asks(harness):
+    harness.managed.now = time.time() - 200 * 86_400.0
+    harness.managed.teach_layer(ANNA)
+    harness.managed.teach_layer("place/lobby")
+    harness.managed.now = time.time()
+    harness.managed.teach_layer("person/bob")
+    asked = harness.run("expire", "--older", "90d", "--kind", "person", answer="n\n")
     assert (asked.exit_code, "person/anna" in asked.output) == (1, True)
     assert "bob" not in asked.output
     assert "lobby" not in asked.output
-    assert room.asked == [("feedback", "HISTORY")]
-    done = room.run("expire", "--older", "90d", answer="y\n")
+    assert harness.asked == [("feedback", "HISTORY")]
+    done = harness.run("expire", "--older", "90d", answer="y\n")
     assert done.output.splitlines()[-1] == "2 profiles forgotten"
-    assert room.run("expire", "--older", "90d").output == "nothing to forget\n"
+    assert harness.run("expire", "--older", "90d").output == "nothing to forget\n"
 
 
-def test_control_characters_are_escaped(room):
-    room.managed.ledger.append(
+def test_control_characters_are_escaped(harness):
+    harness.managed.ledger.append(
         "guide", {"age": 4.0}, RevisionCause(reason="a\x1b[2Jb\nc", source="x\r")
     )
-    lines = room.run("history", "guide").output
+    lines = harness.run("history", "guide").output
     assert "\x1b" not in lines
     assert r"a\x1b[2Jb\nc" in lines
     assert r"x\r" in lines
 
 
-def test_refusal_keeps_its_original_text(room):
-    assert str(room.run("undo", "nobody").exception) == (
+def test_refusal_keeps_its_original_text(harness):
+    assert str(harness.run("undo", "nobody").exception) == (
         "UNKNOWN_AGENT: no agent 'nobody'; known are: express, guide"
     )

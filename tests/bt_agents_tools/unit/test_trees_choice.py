@@ -160,10 +160,12 @@ def test_decision_is_read_from_journal_offline(run: Run, trees: Path, tmp_path: 
     assert "there is no journal in" in str(run("why").exception)
     kept = claim_state(trees)
     kept.journal.mkdir()
-    town = morning(tmp_path / "town")
+    journaled = morning(tmp_path / "journaled")
     stop = {"event": RunMsg.CANCELLING, "stopped_by": RunMsg.OPERATOR, "stop_reason": "it is late"}
-    town.publish("/bt_agents/runs", RunMsg(epoch=EPOCH, round=4, agent="attentive_guide", **stop))
-    town.write(kept.journal / "journal-2026-05-04_001.mcap")
+    journaled.publish(
+        "/bt_agents/runs", RunMsg(epoch=EPOCH, round=4, agent="attentive_guide", **stop)
+    )
+    journaled.write(kept.journal / "journal-2026-05-04_001.mcap")
     last = run("why")
     assert last.exit_code == 0
     said = "attentive_guide was told to stop (operator): it is late\n"

@@ -69,8 +69,8 @@ def run(number: int = 1, agent: str = "guide", awarded: Scene | None = None) -> 
     return AnnouncedRun(epoch="e", round=number, agent=agent, scene=awarded or scene(5.0, 4.0))
 
 
-class Room:
-    """A teaching core on a manual clock."""
+class FeedbackHarness:
+    """A feedback controller on a manual clock."""
 
     def __init__(
         self, simulated: SimulatedFeedback | None = None, card: LearningCard | None = CARD
@@ -78,31 +78,31 @@ class Room:
         self.now = 0.0
         self.profiles = Profiles(SPACE, Ledger(":memory:"))
         ids = itertools.count(1)
-        self.teaching = FeedbackController(
+        self.controller = FeedbackController(
             self.profiles,
             clock=lambda: self.now,
             new_id=lambda: f"new{next(ids)}",
             simulated=simulated,
         )
         if card is not None:
-            self.teaching.register_card(card)
+            self.controller.register_card(card)
 
     def profile(self, agent: str = "guide") -> tuple[float, ...]:
         return self.profiles.profile(agent)
 
 
 def test_lease_change_applies_to_current_run():
-    room = Room()
-    room.teaching.on_run_started(run())
-    room.teaching.set_lease(5.0)
-    room.teaching.receive(scene(5.0, 2.0))
-    room.now = 1.2
-    assert len(room.teaching.tick()) == 1
-    room = Room()
-    room.teaching.on_run_started(run())
-    room.teaching.receive(scene(5.0, 2.0))
-    room.now = 1.2
-    assert room.teaching.tick() == ()
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    harness.controller.set_lease(5.0)
+    harness.controller.receive(scene(5.0, 2.0))
+    harness.now = 1.2
+    assert len(harness.controller.tick()) == 1
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    harness.controller.receive(scene(5.0, 2.0))
+    harness.now = 1.2
+    assert harness.controller.tick() == ()
 
 
 # --- runs ---------------------------------------------------------------------------------
@@ -151,25 +151,25 @@ def test_last_run_is_expected_to_be_collected_once():
 
 
 def test_next_check_is_due_when_hold_time_completes():
-    room = Room()
-    assert room.teaching.due == math.inf
-    room.teaching.on_run_started(run())
-    assert room.teaching.due == math.inf
-    room.now = 3.0
-    assert room.teaching.receive(scene(5.0, 2.5)) == ()
-    assert room.teaching.due == 4.0
-    room.now = room.teaching.due
-    assert len(room.teaching.tick()) == 1
-    assert room.teaching.due == math.inf
+    harness = FeedbackHarness()
+    assert harness.controller.due == math.inf
+    harness.controller.on_run_started(run())
+    assert harness.controller.due == math.inf
+    harness.now = 3.0
+    assert harness.controller.receive(scene(5.0, 2.5)) == ()
+    assert harness.controller.due == 4.0
+    harness.now = harness.controller.due
+    assert len(harness.controller.tick()) == 1
+    assert harness.controller.due == math.inf
 
 
 def test_firing_rule_moves_profile_away_and_stops_run():
-    room = Room()
-    room.teaching.on_run_started(run())
-    assert room.teaching.watching
-    assert room.teaching.receive(scene(5.0, 2.5)) == ()
-    room.now = 1.0
-    (outcome,) = room.teaching.tick()
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    assert harness.controller.watching
+    assert harness.controller.receive(scene(5.0, 2.5)) == ()
+    harness.now = 1.0
+    (outcome,) = harness.controller.tick()
     assert outcome.change is not None
     cause = outcome.change.revision.cause
     assert outcome.change.after == (2.5, 2.75)
@@ -179,141 +179,141 @@ def test_firing_rule_moves_profile_away_and_stops_run():
     assert (cause.epoch, cause.round, cause.scene_id) == ("e", 1, "s1")
     assert outcome.stop is not None
     assert (outcome.stop.run, outcome.stop.live) == (run(), scene(5.0, 2.5))
-    assert not room.teaching.watching
+    assert not harness.controller.watching
 
 
 def test_firing_rule_stops_run_even_without_profile_change():
-    room = Room()
+    harness = FeedbackHarness()
     awarded = scene(NAN, NAN)
-    room.teaching.on_run_started(run(awarded=awarded))
-    room.teaching.receive(scene(5.0, 4.0))
-    room.teaching.receive(scene(5.0, 2.0))
-    room.now = 1.0
-    (outcome,) = room.teaching.tick()
+    harness.controller.on_run_started(run(awarded=awarded))
+    harness.controller.receive(scene(5.0, 4.0))
+    harness.controller.receive(scene(5.0, 2.0))
+    harness.now = 1.0
+    (outcome,) = harness.controller.tick()
     assert outcome.change is None
     assert "NO_SCENE" in outcome.problem
     assert outcome.stop is not None
 
 
 def test_live_scene_of_another_interaction_is_ignored():
-    room = Room()
-    room.teaching.on_run_started(run())
-    room.teaching.receive(scene(5.0, 1.0, scene_id="s0"))
-    room.now = 2.0
-    assert room.teaching.tick() == ()
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    harness.controller.receive(scene(5.0, 1.0, scene_id="s0"))
+    harness.now = 2.0
+    assert harness.controller.tick() == ()
 
 
 @pytest.mark.parametrize("end", ["on_run_ended", "on_run_cancelling"])
 def test_ended_or_cancelling_run_is_not_watched(end):
-    room = Room()
-    room.teaching.on_run_started(run())
-    room.teaching.receive(scene(5.0, 2.0))
-    getattr(room.teaching, end)(run())
-    room.now = 2.0
-    assert room.teaching.tick() == room.teaching.receive(scene(5.0, 2.0)) == ()
-    assert not room.teaching.watching
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    harness.controller.receive(scene(5.0, 2.0))
+    getattr(harness.controller, end)(run())
+    harness.now = 2.0
+    assert harness.controller.tick() == harness.controller.receive(scene(5.0, 2.0)) == ()
+    assert not harness.controller.watching
 
 
 def test_events_of_another_run_change_nothing():
-    room = Room()
-    room.teaching.on_run_started(run(2))
-    room.teaching.on_run_cancelling(run(1))
-    room.teaching.on_run_ended(run(1))
-    assert room.teaching.watching
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(2))
+    harness.controller.on_run_cancelling(run(1))
+    harness.controller.on_run_ended(run(1))
+    assert harness.controller.watching
 
 
 def test_undecidable_rule_is_a_problem_of_its_agent():
     rule = restore_mood_rule(SPACE, when="1 / (live.mood - 3) > 0", give=2)
-    room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
-    room.teaching.on_run_started(run())
-    [outcome] = room.teaching.receive(scene(5.0, 3.0))
+    harness = FeedbackHarness(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
+    harness.controller.on_run_started(run())
+    [outcome] = harness.controller.receive(scene(5.0, 3.0))
     assert outcome.problem == (
         "guide: the mood rule cannot be decided: 1 / (live.mood - 3) > 0 ('/' by zero)"
     )
     assert (outcome.change, outcome.stop) == (None, None)
-    assert room.teaching.receive(scene(5.0, 3.0)) == ()
-    [(agent, reason)] = room.teaching.undecided
+    assert harness.controller.receive(scene(5.0, 3.0)) == ()
+    [(agent, reason)] = harness.controller.undecided
     assert f"{agent}: {reason}" == outcome.problem
-    room.teaching.on_run_ended(run())
-    assert room.teaching.undecided, "they are known until the next run"
-    room.teaching.on_run_started(run(2))
-    assert room.teaching.undecided == ()
+    harness.controller.on_run_ended(run())
+    assert harness.controller.undecided, "they are known until the next run"
+    harness.controller.on_run_started(run(2))
+    assert harness.controller.undecided == ()
 
 
 def test_replayed_ended_run_teaches_nothing_without_hold_time():
     eager = replace(WORSE, hold_s=0.0)
-    room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(eager,)),)))
-    room.teaching.on_run_started(run(), replayed=True)
-    assert room.teaching.receive(scene(5.0, 1.0)) == ()
-    room.teaching.on_run_ended(run())
-    room.now = SETTLE_S
-    assert room.teaching.tick() == ()
+    harness = FeedbackHarness(card=replace(CARD, agents=(replace(GUIDE, rules=(eager,)),)))
+    harness.controller.on_run_started(run(), replayed=True)
+    assert harness.controller.receive(scene(5.0, 1.0)) == ()
+    harness.controller.on_run_ended(run())
+    harness.now = SETTLE_S
+    assert harness.controller.tick() == ()
 
 
 def test_replayed_active_run_is_watched_after_settling():
-    room = Room()
-    room.teaching.on_run_started(run(), replayed=True)
-    room.teaching.receive(scene(5.0, 1.0))
-    room.now = SETTLE_S
-    room.teaching.receive(scene(5.0, 1.0))
-    room.now = SETTLE_S + 1.0
-    assert len(room.teaching.tick()) == 1
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(), replayed=True)
+    harness.controller.receive(scene(5.0, 1.0))
+    harness.now = SETTLE_S
+    harness.controller.receive(scene(5.0, 1.0))
+    harness.now = SETTLE_S + 1.0
+    assert len(harness.controller.tick()) == 1
 
 
 def test_run_is_watched_once_its_card_arrives():
-    room = Room(card=None)
-    room.teaching.on_run_started(run())
-    assert not room.teaching.watching
-    room.teaching.register_card(CARD)
-    assert room.teaching.watching
+    harness = FeedbackHarness(card=None)
+    harness.controller.on_run_started(run())
+    assert not harness.controller.watching
+    harness.controller.register_card(CARD)
+    assert harness.controller.watching
 
 
 def test_repeated_card_does_not_refire_rule():
-    room = Room()
-    room.teaching.on_run_started(run())
-    room.teaching.receive(scene(5.0, 2.0))
-    room.now = 1.0
-    assert len(room.teaching.tick()) == 1
-    room.teaching.register_card(CARD)
-    room.teaching.receive(scene(5.0, 2.0))
-    room.now = 2.5
-    assert room.teaching.tick() == ()
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    harness.controller.receive(scene(5.0, 2.0))
+    harness.now = 1.0
+    assert len(harness.controller.tick()) == 1
+    harness.controller.register_card(CARD)
+    harness.controller.receive(scene(5.0, 2.0))
+    harness.now = 2.5
+    assert harness.controller.tick() == ()
 
 
 def test_rule_teaches_run_once_across_node_restart():
-    room = Room()
+    harness = FeedbackHarness()
     for _ in range(2):
-        teaching = FeedbackController(room.profiles, clock=lambda: room.now, new_id=str)
-        teaching.register_card(CARD)
-        teaching.on_run_started(run())
-        teaching.receive(scene(5.0, 2.0))
-        room.now += 1.0
-        (outcome,) = teaching.tick()
+        controller = FeedbackController(harness.profiles, clock=lambda: harness.now, new_id=str)
+        controller.register_card(CARD)
+        controller.on_run_started(run())
+        controller.receive(scene(5.0, 2.0))
+        harness.now += 1.0
+        (outcome,) = controller.tick()
         assert outcome.stop is not None
     assert outcome.change is not None
     assert not outcome.change.fresh
-    assert room.profile() == (2.5, 2.75)
+    assert harness.profile() == (2.5, 2.75)
 
 
 def test_agent_may_set_weight_of_mood_rules():
     learning = LearningEntry(update="plain", window=5, sources=("mood rule",), weights=(1.0,))
-    room = Room(card=replace(CARD, agents=(replace(GUIDE, learning=learning),)))
-    room.teaching.on_run_started(run())
-    room.teaching.receive(scene(5.0, 2.5))
-    room.now = 1.0
-    room.teaching.tick()
-    assert room.profile() == (2.0, 2.5)
+    harness = FeedbackHarness(card=replace(CARD, agents=(replace(GUIDE, learning=learning),)))
+    harness.controller.on_run_started(run())
+    harness.controller.receive(scene(5.0, 2.5))
+    harness.now = 1.0
+    harness.controller.tick()
+    assert harness.profile() == (2.0, 2.5)
 
 
 def test_rule_firing_again_teaches_again():
     rule = restore_mood_rule(SPACE, when="mood.change <= -1", hold_s=0.5, give=2, cooldown_s=2.0)
-    room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
-    room.teaching.on_run_started(run(awarded=scene(3.5, 4.0)))
+    harness = FeedbackHarness(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
+    harness.controller.on_run_started(run(awarded=scene(3.5, 4.0)))
     ids = []
     for _ in range(100):
-        outcomes = room.teaching.receive(scene(3.5, 2.0))
+        outcomes = harness.controller.receive(scene(3.5, 2.0))
         ids += [one.change.revision.cause.feedback_id for one in outcomes if one.change]
-        room.now += 0.1
+        harness.now += 0.1
     assert ids[:3] == ["rule/e/1/guide/0", "rule/e/1/guide/0/1", "rule/e/1/guide/0/2"]
     assert len(ids) == 4
 
@@ -321,88 +321,88 @@ def test_rule_firing_again_teaches_again():
 def test_estimated_and_default_values_teach_nothing():
     doubtful = scene(5.0, 4.0)
     values = (replace(doubtful.values[0], origin=Origin.ESTIMATED), doubtful.values[1])
-    room = Room()
-    room.teaching.on_run_started(run(awarded=replace(doubtful, values=values)))
-    room.teaching.receive(scene(5.0, 2.5))
-    room.now = 1.0
-    (outcome,) = room.teaching.tick()
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(awarded=replace(doubtful, values=values)))
+    harness.controller.receive(scene(5.0, 2.5))
+    harness.now = 1.0
+    (outcome,) = harness.controller.tick()
     assert outcome.change is not None
     assert outcome.change.after == (3.0, 2.75)
     given = FeedbackRequest(kind=FeedbackKind.POSITIVE, agent="guide", source="button")
-    assert room.teaching.give(given).after == (3.0, 3.375)
+    assert harness.controller.give(given).after == (3.0, 3.375)
 
 
 # --- credit to the nodes of the tree --------------------------------------------------------
 
 
 def test_mood_change_is_credited_to_leaf_running_then():
-    room = Room()
-    room.teaching.on_run_started(run())
-    room.teaching.on_leaf(run().key, "tree/0.say")
-    room.now = 0.5
-    room.teaching.receive(scene(5.0, 2.5))
-    room.now = 1.0
-    room.teaching.on_leaf(run().key, "tree/1.ask")
-    room.now = 1.5
-    (outcome,) = room.teaching.tick()
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    harness.controller.on_leaf(run().key, "tree/0.say")
+    harness.now = 0.5
+    harness.controller.receive(scene(5.0, 2.5))
+    harness.now = 1.0
+    harness.controller.on_leaf(run().key, "tree/1.ask")
+    harness.now = 1.5
+    (outcome,) = harness.controller.tick()
     assert outcome.change is not None
     assert outcome.change.revision.cause.leaf == "tree/0.say"
 
 
 def test_feedback_is_credited_to_running_or_named_leaf():
-    room = Room()
-    room.teaching.on_run_started(run())
-    room.teaching.on_leaf(run().key, "tree/0.say")
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    harness.controller.on_leaf(run().key, "tree/0.say")
     given = FeedbackRequest(kind=FeedbackKind.POSITIVE, source="button")
-    assert room.teaching.give(given).revision.cause.leaf == "tree/0.say"
+    assert harness.controller.give(given).revision.cause.leaf == "tree/0.say"
     named = replace(given, leaf="tree/4.ask")
-    assert room.teaching.give(named).revision.cause.leaf == "tree/4.ask"
-    room.teaching.on_run_ended(run())
-    assert room.teaching.give(given).revision.cause.leaf == ""
+    assert harness.controller.give(named).revision.cause.leaf == "tree/4.ask"
+    harness.controller.on_run_ended(run())
+    assert harness.controller.give(given).revision.cause.leaf == ""
 
 
 def test_run_end_reports_mood_per_leaf():
-    room = Room()
-    room.teaching.on_leaf(run().key, "tree/0.say")  # heard before the start
-    room.teaching.on_run_started(run())
-    room.teaching.on_leaf(run(7).key, "tree/9.log")
-    room.now = 1.0
-    room.teaching.receive(scene(5.0, 3.5))
-    room.now = 2.0
-    leaves = room.teaching.on_run_ended(run())
+    harness = FeedbackHarness()
+    harness.controller.on_leaf(run().key, "tree/0.say")  # heard before the start
+    harness.controller.on_run_started(run())
+    harness.controller.on_leaf(run(7).key, "tree/9.log")
+    harness.now = 1.0
+    harness.controller.receive(scene(5.0, 3.5))
+    harness.now = 2.0
+    leaves = harness.controller.on_run_ended(run())
     assert leaves == (LeafMood(leaf="tree/0.say", seconds=2.0, mean=3.75, change=-0.5),)
-    assert room.teaching.on_run_ended(run()) == ()
-    assert not room.teaching.wants("s1")
+    assert harness.controller.on_run_ended(run()) == ()
+    assert not harness.controller.wants("s1")
 
 
 def test_run_without_rules_is_followed_too():
-    room = Room()
-    room.teaching.on_run_started(run(agent="express"))
-    assert not room.teaching.watching
-    assert room.teaching.wants("s1")
-    assert not room.teaching.wants("s2")
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(agent="express"))
+    assert not harness.controller.watching
+    assert harness.controller.wants("s1")
+    assert not harness.controller.wants("s2")
 
 
 # --- given feedback -----------------------------------------------------------------------
 
 
 def test_unnamed_feedback_goes_to_running_or_last_agent():
-    room = Room()
-    room.teaching.on_run_started(run(1))
-    room.teaching.on_run_ended(run(1))
-    assert room.teaching.give(FeedbackRequest(kind=1)).revision.agent == "guide"
-    room.teaching.on_run_started(run(2, "express"))
-    assert room.teaching.give(FeedbackRequest(kind=1)).revision.agent == "express"
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(1))
+    harness.controller.on_run_ended(run(1))
+    assert harness.controller.give(FeedbackRequest(kind=1)).revision.agent == "guide"
+    harness.controller.on_run_started(run(2, "express"))
+    assert harness.controller.give(FeedbackRequest(kind=1)).revision.agent == "express"
 
 
 def test_relative_feedback_uses_last_scene_of_named_agent():
-    room = Room()
-    room.teaching.on_run_started(run(1))
-    room.teaching.on_run_started(run(2, "express", scene(1.0, 1.0)))
-    change = room.teaching.give(FeedbackRequest(agent="guide", kind=1, source="button"))
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(1))
+    harness.controller.on_run_started(run(2, "express", scene(1.0, 1.0)))
+    change = harness.controller.give(FeedbackRequest(agent="guide", kind=1, source="button"))
     assert change.after == (4.0, 3.5)
     assert change.revision.cause.round == 1
-    assert room.teaching.give(FeedbackRequest(agent="guide", kind=2)).after == (3.5, 3.25)
+    assert harness.controller.give(FeedbackRequest(agent="guide", kind=2)).after == (3.5, 3.25)
 
 
 LATE = scene(1.0, 2.0, "s0")
@@ -410,46 +410,46 @@ LATE = scene(1.0, 2.0, "s0")
 
 @pytest.mark.parametrize("ran_since", [True, False])
 def test_late_feedback_moves_towards_its_own_scene(ran_since):
-    room = Room()
+    harness = FeedbackHarness()
     if ran_since:
-        room.teaching.on_run_started(run(7))
-    change = room.teaching.give(FeedbackRequest(agent="guide", kind=1, scene=LATE))
+        harness.controller.on_run_started(run(7))
+    change = harness.controller.give(FeedbackRequest(agent="guide", kind=1, scene=LATE))
     assert change.after == (2.0, 2.5)
     cause = change.revision.cause
     assert (cause.scene_id, cause.epoch, cause.round) == ("s0", "", 0)
 
 
 def test_feedback_about_last_runs_scene_belongs_to_run():
-    room = Room()
-    room.teaching.on_run_started(run(7))
-    change = room.teaching.give(FeedbackRequest(agent="guide", kind=2, scene=scene(5.0, 4.0)))
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(7))
+    change = harness.controller.give(FeedbackRequest(agent="guide", kind=2, scene=scene(5.0, 4.0)))
     assert (change.after, change.revision.cause.round) == ((2.0, 2.5), 7)
 
 
 def test_run_stays_taught_until_next_run_is_taught():
-    room = Room()
-    room.teaching.on_run_started(run(1))
-    assert room.teaching.taught(run(1)) == ()
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(1))
+    assert harness.controller.taught(run(1)) == ()
     kind = FeedbackKind.NEGATIVE
-    tree = room.teaching.give(FeedbackRequest(kind=kind, source="tree", feedback_id="f1"))
-    room.teaching.give(FeedbackRequest(kind=kind, source="tree", feedback_id="f1"))
-    room.teaching.receive(scene(5.0, 2.0))
-    room.now = 1.0
-    (fired,) = room.teaching.tick()
+    tree = harness.controller.give(FeedbackRequest(kind=kind, source="tree", feedback_id="f1"))
+    harness.controller.give(FeedbackRequest(kind=kind, source="tree", feedback_id="f1"))
+    harness.controller.receive(scene(5.0, 2.0))
+    harness.now = 1.0
+    (fired,) = harness.controller.tick()
     late = FeedbackRequest(kind=kind, scene=scene(2.0, 2.0, "of last week"))
-    room.teaching.give(late)
-    assert room.teaching.taught(run(1)) == (tree, fired.change)
+    harness.controller.give(late)
+    assert harness.controller.taught(run(1)) == (tree, fired.change)
 
-    room.teaching.on_run_started(run(2))
-    assert room.teaching.taught(run(2)) == ()
-    again = room.teaching.give(FeedbackRequest(kind=kind))
-    assert room.teaching.taught(run(2)) == (again,)
-    assert room.teaching.taught(run(1)) == ()
+    harness.controller.on_run_started(run(2))
+    assert harness.controller.taught(run(2)) == ()
+    again = harness.controller.give(FeedbackRequest(kind=kind))
+    assert harness.controller.taught(run(2)) == (again,)
+    assert harness.controller.taught(run(1)) == ()
 
 
 def test_set_feedback_ignores_learning_rate():
-    room = Room()
-    change = room.teaching.give(
+    harness = FeedbackHarness()
+    change = harness.controller.give(
         FeedbackRequest(
             feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5), source="tuning"
         )
@@ -458,15 +458,15 @@ def test_set_feedback_ignores_learning_rate():
     assert (change.before, change.after) == ((3.0, 3.0), (3.0, 4.5))
     assert (cause.kind, cause.rate, cause.source) == (FeedbackKind.SET, 1.0, "tuning")
     assert change.text == "mood 3 → 4.5"
-    assert not room.teaching.give(
+    assert not harness.controller.give(
         FeedbackRequest(feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5))
     ).fresh
-    assert room.profile() == (3.0, 4.5)
+    assert harness.profile() == (3.0, 4.5)
 
 
 def test_direct_feedback_needs_no_run():
-    room = Room()
-    change = room.teaching.give(FeedbackRequest(agent="guide", kind=0, values=(5.0, NAN)))
+    harness = FeedbackHarness()
+    change = harness.controller.give(FeedbackRequest(agent="guide", kind=0, values=(5.0, NAN)))
     assert change.after == (4.0, 3.0)
     assert change.revision.cause.feedback_id == "new1"
     assert (change.revision.cause.epoch, change.revision.cause.round) == ("", 0)
@@ -495,50 +495,52 @@ def test_direct_feedback_needs_no_run():
     ],
 )
 def test_inapplicable_feedback_is_rejected_and_changes_nothing(given, code):
-    room = Room()
-    before = room.profiles.table()
+    harness = FeedbackHarness()
+    before = harness.profiles.table()
     with pytest.raises(Refused) as refusal:
-        room.teaching.give(given)
+        harness.controller.give(given)
     assert refusal.value.code == code
-    assert room.profiles.table() == before
+    assert harness.profiles.table() == before
 
 
 def test_unknown_agent_error_lists_known_agents():
     with pytest.raises(Refused, match="known are: express, guide"):
-        Room().teaching.give(FeedbackRequest(agent="ghost", kind=1))
+        FeedbackHarness().controller.give(FeedbackRequest(agent="ghost", kind=1))
 
 
 def test_same_feedback_id_is_applied_once_across_agents():
-    room = Room()
-    room.teaching.on_run_started(run(1))
-    first = room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
-    room.teaching.on_run_started(run(2, "express"))
-    again = room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(1))
+    first = harness.controller.give(FeedbackRequest(feedback_id="b1", kind=1))
+    harness.controller.on_run_started(run(2, "express"))
+    again = harness.controller.give(FeedbackRequest(feedback_id="b1", kind=1))
     assert (again.fresh, again.revision) == (False, first.revision)
-    assert room.profile("express") == (2.0, 3.0)
+    assert harness.profile("express") == (2.0, 3.0)
 
 
 @pytest.mark.parametrize("other", [{"agent": "express", "kind": 1}, {"kind": 2}])
 def test_feedback_id_of_other_feedback_is_rejected(other):
-    room = Room()
-    room.teaching.on_run_started(run(1))
-    room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(1))
+    harness.controller.give(FeedbackRequest(feedback_id="b1", kind=1))
     with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):
-        room.teaching.give(FeedbackRequest(feedback_id="b1", **other))
+        harness.controller.give(FeedbackRequest(feedback_id="b1", **other))
 
 
 # --- prepared feedback --------------------------------------------------------------------
 
 
 def test_prepared_list_uses_one_row_per_run():
-    room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0), (1.0, 1.0)))))
-    first, again = room.teaching.collect(run(1)), room.teaching.collect(run(1))
+    harness = FeedbackHarness(
+        SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0), (1.0, 1.0))))
+    )
+    first, again = harness.controller.collect(run(1)), harness.controller.collect(run(1))
     assert first is not None
     assert again is not None
     assert (first.after, first.revision.cause.source) == ((4.0, 4.0), "simulated")
     assert (again.fresh, again.revision) == (False, first.revision)
-    assert room.profile() == (4.0, 4.0)
-    second = room.teaching.collect(run(2))
+    assert harness.profile() == (4.0, 4.0)
+    second = harness.controller.collect(run(2))
     assert second is not None
     assert second.after == (2.5, 2.5)
 
@@ -547,7 +549,7 @@ def test_prepared_list_uses_one_row_per_run():
     "simulated", [None, SimulatedFeedback(PreparedFeedback(each={"express": (5.0, 5.0)}))]
 )
 def test_no_feedback_is_applied_without_prepared_feedback(simulated):
-    assert Room(simulated).teaching.collect(run(1)) is None
+    assert FeedbackHarness(simulated).controller.collect(run(1)) is None
 
 
 @pytest.mark.parametrize(
@@ -559,11 +561,11 @@ def test_no_feedback_is_applied_without_prepared_feedback(simulated):
     ],
 )
 def test_rejected_collection_uses_no_row(asked, code):
-    room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0),))))
+    harness = FeedbackHarness(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0),))))
     with pytest.raises(Refused) as refusal:
-        room.teaching.collect(asked)
+        harness.controller.collect(asked)
     assert refusal.value.code == code
-    assert room.teaching.collect(run(1)) is not None
+    assert harness.controller.collect(run(1)) is not None
 
 
 @pytest.mark.parametrize("repeat", [False, True])
@@ -575,26 +577,28 @@ def test_restarted_node_continues_list_and_repeats_applied_answers(repeat):
             PreparedFeedback(each={"express": (4.0, 4.0)}, sequence=rows, repeat=repeat)
         )
 
-    def collected(room: Room, number: int, agent: str = "guide") -> tuple[float, ...] | None:
-        change = room.teaching.collect(run(number, agent))
+    def collected(
+        harness: FeedbackHarness, number: int, agent: str = "guide"
+    ) -> tuple[float, ...] | None:
+        change = harness.controller.collect(run(number, agent))
         return None if change is None else change.target
 
-    room = Room(prepared())
-    collected(room, 1), collected(room, 2, "express"), collected(room, 3)
-    again = Room(prepared(), None)
-    again.teaching.profiles = room.profiles
+    harness = FeedbackHarness(prepared())
+    collected(harness, 1), collected(harness, 2, "express"), collected(harness, 3)
+    again = FeedbackHarness(prepared(), None)
+    again.controller.profiles = harness.profiles
     assert collected(again, 3) == rows[1]
     assert collected(again, 4) == rows[2]
     assert collected(again, 5) == (rows[0] if repeat else None)
     assert collected(again, 1) == rows[0]
-    assert len(room.profiles._ledger.history("guide")) == (5 if repeat else 4)
+    assert len(harness.profiles._ledger.history("guide")) == (5 if repeat else 4)
 
 
 def test_list_starts_at_first_row_for_another_market():
-    room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0),))))
-    room.teaching.collect(run(1))
+    harness = FeedbackHarness(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0),))))
+    harness.controller.collect(run(1))
     other = FeedbackController(
-        room.profiles,
+        harness.profiles,
         clock=lambda: 0.0,
         new_id=str,
         simulated=SimulatedFeedback(PreparedFeedback(sequence=((1.0, 1.0),))),
@@ -606,85 +610,87 @@ def test_third_paper_experiment_keeps_agents_on_own_feedback():
     simulated = SimulatedFeedback(
         PreparedFeedback(each={"guide": (5.0, 5.0), "express": (1.0, 1.0)})
     )
-    room = Room(simulated)
+    harness = FeedbackHarness(simulated)
     for number in range(1, 41):
-        room.teaching.collect(run(number, "guide" if number % 2 else "express"))
-    assert room.profile("guide") == pytest.approx((5.0, 5.0), abs=1e-4)
-    assert room.profile("express") == pytest.approx((1.0, 1.0), abs=1e-4)
+        harness.controller.collect(run(number, "guide" if number % 2 else "express"))
+    assert harness.profile("guide") == pytest.approx((5.0, 5.0), abs=1e-4)
+    assert harness.profile("express") == pytest.approx((1.0, 1.0), abs=1e-4)
 
 
-def full(room: Room, on: bool) -> None:
-    database = room.profiles._ledger._database
+def full(harness: FeedbackHarness, on: bool) -> None:
+    database = harness.profiles._ledger._database
     pages = database.execute("PRAGMA page_count").fetchone()[0]
     database.execute(f"PRAGMA max_page_count = {pages if on else 1_000_000}")
     given = FeedbackRequest(agent="express", kind=3, values=(2.0, 3.0), source="t")
     for reason in ("long" * 200, "") if on else ():
         with suppress(LedgerError):
             for _ in range(1000):
-                room.teaching.give(replace(given, reason=reason))
+                harness.controller.give(replace(given, reason=reason))
 
 
 def test_lesson_during_full_disk_is_recorded_later():
-    room = Room()
-    room.teaching.on_run_started(run())
-    room.teaching.receive(scene(5.0, 2.5))
-    full(room, on=True)
-    room.now = 1.0
-    (outcome,) = room.teaching.tick()
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run())
+    harness.controller.receive(scene(5.0, 2.5))
+    full(harness, on=True)
+    harness.now = 1.0
+    (outcome,) = harness.controller.tick()
     assert outcome.change is None
     assert "STORAGE_FULL" in outcome.problem
     assert outcome.problem.endswith("; it is tried again until there is room")
     assert outcome.stop is not None
-    assert room.teaching.retry() == ()
-    room.teaching.on_run_ended(run())
-    full(room, on=False)
-    (late,) = room.teaching.retry()
+    assert harness.controller.retry() == ()
+    harness.controller.on_run_ended(run())
+    full(harness, on=False)
+    (late,) = harness.controller.retry()
     assert late.change is not None
     assert (late.change.after, late.stop) == ((2.5, 2.75), None)
-    assert room.profiles.recorded("rule/e/1/guide/0") is not None
-    assert room.teaching.retry() == ()
+    assert harness.profiles.recorded("rule/e/1/guide/0") is not None
+    assert harness.controller.retry() == ()
 
 
 def test_pending_lessons_during_full_disk_are_bounded():
-    room = Room()
-    full(room, on=True)
+    harness = FeedbackHarness()
+    full(harness, on=True)
     problems = []
     for number in range(1, MOST_PENDING + 2):
-        room.teaching.on_run_started(run(number))
-        room.teaching.receive(scene(5.0, 2.5))
-        room.now += 1.0
-        problems += [outcome.problem for outcome in room.teaching.tick()]
-        room.teaching.on_run_ended(run(number))
+        harness.controller.on_run_started(run(number))
+        harness.controller.receive(scene(5.0, 2.5))
+        harness.now += 1.0
+        problems += [outcome.problem for outcome in harness.controller.tick()]
+        harness.controller.on_run_ended(run(number))
     assert len(problems) == MOST_PENDING + 1
     assert ["lost is that of guide in round 1" in one for one in problems[-2:]] == [False, True]
-    full(room, on=False)
-    assert len(room.teaching.retry()) == MOST_PENDING
+    full(harness, on=False)
+    assert len(harness.controller.retry()) == MOST_PENDING
 
 
 def test_full_disk_uses_no_row_of_prepared_list():
     rows = SimulatedFeedback(PreparedFeedback(sequence=((1.0, NAN), (2.0, NAN), (5.0, NAN))))
-    room = Room(rows)
-    assert room.teaching.collect(run(1)) is not None
-    full(room, on=True)
+    harness = FeedbackHarness(rows)
+    assert harness.controller.collect(run(1)) is not None
+    full(harness, on=True)
     with pytest.raises(Refused, match="STORAGE_FULL"):
-        room.teaching.collect(run(2))
-    full(room, on=False)
-    change = room.teaching.collect(run(2))
+        harness.controller.collect(run(2))
+    full(harness, on=False)
+    change = harness.controller.collect(run(2))
     assert change is not None
     assert change.target[0] == 2.0
 
 
 def test_late_repetition_of_forgotten_feedback_is_recognised():
-    room = Room(card=replace(CARD, agents=(replace(GUIDE, learning=PERSONS), EXPRESS)))
+    harness = FeedbackHarness(
+        card=replace(CARD, agents=(replace(GUIDE, learning=PERSONS), EXPRESS))
+    )
     anna = replace(scene(5.0, 4.0), person_id="anna")
     given = FeedbackRequest(feedback_id="x", agent="guide", kind=1, source="me", scene=anna)
-    assert room.teaching.give(given).fresh
-    room.profiles._ledger.forget([("guide", "person/anna")])
-    room.profiles.on_erased([("guide", "person/anna")])
-    again = room.teaching.give(given)
+    assert harness.controller.give(given).fresh
+    harness.profiles._ledger.forget([("guide", "person/anna")])
+    harness.profiles.on_erased([("guide", "person/anna")])
+    again = harness.controller.give(given)
     assert (again.fresh, "forgotten since" in again.text) == (False, True)
     with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):
-        room.teaching.give(replace(given, agent="express"))
+        harness.controller.give(replace(given, agent="express"))
 
 
 # --- what no profile has ------------------------------------------------------------------
@@ -702,13 +708,13 @@ def hurting(age: float, mood: float, pain: float) -> Scene:
     return replace(of, values=BESIDE.scene((*of.values, pained)))
 
 
-class Ward(Room):
-    """A teaching core whose profiles have the age alone."""
+class AgeHarness(FeedbackHarness):
+    """A feedback controller whose profiles have the age alone."""
 
     def __init__(self) -> None:
         super().__init__(card=None)
         self.profiles = Profiles(BESIDE, Ledger(":memory:"))
-        self.teaching = FeedbackController(
+        self.controller = FeedbackController(
             self.profiles, clock=lambda: self.now, new_id=lambda: "new"
         )
         nurse = AgentEntry(
@@ -725,7 +731,7 @@ class Ward(Room):
                 ),
             ),
         )
-        self.teaching.register_card(
+        self.controller.register_card(
             LearningCard(
                 host="/agents", instance="i1", parameters=BESIDE.profiles.names, agents=(nurse,)
             )
@@ -733,9 +739,9 @@ class Ward(Room):
 
 
 def test_feedback_moves_only_profiled_parameters():
-    ward = Ward()
-    ward.teaching.on_run_started(run(1, "nurse", hurting(5.0, 4.0, 2.0)))
-    change = ward.teaching.give(
+    harness = AgeHarness()
+    harness.controller.on_run_started(run(1, "nurse", hurting(5.0, 4.0, 2.0)))
+    change = harness.controller.give(
         FeedbackRequest(
             feedback_id="", agent="nurse", kind=FeedbackKind.POSITIVE, values=(), source="person"
         )
@@ -745,10 +751,10 @@ def test_feedback_moves_only_profiled_parameters():
 
 
 def test_scene_without_known_profiled_values_teaches_nothing():
-    ward = Ward()
-    ward.teaching.on_run_started(run(1, "nurse", hurting(NAN, 4.0, 2.0)))
+    harness = AgeHarness()
+    harness.controller.on_run_started(run(1, "nurse", hurting(NAN, 4.0, 2.0)))
     with pytest.raises(Refused) as refused:
-        ward.teaching.give(
+        harness.controller.give(
             FeedbackRequest(
                 feedback_id="", agent="nurse", kind=FeedbackKind.POSITIVE, values=(), source="p"
             )
@@ -758,9 +764,9 @@ def test_scene_without_known_profiled_values_teaches_nothing():
 
 @pytest.mark.parametrize("now", [(5.0, 4.0, 8.0), (5.0, 2.0, 2.0)])
 def test_rules_may_read_unprofiled_parameters_including_mood(now):
-    ward = Ward()
-    ward.teaching.on_run_started(run(1, "nurse", hurting(5.0, 4.0, 2.0)))
-    (fired,) = ward.teaching.receive(hurting(*now))
+    harness = AgeHarness()
+    harness.controller.on_run_started(run(1, "nurse", hurting(5.0, 4.0, 2.0)))
+    (fired,) = harness.controller.receive(hurting(*now))
     assert fired.stop is not None
     assert fired.change is not None
     assert fired.change.after < (3.0,)
@@ -775,29 +781,29 @@ def telling(age: float, person_id: str = "") -> Scene:
     return replace(live, values=(told, live.values[1]), person_id=person_id)
 
 
-def negative(room: Room) -> tuple[float, ...]:
+def negative(harness: FeedbackHarness) -> tuple[float, ...]:
     request = FeedbackRequest(
         feedback_id="", agent="guide", kind=FeedbackKind.NEGATIVE, values=(), source="person"
     )
-    return room.teaching.give(request).target
+    return harness.controller.give(request).target
 
 
 @pytest.mark.parametrize("ended", [False, True])
 def test_told_values_count_in_feedback_about_their_run(ended):
-    room = Room()
-    room.teaching.on_run_started(run(awarded=scene(3.0, 4.0)))
-    assert negative(room) == (3.0, 4.0)
-    room.teaching.receive(telling(4.0))
-    room.teaching.receive(scene(2.0, 1.0))  # what is only measured later does not count
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(awarded=scene(3.0, 4.0)))
+    assert negative(harness) == (3.0, 4.0)
+    harness.controller.receive(telling(4.0))
+    harness.controller.receive(scene(2.0, 1.0))  # what is only measured later does not count
     if ended:
-        room.teaching.on_run_ended(run(awarded=scene(3.0, 4.0)))
-    assert negative(room) == (4.0, 4.0)
+        harness.controller.on_run_ended(run(awarded=scene(3.0, 4.0)))
+    assert negative(harness) == (4.0, 4.0)
 
 
 def test_values_told_by_another_person_are_ignored():
-    room = Room()
-    room.teaching.on_run_started(run(awarded=replace(scene(3.0, 4.0), person_id="anna")))
-    room.teaching.receive(telling(5.0, "bert"))
-    assert negative(room) == (3.0, 4.0)
-    room.teaching.receive(telling(4.0, "anna"))
-    assert negative(room) == (4.0, 4.0)
+    harness = FeedbackHarness()
+    harness.controller.on_run_started(run(awarded=replace(scene(3.0, 4.0), person_id="anna")))
+    harness.controller.receive(telling(5.0, "bert"))
+    assert negative(harness) == (3.0, 4.0)
+    harness.controller.receive(telling(4.0, "anna"))
+    assert negative(harness) == (4.0, 4.0)

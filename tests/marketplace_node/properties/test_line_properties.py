@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from bt_agents_core.stop_cause import StopCause
-from market_harness import EXPRESS, GUIDE, SPACE, Driver, scene
+from market_harness import EXPRESS, GUIDE, SPACE, MarketHarness, scene
 from marketplace_node.effects import (
     AnnounceEarlierRun,
     AnnounceRun,
@@ -52,20 +52,20 @@ class AnyLine(RuleBasedStateMachine):
         self.seen = 0
         self.running: tuple[str, RunGoal, str] | None = None
         self.unreported: list[EarlierRun] = []
-        self.driver = Driver()
+        self.harness = MarketHarness()
         self.start_market(0.0)
         self.register(fresh=True)
 
     def start_market(self, away_s: float) -> None:
         """Start a market of the next epoch, with what the last one has stored."""
-        now = self.driver.now + away_s
+        now = self.harness.now + away_s
         self.markets += 1
-        self.driver = Driver()
-        self.driver.now, self.seen = now, 0
-        self.driver.market = Market(SPACE, self.epoch, self.settings, new_key=bytes)
-        self.driver.do(self.driver.market.tick(now))
+        self.harness = MarketHarness()
+        self.harness.now, self.seen = now, 0
+        self.harness.market = Market(SPACE, self.epoch, self.settings, new_key=bytes)
+        self.harness.do(self.harness.market.tick(now))
         if self.stored:
-            self.driver.do(self.driver.market.restore_scenes(self.stored, away_s, now)[1])
+            self.harness.do(self.harness.market.restore_scenes(self.stored, away_s, now)[1])
         self.take_effects()
 
     @property
@@ -76,27 +76,27 @@ class AnyLine(RuleBasedStateMachine):
         if fresh:
             self.starts += 1
             self.running, self.unreported = None, []
-        self.driver.register(HOST, GUIDE, EXPRESS, instance=f"start{self.starts}")
+        self.harness.register(HOST, GUIDE, EXPRESS, instance=f"start{self.starts}")
         reported = [run for run in self.unreported if run.epoch != self.epoch]
-        self.driver.do(self.driver.market.unreported(HOST, reported, self.driver.now))
+        self.harness.do(self.harness.market.unreported(HOST, reported, self.harness.now))
         self.unreported = [run for run in self.unreported if run not in reported]
 
     @rule(count=st.integers(1, 4), urgent=st.booleans())
     def announce(self, count: int, urgent: bool) -> None:
         for _ in range(count):
             self.scenes += 1
-            self.driver.scene(f"s{self.scenes}", urgent=urgent)
+            self.harness.scene(f"s{self.scenes}", urgent=urgent)
 
     @rule(steps=st.integers(1, 6))
     def go_on(self, steps: int) -> None:
         """Let host and market do what they do in some heartbeats."""
         for _ in range(steps):
             self.answer()
-            self.driver.wait(0.0625)
+            self.harness.wait(0.0625)
             self.take_effects()
 
     def answer(self) -> None:
-        market = self.driver
+        market = self.harness
         if HOST not in market.busy:
             return
         for call in market.calls[-2:]:
@@ -120,17 +120,17 @@ class AnyLine(RuleBasedStateMachine):
         """Kill the host, or hold it up, and have it back in time."""
         if not early:
             self.answer()
-        self.driver.busy.pop(HOST, None)
-        self.driver.wait(away_s)
+        self.harness.busy.pop(HOST, None)
+        self.harness.wait(away_s)
         self.take_effects()
         if killed:
-            self.driver.wait(max(0.0, 1.0 - away_s))
+            self.harness.wait(max(0.0, 1.0 - away_s))
             self.register(fresh=True)
         else:
             running = self.running is not None and self.running[0] == self.epoch
             assert self.running is None or running
-            self.driver.busy[HOST] = self.running[1].round if self.running else 0
-            self.driver.wait(0.0625)
+            self.harness.busy[HOST] = self.running[1].round if self.running else 0
+            self.harness.wait(0.0625)
 
     @rule(away_s=outages, with_host=st.booleans(), ended=st.booleans())
     def lose_the_market(self, away_s: float, with_host: bool, ended: bool) -> None:
@@ -156,11 +156,11 @@ class AnyLine(RuleBasedStateMachine):
 
     @invariant()
     def each_scene_ends_once(self) -> None:
-        if hasattr(self, "driver"):
+        if hasattr(self, "harness"):
             self.take_effects()
 
     def take_effects(self) -> None:
-        news, self.seen = self.driver.effects[self.seen :], len(self.driver.effects)
+        news, self.seen = self.harness.effects[self.seen :], len(self.harness.effects)
         for effect in news:
             if isinstance(effect, StoreScenes):
                 self.stored = format_scenes(effect)
@@ -198,19 +198,19 @@ class AnyLine(RuleBasedStateMachine):
         return is_its and effect.event is RunEventKind.ENDED
 
     def teardown(self) -> None:
-        if not hasattr(self, "driver"):
+        if not hasattr(self, "harness"):
             return
         quiet = 0
         for _ in range(400):
             if quiet == 8:
                 break
             self.go_on(steps=8)
-            idle = self.driver.status.state is State.IDLE and not self.driver.status.queued
+            idle = self.harness.status.state is State.IDLE and not self.harness.status.queued
             quiet = quiet + 1 if idle else 0
             if idle:  # what is still waited for is a report, or to be asked for again
-                self.driver.wait(1.0)
+                self.harness.wait(1.0)
         missing = {f"s{number}" for number in range(1, self.scenes + 1)} - set(self.ends)
-        assert not missing, f"without an end: {missing}, {self.driver.status}"
+        assert not missing, f"without an end: {missing}, {self.harness.status}"
         assert self.started <= self.ended.keys(), "runs without an end"
 
 

@@ -9,7 +9,7 @@ from collections import Counter
 import pytest
 
 from bt_agents_core.errors import Refused
-from market_harness import Driver
+from market_harness import MarketHarness
 from marketplace_node.effects import AnnounceRun, Collect, OpenCall, SendGoal, State
 from marketplace_node.hosts.host_effects import CancelGoal, Effect, RunGoal
 from marketplace_node.outcomes import RunEventKind
@@ -24,7 +24,7 @@ class Crowd:
 
     def __init__(self, mode: str, seed: int) -> None:
         self.random = random.Random(seed)
-        self.driver = Driver(
+        self.harness = MarketHarness(
             on_new_scene=mode, queue_limit=4, preempt_cooldown_s=0.5, collect_deadline_s=0.25
         )
         self.seen = 0
@@ -37,7 +37,7 @@ class Crowd:
         self.down: dict[str, float] = {}
         self.sent: Counter[str] = Counter()
         for host, agents in AGENTS.items():
-            self.driver.register(host, *agents, instance="start0")
+            self.harness.register(host, *agents, instance="start0")
 
     def chance(self, part: float) -> bool:
         return self.random.random() < part
@@ -47,8 +47,8 @@ class Crowd:
         self.hosts_answer()
         self.trees_go_on()
         if self.chance(0.04):
-            self.driver.cancel("enough", again=self.chance(0.5))
-        self.driver.wait(1 / 16)
+            self.harness.cancel("enough", again=self.chance(0.5))
+        self.harness.wait(1 / 16)
         self.take_effects()
 
     def scene(self, number: int) -> None:
@@ -58,13 +58,13 @@ class Crowd:
         self.sent[name] += 1
         if self.chance(0.02):
             refused = Refused("NOT_FINITE", "age is nan")
-            self.driver.do(self.driver.market.malformed(name, refused, self.driver.now))
+            self.harness.do(self.harness.market.malformed(name, refused, self.harness.now))
         else:
-            self.driver.scene(name, urgent=self.chance(0.1))
+            self.harness.scene(name, urgent=self.chance(0.1))
         self.take_effects()
 
     def take_effects(self) -> None:
-        news, self.seen = self.driver.effects[self.seen :], len(self.driver.effects)
+        news, self.seen = self.harness.effects[self.seen :], len(self.harness.effects)
         for effect in news:
             self.take(effect)
 
@@ -78,7 +78,7 @@ class Crowd:
                 self.told.append(effect.goal)
             case Collect() if self.chance(0.5):
                 number = effect.goal.round
-                self.driver.do(self.driver.market.collected(number, "learned", self.driver.now))
+                self.harness.do(self.harness.market.collected(number, "learned", self.harness.now))
             case AnnounceRun(event=RunEventKind.STARTED):
                 assert self.on_stage is None, "never two runs at a time"
                 self.on_stage = effect.goal
@@ -90,15 +90,15 @@ class Crowd:
     def hosts_live_and_die(self) -> None:
         for host, agents in AGENTS.items():
             if host in self.down:
-                if self.driver.now >= self.down[host]:
+                if self.harness.now >= self.down[host]:
                     del self.down[host]
                     self.starts += 1
-                    answer = self.driver.register(host, *agents, instance=f"start{self.starts}")
+                    answer = self.harness.register(host, *agents, instance=f"start{self.starts}")
                     if not answer.accepted:
-                        self.down[host] = self.driver.now + 0.5
+                        self.down[host] = self.harness.now + 0.5
             elif self.chance(0.01):
-                self.down[host] = self.driver.now + self.random.uniform(0.2, 2.0)
-                self.driver.busy.pop(host, None)
+                self.down[host] = self.harness.now + self.random.uniform(0.2, 2.0)
+                self.harness.busy.pop(host, None)
                 self.running = {goal for goal in self.running if goal.host != host}
         self.take_effects()
 
@@ -113,18 +113,18 @@ class Crowd:
                 if self.chance(0.1):
                     declined = dict.fromkeys(agents, "is tired")
                     vectors = {}
-                self.driver.bid(host, vectors, declined, round=call.round)
+                self.harness.bid(host, vectors, declined, round=call.round)
         goals, self.goals = self.goals, []
         for goal in goals:
             if goal.host in self.down or self.chance(0.03):
                 continue  # never answered
-            if self.chance(0.1) or self.driver.busy.get(goal.host):
-                self.driver.refuse(goal)
+            if self.chance(0.1) or self.harness.busy.get(goal.host):
+                self.harness.refuse(goal)
             elif self.chance(0.1):
                 self.goals.append(goal)  # answered later
             else:
                 self.running.add(goal)
-                self.driver.accept(goal)
+                self.harness.accept(goal)
         self.take_effects()
 
     def trees_go_on(self) -> None:
@@ -139,7 +139,7 @@ class Crowd:
 
     def finish(self, goal: RunGoal, outcome: int) -> None:
         self.running.discard(goal)
-        self.driver.end(outcome, goal=goal)
+        self.harness.end(outcome, goal=goal)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -154,15 +154,15 @@ def test_each_of_thousand_scenes_ends_exactly_once(mode: str, seed: int) -> None
                 number += 1
         crowd.step()
     for _ in range(2000):
-        if crowd.driver.status.state is State.IDLE:
+        if crowd.harness.status.state is State.IDLE:
             break
         crowd.step()
 
-    status = crowd.driver.status
+    status = crowd.harness.status
     assert (status.state, status.queued) == (State.IDLE, 0), "nothing waits for ever"
     assert sum(crowd.sent.values()) == SCENES
-    assert Counter(crowd.driver.over) == crowd.sent, "taken = ended, each as often as it came"
-    codes = Counter(code for _, code in crowd.driver.ends)
+    assert Counter(crowd.harness.over) == crowd.sent, "taken = ended, each as often as it came"
+    codes = Counter(code for _, code in crowd.harness.ends)
     assert sum(codes.values()) == SCENES
     expected = {"SUCCEEDED", "FAILED", "CANCELLED", "LOST", "NOT_FINITE", "STOPPED"}
     expected |= {"reject": {"BUSY"}, "queue": {"QUEUE_FULL"}, "preempt": {"PREEMPTED"}}[mode]

@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.open_goals import OpenGoal
-from market_harness import Driver, scene
+from market_harness import MarketHarness, scene
 from marketplace_node.effects import (
     AnnounceRun,
     Collect,
@@ -45,7 +45,7 @@ class AnyMarket(RuleBasedStateMachine):
     )
     def open_market(self, mode: str, limit: int, strategy: str) -> None:
         self.mode = mode
-        self.driver = Driver(
+        self.harness = MarketHarness(
             on_new_scene=mode, queue_limit=limit, preempt_cooldown_s=1.0, strategy=strategy
         )
         self.previews: set[int] = set()
@@ -59,14 +59,14 @@ class AnyMarket(RuleBasedStateMachine):
         self.ending: dict[tuple[str, str], CancelOpenGoals] = {}
         self.open: dict[tuple[str, str], set[OpenGoal]] = {}
         for host, agents in AGENTS.items():
-            self.driver.register(host, *agents, instance="start0")
+            self.harness.register(host, *agents, instance="start0")
         self.sent = 0
 
     @rule(host=hosts, fresh=st.booleans())
     def register(self, host: str, fresh: bool) -> None:
         if fresh:
             self.starts += 1
-        self.driver.register(host, *AGENTS[host], instance=f"start{self.starts}")
+        self.harness.register(host, *AGENTS[host], instance=f"start{self.starts}")
 
     @rule(host=hosts, numbers=st.sets(st.integers(1, 3)))
     def open_goals(self, host: str, numbers: set[int]) -> None:
@@ -74,41 +74,43 @@ class AnyMarket(RuleBasedStateMachine):
             OpenGoal(path="", action=f"/a{number}", goal_id=bytes([number] * 16))
             for number in sorted(numbers)
         )
-        instance = self.driver.instances[host]
+        instance = self.harness.instances[host]
         self.open[host, instance] = set(goals)
-        self.driver.do(self.driver.market.open_goals(host, instance, goals, self.driver.now))
+        self.harness.do(self.harness.market.open_goals(host, instance, goals, self.harness.now))
 
     @rule(confirmed=st.booleans())
     def goals_end(self, confirmed: bool) -> None:
         for key, effect in list(self.ending.items())[:1]:
             del self.ending[key]
             unconfirmed = () if confirmed else effect.goals
-            self.driver.do(self.driver.market.goals_cancelled(*key, unconfirmed, self.driver.now))
+            self.harness.do(
+                self.harness.market.goals_cancelled(*key, unconfirmed, self.harness.now)
+            )
 
     @rule(host=hosts)
     def die(self, host: str) -> None:
-        self.driver.busy.pop(host, None)
+        self.harness.busy.pop(host, None)
 
     @rule(seconds=st.sampled_from([0.0625, 0.25, 0.5, 1.25, 2.5, 6.0]))
     def wait(self, seconds: float) -> None:
-        self.driver.wait(seconds)
+        self.harness.wait(seconds)
 
     @rule(lasted_s=st.sampled_from([0.5, 2.5, 30.0]))
     def hold_the_market_up(self, lasted_s: float) -> None:
-        since, self.driver.now = self.driver.now, self.driver.now + lasted_s
-        self.driver.do(self.driver.market.extend_after_stall(since, self.driver.now))
+        since, self.harness.now = self.harness.now, self.harness.now + lasted_s
+        self.harness.do(self.harness.market.extend_after_stall(since, self.harness.now))
 
     @rule(host=hosts, round_number=st.sampled_from([1, 99]), own=st.booleans())
     def run_something_else(self, host: str, round_number: int, own: bool) -> None:
         epoch = "epoch" if own else "old"
-        self.driver.beat(host, epoch=epoch, round_number=round_number)
+        self.harness.beat(host, epoch=epoch, round_number=round_number)
 
     @rule(again=st.sampled_from([0, 0, 0, 1]), urgent=st.sampled_from([False, False, True]))
     def scene(self, again: int, urgent: bool = False) -> None:
         if not (again and self.scenes):
             self.scenes += 1
         self.sent += 1
-        self.driver.scene(f"s{self.scenes}", urgent=urgent)
+        self.harness.scene(f"s{self.scenes}", urgent=urgent)
 
     @rule(
         host=hosts,
@@ -128,51 +130,51 @@ class AnyMarket(RuleBasedStateMachine):
         challenge: bool,
     ) -> None:
         first, second = AGENTS[host]
-        if challenge and self.driver.calls:
-            spoil = {"round": self.driver.calls[-1].round} | spoil
+        if challenge and self.harness.calls:
+            spoil = {"round": self.harness.calls[-1].round} | spoil
         vectors = {first: bids[0]} if decline else {first: bids[0], second: bids[1]}
         declined = {second: "needs a rest"} if decline else {}
-        self.driver.bid(host, vectors, declined, **spoil)
+        self.harness.bid(host, vectors, declined, **spoil)
 
     @rule()
     def all_is_well_up_to_a_run(self) -> None:
         self.scene(again=0)
         for host, agents in AGENTS.items():
-            if self.driver.status.state is State.BIDDING:
-                self.driver.bid(host, dict.fromkeys(agents, (3.0, 3.0, 3.0)))
-        goals = [effect.goal for effect in self.driver.all(SendGoal)]
-        is_sent = bool(goals) and goals[-1] == self.driver.market.goal
-        if is_sent and self.outstanding is None and self.driver.status.state is State.AWARDING:
-            self.driver.accept()
+            if self.harness.status.state is State.BIDDING:
+                self.harness.bid(host, dict.fromkeys(agents, (3.0, 3.0, 3.0)))
+        goals = [effect.goal for effect in self.harness.all(SendGoal)]
+        is_sent = bool(goals) and goals[-1] == self.harness.market.goal
+        if is_sent and self.outstanding is None and self.harness.status.state is State.AWARDING:
+            self.harness.accept()
 
     @rule(data=st.data(), what=st.sampled_from(["accept", "accept", "refuse", "end", "end"]))
     def answer_a_goal(self, data: st.DataObject, what: str) -> None:
-        goals = [effect.goal for effect in self.driver.all(SendGoal)][-4:]
+        goals = [effect.goal for effect in self.harness.all(SendGoal)][-4:]
         if not goals:
             return
         goal = data.draw(st.sampled_from(goals[::-1]))
-        alive = goal.host in self.driver.busy
+        alive = goal.host in self.harness.busy
         if what == "accept":
             waited_for = goal == self.outstanding
-            effects = self.driver.do(self.driver.market.goal_accepted(goal, self.driver.now))
+            effects = self.harness.do(self.harness.market.goal_accepted(goal, self.harness.now))
             assert waited_for or CancelGoal(goal=goal) in effects, "no tree runs unwatched"
             if alive:
-                self.driver.busy[goal.host] = goal.round
+                self.harness.busy[goal.host] = goal.round
         elif what == "refuse":
-            self.driver.refuse(goal)
+            self.harness.refuse(goal)
         elif alive:
-            self.driver.end(data.draw(st.sampled_from([1, 2, 3, 9])), goal=goal)
+            self.harness.end(data.draw(st.sampled_from([1, 2, 3, 9])), goal=goal)
 
     @rule(
         data=st.data(), agents=st.permutations(["ann", "abe", "bob", "bea"]), fails=st.booleans()
     )
     def rank_from_outside(self, data: st.DataObject, agents: list[str], fails: bool) -> None:
-        if not self.driver.questions:
+        if not self.harness.questions:
             return
-        question = data.draw(st.sampled_from(self.driver.questions[-3:]))
+        question = data.draw(st.sampled_from(self.harness.questions[-3:]))
         named = tuple(agent for agent in agents if agent in question.agents)
         external = External(failure="busy") if fails else External(ranking=named)
-        self.driver.do(self.driver.market.ranked(question.round, external, self.driver.now))
+        self.harness.do(self.harness.market.ranked(question.round, external, self.harness.now))
 
     @rule(
         action=st.sampled_from(
@@ -188,48 +190,48 @@ class AnyMarket(RuleBasedStateMachine):
         agent=st.sampled_from(["ann", "abe", "bob", "bea", "nobody"]),
     )
     def operate(self, action: OperatorAction, agent: str) -> None:
-        self.driver.operate(action, agent)
+        self.harness.operate(action, agent)
 
     @rule(agent=st.sampled_from(["ann", "abe", "bob"]), own=st.booleans())
     def award(self, agent: str, own: bool) -> None:
         theirs = scene(f"award{self.scenes}") if own else None
         command = OperatorCommand(action=OperatorAction.AWARD, agent=agent, scene=theirs)
         try:
-            _, effects = self.driver.market.operate(command, self.driver.now)
+            _, effects = self.harness.market.operate(command, self.harness.now)
         except Refused:
             return
         self.sent += 1
         self.scenes += 1
-        self.driver.do(effects)
+        self.harness.do(effects)
 
     @rule(strategy=st.sampled_from(["", "external", "ucb"]))
     def preview(self, strategy: str) -> None:
         try:
-            number = self.driver.preview(3.0, 3.0, 3.0, strategy=strategy)
+            number = self.harness.preview(3.0, 3.0, 3.0, strategy=strategy)
         except Refused:
             assert len(self.previews) == MOST_PREVIEWS
             return
-        ended = {effect.number for effect in self.driver.previews}
+        ended = {effect.number for effect in self.harness.previews}
         self.previews |= {number} - ended
 
     @rule()
     def collect(self) -> None:
-        self.driver.collect()
+        self.harness.collect()
 
     @rule(again=st.booleans(), fresh=st.booleans(), round_number=st.sampled_from([0, 0, 1, 99]))
     def cancel(self, again: bool, fresh: bool, round_number: int) -> None:
         other = scene("live", 1.0, 1.0, 1.0) if fresh else None
-        self.driver.cancel("enough", again=again, scene=other, round_number=round_number)
+        self.harness.cancel("enough", again=again, scene=other, round_number=round_number)
 
     @invariant()
     def the_effects_keep_the_law(self) -> None:
-        if not hasattr(self, "driver"):
+        if not hasattr(self, "harness"):
             return
-        news, self.seen = self.driver.effects[self.seen :], len(self.driver.effects)
+        news, self.seen = self.harness.effects[self.seen :], len(self.harness.effects)
         for effect in news:
             self.check(effect)
-        ends = len(self.driver.ends)
-        under_way = self.driver.status.queued + (self.driver.status.state is not State.IDLE)
+        ends = len(self.harness.ends)
+        under_way = self.harness.status.queued + (self.harness.status.state is not State.IDLE)
         assert self.sent == ends + under_way, "every scene has one end or is still to end"
 
     def check(self, effect: Effect) -> None:
@@ -278,16 +280,16 @@ class AnyMarket(RuleBasedStateMachine):
                 pass
 
     def teardown(self) -> None:
-        if not hasattr(self, "driver"):
+        if not hasattr(self, "harness"):
             return
-        for _ in range(20 * (self.driver.status.queued + 1)):
-            self.driver.wait(1.0)
+        for _ in range(20 * (self.harness.status.queued + 1)):
+            self.harness.wait(1.0)
             self.the_effects_keep_the_law()
             self.goals_end(confirmed=True)
         self.the_effects_keep_the_law()
         assert self.previews == set(), "every preview is answered"
-        runs = self.driver.status.state is State.RUNNING
-        assert runs or self.driver.status.state is State.IDLE, "nothing waits for ever"
+        runs = self.harness.status.state is State.RUNNING
+        assert runs or self.harness.status.state is State.IDLE, "nothing waits for ever"
 
 
 AnyMarket.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)

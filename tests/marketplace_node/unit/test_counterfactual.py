@@ -10,7 +10,7 @@ import pytest
 
 from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.yaml.source import Source
-from market_harness import SPACE, Driver, scene
+from market_harness import SPACE, MarketHarness, scene
 from marketplace_node.effects import PublishAuction, SendGoal
 from marketplace_node.round import counterfactual, round_model
 from marketplace_node.round.decision import Counterfactual, External, Ranked
@@ -121,7 +121,7 @@ def test_the_search_compares_so_much_and_no_more(
 
 
 def test_search_runs_only_on_request() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register()
     market.scene()
     market.bid()

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import Refused
-from market_harness import EXPRESS, GUIDE, PLAIN, Driver, registration, scene
+from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, registration, scene
 from marketplace_node.effects import (
     AnnounceRun,
     Collect,
@@ -29,21 +29,21 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver()
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness()
+    harness.register()
+    return harness
 
 
 @pytest.fixture
-def impatient() -> Driver:
+def impatient() -> MarketHarness:
     """A market that waits for no host."""
-    driver = Driver(host_wait_s=0)
-    driver.register()
-    return driver
+    harness = MarketHarness(host_wait_s=0)
+    harness.register()
+    return harness
 
 
-def test_interaction_passes_through_all_states(market: Driver) -> None:
+def test_interaction_passes_through_all_states(market: MarketHarness) -> None:
     market.scene()
     market.bid()
     market.accept()
@@ -70,7 +70,7 @@ def test_interaction_passes_through_all_states(market: Driver) -> None:
     assert (market.status.scene_id, market.status.agent, market.status.host) == ("", "", "")
 
 
-def test_status_names_live_hosts_and_agents(market: Driver) -> None:
+def test_status_names_live_hosts_and_agents(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     assert (market.status.hosts, market.status.agents) == (2, 3)
 
@@ -79,7 +79,7 @@ def test_status_names_live_hosts_and_agents(market: Driver) -> None:
     assert (market.status.hosts, market.status.agents) == (1, 2)
 
 
-def test_round_closes_at_deadline_despite_silent_host(market: Driver) -> None:
+def test_round_closes_at_deadline_despite_silent_host(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -94,7 +94,7 @@ def test_round_closes_at_deadline_despite_silent_host(market: Driver) -> None:
     assert market.goal.agent == GUIDE
 
 
-def test_market_reports_its_next_deadline(market: Driver) -> None:
+def test_market_reports_its_next_deadline(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     assert market.market.due == math.inf
     began = market.now
@@ -113,7 +113,7 @@ def test_market_reports_its_next_deadline(market: Driver) -> None:
     assert market.market.due == market.now + market.market.settings.collect_deadline_s
 
 
-def test_round_deadline_counts_from_publication(market: Driver) -> None:
+def test_round_deadline_counts_from_publication(market: MarketHarness) -> None:
     effects = market.market.scene(scene(), market.now)
     market.effects += effects
     market.wait(0.4)
@@ -125,7 +125,7 @@ def test_round_deadline_counts_from_publication(market: Driver) -> None:
     assert market.auction.decision.closed_by is ClosedBy.DEADLINE
 
 
-def test_unpublished_call_still_ends(market: Driver) -> None:
+def test_unpublished_call_still_ends(market: MarketHarness) -> None:
     market.effects += market.market.scene(scene(), market.now)
     market.wait(1.1)
 
@@ -134,7 +134,7 @@ def test_unpublished_call_still_ends(market: Driver) -> None:
 
 
 def test_round_closes_immediately_without_hosts() -> None:
-    market = Driver(host_wait_s=0)
+    market = MarketHarness(host_wait_s=0)
     market.scene()
 
     assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
@@ -142,7 +142,7 @@ def test_round_closes_immediately_without_hosts() -> None:
     assert market.over == ["s1"]
 
 
-def test_agents_of_dead_hosts_are_not_asked(market: Driver) -> None:
+def test_agents_of_dead_hosts_are_not_asked(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.die()
     market.wait(1.1)
@@ -153,7 +153,7 @@ def test_agents_of_dead_hosts_are_not_asked(market: Driver) -> None:
     assert market.goal.agent == PLAIN
 
 
-def test_late_response_is_counted_but_changes_nothing(market: Driver) -> None:
+def test_late_response_is_counted_but_changes_nothing(market: MarketHarness) -> None:
     market.run()
     market.bid(vectors={EXPRESS: (5.0, 1.0, 3.0)})
 
@@ -164,7 +164,7 @@ def test_late_response_is_counted_but_changes_nothing(market: Driver) -> None:
 
 @pytest.mark.parametrize("changes", [{"epoch": "x"}, {"round": 0}, {"round": 9}])
 def test_bids_without_an_open_round_are_only_noted(
-    market: Driver, changes: dict[str, Any]
+    market: MarketHarness, changes: dict[str, Any]
 ) -> None:
     market.bid(**changes)
 
@@ -172,7 +172,7 @@ def test_bids_without_an_open_round_are_only_noted(
     assert market.all(PublishAuction) == []
 
 
-def test_a_refused_goal_goes_to_the_next_best(market: Driver) -> None:
+def test_a_refused_goal_goes_to_the_next_best(market: MarketHarness) -> None:
     market.scene()
     market.bid()
     market.refuse()
@@ -184,7 +184,7 @@ def test_a_refused_goal_goes_to_the_next_best(market: Driver) -> None:
     assert market.status.agent == EXPRESS
 
 
-def test_interaction_ends_when_all_hosts_refuse_run(impatient: Driver) -> None:
+def test_interaction_ends_when_all_hosts_refuse_run(impatient: MarketHarness) -> None:
     impatient.scene()
     impatient.bid()
     impatient.refuse()
@@ -197,7 +197,7 @@ def test_interaction_ends_when_all_hosts_refuse_run(impatient: Driver) -> None:
     )
 
 
-def test_silent_host_loses_award_and_late_acceptance(market: Driver) -> None:
+def test_silent_host_loses_award_and_late_acceptance(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -217,7 +217,7 @@ def test_silent_host_loses_award_and_late_acceptance(market: Driver) -> None:
     assert market.status.state is State.RUNNING, "the end of an old goal ends nothing else"
 
 
-def test_acceptance_after_interaction_is_cancelled(impatient: Driver) -> None:
+def test_acceptance_after_interaction_is_cancelled(impatient: MarketHarness) -> None:
     impatient.scene()
     impatient.bid()
     first = impatient.goal
@@ -233,7 +233,7 @@ def test_acceptance_after_interaction_is_cancelled(impatient: Driver) -> None:
     assert impatient.status.state is State.BIDDING
 
 
-def test_dying_host_loses_its_award(market: Driver) -> None:
+def test_dying_host_loses_its_award(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -245,7 +245,7 @@ def test_dying_host_loses_its_award(market: Driver) -> None:
     assert market.events == ["1 attentive_guide REFUSED", "1 professional_express REFUSED"]
 
 
-def test_lost_host_triggers_round_among_remaining_hosts(market: Driver) -> None:
+def test_lost_host_triggers_round_among_remaining_hosts(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -267,7 +267,7 @@ def test_lost_host_triggers_round_among_remaining_hosts(market: Driver) -> None:
     assert market.over == ["s1"]
 
 
-def test_returning_host_is_stopped_before_next_call(impatient: Driver) -> None:
+def test_returning_host_is_stopped_before_next_call(impatient: MarketHarness) -> None:
     first = impatient.run()
     impatient.die()
     impatient.wait(1.1)
@@ -285,7 +285,7 @@ def test_returning_host_is_stopped_before_next_call(impatient: Driver) -> None:
     assert impatient.status.state is State.BIDDING
 
 
-def test_restarted_host_ends_run_of_earlier_start(market: Driver) -> None:
+def test_restarted_host_ends_run_of_earlier_start(market: MarketHarness) -> None:
     market.run()
     market.die()
     market.now += 1.1
@@ -296,7 +296,7 @@ def test_restarted_host_ends_run_of_earlier_start(market: Driver) -> None:
     assert market.calls[-1].excluded == (GUIDE,)
 
 
-def test_host_forgetting_its_run_loses_it(market: Driver) -> None:
+def test_host_forgetting_its_run_loses_it(market: MarketHarness) -> None:
     market.run()
     market.busy["/agents"] = 0
     market.wait(0.75)
@@ -309,7 +309,7 @@ def test_host_forgetting_its_run_loses_it(market: Driver) -> None:
     assert market.status.state is State.RUNNING
 
 
-def test_delayed_idle_heartbeat_does_not_end_run(market: Driver) -> None:
+def test_delayed_idle_heartbeat_does_not_end_run(market: MarketHarness) -> None:
     market.run()
     market.beat(round_number=0)
     market.wait(5.0)
@@ -317,7 +317,7 @@ def test_delayed_idle_heartbeat_does_not_end_run(market: Driver) -> None:
     assert market.status.state is State.RUNNING
 
 
-def test_host_running_for_earlier_market_is_not_asked(impatient: Driver) -> None:
+def test_host_running_for_earlier_market_is_not_asked(impatient: MarketHarness) -> None:
     impatient.beat(epoch="earlier", round_number=3)
     impatient.scene()
     assert "another market" in impatient.auction.reason
@@ -328,7 +328,7 @@ def test_host_running_for_earlier_market_is_not_asked(impatient: Driver) -> None
 
 
 @pytest.mark.parametrize("outcome", [1, 2, 3])
-def test_feedback_is_collected_after_every_ended_run(market: Driver, outcome: int) -> None:
+def test_feedback_is_collected_after_every_ended_run(market: MarketHarness, outcome: int) -> None:
     market.run()
     market.end(outcome=outcome)
     request = market.all(Collect)[-1]
@@ -340,7 +340,7 @@ def test_feedback_is_collected_after_every_ended_run(market: Driver, outcome: in
     assert market.status.message.endswith("feedback is kept until the feedback node is back")
 
 
-def test_unknown_outcome_counts_as_explained_failure(market: Driver) -> None:
+def test_unknown_outcome_counts_as_explained_failure(market: MarketHarness) -> None:
     market.run()
     market.end(outcome=77)
 
@@ -348,16 +348,16 @@ def test_unknown_outcome_counts_as_explained_failure(market: Driver) -> None:
     assert "unknown outcome 77" in market.all(AnnounceRun)[-1].message
 
 
-def test_registering_again_connects_only_on_change(market: Driver) -> None:
+def test_registering_again_connects_only_on_change(market: MarketHarness) -> None:
     market.register()
     market.register("/agents", GUIDE)
     assert len(market.all(Connect)) == 1
 
-    market.register(heartbeat="/agents/pulse")
+    market.register(heartbeat="/agents/heartbeat_probe")
     assert len(market.all(Connect)) == 2
 
 
-def test_unreachable_host_is_forgotten(market: Driver) -> None:
+def test_unreachable_host_is_forgotten(market: MarketHarness) -> None:
     market.run()
     market.do(market.market.disconnect("/agents", market.now))
 
@@ -365,7 +365,7 @@ def test_unreachable_host_is_forgotten(market: Driver) -> None:
     assert (market.status.hosts, market.status.state) == (0, State.IDLE)
 
 
-def test_settings_apply_from_next_decision(market: Driver) -> None:
+def test_settings_apply_from_next_decision(market: MarketHarness) -> None:
     market.do(market.market.configure(Settings(tie_break="name", bid_deadline_s=3.0), market.now))
     market.scene()
     market.wait(2.9)
@@ -402,7 +402,7 @@ def test_invalid_settings_are_refused(changes: dict[str, Any], code: str) -> Non
     assert caught.value.code == code
 
 
-def test_refused_registration_changes_nothing(market: Driver) -> None:
+def test_refused_registration_changes_nothing(market: MarketHarness) -> None:
     request = registration("/strangers", parameters=("age",))
     answer, effects = market.market.register(request, market.now)
 

@@ -8,25 +8,25 @@ from collections.abc import Callable
 import pytest
 
 from bt_agents_core.errors import Refused
-from market_harness import EXPRESS, GUIDE, PLAIN, Driver
+from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness
 from marketplace_node.effects import AnnounceRun as Announced
 from marketplace_node.effects import Note, SceneEnded, State
 from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.outcomes import RunEventKind
 
 
-def nobody(market: Driver) -> None:
+def nobody(market: MarketHarness) -> None:
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "is tired"))
 
 
-def refused(market: Driver) -> None:
+def refused(market: MarketHarness) -> None:
     market.bid()
     market.refuse()
     market.refuse()
 
 
-def run_to(outcome: int) -> Callable[[Driver], None]:
-    def play(market: Driver) -> None:
+def run_to(outcome: int) -> Callable[[MarketHarness], None]:
+    def play(market: MarketHarness) -> None:
         market.bid()
         market.accept()
         market.end(outcome=outcome)
@@ -35,25 +35,25 @@ def run_to(outcome: int) -> Callable[[Driver], None]:
     return play
 
 
-def lost(market: Driver) -> None:
+def lost(market: MarketHarness) -> None:
     market.bid()
     market.accept()
     market.die()
     market.wait(1.0)
 
 
-def stopped_while_bidding(market: Driver) -> None:
+def stopped_while_bidding(market: MarketHarness) -> None:
     market.cancel()
 
 
-def stopped_while_awarding(market: Driver) -> None:
+def stopped_while_awarding(market: MarketHarness) -> None:
     market.bid()
     market.cancel()
     market.accept()
     market.end(outcome=3)
 
 
-def stopped_while_running(market: Driver) -> None:
+def stopped_while_running(market: MarketHarness) -> None:
     market.bid()
     market.accept()
     market.cancel()
@@ -61,7 +61,7 @@ def stopped_while_running(market: Driver) -> None:
     market.collect()
 
 
-def stopped_without_a_follower(market: Driver) -> None:
+def stopped_without_a_follower(market: MarketHarness) -> None:
     market.bid()
     market.accept()
     market.cancel(again=True)
@@ -70,7 +70,7 @@ def stopped_without_a_follower(market: Driver) -> None:
     market.bid(vectors={}, declined={EXPRESS: "is tired"})
 
 
-def shut_while_bidding(market: Driver) -> None:
+def shut_while_bidding(market: MarketHarness) -> None:
     market.do(market.market.shut_down("shutting down", market.now))
 
 
@@ -91,9 +91,9 @@ def shut_while_bidding(market: Driver) -> None:
     ],
 )
 def test_every_scene_has_exactly_one_end(
-    play: Callable[[Driver], None], code: str, round_number: int, agent: str
+    play: Callable[[MarketHarness], None], code: str, round_number: int, agent: str
 ) -> None:
-    market = Driver(host_wait_s=0)
+    market = MarketHarness(host_wait_s=0)
     market.register()
     market.scene()
     play(market)
@@ -105,7 +105,7 @@ def test_every_scene_has_exactly_one_end(
 
 
 def test_unreadable_scene_ends_with_its_refusal_code() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.do(market.market.malformed("bad", Refused("NOT_FINITE", "age is nan"), market.now))
 
     assert market.all(SceneEnded) == [
@@ -114,7 +114,7 @@ def test_unreadable_scene_ends_with_its_refusal_code() -> None:
 
 
 def test_scene_without_id_is_noted_without_end() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.do(market.market.malformed("", Refused("EMPTY", "scene: no scene_id"), market.now))
 
     assert market.all(SceneEnded) == []
@@ -124,9 +124,9 @@ def test_scene_without_id_is_noted_without_end() -> None:
 
 
 @pytest.fixture
-def two() -> Driver:
+def two() -> MarketHarness:
     """A market that has awarded a scene to the first of two hosts."""
-    market = Driver()
+    market = MarketHarness()
     market.register()
     market.register("/others", PLAIN)
     market.scene()
@@ -136,7 +136,7 @@ def two() -> Driver:
     return market
 
 
-def test_dead_host_promptly_loses_goal_to_next_best(two: Driver) -> None:
+def test_dead_host_promptly_loses_goal_to_next_best(two: MarketHarness) -> None:
     two.wait(0.125)
     two.die()
     died = two.now
@@ -150,7 +150,7 @@ def test_dead_host_promptly_loses_goal_to_next_best(two: Driver) -> None:
 
 
 @pytest.mark.parametrize("when", ["before", "during", "after"])
-def test_late_host_never_runs_reassigned_goal(two: Driver, when: str) -> None:
+def test_late_host_never_runs_reassigned_goal(two: MarketHarness, when: str) -> None:
     first = two.goal
     two.die()
     two.wait(0.9)
@@ -175,7 +175,7 @@ def test_late_host_never_runs_reassigned_goal(two: Driver, when: str) -> None:
         assert two.goal == second, "the end of the old goal takes nothing from the new one"
 
 
-def test_restarted_host_does_not_receive_earlier_goal(two: Driver) -> None:
+def test_restarted_host_does_not_receive_earlier_goal(two: MarketHarness) -> None:
     two.die()
     two.wait(0.9)
     two.register(instance="second")
@@ -185,7 +185,7 @@ def test_restarted_host_does_not_receive_earlier_goal(two: Driver) -> None:
     assert [run.goal.agent for run in two.all(Announced)][-1] == PLAIN
 
 
-def test_host_death_during_run_is_noticed_promptly(two: Driver) -> None:
+def test_host_death_during_run_is_noticed_promptly(two: MarketHarness) -> None:
     two.accept()
     two.wait(0.125)
     two.die()
@@ -196,7 +196,7 @@ def test_host_death_during_run_is_noticed_promptly(two: Driver) -> None:
     assert two.now - died < 1.0
 
 
-def test_lost_run_is_announced_after_stall_extension(two: Driver) -> None:
+def test_lost_run_is_announced_after_stall_extension(two: MarketHarness) -> None:
     two.accept()
     two.die()
     two.now += 5.0

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_core.errors import Refused
-from market_harness import EXPRESS, GUIDE, PLAIN, Driver
+from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness
 from marketplace_node.effects import Note, OpenCall, PublishAuction, SendGoal, State
 from marketplace_node.formatting import shown
 from marketplace_node.outcomes import AuctionOutcome
@@ -16,20 +16,20 @@ from marketplace_node.settings import Settings
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver(strategy="external")
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness(strategy="external")
+    harness.register()
+    return harness
 
 
-def asked(market: Driver) -> None:
+def asked(market: MarketHarness) -> None:
     market.scene()
     market.bid()
     assert [question.round for question in market.questions] == [1]
     assert market.all(PublishAuction) == []
 
 
-def test_question_contains_scene_bids_and_distances(market: Driver) -> None:
+def test_question_contains_scene_bids_and_distances(market: MarketHarness) -> None:
     asked(market)
     [question] = market.questions
 
@@ -44,7 +44,7 @@ def test_question_contains_scene_bids_and_distances(market: Driver) -> None:
     assert market.status.message == "asking outside for a ranking"
 
 
-def test_answer_decides_ranking(market: Driver) -> None:
+def test_answer_decides_ranking(market: MarketHarness) -> None:
     asked(market)
     market.ranked(EXPRESS, GUIDE)
 
@@ -53,7 +53,7 @@ def test_answer_decides_ranking(market: Driver) -> None:
     assert market.auction.decision.closed_by is ClosedBy.ALL_ANSWERED
 
 
-def test_unnamed_agents_follow_by_distance(market: Driver) -> None:
+def test_unnamed_agents_follow_by_distance(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -64,7 +64,9 @@ def test_unnamed_agents_follow_by_distance(market: Driver) -> None:
 
 
 @pytest.mark.parametrize("failure", ["nobody serves /select", "it ranks 'bob', which has not bid"])
-def test_nearest_wins_without_ranking_and_reason_explains(market: Driver, failure: str) -> None:
+def test_nearest_wins_without_ranking_and_reason_explains(
+    market: MarketHarness, failure: str
+) -> None:
     asked(market)
     market.ranked(failure=failure)
 
@@ -72,7 +74,7 @@ def test_nearest_wins_without_ranking_and_reason_explains(market: Driver, failur
     assert failure in market.auction.reason
 
 
-def test_silence_ends_at_time_limit(market: Driver) -> None:
+def test_silence_ends_at_time_limit(market: MarketHarness) -> None:
     asked(market)
     market.wait(0.4)
     assert market.all(PublishAuction) == []
@@ -82,7 +84,7 @@ def test_silence_ends_at_time_limit(market: Driver) -> None:
     assert "did not answer within 0.5 s" in market.auction.reason
 
 
-def test_answer_after_time_limit_changes_nothing(market: Driver) -> None:
+def test_answer_after_time_limit_changes_nothing(market: MarketHarness) -> None:
     asked(market)
     market.wait(1.0)
     market.ranked(EXPRESS)
@@ -92,7 +94,7 @@ def test_answer_after_time_limit_changes_nothing(market: Driver) -> None:
     assert "LATE" in market.all(Note)[-1].message
 
 
-def test_the_first_of_two_answers_counts(market: Driver) -> None:
+def test_the_first_of_two_answers_counts(market: MarketHarness) -> None:
     asked(market)
     market.ranked(EXPRESS)
     market.ranked(GUIDE)
@@ -103,7 +105,7 @@ def test_the_first_of_two_answers_counts(market: Driver) -> None:
 
 @pytest.mark.parametrize("bids", [{}, {GUIDE: (1.0, 1.0, 1.0)}])
 def test_trivial_ranking_needs_no_question(
-    market: Driver, bids: dict[str, tuple[float, ...]]
+    market: MarketHarness, bids: dict[str, tuple[float, ...]]
 ) -> None:
     declined = {name: "tired" for name in (GUIDE, EXPRESS) if name not in bids}
     market.scene()
@@ -113,7 +115,7 @@ def test_trivial_ranking_needs_no_question(
     assert len(market.all(PublishAuction)) == 1
 
 
-def test_bids_during_wait_are_late(market: Driver) -> None:
+def test_bids_during_wait_are_late(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.scene()
     market.bid()
@@ -126,7 +128,7 @@ def test_bids_during_wait_are_late(market: Driver) -> None:
     assert market.auction.decision.silent_hosts == ("/others",)
 
 
-def test_a_stop_during_the_wait_ends_the_scene(market: Driver) -> None:
+def test_a_stop_during_the_wait_ends_the_scene(market: MarketHarness) -> None:
     asked(market)
     assert market.cancel()[0]
     market.ranked(EXPRESS)
@@ -136,7 +138,7 @@ def test_a_stop_during_the_wait_ends_the_scene(market: Driver) -> None:
     assert market.all(SendGoal) == []
 
 
-def test_a_shutdown_during_the_wait_ends_the_scene(market: Driver) -> None:
+def test_a_shutdown_during_the_wait_ends_the_scene(market: MarketHarness) -> None:
     asked(market)
     market.do(market.market.shut_down("the end", market.now))
 
@@ -144,7 +146,7 @@ def test_a_shutdown_during_the_wait_ends_the_scene(market: Driver) -> None:
     assert market.status.state is State.IDLE
 
 
-def test_host_dying_during_wait_is_skipped(market: Driver) -> None:
+def test_host_dying_during_wait_is_skipped(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.do(
         market.market.configure(
@@ -162,7 +164,7 @@ def test_host_dying_during_wait_is_skipped(market: Driver) -> None:
     assert market.events == ["1 professional_express REFUSED", "1 attentive_guide REFUSED"]
 
 
-def test_scene_arriving_during_wait_is_queued(market: Driver) -> None:
+def test_scene_arriving_during_wait_is_queued(market: MarketHarness) -> None:
     asked(market)
     market.scene("s2")
     assert market.status.queued == 1
@@ -175,7 +177,7 @@ def test_scene_arriving_during_wait_is_queued(market: Driver) -> None:
     assert market.calls[-1].scene.scene_id == "s2"
 
 
-def test_strategy_switch_during_wait_applies_next_round(market: Driver) -> None:
+def test_strategy_switch_during_wait_applies_next_round(market: MarketHarness) -> None:
     asked(market)
     market.do(market.market.configure(Settings(strategy="manhattan"), market.now))
     market.ranked(EXPRESS)
@@ -190,7 +192,7 @@ def test_strategy_switch_during_wait_applies_next_round(market: Driver) -> None:
     assert len(market.questions) == 1
 
 
-def test_stalled_market_extends_wait_accordingly(market: Driver) -> None:
+def test_stalled_market_extends_wait_accordingly(market: MarketHarness) -> None:
     asked(market)
     since, market.now = market.now, market.now + 30.0
     market.do(market.market.extend_after_stall(since, market.now))
@@ -201,7 +203,7 @@ def test_stalled_market_extends_wait_accordingly(market: Driver) -> None:
 
 
 def test_challenge_also_asks_external_ranker() -> None:
-    market = Driver(strategy="external", on_new_scene="preempt")
+    market = MarketHarness(strategy="external", on_new_scene="preempt")
     market.register()
     asked(market)
     market.ranked(GUIDE, EXPRESS)
@@ -215,7 +217,7 @@ def test_challenge_also_asks_external_ranker() -> None:
 
 
 def test_run_end_during_wait_closes_challenge() -> None:
-    market = Driver(strategy="external", on_new_scene="preempt")
+    market = MarketHarness(strategy="external", on_new_scene="preempt")
     market.register()
     asked(market)
     market.ranked(GUIDE)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bt_agents_core.stop_cause import StopCause
-from market_harness import GUIDE, Driver, scene
+from market_harness import GUIDE, MarketHarness, scene
 from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, SceneEnded, State
 from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.outcomes import RunOutcome
@@ -31,19 +31,19 @@ def run(**changes: Any) -> EarlierRun:
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver()
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness()
+    harness.register()
+    return harness
 
 
-def tell(market: Driver, *runs: EarlierRun, host: str = "/agents") -> None:
+def tell(market: MarketHarness, *runs: EarlierRun, host: str = "/agents") -> None:
     market.do(market.market.unreported(host, runs, market.now))
 
 
 @pytest.mark.parametrize("outcome", [RunOutcome.CANCELLED, RunOutcome.LOST])
 def test_interrupted_run_is_recorded_and_scene_auctioned_again(
-    market: Driver, outcome: RunOutcome
+    market: MarketHarness, outcome: RunOutcome
 ) -> None:
     cut_off = run(outcome=outcome)
     tell(market, cut_off)
@@ -67,7 +67,7 @@ def test_interrupted_run_is_recorded_and_scene_auctioned_again(
     ],
 )
 def test_run_ending_by_itself_ends_its_scene(
-    market: Driver, outcome: RunOutcome, code: str
+    market: MarketHarness, outcome: RunOutcome, code: str
 ) -> None:
     tell(market, run(outcome=outcome, message="done", stop_cause=StopCause.NOT_STOPPED))
 
@@ -88,7 +88,7 @@ def test_run_ending_by_itself_ends_its_scene(
     ],
 )
 def test_scene_not_auctioned_again_says_why(
-    market: Driver, changes: dict[str, Any], words: str
+    market: MarketHarness, changes: dict[str, Any], words: str
 ) -> None:
     tell(market, run(**changes))
 
@@ -99,7 +99,7 @@ def test_scene_not_auctioned_again_says_why(
     assert market.calls == []
 
 
-def test_market_shutting_down_repeats_no_auction(market: Driver) -> None:
+def test_market_shutting_down_repeats_no_auction(market: MarketHarness) -> None:
     market.do(market.market.shut_down("the marketplace is shutting down", market.now))
     tell(market, run())
 
@@ -107,7 +107,7 @@ def test_market_shutting_down_repeats_no_auction(market: Driver) -> None:
     assert market.end_words.endswith("not asked again, as the marketplace is shutting down")
 
 
-def test_pending_repeat_auction_ends_at_market_shutdown(market: Driver) -> None:
+def test_pending_repeat_auction_ends_at_market_shutdown(market: MarketHarness) -> None:
     tell(market, run())
     market.do(market.market.shut_down("shutting down", market.now))
     market.wait(1.6)
@@ -115,7 +115,7 @@ def test_pending_repeat_auction_ends_at_market_shutdown(market: Driver) -> None:
     assert market.ends == [("old", "LOST"), ("old+again", "SHUTTING_DOWN")]
 
 
-def test_interrupted_scene_is_auctioned_again_only_once(market: Driver) -> None:
+def test_interrupted_scene_is_auctioned_again_only_once(market: MarketHarness) -> None:
     tell(market, run(), run(message="once more"))
     tell(market, run())
     tell(market, run(round=5, scene=scene("old")))
@@ -129,7 +129,7 @@ def test_interrupted_scene_is_auctioned_again_only_once(market: Driver) -> None:
     assert len([n for n in market.all(Note) if "once more; it is left out" in n.message]) == 3
 
 
-def test_last_run_determines_scene_end(market: Driver) -> None:
+def test_last_run_determines_scene_end(market: MarketHarness) -> None:
     follow_up = run(
         round=9,
         scene=scene("old+1"),
@@ -150,7 +150,7 @@ def test_last_run_determines_scene_end(market: Driver) -> None:
     ],
 )
 def test_runs_unknown_to_host_are_ignored(
-    market: Driver, changes: dict[str, Any], words: str
+    market: MarketHarness, changes: dict[str, Any], words: str
 ) -> None:
     tell(market, run(**changes))
 
@@ -159,7 +159,7 @@ def test_runs_unknown_to_host_are_ignored(
     assert market.ends == []
 
 
-def test_repeated_scene_queues_like_any_other(market: Driver) -> None:
+def test_repeated_scene_queues_like_any_other(market: MarketHarness) -> None:
     market.run()
     tell(market, run())
     market.wait(1.6)

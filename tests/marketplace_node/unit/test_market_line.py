@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from bt_agents_core.errors import Refused
-from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
+from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, MarketHarness, scene
 from marketplace_node.effects import AnnounceEarlierRun, AnnounceRun, EarlierRun, SceneEnded, State
 from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S
@@ -21,17 +21,17 @@ CROWD = tuple(f"s{number}" for number in range(1, 11))
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver()
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness()
+    harness.register()
+    return harness
 
 
-def come_back(market: Driver, instance: str = "second") -> None:
+def come_back(market: MarketHarness, instance: str = "second") -> None:
     market.register(instance=instance)
 
 
-def serve(market: Driver, *, rounds: int = 40) -> None:
+def serve(market: MarketHarness, *, rounds: int = 40) -> None:
     """Let the host run whatever it is asked about."""
     for _ in range(rounds):
         if market.status.state is State.BIDDING:
@@ -43,7 +43,7 @@ def serve(market: Driver, *, rounds: int = 40) -> None:
 
 
 @pytest.mark.parametrize("away_s", [0.9, 1.5, 5.0])
-def test_queued_scenes_run_when_only_host_returns(market: Driver, away_s: float) -> None:
+def test_queued_scenes_run_when_only_host_returns(market: MarketHarness, away_s: float) -> None:
     market.run()
     for name in CROWD[1:]:
         market.scene(name)
@@ -60,7 +60,7 @@ def test_queued_scenes_run_when_only_host_returns(market: Driver, away_s: float)
     assert market.ends[1:] == [(name, "SUCCEEDED") for name in CROWD[1:]]
 
 
-def test_absent_host_is_awaited_for_configured_time(market: Driver) -> None:
+def test_absent_host_is_awaited_for_configured_time(market: MarketHarness) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -73,7 +73,7 @@ def test_absent_host_is_awaited_for_configured_time(market: Driver) -> None:
     assert market.ends[-1] == ("s2", "NO_BIDS"), "it is not expected any more"
 
 
-def test_wait_uses_current_setting(market: Driver) -> None:
+def test_wait_uses_current_setting(market: MarketHarness) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -84,7 +84,7 @@ def test_wait_uses_current_setting(market: Driver) -> None:
 
 
 def test_new_market_waits_for_first_host() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.scene("s1")
     assert market.status.message == "waiting for hosts to register"
     assert market.status.awaited_hosts == ()
@@ -94,20 +94,20 @@ def test_new_market_waits_for_first_host() -> None:
     serve(market)
 
     assert market.ends == [("s1", "SUCCEEDED")]
-    other = Driver()
+    other = MarketHarness()
     other.scene("s1")
     other.wait(5.1)
     assert other.ends == [("s1", "NO_BIDS")]
 
 
-def test_scene_declined_by_all_live_agents_ends_immediately(market: Driver) -> None:
+def test_scene_declined_by_all_live_agents_ends_immediately(market: MarketHarness) -> None:
     market.scene("s1")
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "is tired"))
 
     assert market.ends == [("s1", "NO_BIDS")]
 
 
-def test_host_silent_during_round_is_asked_on_return(market: Driver) -> None:
+def test_host_silent_during_round_is_asked_on_return(market: MarketHarness) -> None:
     market.scene("s1")
     market.scene("s2")
     market.die()
@@ -122,7 +122,7 @@ def test_host_silent_during_round_is_asked_on_return(market: Driver) -> None:
     assert market.ends == [("s1", "SUCCEEDED"), ("s2", "SUCCEEDED")]
 
 
-def test_unresponsive_host_with_heartbeat_counts_as_not_bidding(market: Driver) -> None:
+def test_unresponsive_host_with_heartbeat_counts_as_not_bidding(market: MarketHarness) -> None:
     market.scene("s1")
     market.wait(0.6)
 
@@ -131,7 +131,7 @@ def test_unresponsive_host_with_heartbeat_counts_as_not_bidding(market: Driver) 
 
 @pytest.mark.parametrize("how", ["refused", "unanswered", "gone"])
 def test_scene_with_refused_run_is_auctioned_again(how: str) -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register("/agents", GUIDE)
     market.scene("s1")
     market.bid(vectors={GUIDE: (4.0, 1.5, 3.0)})
@@ -152,7 +152,7 @@ def test_scene_with_refused_run_is_auctioned_again(how: str) -> None:
 
 @pytest.mark.parametrize("between_s", [0.0625, 4.0])
 def test_repeatedly_refused_scene_ends(between_s: float) -> None:
-    market = Driver(bid_deadline_s=10.0)
+    market = MarketHarness(bid_deadline_s=10.0)
     market.register()
     market.scene("s1")
     began, rounds = market.now, 0
@@ -171,7 +171,7 @@ def test_repeatedly_refused_scene_ends(between_s: float) -> None:
 
 
 def test_runnable_scenes_overtake_scenes_awaiting_host() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register("/agents", GUIDE)
     market.register("/others", PLAIN)
     market.die()
@@ -197,7 +197,7 @@ def test_runnable_scenes_overtake_scenes_awaiting_host() -> None:
 
 
 def test_host_with_only_vetoed_agents_is_not_awaited() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register("/agents", GUIDE)
     market.operate(OperatorAction.VETO, GUIDE)
     market.die()
@@ -207,7 +207,7 @@ def test_host_with_only_vetoed_agents_is_not_awaited() -> None:
     assert market.ends == [("s1", "NO_BIDS")]
 
 
-def test_pinned_agent_with_absent_host_is_awaited(market: Driver) -> None:
+def test_pinned_agent_with_absent_host_is_awaited(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.operate(OperatorAction.PIN, PLAIN)
     market.die("/others")
@@ -218,7 +218,7 @@ def test_pinned_agent_with_absent_host_is_awaited(market: Driver) -> None:
     assert market.status.awaited_hosts == ("/others",)
 
 
-def test_scenes_awaiting_host_can_be_cancelled(market: Driver) -> None:
+def test_scenes_awaiting_host_can_be_cancelled(market: MarketHarness) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -230,7 +230,7 @@ def test_scenes_awaiting_host_can_be_cancelled(market: Driver) -> None:
     assert market.cancel("enough") == (False, "nothing runs")
 
 
-def test_scenes_awaiting_host_end_at_market_shutdown(market: Driver) -> None:
+def test_scenes_awaiting_host_end_at_market_shutdown(market: MarketHarness) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -243,7 +243,7 @@ def test_scenes_awaiting_host_end_at_market_shutdown(market: Driver) -> None:
     ("mode", "limit", "code"), [("reject", 10, "BUSY"), ("queue", 1, "QUEUE_FULL")]
 )
 def test_queue_limit_applies_while_awaiting_host(mode: str, limit: int, code: str) -> None:
-    market = Driver(on_new_scene=mode, queue_limit=limit)
+    market = MarketHarness(on_new_scene=mode, queue_limit=limit)
     market.register()
     market.die()
     market.wait(1.0)
@@ -256,7 +256,7 @@ def test_queue_limit_applies_while_awaiting_host(mode: str, limit: int, code: st
 
 
 def test_urgent_preempting_scene_goes_first_when_host_returns() -> None:
-    market = Driver(on_new_scene="preempt")
+    market = MarketHarness(on_new_scene="preempt")
     market.register()
     market.die()
     market.wait(1.0)
@@ -267,7 +267,7 @@ def test_urgent_preempting_scene_goes_first_when_host_returns() -> None:
     assert (market.status.scene_id, market.status.waiting) == ("s2", ("s1",))
 
 
-def test_stalled_market_extends_wait_for_host(market: Driver) -> None:
+def test_stalled_market_extends_wait_for_host(market: MarketHarness) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -280,7 +280,7 @@ def test_stalled_market_extends_wait_for_host(market: Driver) -> None:
     assert market.ends == [("s1", "SUCCEEDED")]
 
 
-def test_scene_waits_until_run_of_host_ends(market: Driver) -> None:
+def test_scene_waits_until_run_of_host_ends(market: MarketHarness) -> None:
     market.run()
     market.scene("s2")
     market.cancel(round_number=1)
@@ -298,15 +298,15 @@ def test_scene_waits_until_run_of_host_ends(market: Driver) -> None:
 
 
 def restarted(
-    market: Driver, away_s: float = 1.0, *, host: bool = True, at_once: bool = False
-) -> Driver:
+    market: MarketHarness, away_s: float = 1.0, *, host: bool = True, at_once: bool = False
+) -> MarketHarness:
     """Return the next start of a killed market, with what it has stored.
 
     It was killed ``at_once`` after its last event, or has stored that all ends were announced.
     """
     if not at_once:
         market.do(market.market.tick(market.now))
-    after = Driver()
+    after = MarketHarness()
     after.now = market.now + away_s
     stored = market.all(StoreScenes)[-1]
     after.market = type(after.market)(SPACE, "next", after.market.settings, new_key=bytes)
@@ -317,7 +317,7 @@ def restarted(
     return after
 
 
-def serve_next(market: Driver) -> None:
+def serve_next(market: MarketHarness) -> None:
     for _ in range(80):
         if market.status.state is State.BIDDING:
             market.bid(epoch="next")
@@ -327,7 +327,7 @@ def serve_next(market: Driver) -> None:
         market.wait(0.0625)
 
 
-def report(market: Driver, goal: RunGoal, outcome: RunOutcome) -> None:
+def report(market: MarketHarness, goal: RunGoal, outcome: RunOutcome) -> None:
     run = EarlierRun(
         event=RunEventKind.ENDED,
         outcome=outcome,
@@ -340,7 +340,7 @@ def report(market: Driver, goal: RunGoal, outcome: RunOutcome) -> None:
     market.do(market.market.unreported("/agents", [run], market.now))
 
 
-def test_queue_resumes_when_all_earlier_hosts_return(market: Driver) -> None:
+def test_queue_resumes_when_all_earlier_hosts_return(market: MarketHarness) -> None:
     market.register("/b", "other")
     market.scene("s1")
     after = restarted(market)
@@ -349,7 +349,7 @@ def test_queue_resumes_when_all_earlier_hosts_return(market: Driver) -> None:
     assert (after.status.state, after.status.scene_id) == (State.BIDDING, "s1")
 
 
-def test_queue_waits_only_briefly_for_missing_host(market: Driver) -> None:
+def test_queue_waits_only_briefly_for_missing_host(market: MarketHarness) -> None:
     market.register("/b", "other")
     market.scene("s1")
     after = restarted(market)
@@ -360,7 +360,7 @@ def test_queue_waits_only_briefly_for_missing_host(market: Driver) -> None:
 
 
 def test_refused_scene_sent_again_is_a_duplicate() -> None:
-    market = Driver(queue_limit=0)
+    market = MarketHarness(queue_limit=0)
     market.register()
     market.run()
     market.scene("s2")
@@ -371,7 +371,7 @@ def test_refused_scene_sent_again_is_a_duplicate() -> None:
     assert after.ends == [("s2", "DUPLICATE")]
 
 
-def test_queue_survives_market_restart(market: Driver) -> None:
+def test_queue_survives_market_restart(market: MarketHarness) -> None:
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("first", urgent=True))
     market.scene("s2")
     market.scene("s3", float("nan"), 2.0, 3.0)
@@ -385,7 +385,7 @@ def test_queue_survives_market_restart(market: Driver) -> None:
     assert first.decision.winner.agent == EXPRESS, "an award outlives the market, too"
 
 
-def test_scene_accepted_before_restart_is_duplicate_afterwards(market: Driver) -> None:
+def test_scene_accepted_before_restart_is_duplicate_afterwards(market: MarketHarness) -> None:
     market.run("s1")
     market.end()
     market.collect()
@@ -397,7 +397,7 @@ def test_scene_accepted_before_restart_is_duplicate_afterwards(market: Driver) -
     assert after.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
 
 
-def test_reported_run_end_ends_its_scene_once(market: Driver) -> None:
+def test_reported_run_end_ends_its_scene_once(market: MarketHarness) -> None:
     goal = market.run()
     after = restarted(market)
     report(after, goal, RunOutcome.SUCCEEDED)
@@ -407,7 +407,7 @@ def test_reported_run_end_ends_its_scene_once(market: Driver) -> None:
     assert after.ends == [("s1", "SUCCEEDED")]
 
 
-def test_run_is_lost_once_if_host_also_restarts(market: Driver) -> None:
+def test_run_is_lost_once_if_host_also_restarts(market: MarketHarness) -> None:
     market.run()
     after = restarted(market, host=False)
     come_back(after)
@@ -417,7 +417,7 @@ def test_run_is_lost_once_if_host_also_restarts(market: Driver) -> None:
     assert after.end_words == "the marketplace was restarted, and /agents was started again, too"
 
 
-def test_unreported_run_is_lost_after_wait(market: Driver) -> None:
+def test_unreported_run_is_lost_after_wait(market: MarketHarness) -> None:
     goal = market.run()
     after = restarted(market)
     after.wait(4.9)
@@ -429,7 +429,7 @@ def test_unreported_run_is_lost_after_wait(market: Driver) -> None:
     assert after.over == ["s1"], "a report that comes too late ends nothing again"
 
 
-def test_run_still_stopping_on_host_is_awaited(market: Driver) -> None:
+def test_run_still_stopping_on_host_is_awaited(market: MarketHarness) -> None:
     goal = market.run()
     after = restarted(market)
     for _ in range(20):
@@ -442,7 +442,7 @@ def test_run_still_stopping_on_host_is_awaited(market: Driver) -> None:
     assert after.ends == [("s1", "SUCCEEDED")]
 
 
-def test_scene_gets_outcome_of_run_ended_before_crash(market: Driver) -> None:
+def test_scene_gets_outcome_of_run_ended_before_crash(market: MarketHarness) -> None:
     market.run()
     market.end(outcome=2, message="it fell")
     assert market.over == []
@@ -453,7 +453,7 @@ def test_scene_gets_outcome_of_run_ended_before_crash(market: Driver) -> None:
     assert after.end_words == "attentive_guide failed: it fell; the marketplace was restarted"
 
 
-def test_scene_with_unstarted_run_goes_first_after_restart(market: Driver) -> None:
+def test_scene_with_unstarted_run_goes_first_after_restart(market: MarketHarness) -> None:
     market.scene("s1")
     market.scene("s2")
     market.bid()
@@ -463,7 +463,7 @@ def test_scene_with_unstarted_run_goes_first_after_restart(market: Driver) -> No
     assert after.ends == [("s1", "SUCCEEDED"), ("s2", "SUCCEEDED")]
 
 
-def test_report_of_unknown_run_does_not_end_scene(market: Driver) -> None:
+def test_report_of_unknown_run_does_not_end_scene(market: MarketHarness) -> None:
     market.scene("s1")
     market.bid()
     goal = market.goal
@@ -474,7 +474,7 @@ def test_report_of_unknown_run_does_not_end_scene(market: Driver) -> None:
     assert after.ends == [("s1", "SUCCEEDED")]
 
 
-def test_pending_repeat_auction_survives_second_restart(market: Driver) -> None:
+def test_pending_repeat_auction_survives_second_restart(market: MarketHarness) -> None:
     goal = market.run()
     after = restarted(market)
     report(after, goal, RunOutcome.LOST)
@@ -485,7 +485,7 @@ def test_pending_repeat_auction_survives_second_restart(market: Driver) -> None:
     assert again.ends == [("s1+again", "SUCCEEDED")]
 
 
-def test_unreported_run_survives_second_restart(market: Driver) -> None:
+def test_unreported_run_survives_second_restart(market: MarketHarness) -> None:
     goal = market.run()
     again = restarted(restarted(market, host=False))
     report(again, goal, RunOutcome.SUCCEEDED)
@@ -493,7 +493,7 @@ def test_unreported_run_survives_second_restart(market: Driver) -> None:
     assert again.ends == [("s1", "SUCCEEDED")]
 
 
-def test_queued_scenes_are_lost_after_long_outage(market: Driver) -> None:
+def test_queued_scenes_are_lost_after_long_outage(market: MarketHarness) -> None:
     market.die()
     market.wait(1.0)
     market.scene("s1")
@@ -503,7 +503,7 @@ def test_queued_scenes_are_lost_after_long_outage(market: Driver) -> None:
     assert after.end_words == "there was no marketplace for 61 s, expected 60 s at most"
 
 
-def test_ended_scene_id_is_reusable_after_long_outage(market: Driver) -> None:
+def test_ended_scene_id_is_reusable_after_long_outage(market: MarketHarness) -> None:
     market.run()
     market.end()
     market.collect()
@@ -514,7 +514,7 @@ def test_ended_scene_id_is_reusable_after_long_outage(market: Driver) -> None:
     assert after.status.scene_id == "s1", "nothing is waited for, as no scene was in line"
 
 
-def test_market_shutdown_ends_unreported_runs(market: Driver) -> None:
+def test_market_shutdown_ends_unreported_runs(market: MarketHarness) -> None:
     market.run()
     after = restarted(market)
     after.do(after.market.shut_down("shutting down", after.now))
@@ -523,7 +523,7 @@ def test_market_shutdown_ends_unreported_runs(market: Driver) -> None:
     assert after.all(StoreScenes)[-1].scenes == ()
 
 
-def test_scene_is_stored_and_removed_before_announcements(market: Driver) -> None:
+def test_scene_is_stored_and_removed_before_announcements(market: MarketHarness) -> None:
     market.scene("s1")
     first = next(
         i for i, e in enumerate(market.effects) if isinstance(e, StoreScenes) and e.scenes
@@ -537,7 +537,7 @@ def test_scene_is_stored_and_removed_before_announcements(market: Driver) -> Non
     assert last < kinds.index("SceneEnded")
 
 
-def test_next_market_repeats_end_without_stored_announcement(market: Driver) -> None:
+def test_next_market_repeats_end_without_stored_announcement(market: MarketHarness) -> None:
     market.run()
     market.scene("s2")
     market.end()
@@ -553,7 +553,7 @@ def test_next_market_repeats_end_without_stored_announcement(market: Driver) -> 
     assert "s1" not in later.over
 
 
-def test_end_is_announced_again_after_any_outage(market: Driver) -> None:
+def test_end_is_announced_again_after_any_outage(market: MarketHarness) -> None:
     market.run()
     market.end()
     market.collect()
@@ -563,7 +563,7 @@ def test_end_is_announced_again_after_any_outage(market: Driver) -> None:
     assert after.all(StoreScenes)[-1].ends == ()
 
 
-def test_run_is_lost_once_if_host_also_dies(market: Driver) -> None:
+def test_run_is_lost_once_if_host_also_dies(market: MarketHarness) -> None:
     goal = market.run()
     after = restarted(market, host=False)
     after.register(instance="second")
@@ -575,7 +575,7 @@ def test_run_is_lost_once_if_host_also_dies(market: Driver) -> None:
     assert after.ends == [("s1", "LOST")]
 
 
-def test_unreported_run_is_lost_once(market: Driver) -> None:
+def test_unreported_run_is_lost_once(market: MarketHarness) -> None:
     market.run()
     after = restarted(market)
     after.wait(60.0)
@@ -584,7 +584,7 @@ def test_unreported_run_is_lost_once(market: Driver) -> None:
     assert after.ends == [("s1", "LOST")]
 
 
-def test_possibly_unannounced_run_end_is_announced_again(market: Driver) -> None:
+def test_possibly_unannounced_run_end_is_announced_again(market: MarketHarness) -> None:
     goal = market.run()
     market.end()
     once = restarted(market, host=False, at_once=True)
@@ -598,11 +598,11 @@ def test_possibly_unannounced_run_end_is_announced_again(market: Driver) -> None
     assert earlier_runs(later) == []
 
 
-def earlier_runs(market: Driver) -> list[EarlierRun]:
+def earlier_runs(market: MarketHarness) -> list[EarlierRun]:
     return [effect.run for effect in market.all(AnnounceEarlierRun)]
 
 
-def test_unchanged_state_is_not_stored(market: Driver) -> None:
+def test_unchanged_state_is_not_stored(market: MarketHarness) -> None:
     market.run()
     before = len(market.all(StoreScenes))
     market.wait(2.0)
@@ -622,14 +622,14 @@ def test_unchanged_state_is_not_stored(market: Driver) -> None:
         "[" * 100_000,
     ],
 )
-def test_unreadable_stored_scenes_change_nothing(market: Driver, text: str) -> None:
+def test_unreadable_stored_scenes_change_nothing(market: MarketHarness, text: str) -> None:
     with pytest.raises(Refused, match="cannot be read"):
         market.market.restore_scenes(text, 1.0, market.now)
 
     assert market.status.queued == 0
 
 
-def test_stored_scene_round_trips(market: Driver) -> None:
+def test_stored_scene_round_trips(market: MarketHarness) -> None:
     market.run()
     market.scene("s2", float("nan"), 2.0, 3.0, urgent=True)
     stored = market.all(StoreScenes)[-1]

@@ -9,7 +9,7 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.stop_cause import StoppedBy
-from market_harness import EXPRESS, GUIDE, PLAIN, Driver, scene
+from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, scene
 from marketplace_node.effects import AnnounceRun, SendGoal, State, StoreOverrides
 from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.operator_overrides import OperatorAction
@@ -17,17 +17,17 @@ from marketplace_node.outcomes import AuctionOutcome
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver()
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness()
+    harness.register()
+    return harness
 
 
-def refusals(market: Driver) -> dict[str, tuple[str, str]]:
+def refusals(market: MarketHarness) -> dict[str, tuple[str, str]]:
     return {bid.agent: (bid.code, bid.reason) for bid in market.auction.decision.refused}
 
 
-def test_only_a_pinned_agent_may_bid(market: Driver) -> None:
+def test_only_a_pinned_agent_may_bid(market: MarketHarness) -> None:
     words = market.operate(
         OperatorAction.PIN, EXPRESS, author="anna", reason="a film crew is here"
     )
@@ -45,7 +45,7 @@ def test_only_a_pinned_agent_may_bid(market: Driver) -> None:
     assert market.status.pinned == EXPRESS
 
 
-def test_bid_against_pin_is_refused(market: Driver) -> None:
+def test_bid_against_pin_is_refused(market: MarketHarness) -> None:
     market.operate(OperatorAction.PIN, EXPRESS)
     market.scene()
     market.bid()
@@ -54,7 +54,7 @@ def test_bid_against_pin_is_refused(market: Driver) -> None:
     assert {code for code, _ in refusals(market).values()} == {"NOT_PINNED"}
 
 
-def test_all_agents_may_bid_after_unpin(market: Driver) -> None:
+def test_all_agents_may_bid_after_unpin(market: MarketHarness) -> None:
     market.operate(OperatorAction.PIN, EXPRESS)
     market.operate(OperatorAction.UNPIN)
     market.run()
@@ -63,7 +63,7 @@ def test_all_agents_may_bid_after_unpin(market: Driver) -> None:
     assert market.auction.decision.terms.intervention == ""
 
 
-def test_pin_does_not_stop_running_agent(market: Driver) -> None:
+def test_pin_does_not_stop_running_agent(market: MarketHarness) -> None:
     market.run()
     words = market.operate(OperatorAction.PIN, EXPRESS)
 
@@ -71,7 +71,7 @@ def test_pin_does_not_stop_running_agent(market: Driver) -> None:
     assert market.status.state is State.RUNNING
 
 
-def test_vetoed_agent_cannot_bid_until_allowed(market: Driver) -> None:
+def test_vetoed_agent_cannot_bid_until_allowed(market: MarketHarness) -> None:
     market.operate(OperatorAction.VETO, GUIDE, author="anna", reason="too loud")
     market.scene()
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
@@ -90,7 +90,7 @@ def test_vetoed_agent_cannot_bid_until_allowed(market: Driver) -> None:
     assert market.goal.agent == GUIDE
 
 
-def test_veto_stops_running_agent_and_asks_others(market: Driver) -> None:
+def test_veto_stops_running_agent_and_asks_others(market: MarketHarness) -> None:
     market.run()
     words = market.operate(OperatorAction.VETO, GUIDE, author="anna")
     assert words == (
@@ -107,7 +107,7 @@ def test_veto_stops_running_agent_and_asks_others(market: Driver) -> None:
     assert market.auction.decision.terms.scene.scene_id == "s1+1"
 
 
-def test_veto_before_start_reassigns_run(market: Driver) -> None:
+def test_veto_before_start_reassigns_run(market: MarketHarness) -> None:
     market.scene()
     market.bid()
     goal = market.goal
@@ -120,7 +120,7 @@ def test_veto_before_start_reassigns_run(market: Driver) -> None:
     assert market.ends == []
 
 
-def test_veto_during_bidding_applies_at_award(market: Driver) -> None:
+def test_veto_during_bidding_applies_at_award(market: MarketHarness) -> None:
     market.scene()
     market.operate(OperatorAction.VETO, GUIDE, author="anna")
     market.bid()
@@ -129,7 +129,7 @@ def test_veto_during_bidding_applies_at_award(market: Driver) -> None:
     assert market.goal.agent == EXPRESS
 
 
-def test_no_agent_wins_when_all_are_vetoed(market: Driver) -> None:
+def test_no_agent_wins_when_all_are_vetoed(market: MarketHarness) -> None:
     market.operate(OperatorAction.VETO, GUIDE)
     market.operate(OperatorAction.VETO, EXPRESS)
     market.scene()
@@ -139,7 +139,7 @@ def test_no_agent_wins_when_all_are_vetoed(market: Driver) -> None:
     assert {code for code, _ in refusals(market).values()} == {"VETOED"}
 
 
-def test_operator_award_beats_nearer_agents(market: Driver) -> None:
+def test_operator_award_beats_nearer_agents(market: MarketHarness) -> None:
     market.run()
     market.end()
     market.collect()
@@ -153,7 +153,7 @@ def test_operator_award_beats_nearer_agents(market: Driver) -> None:
     assert market.auction.decision.terms.scene.vector == scene().vector
 
 
-def test_operator_award_can_bring_its_own_scene(market: Driver) -> None:
+def test_operator_award_can_bring_its_own_scene(market: MarketHarness) -> None:
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs", 5.0, 1.0, 3.0))
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
 
@@ -161,7 +161,7 @@ def test_operator_award_can_bring_its_own_scene(market: Driver) -> None:
     assert market.goal.agent == EXPRESS
 
 
-def test_award_declined_by_its_agent_has_no_winner(market: Driver) -> None:
+def test_award_declined_by_its_agent_has_no_winner(market: MarketHarness) -> None:
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
     market.bid(vectors={}, declined={EXPRESS: "needs scene.person"})
 
@@ -169,7 +169,7 @@ def test_award_declined_by_its_agent_has_no_winner(market: Driver) -> None:
     assert market.ends == [("s1", "NO_BIDS")]
 
 
-def test_any_agent_may_take_over_lost_awarded_run(market: Driver) -> None:
+def test_any_agent_may_take_over_lost_awarded_run(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
@@ -181,7 +181,7 @@ def test_any_agent_may_take_over_lost_awarded_run(market: Driver) -> None:
     assert market.goal.agent == PLAIN
 
 
-def test_operator_award_queues_like_scene(market: Driver) -> None:
+def test_operator_award_queues_like_scene(market: MarketHarness) -> None:
     market.run()
     words = market.operate(OperatorAction.AWARD, EXPRESS)
     assert words.endswith("; it waits, number 1 in line: scene 's1' is under way")
@@ -194,7 +194,7 @@ def test_operator_award_queues_like_scene(market: Driver) -> None:
 
 
 def test_operator_award_stops_run_in_preempt_mode() -> None:
-    market = Driver(on_new_scene="preempt")
+    market = MarketHarness(on_new_scene="preempt")
     market.run()
     words = market.operate(OperatorAction.AWARD, EXPRESS)
     assert words.endswith(
@@ -208,7 +208,7 @@ def test_operator_award_stops_run_in_preempt_mode() -> None:
     assert market.goal.agent == EXPRESS
 
 
-def test_duplicate_does_not_affect_awarded_scene(market: Driver) -> None:
+def test_duplicate_does_not_affect_awarded_scene(market: MarketHarness) -> None:
     market.run()
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs"))
     market.scene("theirs")
@@ -235,7 +235,7 @@ def test_duplicate_does_not_affect_awarded_scene(market: Driver) -> None:
     ],
 )
 def test_impossible_operator_action_is_refused_without_effect(
-    market: Driver,
+    market: MarketHarness,
     before: list[tuple[OperatorAction, str]],
     action: OperatorAction,
     agent: str,
@@ -250,21 +250,21 @@ def test_impossible_operator_action_is_refused_without_effect(
 
 
 def test_operator_award_is_refused_when_queue_is_full() -> None:
-    market = Driver(on_new_scene="reject")
+    market = MarketHarness(on_new_scene="reject")
     market.run()
     assert market.operate(OperatorAction.AWARD, EXPRESS) == "BUSY"
     assert market.ends == []
 
 
-def test_veto_of_pinned_agent_explains_its_consequence(market: Driver) -> None:
+def test_veto_of_pinned_agent_explains_its_consequence(market: MarketHarness) -> None:
     market.operate(OperatorAction.PIN, GUIDE)
     assert "nobody may bid" in market.operate(OperatorAction.VETO, GUIDE)
 
 
-def test_restarted_market_keeps_pins_and_vetoes(market: Driver) -> None:
+def test_restarted_market_keeps_pins_and_vetoes(market: MarketHarness) -> None:
     market.operate(OperatorAction.PIN, EXPRESS, author="anna")
     market.operate(OperatorAction.VETO, GUIDE, reason="too loud")
-    again = Driver()
+    again = MarketHarness()
     words, effects = again.market.restore_overrides(market.all(StoreOverrides)[-1].text, again.now)
     again.do(effects)
 
@@ -273,9 +273,9 @@ def test_restarted_market_keeps_pins_and_vetoes(market: Driver) -> None:
 
 
 def test_restarted_market_continues_run_counts() -> None:
-    market = Driver(starvation_rounds=1, strategy="ucb")
+    market = MarketHarness(starvation_rounds=1, strategy="ucb")
     market.run()
-    again = Driver(starvation_rounds=1, strategy="ucb")
+    again = MarketHarness(starvation_rounds=1, strategy="ucb")
     again.register()
     _, effects = again.market.restore_overrides(market.all(StoreOverrides)[-1].text, again.now)
     again.do(effects)
@@ -290,7 +290,7 @@ def test_restarted_market_continues_run_counts() -> None:
     assert json.loads(again.all(StoreOverrides)[-1].text)["runs"] == {GUIDE: 2}
 
 
-def test_operator_award_is_named_after_original_scene(market: Driver) -> None:
+def test_operator_award_is_named_after_original_scene(market: MarketHarness) -> None:
     market.run()
     market.end()
     market.collect()
@@ -299,7 +299,7 @@ def test_operator_award_is_named_after_original_scene(market: Driver) -> None:
     assert "'s1'" in market.operate(OperatorAction.AWARD, EXPRESS)
 
 
-def test_veto_during_run_is_explained_once(market: Driver) -> None:
+def test_veto_during_run_is_explained_once(market: MarketHarness) -> None:
     market.run()
     market.operate(OperatorAction.VETO, GUIDE, reason="too slow")
     market.end(outcome=3)
@@ -325,7 +325,7 @@ def test_veto_during_run_is_explained_once(market: Driver) -> None:
         "[" * 100_000,
     ],
 )
-def test_unreadable_stored_orders_change_nothing(market: Driver, text: str) -> None:
+def test_unreadable_stored_orders_change_nothing(market: MarketHarness, text: str) -> None:
     market.operate(OperatorAction.PIN, EXPRESS)
     with pytest.raises(Refused) as caught:
         market.market.restore_overrides(text, market.now)

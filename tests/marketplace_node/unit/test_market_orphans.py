@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from market_harness import EXPRESS, GUIDE, Driver
+from market_harness import EXPRESS, GUIDE, MarketHarness
 from marketplace_node.effects import SendGoal, State
 from marketplace_node.hosts.host_effects import CancelAll, CancelGoal
 
@@ -13,25 +13,25 @@ A, B = "/a", "/b"
 
 
 @pytest.fixture
-def two() -> Driver:
+def two() -> MarketHarness:
     """Return a market with a guide at one host, an express at the other; it waits for no host."""
-    driver = Driver(host_wait_s=0)
-    driver.register(A, GUIDE)
-    driver.register(B, EXPRESS)
-    return driver
+    harness = MarketHarness(host_wait_s=0)
+    harness.register(A, GUIDE)
+    harness.register(B, EXPRESS)
+    return harness
 
 
-def bid(market: Driver, host: str) -> None:
+def bid(market: MarketHarness, host: str) -> None:
     market.bid(host, {GUIDE: (4.0, 1.5, 3.0)} if host == A else {EXPRESS: (3.0, 5.0, 3.5)})
 
 
-def award_to_b_while_a_runs_for_another_market(market: Driver) -> None:
+def award_to_b_while_a_runs_for_another_market(market: MarketHarness) -> None:
     market.beat(A, epoch="old", round_number=7)
     market.scene("s1")
     bid(market, B)
 
 
-def test_tree_running_despite_refused_goal_is_cancelled(two: Driver) -> None:
+def test_tree_running_despite_refused_goal_is_cancelled(two: MarketHarness) -> None:
     two.scene("s1")
     bid(two, A)
     bid(two, B)
@@ -55,7 +55,7 @@ def test_tree_running_despite_refused_goal_is_cancelled(two: Driver) -> None:
     assert two.goal.host == B
 
 
-def test_heartbeat_predating_run_end_stops_nothing(two: Driver) -> None:
+def test_heartbeat_predating_run_end_stops_nothing(two: MarketHarness) -> None:
     two.scene("s1")
     bid(two, A)
     bid(two, B)
@@ -71,7 +71,7 @@ def test_heartbeat_predating_run_end_stops_nothing(two: Driver) -> None:
     assert two.status.state is State.BIDDING
 
 
-def test_goal_waits_for_tree_of_earlier_market(two: Driver) -> None:
+def test_goal_waits_for_tree_of_earlier_market(two: MarketHarness) -> None:
     award_to_b_while_a_runs_for_another_market(two)
 
     assert two.all(SendGoal) == []
@@ -86,7 +86,7 @@ def test_goal_waits_for_tree_of_earlier_market(two: Driver) -> None:
     assert two.status.state is State.RUNNING
 
 
-def test_endless_tree_is_awaited_for_limited_time(two: Driver) -> None:
+def test_endless_tree_is_awaited_for_limited_time(two: MarketHarness) -> None:
     two.busy.pop(A)
     award_to_b_while_a_runs_for_another_market(two)
     for _ in range(110):
@@ -100,7 +100,7 @@ def test_endless_tree_is_awaited_for_limited_time(two: Driver) -> None:
     assert two.goal.host == B
 
 
-def test_silent_host_is_not_awaited(two: Driver) -> None:
+def test_silent_host_is_not_awaited(two: MarketHarness) -> None:
     award_to_b_while_a_runs_for_another_market(two)
     two.die(A)
     two.wait(0.9)
@@ -108,7 +108,7 @@ def test_silent_host_is_not_awaited(two: Driver) -> None:
     assert two.goal.host == B
 
 
-def test_abandoned_run_is_awaited_while_host_lives(two: Driver) -> None:
+def test_abandoned_run_is_awaited_while_host_lives(two: MarketHarness) -> None:
     two.scene("s1")
     bid(two, A)
     bid(two, B)
@@ -126,7 +126,7 @@ def test_abandoned_run_is_awaited_while_host_lives(two: Driver) -> None:
     assert two.goal.host == B
 
 
-def test_held_goal_can_be_stopped(two: Driver) -> None:
+def test_held_goal_can_be_stopped(two: MarketHarness) -> None:
     award_to_b_while_a_runs_for_another_market(two)
 
     assert two.cancel("enough") == (True, f"{EXPRESS} does not begin")
@@ -136,7 +136,7 @@ def test_held_goal_can_be_stopped(two: Driver) -> None:
     assert two.all(SendGoal) == []
 
 
-def test_dead_host_never_receives_its_held_goal(two: Driver) -> None:
+def test_dead_host_never_receives_its_held_goal(two: MarketHarness) -> None:
     two.busy.pop(A)
     award_to_b_while_a_runs_for_another_market(two)
     two.die(B)

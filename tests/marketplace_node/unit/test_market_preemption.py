@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from bt_agents_core.stop_cause import StoppedBy
-from market_harness import EXPRESS, GUIDE, PLAIN, Driver
+from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness
 from marketplace_node.effects import AnnounceRun, Collect, OpenCall, PublishAuction, State
 from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.outcomes import AuctionOutcome
@@ -21,23 +21,23 @@ NEAR, MIDDLE, FAR = (5.0, 1.0, 3.5), (5.0, 1.0, 5.0), (3.0, 1.0, 5.0)  # 0.5, 2.
 
 
 @pytest.fixture
-def market() -> Driver:
+def market() -> MarketHarness:
     """A market in which the guide runs."""
-    driver = Driver(on_new_scene="preempt", preempt_cooldown_s=5.0)
-    driver.run()
-    return driver
+    harness = MarketHarness(on_new_scene="preempt", preempt_cooldown_s=5.0)
+    harness.run()
+    return harness
 
 
-def bid(market: Driver, guide: tuple[float, ...], express: tuple[float, ...]) -> None:
+def bid(market: MarketHarness, guide: tuple[float, ...], express: tuple[float, ...]) -> None:
     """Answer the challenge that is open."""
     market.bid(vectors={GUIDE: guide, EXPRESS: express}, round=market.calls[-1].round)
 
 
-def outcome(market: Driver) -> AuctionOutcome:
+def outcome(market: MarketHarness) -> AuctionOutcome:
     return market.auction.decision.outcome
 
 
-def test_challenge_opens_while_run_continues(market: Driver) -> None:
+def test_challenge_opens_while_run_continues(market: MarketHarness) -> None:
     market.scene("s2")
 
     assert (market.calls[-1].round, market.calls[-1].scene.scene_id) == (2, "s2")
@@ -48,7 +48,7 @@ def test_challenge_opens_while_run_continues(market: Driver) -> None:
     assert market.market.due < math.inf
 
 
-def test_better_agent_preempts_run_and_opens_fresh_round(market: Driver) -> None:
+def test_better_agent_preempts_run_and_opens_fresh_round(market: MarketHarness) -> None:
     market.scene("s2")
     bid(market, guide=MIDDLE, express=NEAR)
 
@@ -69,7 +69,7 @@ def test_better_agent_preempts_run_and_opens_fresh_round(market: Driver) -> None
     assert outcome(market) is AuctionOutcome.AWARDED
 
 
-def test_feedback_on_preempted_run_delays_no_scene(market: Driver) -> None:
+def test_feedback_on_preempted_run_delays_no_scene(market: MarketHarness) -> None:
     market.scene("s2")
     bid(market, guide=MIDDLE, express=NEAR)
     market.end(outcome=3)
@@ -98,7 +98,7 @@ def test_feedback_on_preempted_run_delays_no_scene(market: Driver) -> None:
     ],
 )
 def test_scene_waits_without_margin(
-    market: Driver, guide: tuple[float, ...], express: tuple[float, ...], words: str
+    market: MarketHarness, guide: tuple[float, ...], express: tuple[float, ...], words: str
 ) -> None:
     market.scene("s2")
     bid(market, guide, express)
@@ -117,7 +117,7 @@ def test_scene_waits_without_margin(
     [(1.0, 1.0, True), (1.0, 0.9375, False), (0.0, 0.5, True), (100.0, 4.0, False)],
 )
 def test_margin_is_reached_or_missed(margin: float, better: float, stops: bool) -> None:
-    market = Driver(on_new_scene="preempt", preempt_margin=margin)
+    market = MarketHarness(on_new_scene="preempt", preempt_margin=margin)
     market.run()
     market.scene("s2")
     bid(market, guide=(5.0 - better, 1.0, 3.0), express=(5.0, 1.0, 3.0))
@@ -133,7 +133,7 @@ def test_margin_is_reached_or_missed(margin: float, better: float, stops: bool) 
     ],
 )
 def test_running_agent_without_bid_is_infinitely_far(
-    market: Driver, bids: dict[str, Any], words: str
+    market: MarketHarness, bids: dict[str, Any], words: str
 ) -> None:
     market.scene("s2")
     market.bid(vectors={EXPRESS: FAR}, round=2, **bids)
@@ -143,7 +143,7 @@ def test_running_agent_without_bid_is_infinitely_far(
 
 
 def test_running_agent_with_silent_host_is_infinitely_far() -> None:
-    market = Driver(on_new_scene="preempt")
+    market = MarketHarness(on_new_scene="preempt")
     market.register()
     market.register("/others", PLAIN)
     market.scene()
@@ -163,7 +163,7 @@ def test_running_agent_with_silent_host_is_infinitely_far() -> None:
     )
 
 
-def test_run_continues_without_bids(market: Driver) -> None:
+def test_run_continues_without_bids(market: MarketHarness) -> None:
     market.scene("s2")
     market.bid(
         vectors={},
@@ -181,7 +181,9 @@ def test_run_continues_without_bids(market: Driver) -> None:
 
 
 @pytest.mark.parametrize("express", [NEAR, FAR])
-def test_urgent_scene_stops_run_for_any_winner(market: Driver, express: tuple[float, ...]) -> None:
+def test_urgent_scene_stops_run_for_any_winner(
+    market: MarketHarness, express: tuple[float, ...]
+) -> None:
     market.scene("s2", urgent=True)
     bid(market, guide=MIDDLE, express=express)
 
@@ -192,14 +194,14 @@ def test_urgent_scene_stops_run_for_any_winner(market: Driver, express: tuple[fl
     assert market.status.scene_id == "s2"
 
 
-def test_urgent_scene_without_bids_stops_nothing(market: Driver) -> None:
+def test_urgent_scene_without_bids_stops_nothing(market: MarketHarness) -> None:
     market.scene("s2", urgent=True)
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"), round=2)
 
     assert outcome(market) is AuctionOutcome.WAITS
 
 
-def preempted(market: Driver) -> None:
+def preempted(market: MarketHarness) -> None:
     """Let s2 preempt the run of s1, and its agent run."""
     market.scene("s2")
     bid(market, guide=MIDDLE, express=NEAR)
@@ -208,7 +210,7 @@ def preempted(market: Driver) -> None:
     market.accept()
 
 
-def test_preemption_cooldown_blocks_next_preemption(market: Driver) -> None:
+def test_preemption_cooldown_blocks_next_preemption(market: MarketHarness) -> None:
     preempted(market)
     market.scene("s3")
     bid(market, guide=MIDDLE, express=NEAR)
@@ -227,7 +229,7 @@ def test_preemption_cooldown_blocks_next_preemption(market: Driver) -> None:
     assert market.status.scene_id == "s4", "ahead of the line"
 
 
-def test_urgent_scene_ignores_cooldown(market: Driver) -> None:
+def test_urgent_scene_ignores_cooldown(market: MarketHarness) -> None:
     preempted(market)
     market.scene("s3", urgent=True)
     bid(market, guide=NEAR, express=FAR)
@@ -235,7 +237,7 @@ def test_urgent_scene_ignores_cooldown(market: Driver) -> None:
     assert outcome(market) is AuctionOutcome.PREEMPTS
 
 
-def test_run_succeeding_before_stop_is_not_preempted(market: Driver) -> None:
+def test_run_succeeding_before_stop_is_not_preempted(market: MarketHarness) -> None:
     market.scene("s2")
     bid(market, guide=MIDDLE, express=NEAR)
     market.end(outcome=1)
@@ -246,7 +248,7 @@ def test_run_succeeding_before_stop_is_not_preempted(market: Driver) -> None:
 
 @pytest.mark.parametrize("phase", ["bidding", "awarding"])
 def test_scene_arriving_before_run_challenges_once_it_runs(phase: str) -> None:
-    market = Driver(on_new_scene="preempt")
+    market = MarketHarness(on_new_scene="preempt")
     market.register()
     market.scene("s1")
     if phase == "awarding":
@@ -264,7 +266,7 @@ def test_scene_arriving_before_run_challenges_once_it_runs(phase: str) -> None:
     assert len(market.calls) == 2, "s2 is not asked about while the run is stopped"
 
 
-def test_challenges_open_one_at_a_time(market: Driver) -> None:
+def test_challenges_open_one_at_a_time(market: MarketHarness) -> None:
     market.scene("s2")
     market.scene("s3")
     assert len(market.calls) == 2
@@ -277,7 +279,7 @@ def test_challenges_open_one_at_a_time(market: Driver) -> None:
 
 
 def test_challenge_needs_no_queue_slot_until_it_waits() -> None:
-    market = Driver(on_new_scene="preempt", queue_limit=0, preempt_cooldown_s=0.0)
+    market = MarketHarness(on_new_scene="preempt", queue_limit=0, preempt_cooldown_s=0.0)
     market.run()
     market.scene("s2")
     market.scene("s3")
@@ -296,7 +298,7 @@ def test_challenge_needs_no_queue_slot_until_it_waits() -> None:
 
 
 def test_full_queue_holds_one_extra_urgent_scene() -> None:
-    market = Driver(on_new_scene="preempt", queue_limit=1)
+    market = MarketHarness(on_new_scene="preempt", queue_limit=1)
     market.run()
     for name, urgent in (("s2", False), ("s3", False), ("s4", True), ("s5", True)):
         market.scene(name, urgent=urgent)
@@ -316,7 +318,9 @@ def test_full_queue_holds_one_extra_urgent_scene() -> None:
         ("again", "the run is being stopped", "CANCELLED"),
     ],
 )
-def test_a_challenge_ends_with_the_run(market: Driver, what: str, words: str, end: str) -> None:
+def test_a_challenge_ends_with_the_run(
+    market: MarketHarness, what: str, words: str, end: str
+) -> None:
     market.scene("s2")
     if what == "ends":
         market.end()
@@ -344,7 +348,7 @@ def test_a_challenge_ends_with_the_run(market: Driver, what: str, words: str, en
     assert market.ends[0] == ("s1", end if what != "again" else "SUCCEEDED")
 
 
-def test_late_or_foreign_challenge_responses_change_nothing(market: Driver) -> None:
+def test_late_or_foreign_challenge_responses_change_nothing(market: MarketHarness) -> None:
     market.scene("s2")
     market.bid(round=1)
     assert market.market.late_bids == 1
@@ -356,14 +360,14 @@ def test_late_or_foreign_challenge_responses_change_nothing(market: Driver) -> N
     assert market.market.late_bids == 2
 
 
-def test_cancel_names_run_instead_of_challenge(market: Driver) -> None:
+def test_cancel_names_run_instead_of_challenge(market: MarketHarness) -> None:
     market.scene("s2")
 
     assert market.cancel(round_number=2) == (False, "round 2 does not run; the current one is 1")
     assert market.cancel(round_number=1)[0]
 
 
-def test_shutdown_ends_challenge_and_its_scene(market: Driver) -> None:
+def test_shutdown_ends_challenge_and_its_scene(market: MarketHarness) -> None:
     market.scene("s2")
     market.do(market.market.shut_down("shutting down", market.now))
 
@@ -375,7 +379,7 @@ def test_shutdown_ends_challenge_and_its_scene(market: Driver) -> None:
 
 
 def test_challenge_opens_only_in_preempt_mode() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.run()
     market.scene("s2", urgent=True)
 
@@ -383,7 +387,7 @@ def test_challenge_opens_only_in_preempt_mode() -> None:
 
 
 def test_switch_to_preempt_challenges_with_queued_scene() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.run()
     market.scene("s2")
     market.do(market.market.configure(Settings(on_new_scene="preempt"), market.now))
@@ -391,7 +395,7 @@ def test_switch_to_preempt_challenges_with_queued_scene() -> None:
     assert market.calls[-1].scene.scene_id == "s2"
 
 
-def test_unpublished_call_still_decides_challenge(market: Driver) -> None:
+def test_unpublished_call_still_decides_challenge(market: MarketHarness) -> None:
     effects = market.market.scene(market.calls[0].scene.with_id("s2"), market.now)
     market.effects += effects
     assert any(isinstance(effect, OpenCall) for effect in effects)
@@ -402,7 +406,7 @@ def test_unpublished_call_still_decides_challenge(market: Driver) -> None:
 
 
 def test_switch_to_queue_prevents_preemption_by_open_challenge() -> None:
-    market = Driver(on_new_scene="preempt")
+    market = MarketHarness(on_new_scene="preempt")
     market.run()
     market.scene("s2", 3.0, 5.0, 3.5)
     market.do(market.market.configure(Settings(on_new_scene="queue"), market.now))
@@ -414,7 +418,7 @@ def test_switch_to_queue_prevents_preemption_by_open_challenge() -> None:
     assert market.status.queued == 1
 
 
-def stopped_for_s2(market: Driver, **first: tuple[float, ...]) -> tuple[str, str, str]:
+def stopped_for_s2(market: MarketHarness, **first: tuple[float, ...]) -> tuple[str, str, str]:
     """Let s2 preempt; return who ran, who is named for it, and who gets it."""
     ran = market.goal.agent
     market.scene("s2", 3.25, 4.5, 3.0)
@@ -440,7 +444,7 @@ def test_named_preempting_agent_wins_under_random_strategies(
 ) -> None:
     stops = 0
     for skipped in range(40):
-        market = Driver(
+        market = MarketHarness(
             on_new_scene="preempt", preempt_cooldown_s=0.0, strategy=strategy, options=options
         )
         market.register()
@@ -458,7 +462,7 @@ def test_named_preempting_agent_wins_under_random_strategies(
 
 
 def test_unresponsive_running_agent_is_excluded_after_preemption() -> None:
-    market = Driver(on_new_scene="preempt")
+    market = MarketHarness(on_new_scene="preempt")
     market.run()
 
     ran, named, gets = stopped_for_s2(market, **{EXPRESS: (3.0, 5.0, 3.5)})
@@ -468,7 +472,7 @@ def test_unresponsive_running_agent_is_excluded_after_preemption() -> None:
 
 
 def test_external_ranking_cannot_preempt_agent_for_itself() -> None:
-    market = Driver(on_new_scene="preempt", strategy="external")
+    market = MarketHarness(on_new_scene="preempt", strategy="external")
     market.register()
     market.scene()
     market.bid()
@@ -484,7 +488,7 @@ def test_external_ranking_cannot_preempt_agent_for_itself() -> None:
 
 
 def test_urgent_scene_does_not_await_external_ranking() -> None:
-    market = Driver(on_new_scene="preempt", strategy="external")
+    market = MarketHarness(on_new_scene="preempt", strategy="external")
     market.register()
     market.scene()
     market.bid()

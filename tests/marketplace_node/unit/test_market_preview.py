@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_core.errors import Refused
-from market_harness import EXPRESS, GUIDE, Driver
+from market_harness import EXPRESS, GUIDE, MarketHarness
 from marketplace_node.effects import PublishAuction, SendGoal, State
 from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction
@@ -14,19 +14,19 @@ from marketplace_node.operators import MOST_PREVIEWS
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver()
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness()
+    harness.register()
+    return harness
 
 
-def outcome(market: Driver) -> PublishAuction:
+def outcome(market: MarketHarness) -> PublishAuction:
     ended = market.previews[-1].outcome
     assert isinstance(ended, PublishAuction), ended
     return ended
 
 
-def test_preview_ranks_real_bids_without_awarding(market: Driver) -> None:
+def test_preview_ranks_real_bids_without_awarding(market: MarketHarness) -> None:
     number = market.preview()
     market.bid(round=number)
 
@@ -38,7 +38,7 @@ def test_preview_ranks_real_bids_without_awarding(market: Driver) -> None:
     assert market.status.state is State.IDLE
 
 
-def test_preview_changes_no_counters(market: Driver) -> None:
+def test_preview_changes_no_counters(market: MarketHarness) -> None:
     market.run()
     market.end()
     market.collect()
@@ -51,7 +51,7 @@ def test_preview_changes_no_counters(market: Driver) -> None:
 
 
 def test_preview_predicts_random_draws() -> None:
-    market = Driver(strategy="softmax", options={"softmax.temperature": 5.0})
+    market = MarketHarness(strategy="softmax", options={"softmax.temperature": 5.0})
     market.register()
     for number in range(12):
         market.bid(round=market.preview())
@@ -66,7 +66,7 @@ def test_preview_predicts_random_draws() -> None:
     assert winners == {GUIDE, EXPRESS}, "chance has to have a say in this test"
 
 
-def test_preview_does_not_disturb_run(market: Driver) -> None:
+def test_preview_does_not_disturb_run(market: MarketHarness) -> None:
     market.run()
     market.bid(round=market.preview(3.0, 5.0, 3.5))
 
@@ -75,28 +75,28 @@ def test_preview_does_not_disturb_run(market: Driver) -> None:
     assert market.events == ["1 attentive_guide STARTED"]
 
 
-def test_preview_accepts_another_strategy(market: Driver) -> None:
+def test_preview_accepts_another_strategy(market: MarketHarness) -> None:
     market.bid(round=market.preview(strategy="euclidean"))
 
     assert outcome(market).decision.terms.strategy == "euclidean"
     assert market.status.strategy == "manhattan"
 
 
-def test_preview_respects_pins_and_vetoes(market: Driver) -> None:
+def test_preview_respects_pins_and_vetoes(market: MarketHarness) -> None:
     market.operate(OperatorAction.VETO, GUIDE)
     market.bid(round=market.preview())
 
     assert [bid.agent for bid in outcome(market).decision.ranking] == [EXPRESS]
 
 
-def test_preview_can_use_last_scene(market: Driver) -> None:
+def test_preview_can_use_last_scene(market: MarketHarness) -> None:
     market.run()
     market.bid(round=market.preview(last=True))
 
     assert outcome(market).decision.terms.scene.scene_id == "s1"
 
 
-def test_preview_with_silent_host_ends_at_deadline(market: Driver) -> None:
+def test_preview_with_silent_host_ends_at_deadline(market: MarketHarness) -> None:
     market.preview()
     market.wait(0.6)
 
@@ -104,7 +104,7 @@ def test_preview_with_silent_host_ends_at_deadline(market: Driver) -> None:
     assert outcome(market).decision.silent_hosts == ("/agents",)
 
 
-def test_preview_waits_for_external_ranking(market: Driver) -> None:
+def test_preview_waits_for_external_ranking(market: MarketHarness) -> None:
     market.bid(round=market.preview(strategy="external"))
     assert market.previews == []
     market.ranked(EXPRESS)
@@ -112,7 +112,7 @@ def test_preview_waits_for_external_ranking(market: Driver) -> None:
     assert outcome(market).decision.ranking[0].agent == EXPRESS
 
 
-def test_late_or_foreign_preview_bids_change_nothing(market: Driver) -> None:
+def test_late_or_foreign_preview_bids_change_nothing(market: MarketHarness) -> None:
     number = market.preview()
     market.bid(round=number)
     before = list(market.previews)
@@ -123,7 +123,7 @@ def test_late_or_foreign_preview_bids_change_nothing(market: Driver) -> None:
     assert market.all(SendGoal) == []
 
 
-def test_preview_bids_never_enter_round(market: Driver) -> None:
+def test_preview_bids_never_enter_round(market: MarketHarness) -> None:
     market.scene()
     number = market.preview()
     market.bid(round=number, vectors={EXPRESS: (5.0, 1.0, 3.0)}, declined={GUIDE: "tired"})
@@ -135,13 +135,15 @@ def test_preview_bids_never_enter_round(market: Driver) -> None:
 @pytest.mark.parametrize(
     ("strategy", "last", "code"), [("magic", False, "UNKNOWN_STRATEGY"), ("", True, "NO_SCENE")]
 )
-def test_invalid_preview_is_refused(market: Driver, strategy: str, last: bool, code: str) -> None:
+def test_invalid_preview_is_refused(
+    market: MarketHarness, strategy: str, last: bool, code: str
+) -> None:
     with pytest.raises(Refused) as caught:
         market.preview(strategy=strategy, last=last)
     assert caught.value.code == code
 
 
-def test_concurrent_previews_are_limited(market: Driver) -> None:
+def test_concurrent_previews_are_limited(market: MarketHarness) -> None:
     for _ in range(MOST_PREVIEWS):
         market.preview()
     with pytest.raises(Refused) as caught:
@@ -153,7 +155,7 @@ def test_concurrent_previews_are_limited(market: Driver) -> None:
     market.preview()
 
 
-def test_market_shutdown_ends_every_preview(market: Driver) -> None:
+def test_market_shutdown_ends_every_preview(market: MarketHarness) -> None:
     market.preview()
     market.do(market.market.shut_down("the end", market.now))
 

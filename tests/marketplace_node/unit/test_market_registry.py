@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import Refused
-from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, registration
+from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, MarketHarness, registration
 from marketplace_node.hosts.host_effects import Disconnect
 from marketplace_node.hosts.registry import FIRST_HEARTBEAT_S, MOST_AGENTS, MOST_HOSTS, Registry
 
@@ -195,7 +195,7 @@ def test_stall_extends_live_leases_but_revives_no_host(registry: Registry) -> No
 
 
 def test_host_above_limit_is_refused_while_others_live() -> None:
-    market = Driver()
+    market = MarketHarness()
     for number in range(MOST_HOSTS):
         market.register(f"/h{number}", f"a{number}")
 
@@ -207,7 +207,7 @@ def test_host_above_limit_is_refused_while_others_live() -> None:
 
 
 def test_host_above_limit_replaces_longest_dead_host() -> None:
-    market = Driver()
+    market = MarketHarness()
     for number in range(MOST_HOSTS):
         market.register(f"/h{number}", f"a{number}")
     market.die("/h7")

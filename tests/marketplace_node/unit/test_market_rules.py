@@ -10,7 +10,7 @@ import pytest
 
 from bt_agents_language.files.market_reader import MarketRule, market_of, read_market
 from bt_agents_language.yaml.source import Source
-from market_harness import EXPRESS, SPACE, Driver, scene
+from market_harness import EXPRESS, SPACE, MarketHarness, scene
 from marketplace_node.effects import Alarm
 from marketplace_node.round.decision import External, Ranked
 from marketplace_node.round.ranking import decide
@@ -120,7 +120,7 @@ def test_rules_after_first_match_are_not_evaluated() -> None:
 
 def test_status_lists_undecidable_rules_of_last_evaluation() -> None:
     line = f"{{when: 1 / (scene.age - 3) > 0, agents: [{EXPRESS}]}}"
-    market = Driver(rules(line), strategy="rules")
+    market = MarketHarness(rules(line), strategy="rules")
     market.register()
     market.scene("s1", 3.0, 3.0, 3.0)
     market.bid()

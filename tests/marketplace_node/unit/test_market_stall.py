@@ -7,19 +7,19 @@ import pytest
 
 from bt_agents.engine.run import RunLimits
 from bt_agents_language.model.specs import MOST_CLEAN_UP_S
-from market_harness import EXPRESS, GUIDE, Driver, scene
+from market_harness import EXPRESS, GUIDE, MarketHarness, scene
 from marketplace_node.effects import State
 from marketplace_node.settings import Settings
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver()
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness()
+    harness.register()
+    return harness
 
 
-def hold_up(market: Driver, lasted_s: float) -> None:
+def hold_up(market: MarketHarness, lasted_s: float) -> None:
     """Let time pass without the market; what came meanwhile is read after this."""
     since = market.now
     market.now += lasted_s
@@ -27,7 +27,7 @@ def hold_up(market: Driver, lasted_s: float) -> None:
     market.do(market.market.tick(market.now))
 
 
-def test_bids_received_during_stall_count(market: Driver) -> None:
+def test_bids_received_during_stall_count(market: MarketHarness) -> None:
     market.scene()
     hold_up(market, 3.0)
     assert market.status.state is State.BIDDING
@@ -36,7 +36,7 @@ def test_bids_received_during_stall_count(market: Driver) -> None:
     assert market.goal.agent == GUIDE
 
 
-def test_goal_accepted_during_stall_runs(market: Driver) -> None:
+def test_goal_accepted_during_stall_runs(market: MarketHarness) -> None:
     market.scene()
     market.bid()
     hold_up(market, 5.0)
@@ -45,7 +45,7 @@ def test_goal_accepted_during_stall_runs(market: Driver) -> None:
     assert market.events == ["1 attentive_guide STARTED"]
 
 
-def test_result_after_idle_heartbeat_counts(market: Driver) -> None:
+def test_result_after_idle_heartbeat_counts(market: MarketHarness) -> None:
     market.run()
     market.busy["/agents"] = 0
     market.beat()
@@ -56,7 +56,7 @@ def test_result_after_idle_heartbeat_counts(market: Driver) -> None:
     assert len(market.calls) == 1, "nobody is served twice"
 
 
-def test_run_cancelled_during_stall_is_not_lost(market: Driver) -> None:
+def test_run_cancelled_during_stall_is_not_lost(market: MarketHarness) -> None:
     market.run()
     market.cancel()
     hold_up(market, 20.0)
@@ -66,7 +66,7 @@ def test_run_cancelled_during_stall_is_not_lost(market: Driver) -> None:
 
 
 def test_challenge_bids_received_during_stall_count() -> None:
-    market = Driver(on_new_scene="preempt")
+    market = MarketHarness(on_new_scene="preempt")
     market.run()
     market.scene("s2", 3.0, 5.0, 3.5)
     hold_up(market, 3.0)
@@ -77,7 +77,7 @@ def test_challenge_bids_received_during_stall_count() -> None:
     assert market.status.state is State.CANCELLING
 
 
-def test_deadlines_still_expire_after_stall(market: Driver) -> None:
+def test_deadlines_still_expire_after_stall(market: MarketHarness) -> None:
     market.scene()
     hold_up(market, 3.0)
     market.wait(0.6)
@@ -92,7 +92,7 @@ def test_cancel_deadline_exceeds_slowest_run_end() -> None:
     assert Settings().cancel_deadline_s > needed_s
 
 
-def test_deferred_feedback_delays_no_scene(market: Driver) -> None:
+def test_deferred_feedback_delays_no_scene(market: MarketHarness) -> None:
     market.run()
     market.do(market.market.scene(scene("s2"), market.now))
     market.end()

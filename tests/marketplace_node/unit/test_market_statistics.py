@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from market_harness import EXPRESS, GUIDE, Driver
+from market_harness import EXPRESS, GUIDE, MarketHarness
 from marketplace_node.effects import Alarm, Collect, PublishAuction
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.outcomes import AuctionOutcome
@@ -13,7 +13,7 @@ from marketplace_node.settings import Settings
 from marketplace_node.statistics import Starvation
 
 
-def play(market: Driver, scenes: int, **bids: tuple[float, ...]) -> None:
+def play(market: MarketHarness, scenes: int, **bids: tuple[float, ...]) -> None:
     for _ in range(scenes):
         market.scene(f"s{len(market.all(PublishAuction))}")
         market.bid(vectors=bids or None)
@@ -23,13 +23,13 @@ def play(market: Driver, scenes: int, **bids: tuple[float, ...]) -> None:
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver(starvation_rounds=3)
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness(starvation_rounds=3)
+    harness.register()
+    return harness
 
 
-def test_agent_is_starved_after_configured_lost_rounds(market: Driver) -> None:
+def test_agent_is_starved_after_configured_lost_rounds(market: MarketHarness) -> None:
     play(market, 2)
     assert market.status.starved == ()
     play(market, 1)
@@ -39,7 +39,7 @@ def test_agent_is_starved_after_configured_lost_rounds(market: Driver) -> None:
     assert alarm.message.startswith("professional_express is starved: it has bid in 3 awarded")
 
 
-def test_starvation_alarm_is_raised_once_until_win(market: Driver) -> None:
+def test_starvation_alarm_is_raised_once_until_win(market: MarketHarness) -> None:
     play(market, 7)
     assert len(market.all(Alarm)) == 1
 
@@ -51,7 +51,7 @@ def test_starvation_alarm_is_raised_once_until_win(market: Driver) -> None:
 
 
 def test_registering_again_compares_host_only_once(
-    market: Driver, monkeypatch: pytest.MonkeyPatch
+    market: MarketHarness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     play(market, 3)
     compared = []
@@ -64,7 +64,7 @@ def test_registering_again_compares_host_only_once(
     assert len(compared) == 1
 
 
-def test_no_agent_is_starved_without_limit(market: Driver) -> None:
+def test_no_agent_is_starved_without_limit(market: MarketHarness) -> None:
     market.do(market.market.configure(Settings(starvation_rounds=0), market.now))
     play(market, 5)
 
@@ -82,7 +82,7 @@ def test_non_bidding_agent_is_not_starved() -> None:
     assert starvation.in_vain == {"ann": 0, "bob": 1}
 
 
-def test_previews_and_unawarded_rounds_starve_no_agent(market: Driver) -> None:
+def test_previews_and_unawarded_rounds_starve_no_agent(market: MarketHarness) -> None:
     for _ in range(5):
         market.bid(round=market.preview())
         market.scene(f"stopped{market.status.round}")
@@ -92,7 +92,7 @@ def test_previews_and_unawarded_rounds_starve_no_agent(market: Driver) -> None:
 
 
 def test_shadow_counts_disagreements() -> None:
-    market = Driver(shadow_strategy="euclidean")
+    market = MarketHarness(shadow_strategy="euclidean")
     market.register()
     # To [5, 1, 3]: one big difference against several small ones.
     play(market, 2, **{GUIDE: (5.0, 4.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
@@ -111,7 +111,7 @@ def test_shadow_counts_disagreements() -> None:
 
 
 def test_new_strategy_pair_resets_shadow_counts() -> None:
-    market = Driver(shadow_strategy="euclidean")
+    market = MarketHarness(shadow_strategy="euclidean")
     market.register()
     play(market, 2)
     market.do(market.market.configure(Settings(shadow_strategy="ucb"), market.now))
@@ -124,7 +124,7 @@ def test_new_strategy_pair_resets_shadow_counts() -> None:
 @pytest.mark.parametrize("shadow", ["softmax", "thompson"])
 def test_a_shadow_never_changes_an_award(strategy: str, shadow: str) -> None:
     def awards(shadow_strategy: str) -> list[list[tuple[str, float]]]:
-        market = Driver(strategy=strategy, shadow_strategy=shadow_strategy)
+        market = MarketHarness(strategy=strategy, shadow_strategy=shadow_strategy)
         market.register()
         play(market, 15)
         return [
@@ -136,7 +136,7 @@ def test_a_shadow_never_changes_an_award(strategy: str, shadow: str) -> None:
 
 
 def test_refusing_winner_is_starved_but_running_substitute_not() -> None:
-    market = Driver(starvation_rounds=3)
+    market = MarketHarness(starvation_rounds=3)
     market.register()
     for number in range(4):
         market.scene(f"s{number}")
@@ -151,7 +151,7 @@ def test_refusing_winner_is_starved_but_running_substitute_not() -> None:
 
 
 def test_preempting_scene_is_compared_with_shadow_once() -> None:
-    market = Driver(shadow_strategy="euclidean", on_new_scene="preempt")
+    market = MarketHarness(shadow_strategy="euclidean", on_new_scene="preempt")
     market.run()
     market.scene("s2", 3.0, 5.0, 3.5)
     market.bid(round=2)
@@ -164,7 +164,7 @@ def test_preempting_scene_is_compared_with_shadow_once() -> None:
 
 
 def test_shadow_is_not_compared_with_fallback_strategy() -> None:
-    market = Driver(strategy="external", shadow_strategy="manhattan")
+    market = MarketHarness(strategy="external", shadow_strategy="manhattan")
     market.register()
     market.scene()
     market.bid()

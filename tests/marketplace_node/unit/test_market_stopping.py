@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_core.stop_cause import StoppedBy
-from market_harness import EXPRESS, GUIDE, Driver, scene
+from market_harness import EXPRESS, GUIDE, MarketHarness, scene
 from marketplace_node.effects import AnnounceRun, Collect, SendGoal, State
 from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.outcomes import AuctionOutcome
@@ -14,13 +14,13 @@ from marketplace_node.round.decision import ClosedBy
 
 
 @pytest.fixture
-def market() -> Driver:
-    driver = Driver()
-    driver.register()
-    return driver
+def market() -> MarketHarness:
+    harness = MarketHarness()
+    harness.register()
+    return harness
 
 
-def test_cancel_stops_the_run_and_ends_the_interaction(market: Driver) -> None:
+def test_cancel_stops_the_run_and_ends_the_interaction(market: MarketHarness) -> None:
     goal = market.run()
     assert market.cancel("button") == (True, "stopping attentive_guide")
     assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
@@ -38,14 +38,14 @@ def test_cancel_stops_the_run_and_ends_the_interaction(market: Driver) -> None:
     assert len(market.calls) == 1
 
 
-def test_stop_reason_stands_alone_without_host_reason(market: Driver) -> None:
+def test_stop_reason_stands_alone_without_host_reason(market: MarketHarness) -> None:
     market.run()
     market.cancel("she says stop")
     market.end(outcome=3, message="whatever it says", host_reason=False)
     assert market.all(AnnounceRun)[-1].message == "she says stop"
 
 
-def test_status_shows_current_scene_under_first_scene_id(market: Driver) -> None:
+def test_status_shows_current_scene_under_first_scene_id(market: MarketHarness) -> None:
     def shown() -> tuple[str, str]:
         return market.status.scene_id, market.status.scene_label
 
@@ -62,7 +62,7 @@ def test_status_shows_current_scene_under_first_scene_id(market: Driver) -> None
     assert shown() == ("s1", now)
 
 
-def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: Driver) -> None:
+def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: MarketHarness) -> None:
     market.run()
     market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
     market.end(outcome=3)
@@ -84,7 +84,7 @@ def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: Driv
     assert market.status.finished_scene_id == "s1"
 
 
-def test_plain_stop_overrides_repeat_auction(market: Driver) -> None:
+def test_plain_stop_overrides_repeat_auction(market: MarketHarness) -> None:
     market.run()
     market.cancel("bored", again=True)
     market.cancel("stop")
@@ -94,7 +94,7 @@ def test_plain_stop_overrides_repeat_auction(market: Driver) -> None:
     assert market.over == ["s1"]
 
 
-def test_stop_during_feedback_collection_prevents_follow_up(market: Driver) -> None:
+def test_stop_during_feedback_collection_prevents_follow_up(market: MarketHarness) -> None:
     market.run()
     market.cancel("bored", again=True)
     market.end(outcome=3)
@@ -105,7 +105,7 @@ def test_stop_during_feedback_collection_prevents_follow_up(market: Driver) -> N
     assert market.over == ["s1"]
 
 
-def test_run_succeeding_before_cancel_has_no_follow_up(market: Driver) -> None:
+def test_run_succeeding_before_cancel_has_no_follow_up(market: MarketHarness) -> None:
     market.run()
     market.cancel("bored", again=True)
     market.end(outcome=1)
@@ -123,7 +123,7 @@ def test_run_succeeding_before_cancel_has_no_follow_up(market: Driver) -> None:
     ],
 )
 def test_a_cancel_for_another_run_is_refused(
-    market: Driver, epoch: str, round_number: int, words: str
+    market: MarketHarness, epoch: str, round_number: int, words: str
 ) -> None:
     market.run()
 
@@ -131,11 +131,11 @@ def test_a_cancel_for_another_run_is_refused(
     assert market.all(CancelGoal) == []
 
 
-def test_a_cancel_without_an_interaction_is_refused(market: Driver) -> None:
+def test_a_cancel_without_an_interaction_is_refused(market: MarketHarness) -> None:
     assert market.cancel() == (False, "nothing runs")
 
 
-def test_cancel_while_bidding_stops_the_round(market: Driver) -> None:
+def test_cancel_while_bidding_stops_the_round(market: MarketHarness) -> None:
     market.scene()
     assert market.cancel("button", again=True)[0]
 
@@ -145,7 +145,7 @@ def test_cancel_while_bidding_stops_the_round(market: Driver) -> None:
     assert market.over == ["s1"]
 
 
-def test_cancel_while_awarding_cancels_on_acceptance(market: Driver) -> None:
+def test_cancel_while_awarding_cancels_on_acceptance(market: MarketHarness) -> None:
     market.scene()
     market.bid()
     goal = market.goal
@@ -161,7 +161,9 @@ def test_cancel_while_awarding_cancels_on_acceptance(market: Driver) -> None:
 
 
 @pytest.mark.parametrize("answer", ["refused", "silent", "gone"])
-def test_cancel_while_awarding_ends_unless_host_accepts(market: Driver, answer: str) -> None:
+def test_cancel_while_awarding_ends_unless_host_accepts(
+    market: MarketHarness, answer: str
+) -> None:
     market.scene()
     market.bid()
     market.cancel("button")
@@ -177,7 +179,7 @@ def test_cancel_while_awarding_ends_unless_host_accepts(market: Driver, answer: 
 
 
 def test_run_ignoring_stop_is_lost_and_excludes_host() -> None:
-    market = Driver(host_wait_s=0)
+    market = MarketHarness(host_wait_s=0)
     market.run()
     market.cancel("button")
     market.wait(14.1)
@@ -194,7 +196,7 @@ def test_run_ignoring_stop_is_lost_and_excludes_host() -> None:
 
 
 def test_scenes_queue_in_order_up_to_limit() -> None:
-    market = Driver(queue_limit=2)
+    market = MarketHarness(queue_limit=2)
     market.run()
     for name in ("s2", "s3", "s4"):
         market.scene(name)
@@ -210,7 +212,7 @@ def test_scenes_queue_in_order_up_to_limit() -> None:
 
 
 def test_queued_scenes_end_one_by_one_without_agents() -> None:
-    market = Driver(host_wait_s=0)
+    market = MarketHarness(host_wait_s=0)
     market.run()
     for number in range(2, 10):
         market.scene(f"s{number}")
@@ -221,14 +223,14 @@ def test_queued_scenes_end_one_by_one_without_agents() -> None:
 
 
 def test_new_scene_is_rejected_in_reject_mode() -> None:
-    market = Driver(on_new_scene="reject")
+    market = MarketHarness(on_new_scene="reject")
     market.run()
     market.scene("s2")
 
     assert market.ends == [("s2", "BUSY")]
 
 
-def test_a_known_scene_id_is_a_duplicate(market: Driver) -> None:
+def test_a_known_scene_id_is_a_duplicate(market: MarketHarness) -> None:
     market.run()
     market.scene("s2")
     for name in ("s1", "s2"):
@@ -237,7 +239,7 @@ def test_a_known_scene_id_is_a_duplicate(market: Driver) -> None:
     assert market.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
 
 
-def test_shutdown_stops_run_and_drops_queued_scenes(market: Driver) -> None:
+def test_shutdown_stops_run_and_drops_queued_scenes(market: MarketHarness) -> None:
     market.run()
     market.scene("s2")
     market.do(market.market.shut_down("shutting down", market.now))
@@ -248,7 +250,7 @@ def test_shutdown_stops_run_and_drops_queued_scenes(market: Driver) -> None:
 
 
 def test_stop_drops_queued_scenes() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.run()
     market.scene("s2")
     market.scene("s3")
@@ -264,7 +266,7 @@ def test_stop_drops_queued_scenes() -> None:
 
 
 def test_cancel_of_named_round_keeps_queued_scenes() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.run()
     market.scene("s2")
 
@@ -275,7 +277,7 @@ def test_cancel_of_named_round_keeps_queued_scenes() -> None:
 
 
 def test_stop_with_repeat_auction_keeps_queued_scenes() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.run()
     market.scene("s2")
 
@@ -285,7 +287,7 @@ def test_stop_with_repeat_auction_keeps_queued_scenes() -> None:
     assert market.ends == []
 
 
-def test_stop_cause_is_announced_before_cancel_and_afterwards(market: Driver) -> None:
+def test_stop_cause_is_announced_before_cancel_and_afterwards(market: MarketHarness) -> None:
     market.run()
     market.cancel("it is late", by=StoppedBy.OPERATOR)
     cancelling = market.all(AnnounceRun)[-1]
@@ -296,7 +298,7 @@ def test_stop_cause_is_announced_before_cancel_and_afterwards(market: Driver) ->
         assert (one.stopped_by, one.stop_reason) == (StoppedBy.OPERATOR, "it is late")
 
 
-def test_run_ending_by_itself_names_no_stopper(market: Driver) -> None:
+def test_run_ending_by_itself_names_no_stopper(market: MarketHarness) -> None:
     market.run()
     market.end()
     ended = market.all(AnnounceRun)[-1]

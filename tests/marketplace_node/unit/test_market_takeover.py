@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_core.open_goals import OpenGoal
-from market_harness import EXPRESS, GUIDE, Driver
+from market_harness import EXPRESS, GUIDE, MarketHarness
 from marketplace_node.effects import Alarm, AnnounceRun, SendGoal, State
 from marketplace_node.hosts.goal_takeover import MOST_STARTS, GoalTakeover, StoredGoals
 from marketplace_node.hosts.host_effects import CancelOpenGoals
@@ -19,40 +19,40 @@ WAITS = f"{EXPRESS} gets the run, but goals of {A} are being cancelled: /drive (
 
 
 @pytest.fixture
-def two() -> Driver:
+def two() -> MarketHarness:
     """Return a market whose guide at one host drives, with an express at another host."""
-    driver = Driver()
-    driver.register(A, GUIDE)
-    driver.register(B, EXPRESS)
-    driver.scene("s1")
-    bid_of_a(driver)
-    bid_of_b(driver)
-    driver.accept()
-    opens(driver, A, DRIVE)
-    return driver
+    harness = MarketHarness()
+    harness.register(A, GUIDE)
+    harness.register(B, EXPRESS)
+    harness.scene("s1")
+    bid_of_a(harness)
+    bid_of_b(harness)
+    harness.accept()
+    opens(harness, A, DRIVE)
+    return harness
 
 
-def bid_of_a(market: Driver) -> None:
+def bid_of_a(market: MarketHarness) -> None:
     market.bid(A, {GUIDE: (4.0, 1.5, 3.0)})
 
 
-def bid_of_b(market: Driver) -> None:
+def bid_of_b(market: MarketHarness) -> None:
     market.bid(B, {EXPRESS: (3.0, 5.0, 3.5)})
 
 
-def opens(market: Driver, host: str, *goals: OpenGoal, instance: str = "first") -> None:
+def opens(market: MarketHarness, host: str, *goals: OpenGoal, instance: str = "first") -> None:
     market.do(market.market.open_goals(host, instance, goals, market.now))
 
 
-def goals_end(market: Driver, *unconfirmed: OpenGoal, host: str = A) -> None:
+def goals_end(market: MarketHarness, *unconfirmed: OpenGoal, host: str = A) -> None:
     market.do(market.market.goals_cancelled(host, "first", unconfirmed, market.now))
 
 
-def starts(market: Driver) -> list[str]:
+def starts(market: MarketHarness) -> list[str]:
     return [effect.goal.agent for effect in market.all(SendGoal)]
 
 
-def test_next_run_waits_for_goals_of_dead_host(two: Driver):
+def test_next_run_waits_for_goals_of_dead_host(two: MarketHarness):
     two.die(A)
     two.wait(0.9)
     assert two.all(CancelOpenGoals) == [
@@ -67,14 +67,14 @@ def test_next_run_waits_for_goals_of_dead_host(two: Driver):
     assert two.status.message == f"{EXPRESS} is running"
 
 
-def test_lost_run_names_nodes_with_possibly_active_goals(two: Driver):
+def test_lost_run_names_nodes_with_possibly_active_goals(two: MarketHarness):
     two.die(A)
     two.wait(0.9)
     [end] = [run for run in two.all(AnnounceRun) if run.outcome]
     assert (end.outcome.name, end.orphans) == ("LOST", ("tree/1.drive",))
 
 
-def test_run_reports_unconfirmed_goals_of_dead_host(two: Driver):
+def test_run_reports_unconfirmed_goals_of_dead_host(two: MarketHarness):
     opens(two, A, DRIVE, SAY)
     two.die(A)
     two.wait(0.9)
@@ -96,7 +96,7 @@ def test_run_reports_unconfirmed_goals_of_dead_host(two: Driver):
     assert two.status.message == f"{EXPRESS} is running", "said once"
 
 
-def test_dead_host_without_open_goals_is_not_awaited(two: Driver):
+def test_dead_host_without_open_goals_is_not_awaited(two: MarketHarness):
     opens(two, A)
     two.die(A)
     two.wait(0.9)
@@ -105,7 +105,7 @@ def test_dead_host_without_open_goals_is_not_awaited(two: Driver):
     assert starts(two) == [GUIDE, EXPRESS]
 
 
-def test_restarted_host_also_waits_for_its_open_goals(two: Driver):
+def test_restarted_host_also_waits_for_its_open_goals(two: MarketHarness):
     two.die(A)
     two.wait(0.9)
     two.register(A, GUIDE, instance="second")
@@ -121,7 +121,7 @@ def test_restarted_host_also_waits_for_its_open_goals(two: Driver):
     assert starts(two) == [GUIDE, GUIDE]
 
 
-def test_market_cancels_orphans_of_host_dying_after_run(two: Driver):
+def test_market_cancels_orphans_of_host_dying_after_run(two: MarketHarness):
     two.end()
     two.collect()
     two.die(A)
@@ -132,14 +132,14 @@ def test_market_cancels_orphans_of_host_dying_after_run(two: Driver):
     assert two.status.message == WAITS
 
 
-def test_run_ignoring_stop_has_its_goals_cancelled(two: Driver):
+def test_run_ignoring_stop_has_its_goals_cancelled(two: MarketHarness):
     two.cancel(again=True)
     two.wait(14.1)
     assert two.events[-1].endswith("ENDED LOST") or "LOST" in " ".join(two.events)
     assert [one.goals for one in two.all(CancelOpenGoals)] == [(DRIVE,)]
 
 
-def test_goals_opened_during_cancellation_are_cancelled_next(two: Driver):
+def test_goals_opened_during_cancellation_are_cancelled_next(two: MarketHarness):
     two.die(A)
     two.wait(0.9)
     bid_of_b(two)
@@ -154,7 +154,7 @@ def test_goals_opened_during_cancellation_are_cancelled_next(two: Driver):
     assert starts(two) == [GUIDE, EXPRESS]
 
 
-def test_goals_of_unregistered_start_are_not_cancelled(two: Driver):
+def test_goals_of_unregistered_start_are_not_cancelled(two: MarketHarness):
     opens(two, "/stranger", SAY)
     opens(two, A, SAY, instance="another")
     two.wait(30.0)
@@ -172,7 +172,7 @@ def test_unregistered_starts_are_bounded_and_evict_no_host():
     assert (lost.host, lost.goals) == (A, (DRIVE,))
 
 
-def test_stalled_market_takes_nothing_over_from_live_host(two: Driver):
+def test_stalled_market_takes_nothing_over_from_live_host(two: MarketHarness):
     since = two.now
     two.now += 5.0
     two.beat(B, round_number=0)
@@ -183,15 +183,15 @@ def test_stalled_market_takes_nothing_over_from_live_host(two: Driver):
     assert two.status.message == f"{GUIDE} is running"
 
 
-def next_market(market: Driver) -> Driver:
+def next_market(market: MarketHarness) -> MarketHarness:
     """Return the next start of a market that was killed, which has read what that had stored."""
-    after = Driver()
+    after = MarketHarness()
     text = format_scenes(market.all(StoreScenes)[-1])
     after.do(after.market.restore_scenes(text, 1.0, after.now)[1])
     return after
 
 
-def test_next_market_cancels_open_goals_of_dead_host(two: Driver):
+def test_next_market_cancels_open_goals_of_dead_host(two: MarketHarness):
     two.end()
     two.collect()
     after = next_market(two)
@@ -209,7 +209,7 @@ def test_next_market_cancels_open_goals_of_dead_host(two: Driver):
     assert starts(after) == [EXPRESS]
 
 
-def test_surviving_host_keeps_its_goals_after_market_restart(two: Driver):
+def test_surviving_host_keeps_its_goals_after_market_restart(two: MarketHarness):
     after = next_market(two)
     after.register(A, GUIDE)
     after.wait(10.0)
@@ -219,7 +219,7 @@ def test_surviving_host_keeps_its_goals_after_market_restart(two: Driver):
     assert [one.goals for one in after.all(CancelOpenGoals)] == [(DRIVE,)]
 
 
-def test_next_market_does_not_await_host_without_goals(two: Driver):
+def test_next_market_does_not_await_host_without_goals(two: MarketHarness):
     opens(two, A)
     two.end()
     two.collect()
@@ -230,7 +230,7 @@ def test_next_market_does_not_await_host_without_goals(two: Driver):
     assert starts(after) == [EXPRESS]
 
 
-def test_next_market_finishes_goal_cancellation(two: Driver):
+def test_next_market_finishes_goal_cancellation(two: MarketHarness):
     two.die(A)
     two.wait(0.9)
     assert two.all(StoreScenes)[-1].open_goals == (
@@ -241,7 +241,7 @@ def test_next_market_finishes_goal_cancellation(two: Driver):
     assert [one.goals for one in after.all(CancelOpenGoals)] == [(DRIVE,)]
 
 
-def test_stalled_market_waits_longer_for_earlier_hosts(two: Driver):
+def test_stalled_market_waits_longer_for_earlier_hosts(two: MarketHarness):
     after = next_market(two)
     since, after.now = after.now, after.now + 5.0
     after.do(after.market.extend_after_stall(since, after.now))

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
+from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, MarketHarness, scene
 from marketplace_node.explanation.reason import calculation
 from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
@@ -17,7 +17,7 @@ NAN = math.nan
 
 
 def test_award_shows_its_sum_and_margin_to_next() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register()
     market.scene()
     market.bid()
@@ -29,7 +29,7 @@ def test_award_shows_its_sum_and_margin_to_next() -> None:
 
 
 def test_single_bid_reason_says_it_had_no_rival() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register("/agents", GUIDE)
     market.scene()
     market.bid(vectors={GUIDE: (4.0, 1.5, 3.0)})
@@ -53,7 +53,7 @@ def test_missing_and_negative_values_are_shown(values: tuple[float, ...], text: 
     assert calculation(bid, awarded_for, "manhattan") == text
 
 
-def tied(market: Driver, scene_id: str) -> str:
+def tied(market: MarketHarness, scene_id: str) -> str:
     market.scene(scene_id)
     market.bid(vectors={GUIDE: (4.0, 2.0, 3.0), EXPRESS: (4.0, 2.0, 3.0)})
     reason = market.auction.reason
@@ -64,7 +64,7 @@ def tied(market: Driver, scene_id: str) -> str:
 
 
 def test_tie_reason_names_least_recently_run_agent() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register()
 
     assert [tied(market, f"s{number}") for number in range(3)] == [
@@ -76,7 +76,7 @@ def test_tie_reason_names_least_recently_run_agent() -> None:
 
 
 def test_tie_reason_names_alphabetical_order() -> None:
-    market = Driver(tie_break="name")
+    market = MarketHarness(tie_break="name")
     market.register()
 
     words = "tied with professional_express: attentive_guide is first by name"
@@ -84,7 +84,7 @@ def test_tie_reason_names_alphabetical_order() -> None:
 
 
 def test_decline_reasons_are_grouped() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register("/agents", GUIDE, EXPRESS, PLAIN)
     market.scene()
     market.bid(
@@ -99,7 +99,7 @@ def test_decline_reasons_are_grouped() -> None:
 
 
 def test_refused_bids_and_silent_hosts_are_named() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.register("/agents", GUIDE)
     market.register("/others", EXPRESS)
     market.scene()
@@ -113,7 +113,7 @@ def test_refused_bids_and_silent_hosts_are_named() -> None:
 
 
 def test_a_follow_up_round_says_what_it_continues() -> None:
-    market = Driver()
+    market = MarketHarness()
     market.run()
     market.cancel("mood.change <= -1.0", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
     market.end(outcome=3)
@@ -127,7 +127,7 @@ def test_a_follow_up_round_says_what_it_continues() -> None:
 
 
 def test_a_market_without_agents_says_so() -> None:
-    market = Driver(host_wait_s=0)
+    market = MarketHarness(host_wait_s=0)
     market.scene()
 
     assert market.auction.reason == "no agents are registered"
@@ -135,7 +135,7 @@ def test_a_market_without_agents_says_so() -> None:
 
 
 def test_unavailable_hosts_are_named_with_reason() -> None:
-    market = Driver(host_wait_s=0)
+    market = MarketHarness(host_wait_s=0)
     market.register()
     market.die()
     market.wait(1.1)

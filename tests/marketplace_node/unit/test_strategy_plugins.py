@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from market_harness import SPACE, Driver, scene
+from market_harness import SPACE, MarketHarness, scene
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.round import auction, ranking
 from marketplace_node.round.decision import Ranked
@@ -212,7 +212,7 @@ def test_round_with_failing_ranking_ends_without_award(monkeypatch: pytest.Monke
         raise RuntimeError("out of order")
 
     monkeypatch.setattr(auction, "decide", breaks)
-    market = Driver()
+    market = MarketHarness()
     market.register()
     market.scene()
     market.bid()

@@ -50,7 +50,7 @@ BOTH = read_scene_text(FACES.replace(MOOD, f"[{MOOD}, {VOICE}]"), "scene.yaml")
 IGNORANCE = 4 / math.sqrt(12)
 
 
-class Room:
+class EncounterHarness:
     """Faces before a camera, second by second."""
 
     def __init__(self, memory: Memory | None = None, spec: SceneSpec = SPEC) -> None:
@@ -107,11 +107,11 @@ def words(scene: Scene) -> list[str]:
 
 
 def test_scene_has_values_of_the_addressee():
-    room = Room()
+    harness = EncounterHarness()
     anna, ben = {"age": 4.0, "mood": 2.0, "distance_m": 1.0}, {"age": 1.0, "distance_m": 2.0}
-    room.see(0.0, ben=ben, anna=anna)
-    room.hear(7.0)
-    scene = room.announce()
+    harness.see(0.0, ben=ben, anna=anna)
+    harness.hear(7.0)
+    scene = harness.announce()
     assert (scene.person, scene.person_id, scene.place, scene.persons) == (
         True,
         "anna",
@@ -119,45 +119,45 @@ def test_scene_has_values_of_the_addressee():
         2,
     )
     assert words(scene) == ["age measured 4", "mood measured 2", "height", "noise measured 7"]
-    of_ben = room.estimate.scene_of("ben", now=0.0, wall=1000.0, stamp=0.0)
+    of_ben = harness.estimate.scene_of("ben", now=0.0, wall=1000.0, stamp=0.0)
     assert (of_ben.person, of_ben.person_id, of_ben.scene_id) == (True, "ben", "person/ben")
     assert words(of_ben) == ["age measured 1", "mood", "height", "noise measured 7"]
 
 
 def test_scene_without_person_is_separate():
-    room = Room()
-    room.hear(7.0)
-    scene = room.announce()
+    harness = EncounterHarness()
+    harness.hear(7.0)
+    scene = harness.announce()
     assert (scene.person, scene.person_id, scene.persons) == (False, "", 0)
     assert words(scene) == ["age", "mood default 3", "height", "noise measured 7"]
-    assert room.value("mood").source == "nobody is there"
+    assert harness.value("mood").source == "nobody is there"
 
 
 def test_scene_declared_without_person_ignores_passers_by():
-    room = Room()
-    room.see(0.0, anna={"age": 4.0})
-    scene = room.announce(person=False, mood=1.0)
+    harness = EncounterHarness()
+    harness.see(0.0, anna={"age": 4.0})
+    scene = harness.announce(person=False, mood=1.0)
     assert (scene.person, scene.person_id) == (False, "")
     assert words(scene) == ["age", "mood given 1", "height", "noise"]
-    room.see(1.0, anna={"age": 4.0})
-    assert not room.scene().person
+    harness.see(1.0, anna={"age": 4.0})
+    assert not harness.scene().person
 
 
 def test_unmeasured_value_of_stranger_is_missing_or_default():
-    room = Room()
-    room.see(0.0, anna={"height": 1.6})
-    room.announce()
-    assert words(room.scene()) == ["age default 3", "mood", "height measured 1.6", "noise"]
-    age = room.value("age")
+    harness = EncounterHarness()
+    harness.see(0.0, anna={"height": 1.6})
+    harness.announce()
+    assert words(harness.scene()) == ["age default 3", "mood", "height measured 1.6", "noise"]
+    age = harness.value("age")
     assert (age.std, age.confidence, age.source) == (pytest.approx(IGNORANCE), 0.0, "default")
 
 
 def test_stale_value_is_estimated_with_growing_uncertainty():
-    room = Room()
+    harness = EncounterHarness()
     for second in range(10):
-        room.see(float(second), anna={"age": 4.0, "mood": 2.0, "height": 1.6})
-    room.announce()
-    assert words(room.scene()) == [
+        harness.see(float(second), anna={"age": 4.0, "mood": 2.0, "height": 1.6})
+    harness.announce()
+    assert words(harness.scene()) == [
         "age measured 4",
         "mood measured 2",
         "height measured 1.6",
@@ -165,125 +165,129 @@ def test_stale_value_is_estimated_with_growing_uncertainty():
     ]
     stds = []
     for second in (12.0, 60.0, 600.0, 6000.0):
-        room.see(second, anna={})
-        assert words(room.scene()) == ["age estimated 4", "mood estimated 2", "height", "noise"]
-        stds.append(room.value("age").std)
+        harness.see(second, anna={})
+        assert words(harness.scene()) == ["age estimated 4", "mood estimated 2", "height", "noise"]
+        stds.append(harness.value("age").std)
     assert stds == sorted(stds)
     assert 0.2 < stds[0] < 0.5 < stds[-1] < IGNORANCE
-    age = room.value("age")
+    age = harness.value("age")
     assert age.age_s == pytest.approx(5991.0)
     assert age.source == "anna, seen once"
     assert age.confidence == pytest.approx(1 - (age.std / IGNORANCE) ** 2)
 
 
 def test_estimate_uncertainty_is_spread_of_measurements():
-    room = Room()
+    harness = EncounterHarness()
     for second in range(100):
-        room.see(float(second), anna={"mood": 2.0 + 2.0 * (second % 2)})
-    room.announce()
-    room.see(110.0, anna={})
-    mood = room.value("mood")
+        harness.see(float(second), anna={"mood": 2.0 + 2.0 * (second % 2)})
+    harness.announce()
+    harness.see(110.0, anna={})
+    mood = harness.value("mood")
     assert mood.value == pytest.approx(3.0, abs=0.01)
     assert mood.std == pytest.approx(1.0, abs=0.02)
 
 
 def test_known_person_is_remembered_and_stranger_is_not():
-    room = Room()
+    harness = EncounterHarness()
     for second in range(3):
-        room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0, "known": 0.0})
-    room.see(3.0)
-    room.see(400.0, anna={"known": 1.0})
-    room.announce()
-    assert room.value("age").value == 5.0
-    assert room.value("age").source == "anna, seen 2 times"
-    room.see(500.0)
-    room.see(900.0, face7={})
-    room.announce("t")
-    age = room.value("age", "t")
+        harness.see(
+            float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0, "known": 0.0}
+        )
+    harness.see(3.0)
+    harness.see(400.0, anna={"known": 1.0})
+    harness.announce()
+    assert harness.value("age").value == 5.0
+    assert harness.value("age").source == "anna, seen 2 times"
+    harness.see(500.0)
+    harness.see(900.0, face7={})
+    harness.announce("t")
+    age = harness.value("age", "t")
     assert age.source == "everybody in lobby, 2 visits"
     assert age.value == pytest.approx(3.0, abs=0.05)
 
 
 def test_each_visit_counts_once_in_place_average():
-    room = Room()
+    harness = EncounterHarness()
     for number in range(4):
         for second in range(50 if number else 1):
-            room.see(100.0 * number + second, **{f"face{number}": {"age": 1.0 if number else 5.0}})
-        room.see(100.0 * number + 60)
-    room.see(1000.0, face9={})
-    room.announce()
-    assert room.value("age").value == pytest.approx(2.0, abs=0.05)
+            harness.see(
+                100.0 * number + second, **{f"face{number}": {"age": 1.0 if number else 5.0}}
+            )
+        harness.see(100.0 * number + 60)
+    harness.see(1000.0, face9={})
+    harness.announce()
+    assert harness.value("age").value == pytest.approx(2.0, abs=0.05)
 
 
 def test_estimated_and_given_values_are_not_remembered():
-    room = Room()
-    room.see(0.0, anna={"known": 1.0})
-    room.announce(age=5.0, mood=1.0)
+    harness = EncounterHarness()
+    harness.see(0.0, anna={"known": 1.0})
+    harness.announce(age=5.0, mood=1.0)
     for second in range(1, 10):
-        room.see(float(second), anna={"known": 1.0})
-        room.scene()
-    room.see(20.0)
-    assert room.memory.snapshot() == ({}, {})
+        harness.see(float(second), anna={"known": 1.0})
+        harness.scene()
+    harness.see(20.0)
+    assert harness.memory.snapshot() == ({}, {})
 
 
 def test_reading_without_confidence_is_ignored():
-    room = Room()
-    room.see(0.0, anna={"mood": 1.0, "sure": 0.0})
-    assert words(room.announce())[1] == "mood"
+    harness = EncounterHarness()
+    harness.see(0.0, anna={"mood": 1.0, "sure": 0.0})
+    assert words(harness.announce())[1] == "mood"
 
 
 def test_run_keeps_its_person_despite_nearer_one():
-    room = Room()
-    room.see(0.0, anna={"mood": 4.0, "distance_m": 1.0})
-    room.announce()
-    room.running = "s"
+    harness = EncounterHarness()
+    harness.see(0.0, anna={"mood": 4.0, "distance_m": 1.0})
+    harness.announce()
+    harness.running = "s"
     for second in range(1, 6):
-        room.see(
+        harness.see(
             float(second),
             anna={"mood": 4.0, "distance_m": 3.0},
             ben={"mood": 1.0, "distance_m": 0.5},
         )
-    assert room.estimate.encounters.persons.addressee == "ben"
-    scene = room.scene()
+    assert harness.estimate.encounters.persons.addressee == "ben"
+    scene = harness.scene()
     assert (scene.person, scene.person_id) == (True, "anna")
     assert words(scene)[1] == "mood measured 4"
-    assert room.announce("t").person_id == "ben"
+    assert harness.announce("t").person_id == "ben"
 
 
 def test_run_with_lost_person_keeps_values_without_substitute():
-    room = Room()
+    harness = EncounterHarness()
     for second in range(3):
-        room.see(float(second), anna={"age": 5.0, "mood": 4.0, "distance_m": 1.0})
-    room.announce()
-    room.running = "s"
-    room.see(3.0, ben={"age": 1.0, "mood": 1.0, "distance_m": 0.5})
-    scene = room.scene()
+        harness.see(float(second), anna={"age": 5.0, "mood": 4.0, "distance_m": 1.0})
+    harness.announce()
+    harness.running = "s"
+    harness.see(3.0, ben={"age": 1.0, "mood": 1.0, "distance_m": 0.5})
+    scene = harness.scene()
     assert (scene.person, scene.person_id, scene.persons) == (False, "anna", 1)
     assert words(scene)[:2] == ["age measured 5", "mood measured 4"]
-    room.see(10.0, ben={"age": 1.0, "mood": 1.0})
-    assert words(room.scene())[:2] == ["age estimated 5", "mood estimated 4"]
-    assert not room.scene().person
-    room.see(11.0, anna={"mood": 2.0}, ben={})
-    assert (room.scene().person, words(room.scene())[1]) == (True, "mood measured 2")
-    room.see(12.0, ben={})
-    room.running = None
-    room.look(13.0)
-    assert room.memory.estimate("anna", "", "age", 1013.0) is None, "a stranger is forgotten"
+    harness.see(10.0, ben={"age": 1.0, "mood": 1.0})
+    assert words(harness.scene())[:2] == ["age estimated 5", "mood estimated 4"]
+    assert not harness.scene().person
+    harness.see(11.0, anna={"mood": 2.0}, ben={})
+    assert (harness.scene().person, words(harness.scene())[1]) == (True, "mood measured 2")
+    harness.see(12.0, ben={})
+    harness.running = None
+    harness.look(13.0)
+    assert harness.memory.estimate("anna", "", "age", 1013.0) is None, "a stranger is forgotten"
 
 
 def test_run_without_person_adopts_first_one_who_comes():
-    room = Room()
-    room.announce()
-    room.running = "s"
-    room.see(1.0, anna={"mood": 4.0, "distance_m": 1.0})
-    assert (room.scene().person, room.scene().person_id) == (True, "anna")
-    room.see(2.0, ben={"mood": 1.0, "distance_m": 0.2})
-    room.see(9.0, ben={"mood": 1.0, "distance_m": 0.2})
-    assert (room.scene().person, room.scene().person_id) == (False, "anna")
+    harness = EncounterHarness()
+    harness.announce()
+    harness.running = "s"
+    harness.see(1.0, anna={"mood": 4.0, "distance_m": 1.0})
+    assert (harness.scene().person, harness.scene().person_id) == (True, "anna")
+    harness.see(2.0, ben={"mood": 1.0, "distance_m": 0.2})
+    harness.see(9.0, ben={"mood": 1.0, "distance_m": 0.2})
+    assert (harness.scene().person, harness.scene().person_id) == (False, "anna")
 
 
 def test_restarted_scene_layer_follows_person_of_run():
-    room = Room()
+    harness = EncounterHarness()
     foreign = Scene(
         scene_id="s",
         label="",
@@ -291,32 +295,34 @@ def test_restarted_scene_layer_follows_person_of_run():
         person_id="anna",
         values=tuple(SceneValue.missing(name) for name in SPEC.space.names),
     )
-    room.see(0.0, ben={"mood": 1.0, "distance_m": 0.1}, anna={"mood": 4.0, "distance_m": 2.0})
-    room.estimate.adopt(foreign, 0.0)
-    room.running = "s"
-    room.see(1.0, ben={"mood": 1.0}, anna={"mood": 4.0})
-    assert (room.scene().person_id, words(room.scene())[1]) == ("anna", "mood measured 4")
+    harness.see(0.0, ben={"mood": 1.0, "distance_m": 0.1}, anna={"mood": 4.0, "distance_m": 2.0})
+    harness.estimate.adopt(foreign, 0.0)
+    harness.running = "s"
+    harness.see(1.0, ben={"mood": 1.0}, anna={"mood": 4.0})
+    assert (harness.scene().person_id, words(harness.scene())[1]) == ("anna", "mood measured 4")
 
 
 def test_given_value_lasts_until_newer_measurement_of_person():
-    room = Room()
-    room.see(0.0, anna={"mood": 4.0, "distance_m": 1.0}, ben={"mood": 5.0, "distance_m": 2.0})
-    room.announce(mood=1.0)
-    room.see(1.0, anna={}, ben={"mood": 5.0})
-    assert words(room.scene())[1] == "mood given 1"
-    room.see(2.0, anna={"mood": 3.0}, ben={"mood": 5.0})
-    assert words(room.scene())[1] == "mood measured 3"
+    harness = EncounterHarness()
+    harness.see(0.0, anna={"mood": 4.0, "distance_m": 1.0}, ben={"mood": 5.0, "distance_m": 2.0})
+    harness.announce(mood=1.0)
+    harness.see(1.0, anna={}, ben={"mood": 5.0})
+    assert words(harness.scene())[1] == "mood given 1"
+    harness.see(2.0, anna={"mood": 3.0}, ben={"mood": 5.0})
+    assert words(harness.scene())[1] == "mood measured 3"
 
 
 def test_current_scene_follows_the_addressee():
-    room = Room()
-    room.see(0.0, anna={"distance_m": 1.0})
-    room.estimate.give("", {}, None, 0.0)
-    assert room.scene("").person_id == "anna"
-    room.see(5.0, ben={"distance_m": 1.0})
-    assert room.scene("").person_id == "ben"
-    room.see(9.0)
-    assert words(room.scene(""))[:2] == ["age", "mood default 3"], "nobody is a scene of its own"
+    harness = EncounterHarness()
+    harness.see(0.0, anna={"distance_m": 1.0})
+    harness.estimate.give("", {}, None, 0.0)
+    assert harness.scene("").person_id == "anna"
+    harness.see(5.0, ben={"distance_m": 1.0})
+    assert harness.scene("").person_id == "ben"
+    harness.see(9.0)
+    assert words(harness.scene(""))[:2] == ["age", "mood default 3"], (
+        "nobody is a scene of its own"
+    )
 
 
 # --- one person at a time, without ids -------------------------------------------------------
@@ -378,26 +384,26 @@ def test_run_without_ids_keeps_values_of_departed_person():
 
 
 def test_forgotten_person_is_unknown_until_next_visit():
-    room = Room()
+    harness = EncounterHarness()
     for second in range(3):
-        room.see(float(second), anna={"age": 5.0, "known": 1.0})
-    assert room.memory.forget(person="anna")
-    assert not room.memory.forget(person="anna")
+        harness.see(float(second), anna={"age": 5.0, "known": 1.0})
+    assert harness.memory.forget(person="anna")
+    assert not harness.memory.forget(person="anna")
     for second in range(3, 6):
-        room.see(float(second), anna={"age": 5.0, "known": 1.0})
-    room.see(6.0)
-    assert room.memory.snapshot()[0] == {}, "not remembered from the rest of this visit either"
-    room.see(400.0, anna={"age": 4.0, "known": 1.0})
-    room.see(401.0)
-    assert set(room.memory.snapshot(room.estimate.encounters.known)[0]) == {"anna"}
+        harness.see(float(second), anna={"age": 5.0, "known": 1.0})
+    harness.see(6.0)
+    assert harness.memory.snapshot()[0] == {}, "not remembered from the rest of this visit either"
+    harness.see(400.0, anna={"age": 4.0, "known": 1.0})
+    harness.see(401.0)
+    assert set(harness.memory.snapshot(harness.estimate.encounters.known)[0]) == {"anna"}
 
 
 def test_place_can_be_forgotten():
-    room = Room()
-    room.see(0.0, face1={"age": 5.0})
-    room.see(1.0)
-    assert room.memory.forget(place="lobby")
-    assert room.memory.snapshot() == ({}, {})
+    harness = EncounterHarness()
+    harness.see(0.0, face1={"age": 5.0})
+    harness.see(1.0)
+    assert harness.memory.forget(place="lobby")
+    assert harness.memory.snapshot() == ({}, {})
 
 
 def test_person_not_seen_longest_is_forgotten_first():
@@ -417,16 +423,16 @@ def test_person_not_seen_longest_is_forgotten_first():
 
 
 def test_only_known_persons_survive_restart():
-    room = Room()
+    harness = EncounterHarness()
     for second in range(3):
-        room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0})
-    text = to_text(*room.memory.snapshot(room.estimate.encounters.known))
+        harness.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0})
+    text = to_text(*harness.memory.snapshot(harness.estimate.encounters.known))
     persons, places = from_text(text, SPEC.space, 1e9)
     assert set(persons) == {"anna"}
     assert places == {}
     memory = Memory(SPEC.space)
     memory.restore(persons, places)
-    again = Room(memory)
+    again = EncounterHarness(memory)
     again.see(0.0, anna={})
     again.announce()
     assert again.value("age").value == 5.0
@@ -434,78 +440,80 @@ def test_only_known_persons_survive_restart():
 
 
 def test_ids_gone_between_two_updates_leave_no_data():
-    room = Room()
-    sources = room.sources
+    harness = EncounterHarness()
+    sources = harness.sources
     for picture in range(40):
-        room.estimate.encounters.persons.receive_ids([f"face{picture}"], 0.01 * picture)
-        room.read(f"face{picture}", {"age": 3.0})
-    room.look(0.5)
+        harness.estimate.encounters.persons.receive_ids([f"face{picture}"], 0.01 * picture)
+        harness.read(f"face{picture}", {"age": 3.0})
+    harness.look(0.5)
     assert sources.people == {"face39"}, "only who is listed still"
-    room.see(1.0)
-    room.see(9.0)
+    harness.see(1.0)
+    harness.see(9.0)
     assert sources.people == frozenset()
 
 
 def test_short_tracking_gaps_create_no_new_visits():
-    room = Room()
+    harness = EncounterHarness()
     for second in range(0, 120, 2):
-        room.see(float(second), anna={"age": 5.0, "known": 1.0})
-        room.see(second + 1.0)
+        harness.see(float(second), anna={"age": 5.0, "known": 1.0})
+        harness.see(second + 1.0)
     for second in (120, 122):
-        room.see(float(second), face7={"age": 1.0})
-        room.see(second + 1.0)
-    assert room.estimate.encounters.known == {"anna"}
-    persons, places = room.memory.snapshot(room.estimate.encounters.known)
+        harness.see(float(second), face7={"age": 1.0})
+        harness.see(second + 1.0)
+    assert harness.estimate.encounters.known == {"anna"}
+    persons, places = harness.memory.snapshot(harness.estimate.encounters.known)
     assert (set(persons), persons["anna"].visits) == ({"anna"}, 1)
     assert places["lobby"].visits == 2
-    room.look(119.0 + AWAY_S)
-    persons, places = room.memory.snapshot()
+    harness.look(119.0 + AWAY_S)
+    persons, places = harness.memory.snapshot()
     assert places["lobby"].visits == 3
     assert persons["anna"].seen_at == 1119.0, "when they went, not when that was certain"
 
 
 def test_persons_out_of_sight_longest_leave_first():
-    room = Room()
+    harness = EncounterHarness()
     for number in range(MOST_AWAY + 10):
-        room.see(float(number), **{f"anna{number}": {"age": 5.0, "known": 1.0}})
-    room.see(100.0)
-    assert len(room.sources.people) == MOST_AWAY
-    assert room.memory.snapshot()[1]["lobby"].visits == 10
+        harness.see(float(number), **{f"anna{number}": {"age": 5.0, "known": 1.0}})
+    harness.see(100.0)
+    assert len(harness.sources.people) == MOST_AWAY
+    assert harness.memory.snapshot()[1]["lobby"].visits == 10
 
 
 def test_only_personal_readings_count_for_lost_person():
-    room = Room(spec=BOTH)
-    room.see(0.0, anna={"mood": 5.0})
-    room.announce()
-    room.running = "s"
-    room.hear(1.0, "mood")
-    assert room.value("mood").value == 3.0, "the face and the room"
-    room.see(1.0)
-    assert not room.scene().person
-    assert room.value("mood").value == 5.0
-    room.hear(1.0, "mood")
-    room.look(3.0)
-    assert room.value("mood").origin is not Origin.MEASURED
+    harness = EncounterHarness(spec=BOTH)
+    harness.see(0.0, anna={"mood": 5.0})
+    harness.announce()
+    harness.running = "s"
+    harness.hear(1.0, "mood")
+    assert harness.value("mood").value == 3.0, "the face and the room"
+    harness.see(1.0)
+    assert not harness.scene().person
+    assert harness.value("mood").value == 5.0
+    harness.hear(1.0, "mood")
+    harness.look(3.0)
+    assert harness.value("mood").origin is not Origin.MEASURED
 
 
 def test_room_reading_alone_is_not_a_personal_mood():
-    room = Room(spec=BOTH)
-    room.see(0.0, anna={"known": 1.0})
-    room.hear(1.0, "mood")
-    room.announce()
-    assert room.value("mood").origin is Origin.MISSING
-    room.see(1.0, anna={"known": 1.0, "mood": 5.0})
-    assert room.value("mood").value == 3.0
-    room.see(2.0, anna={"known": 1.0, "mood": 5.0})
-    assert room.memory.snapshot({"anna"})[0]["anna"].values["mood"].mean == 5.0
+    harness = EncounterHarness(spec=BOTH)
+    harness.see(0.0, anna={"known": 1.0})
+    harness.hear(1.0, "mood")
+    harness.announce()
+    assert harness.value("mood").origin is Origin.MISSING
+    harness.see(1.0, anna={"known": 1.0, "mood": 5.0})
+    assert harness.value("mood").value == 3.0
+    harness.see(2.0, anna={"known": 1.0, "mood": 5.0})
+    assert harness.memory.snapshot({"anna"})[0]["anna"].values["mood"].mean == 5.0
 
 
 def test_measurements_count_at_most_once_per_second():
-    room = Room()
+    harness = EncounterHarness()
     for picture in range(61):
-        room.see(picture / 30.0, anna={"age": 5.0})
-    assert room.memory._persons["anna"].values["age"].weight == pytest.approx(1 + 0.99 + 0.99**2)
-    before = room.memory._persons["anna"].values["age"]
+        harness.see(picture / 30.0, anna={"age": 5.0})
+    assert harness.memory._persons["anna"].values["age"].weight == pytest.approx(
+        1 + 0.99 + 0.99**2
+    )
+    before = harness.memory._persons["anna"].values["age"]
     for second in (2.9, 3.2, 3.9):
-        room.look(second)
-    assert room.memory._persons["anna"].values["age"] is before
+        harness.look(second)
+    assert harness.memory._persons["anna"].values["age"] is before

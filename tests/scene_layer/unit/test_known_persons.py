@@ -45,7 +45,7 @@ sources:
 """
 
 
-class Room:
+class KnownPersonsHarness:
     """A scene layer without ROS."""
 
     def __init__(self, text: str = WITH_IDS, memory: Memory | None = None) -> None:
@@ -99,87 +99,87 @@ class Room:
         return f"{value.origin.name.lower()} {value.value:g}"
 
 
-def refusal(room: Room, person: str, **values: object) -> str:
+def refusal(harness: KnownPersonsHarness, person: str, **values: object) -> str:
     with pytest.raises(Refused) as refused:
-        room.remember(person, **values)
+        harness.remember(person, **values)
     return refused.value.code
 
 
 def test_visits_are_counted_only_for_known_persons() -> None:
-    room = Room()
-    room.see(0.0, "anna")
-    assert (room.begin("s").person_id, room.scene().visits) == ("anna", 1)
-    room.see(1.0)
-    room.see(2.0 + AWAY_S)
-    room.see(3.0 + AWAY_S, "anna")
-    assert room.begin("t").visits == 2
-    room.see(4.0 + AWAY_S, strangers=("7",))
-    assert (room.begin("u").person_id, room.scene("u").visits) == ("7", 0)
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna")
+    assert (harness.begin("s").person_id, harness.scene().visits) == ("anna", 1)
+    harness.see(1.0)
+    harness.see(2.0 + AWAY_S)
+    harness.see(3.0 + AWAY_S, "anna")
+    assert harness.begin("t").visits == 2
+    harness.see(4.0 + AWAY_S, strangers=("7",))
+    assert (harness.begin("u").person_id, harness.scene("u").visits) == ("7", 0)
 
 
 def test_short_absence_is_part_of_same_visit() -> None:
-    room = Room()
-    room.see(0.0, "anna")
-    room.see(1.0)
-    room.see(2.0, "anna")
-    assert room.begin("s").visits == 1
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna")
+    harness.see(1.0)
+    harness.see(2.0, "anna")
+    assert harness.begin("s").visits == 1
 
 
 def test_remembered_values_appear_in_current_and_later_visits() -> None:
-    room = Room()
-    room.see(0.0, "anna", "ben")
-    room.remember("anna", favourite="tea", cups=2)
-    assert room.begin("s").remembered == {"favourite": "tea", "cups": 2.0}
-    room.remember("anna", favourite="water", cups=None)
-    assert room.scene().remembered == {"favourite": "water"}
-    ben = room.estimate.scene_of("ben", now=0.0, wall=0.0, stamp=0.0)
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna", "ben")
+    harness.remember("anna", favourite="tea", cups=2)
+    assert harness.begin("s").remembered == {"favourite": "tea", "cups": 2.0}
+    harness.remember("anna", favourite="water", cups=None)
+    assert harness.scene().remembered == {"favourite": "water"}
+    ben = harness.estimate.scene_of("ben", now=0.0, wall=0.0, stamp=0.0)
     assert (ben.visits, ben.remembered) == (1, {})
-    room.see(1.0)
-    room.see(2.0 + AWAY_S, "anna")
-    assert room.begin("t").remembered == {"favourite": "water"}
+    harness.see(1.0)
+    harness.see(2.0 + AWAY_S, "anna")
+    assert harness.begin("t").remembered == {"favourite": "water"}
 
 
 def test_invalid_remember_request_is_rejected_without_change() -> None:
-    room = Room()
-    room.see(0.0, "anna", strangers=("7",))
-    assert refusal(room, "7", favourite="tea") == "UNKNOWN_PERSON"
-    assert refusal(room, "nobody", favourite="tea") == "UNKNOWN_PERSON"
-    assert refusal(room, "", favourite="tea") == "UNKNOWN_PERSON"
-    assert refusal(room, "anna", favorite="tea") == "BAD_KEY"
-    assert refusal(room, "anna", favourite="tea", cups="two") == "BAD_VALUE"
-    assert room.begin("s").remembered == {}
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna", strangers=("7",))
+    assert refusal(harness, "7", favourite="tea") == "UNKNOWN_PERSON"
+    assert refusal(harness, "nobody", favourite="tea") == "UNKNOWN_PERSON"
+    assert refusal(harness, "", favourite="tea") == "UNKNOWN_PERSON"
+    assert refusal(harness, "anna", favorite="tea") == "BAD_KEY"
+    assert refusal(harness, "anna", favourite="tea", cups="two") == "BAD_VALUE"
+    assert harness.begin("s").remembered == {}
 
 
 def test_forgetting_person_drops_remembered_values_until_they_return() -> None:
-    room = Room()
-    room.see(0.0, "anna")
-    room.remember("anna", favourite="tea")
-    assert room.memory.forget(person="anna")
-    assert room.begin("s").remembered == {}
-    assert refusal(room, "anna", favourite="tea") == "FORGOTTEN"
-    persons, _ = room.memory.snapshot(room.estimate.encounters.known)
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna")
+    harness.remember("anna", favourite="tea")
+    assert harness.memory.forget(person="anna")
+    assert harness.begin("s").remembered == {}
+    assert refusal(harness, "anna", favourite="tea") == "FORGOTTEN"
+    persons, _ = harness.memory.snapshot(harness.estimate.encounters.known)
     assert "anna" not in persons
 
 
 def test_absent_person_is_remembered_across_restart() -> None:
-    room = Room()
-    room.see(0.0, "anna", strangers=("7",))
-    room.remember("anna", favourite="tea", cups=1)
-    room.see(1.0)
-    room.see(2.0 + AWAY_S)
-    room.remember("anna", cups=3)
-    text = to_text(*room.memory.snapshot())
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna", strangers=("7",))
+    harness.remember("anna", favourite="tea", cups=1)
+    harness.see(1.0)
+    harness.see(2.0 + AWAY_S)
+    harness.remember("anna", cups=3)
+    text = to_text(*harness.memory.snapshot())
     assert '"7"' not in text
-    again = Memory(room.spec.space)
-    again.restore(*from_text(text, room.spec.space, 5000.0))
-    later = Room(memory=again)
+    again = Memory(harness.spec.space)
+    again.restore(*from_text(text, harness.spec.space, 5000.0))
+    later = KnownPersonsHarness(memory=again)
     later.see(0.0, "anna")
     scene = later.begin("s")
     assert (scene.visits, scene.remembered) == (2, {"favourite": "tea", "cups": 3.0})
 
 
 def test_memory_file_holds_only_values_declared_in_scene() -> None:
-    space = Room().spec.space
+    space = KnownPersonsHarness().spec.space
     person = {"visits": 3, "seen_at": 1.0, "values": {}}
 
     def read(**remembers: object) -> object:
@@ -198,91 +198,91 @@ def test_memory_file_holds_only_values_declared_in_scene() -> None:
 
 
 def test_told_value_lasts_until_newer_measurement() -> None:
-    room = Room()
-    room.see(0.0, "anna")
-    room.begin("s")
-    room.give("s", pain=8.0, noise=3.0)
-    values = room.scene().values
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna")
+    harness.begin("s")
+    harness.give("s", pain=8.0, noise=3.0)
+    values = harness.scene().values
     assert [(one.origin, one.value, one.source) for one in values] == [
         (Origin.TOLD, 8.0, "the person"),
         (Origin.TOLD, 3.0, "the person"),
     ]
-    assert room.scene().observed == (8.0, 3.0)
-    room.now = 1.0
-    room.read("anna", {"mood": 5.0})
-    assert room.pain() == "measured 5"
+    assert harness.scene().observed == (8.0, 3.0)
+    harness.now = 1.0
+    harness.read("anna", {"mood": 5.0})
+    assert harness.pain() == "measured 5"
 
 
 def test_personal_value_persists_across_interactions_unlike_scene_value() -> None:
-    room = Room()
-    room.see(0.0, "anna")
-    room.begin("s")
-    room.give("s", pain=8.0, noise=3.0)
-    room.see(1.0, "anna")
-    later = room.begin("t")
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna")
+    harness.begin("s")
+    harness.give("s", pain=8.0, noise=3.0)
+    harness.see(1.0, "anna")
+    later = harness.begin("t")
     assert [one.origin for one in later.values] == [Origin.TOLD, Origin.MISSING]
 
 
 def test_personal_value_is_forgotten_when_person_leaves() -> None:
-    room = Room()
-    room.see(0.0, "anna")
-    room.begin("s")
-    room.give("s", told=False, pain=8.0)
-    room.running = "s"
-    assert room.pain() == "given 8"
-    room.see(1.0)
-    assert room.pain() == "missing"
-    room.see(2.0, "anna")
-    assert room.pain() == "missing"
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna")
+    harness.begin("s")
+    harness.give("s", told=False, pain=8.0)
+    harness.running = "s"
+    assert harness.pain() == "given 8"
+    harness.see(1.0)
+    assert harness.pain() == "missing"
+    harness.see(2.0, "anna")
+    assert harness.pain() == "missing"
 
 
 def test_personal_value_does_not_pass_to_next_addressee() -> None:
-    room = Room()
-    room.see(0.0, "anna", "ben")
-    room.begin("s")
-    room.give("s", pain=8.0)
-    room.see(1.0, "ben", "anna")
-    assert room.begin("t").person_id == "ben"
-    assert room.pain("t") == "missing"
-    assert room.pain("s") == "told 8"
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna", "ben")
+    harness.begin("s")
+    harness.give("s", pain=8.0)
+    harness.see(1.0, "ben", "anna")
+    assert harness.begin("t").person_id == "ben"
+    assert harness.pain("t") == "missing"
+    assert harness.pain("s") == "told 8"
 
 
 def test_value_without_ids_lasts_until_no_person_present() -> None:
-    room = Room(WITHOUT_IDS)
-    room.somebody(0.0, True)
-    room.begin("s")
-    room.give("s", pain=8.0, noise=1.0)
-    room.somebody(1.0, True)
-    assert [one.origin for one in room.begin("t").values] == [Origin.TOLD, Origin.MISSING]
-    room.somebody(2.0, False)
-    assert room.pain("t") == "missing"
-    room.somebody(3.0, True)
-    assert room.begin("u").values[0].origin is Origin.MISSING
+    harness = KnownPersonsHarness(WITHOUT_IDS)
+    harness.somebody(0.0, True)
+    harness.begin("s")
+    harness.give("s", pain=8.0, noise=1.0)
+    harness.somebody(1.0, True)
+    assert [one.origin for one in harness.begin("t").values] == [Origin.TOLD, Origin.MISSING]
+    harness.somebody(2.0, False)
+    assert harness.pain("t") == "missing"
+    harness.somebody(3.0, True)
+    assert harness.begin("u").values[0].origin is Origin.MISSING
 
 
 def test_value_without_measured_person_belongs_to_its_interaction() -> None:
-    room = Room(WITHOUT_IDS)
-    room.estimate.begin("s", "", {"pain": 8.0}, True, 0.0)
-    assert room.pain() == "given 8"
-    assert room.begin("t").values[0].origin is Origin.MISSING
-    room.estimate.give("s", {}, False, 1.0)
-    assert room.pain() == "missing"
+    harness = KnownPersonsHarness(WITHOUT_IDS)
+    harness.estimate.begin("s", "", {"pain": 8.0}, True, 0.0)
+    assert harness.pain() == "given 8"
+    assert harness.begin("t").values[0].origin is Origin.MISSING
+    harness.estimate.give("s", {}, False, 1.0)
+    assert harness.pain() == "missing"
 
 
 def test_told_value_of_adopted_scene_stays_told() -> None:
-    room = Room()
-    room.see(0.0, "anna")
-    room.begin("s")
-    room.give("s", noise=3.0)
-    other = Room()
+    harness = KnownPersonsHarness()
+    harness.see(0.0, "anna")
+    harness.begin("s")
+    harness.give("s", noise=3.0)
+    other = KnownPersonsHarness()
     other.see(0.0, "anna")
-    other.estimate.adopt(room.scene("s"), 0.0)
+    other.estimate.adopt(harness.scene("s"), 0.0)
     assert other.scene("s").values[1].origin is Origin.TOLD
 
 
 def test_scripted_person_is_known_until_next_visit() -> None:
-    room = Room(WITHOUT_IDS)
-    begin = room.estimate.encounters.begin_visit
+    harness = KnownPersonsHarness(WITHOUT_IDS)
+    begin = harness.estimate.encounters.begin_visit
     for now, visitor, visits, remembered in (
         (0.0, "anna", 1, {}),
         (1.0, "", 0, {}),
@@ -291,8 +291,8 @@ def test_scripted_person_is_known_until_next_visit() -> None:
     ):
         begin(visitor, now, 1000.0 + now)
         scene_id = f"s{now:g}"
-        room.estimate.begin(scene_id, "", {}, True, now, person_id=visitor or None)
-        scene = room.scene(scene_id)
+        harness.estimate.begin(scene_id, "", {}, True, now, person_id=visitor or None)
+        scene = harness.scene(scene_id)
         assert (scene.person_id, scene.visits, scene.remembered) == (visitor, visits, remembered)
         if visits == 1:
-            room.remember("anna", favourite="tea")
+            harness.remember("anna", favourite="tea")

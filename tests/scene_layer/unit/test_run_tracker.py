@@ -9,7 +9,7 @@ import pytest
 
 from bt_agents_core.live_scene_view import LEASE_S, LiveSceneView
 from bt_agents_core.scene import Scene
-from tree_harness import Stage, scene
+from tree_harness import TreeHarness, scene
 
 AWARDED = scene(mood=3)
 
@@ -75,10 +75,10 @@ def test_tuned_lease_applies_at_once():
 SILENT = "is stale: the scene layer has been silent for 2.3 s"
 
 
-def silenced(tree: str, **fields: object) -> Stage:
-    stage = Stage(tree, **fields)
-    stage.live = replace(stage.live, stale_s=2.3)
-    return stage
+def silenced(tree: str, **fields: object) -> TreeHarness:
+    harness = TreeHarness(tree, **fields)
+    harness.live = replace(harness.live, stale_s=2.3)
+    return harness
 
 
 @pytest.mark.parametrize(
@@ -92,9 +92,9 @@ def silenced(tree: str, **fields: object) -> Stage:
     ],
 )
 def test_condition_on_stale_value_fails_with_reason(condition, name):
-    stage = silenced(f"check: {condition}")
-    assert stage.tick() == "failed"
-    assert f"'{name}' {SILENT}" in stage.message
+    harness = silenced(f"check: {condition}")
+    assert harness.tick() == "failed"
+    assert f"'{name}' {SILENT}" in harness.message
 
 
 @pytest.mark.parametrize(
@@ -106,44 +106,44 @@ def test_condition_without_fresh_values_is_decided_as_usual(condition):
 
 
 def test_a_fresh_live_scene_is_not_stale():
-    assert Stage("check: not live.stale and live.mood == 3").tick() == "succeeded"
+    assert TreeHarness("check: not live.stale and live.mood == 3").tick() == "succeeded"
 
 
 def test_text_with_stale_value_is_not_spoken():
-    stage = silenced("log: the mood is ${live.mood}")
-    assert stage.tick() == "failed"
-    assert f"'live.mood' {SILENT}" in stage.message
+    harness = silenced("log: the mood is ${live.mood}")
+    assert harness.tick() == "failed"
+    assert f"'live.mood' {SILENT}" in harness.message
 
 
 def test_node_with_stale_condition_is_skipped():
-    stage = silenced("{when: live.mood >= 1, wait: 1 s}")
-    assert stage.tick() == "succeeded"
-    assert f"left out: 'live.mood' {SILENT}" in [one.message for one in stage.changes]
+    harness = silenced("{when: live.mood >= 1, wait: 1 s}")
+    assert harness.tick() == "succeeded"
+    assert f"left out: 'live.mood' {SILENT}" in [one.message for one in harness.changes]
 
 
 def test_while_ends_its_node_once_value_is_stale():
-    stage = Stage("{while: live.person, wait: 10 s}")
-    assert stage.tick() == "running"
-    stage.live = replace(stage.live, stale_s=2.3)
-    assert stage.after(1.0) == "failed"
-    assert f"'live.person' {SILENT}" in stage.message
+    harness = TreeHarness("{while: live.person, wait: 10 s}")
+    assert harness.tick() == "running"
+    harness.live = replace(harness.live, stale_s=2.3)
+    assert harness.after(1.0) == "failed"
+    assert f"'live.person' {SILENT}" in harness.message
 
 
 def test_wait_reports_staleness_once_and_resumes_with_updates():
-    stage = Stage("wait_for: {condition: live.mood >= 3, for: 2 s}")
-    stage.tick()
+    harness = TreeHarness("wait_for: {condition: live.mood >= 3, for: 2 s}")
+    harness.tick()
     for silent_s in (1.1, 1.2, 1.3):
-        stage.live = replace(stage.live, stale_s=silent_s)
-        assert stage.after(0.1) == "running"
-    told = [message for _, message in stage.reports("tree") if "stale" in message]
+        harness.live = replace(harness.live, stale_s=silent_s)
+        assert harness.after(0.1) == "running"
+    told = [message for _, message in harness.reports("tree") if "stale" in message]
     assert told == ["'live.mood' is stale: the scene layer has been silent for 1.1 s"]
-    stage.live = replace(stage.live, stale_s=0.0)
-    assert stage.after(0.1) == "running"
-    assert stage.after(1.9) == "running"
-    assert stage.after(0.1) == "succeeded"
+    harness.live = replace(harness.live, stale_s=0.0)
+    assert harness.after(0.1) == "running"
+    assert harness.after(1.9) == "running"
+    assert harness.after(0.1) == "succeeded"
 
 
 def test_false_condition_names_its_stale_values():
-    stage = silenced("check: not live.stale and live.mood > 3")
-    assert stage.tick() == "failed"
-    assert "live.mood is stale" in stage.message
+    harness = silenced("check: not live.stale and live.mood > 3")
+    assert harness.tick() == "failed"
+    assert "live.mood is stale" in harness.message

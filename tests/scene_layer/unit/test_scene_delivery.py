@@ -9,7 +9,7 @@ from bt_agents_core.scene import Scene
 from scene_layer.scene_delivery import KEPT_S, MOST_KEPT, SceneDelivery
 
 
-class Driver:
+class DeliveryHarness:
     """A delivery with a clock turned by hand, and a market that may be dead."""
 
     def __init__(self, epoch: str = "") -> None:
@@ -37,7 +37,7 @@ class Driver:
 
 
 def test_scene_for_a_live_market_is_sent_once() -> None:
-    layer = Driver("e1")
+    layer = DeliveryHarness("e1")
     assert layer.announce() is False
     layer.wait(5.0)
 
@@ -46,7 +46,7 @@ def test_scene_for_a_live_market_is_sent_once() -> None:
 
 
 def test_scenes_without_market_are_queued_in_order() -> None:
-    layer = Driver()
+    layer = DeliveryHarness()
     assert layer.announce("s1")
     assert layer.announce("s2")
     layer.wait(5.0)
@@ -58,7 +58,7 @@ def test_scenes_without_market_are_queued_in_order() -> None:
 
 
 def test_unmatched_market_is_sent_nothing() -> None:
-    layer = Driver("e1")
+    layer = DeliveryHarness("e1")
     layer.listens = False
     assert layer.announce()
     layer.wait(3.0)
@@ -71,7 +71,7 @@ def test_unmatched_market_is_sent_nothing() -> None:
 
 @pytest.mark.parametrize("shown", ["s1", "a child"])
 def test_scene_acknowledged_by_market_is_not_sent_again(shown: str) -> None:
-    layer = Driver()
+    layer = DeliveryHarness()
     layer.announce("s1", "a child")
     layer.epoch = "e1"
     layer.wait(0.2)
@@ -83,7 +83,7 @@ def test_scene_acknowledged_by_market_is_not_sent_again(shown: str) -> None:
 
 
 def test_unacknowledged_queued_scene_is_sent_once_more() -> None:
-    layer = Driver()
+    layer = DeliveryHarness()
     layer.announce()
     layer.epoch = "e1"
     layer.wait(10.0)
@@ -93,7 +93,7 @@ def test_unacknowledged_queued_scene_is_sent_once_more() -> None:
 
 
 def test_scene_of_crashed_market_goes_to_next_one() -> None:
-    layer = Driver("e1")
+    layer = DeliveryHarness("e1")
     assert layer.announce() is False
     layer.epoch = ""
     layer.wait(3.0)
@@ -107,7 +107,7 @@ def test_scene_of_crashed_market_goes_to_next_one() -> None:
 
 
 def test_label_shown_by_another_market_is_no_acknowledgement() -> None:
-    layer = Driver("e1")
+    layer = DeliveryHarness("e1")
     layer.announce("s1", "a child")
     layer.epoch = ""
     layer.wait(2.0)
@@ -118,7 +118,7 @@ def test_label_shown_by_another_market_is_no_acknowledgement() -> None:
 
 
 def test_full_queue_drops_the_oldest_scene() -> None:
-    layer = Driver()
+    layer = DeliveryHarness()
     for number in range(MOST_KEPT + 2):
         layer.announce(f"s{number}")
 
@@ -127,7 +127,7 @@ def test_full_queue_drops_the_oldest_scene() -> None:
 
 
 def test_scene_is_dropped_once_when_no_market_comes() -> None:
-    layer = Driver()
+    layer = DeliveryHarness()
     layer.announce()
     layer.now += KEPT_S - 0.1
     assert layer.given_up() == []
