@@ -552,7 +552,7 @@ def stranger() -> Iterator[Any]:
 def test_topic_type_mismatch_is_a_problem(ros: Any, host: Host, stranger: Any) -> None:
     publisher = stranger.create_publisher(String, "door", qos.EVENTS)
     problems = host.environment.graph_problems
-    host.environment.watch("door", "std_msgs/msg/Bool").close()
+    inbox = host.environment.watch("door", "std_msgs/msg/Bool")
 
     def looked(said: bool) -> bool:
         host.environment.look_again()
@@ -560,9 +560,11 @@ def test_topic_type_mismatch_is_a_problem(ros: Any, host: Host, stranger: Any) -
 
     ros.until(lambda: looked(True))
     said = "door is published as std_msgs/msg/String, expected std_msgs/msg/Bool"
-    assert problems.messages == {"door": said}
+    assert (problems.messages, inbox.problem) == ({"door": said}, said)
     stranger.destroy_publisher(publisher)
     ros.until(lambda: looked(False))
+    assert inbox.problem == ""
+    inbox.close()
 
 
 def test_latched_message_without_publisher_is_a_problem(ros: Any, host: Host) -> None:

@@ -120,6 +120,10 @@ class GoalRun(Protocol):
 class Inbox(Protocol):
     """Messages of a topic since it was opened; a burst may leave only the newest ones."""
 
+    @property
+    def problem(self) -> str:
+        """Why the graph lets nothing new arrive, in words; empty for no known reason."""
+
     def take(self) -> Mapping[str, Plain] | None:
         """Return the oldest message not taken yet; None without one."""
 

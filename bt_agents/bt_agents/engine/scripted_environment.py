@@ -164,6 +164,7 @@ class ScriptedInbox:
 
     def __init__(self) -> None:
         self.messages: deque[Mapping[str, Plain]] = deque()
+        self.problem = ""
         self.closed = False
 
     def take(self) -> Mapping[str, Plain] | None:

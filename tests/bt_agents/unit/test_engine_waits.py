@@ -123,6 +123,18 @@ def test_any_message_ends_wait_without_condition() -> None:
     assert harness.tick() == "succeeded"
 
 
+def test_waiting_node_says_why_nothing_arrives() -> None:
+    harness = TreeHarness("wait_for: {topic: t, type: std_msgs/msg/Int32, until: msg.data > 3}")
+    harness.tick()
+    [(_, inbox)] = harness.environment._inboxes
+    inbox.problem = "t is published as std_msgs/msg/String, expected std_msgs/msg/Int32"
+    harness.tick()
+    assert harness.message == inbox.problem
+    inbox.problem = ""
+    harness.tick()
+    assert harness.message == ""
+
+
 def test_wait_for_fails_when_output_field_is_missing() -> None:
     harness = TreeHarness(
         "wait_for: {topic: t, type: std_msgs/msg/Int32, outputs: {n: data, m: other}}"

@@ -107,7 +107,7 @@ class WaitForMessage(Leaf):
                 if seconds == 0:
                     break
         if not self.context.is_due(self.spec.path, self._hold.due(seconds)):
-            self.feedback_message = self._mismatch
+            self.feedback_message = self._mismatch or self._inbox.problem
             return RUNNING
         found = {
             name: field_of(self._message, path, f"msg.{path}")

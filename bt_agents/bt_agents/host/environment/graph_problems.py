@@ -54,6 +54,10 @@ class GraphProblems:
         """The actions that had several servers at the last look."""
         return tuple(self._since)
 
+    def of(self, name: str) -> str:
+        """Return the problem of an action or a topic; empty for none."""
+        return self.messages.get(name, "")
+
     def report(self, name: str, message: str) -> str:
         """Set the problem of an action or a topic, empty for none; return it."""
         others = {one: said for one, said in self.messages.items() if one != name}

@@ -271,11 +271,12 @@ class RosEnvironment:
         Raises:
             Refused: ``UNKNOWN_TYPE``.
         """
+        problem = partial(self.graph_problems.of, topic)
         if latched:
-            inbox = self._latched_topic(topic, type_name).open()
+            inbox = self._latched_topic(topic, type_name).open(problem)
         else:
             kind = load_type(type_name, BindingKind.TOPIC)
-            inbox = open_inbox(self._node, topic, kind, self._wake)
+            inbox = open_inbox(self._node, topic, kind, self._wake, problem)
         self._watched.add((topic, type_name))
         self._look_at_topic(topic, type_name)
         return inbox

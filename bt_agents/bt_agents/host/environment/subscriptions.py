@@ -29,11 +29,21 @@ DEPTH = 100
 
 
 class TopicInbox:
-    """Messages of a topic for one leaf; closing it calls ``on_close`` with it."""
+    """Messages of a topic for one leaf.
 
-    def __init__(self, on_close: Callable[[TopicInbox], None]) -> None:
+    Args:
+        on_close: Called with the inbox when it is closed.
+        problem: Returns the problem of the topic; empty for none.
+    """
+
+    def __init__(self, on_close: Callable[[TopicInbox], None], problem: Callable[[], str]) -> None:
         self._messages: deque[Any] = deque(maxlen=DEPTH)
+        self._problem = problem
         self._on_close: Callable[[TopicInbox], None] | None = on_close
+
+    @property
+    def problem(self) -> str:
+        return self._problem()
 
     def put(self, message: Any) -> None:
         """Append a message."""
@@ -48,7 +58,9 @@ class TopicInbox:
             on_close(self)
 
 
-def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> TopicInbox:
+def open_inbox(
+    node: Node, topic: str, kind: Any, wake: Callable[[], None], problem: Callable[[], str]
+) -> TopicInbox:
     """Return an inbox with a subscription to a topic, which closing the inbox ends.
 
     Each message wakes the leaf.
@@ -59,7 +71,7 @@ def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> T
         wake()
 
     subscription = node.create_subscription(kind, topic, receive, qos.SENSOR)
-    inbox = TopicInbox(lambda _inbox: node.destroy_subscription(subscription))
+    inbox = TopicInbox(lambda _inbox: node.destroy_subscription(subscription), problem)
     return inbox
 
 
@@ -87,10 +99,10 @@ class LatchedTopic:
         """True if a message has arrived, which counts for every leaf that waits later."""
         return self._last is not None
 
-    def open(self) -> TopicInbox:
+    def open(self, problem: Callable[[], str]) -> TopicInbox:
         """Return an inbox that begins with the last message, if any."""
         self.look()
-        inbox = TopicInbox(self._inboxes.remove)
+        inbox = TopicInbox(self._inboxes.remove, problem)
         if self._last is not None:
             inbox.put(self._last)
         self._inboxes.append(inbox)
