@@ -235,6 +235,20 @@ def test_remapped_blackboard_key_is_removed() -> None:
     assert "renamer" not in board.clients.values()
 
 
+def test_unattached_blackboard_client_is_removed() -> None:
+    class Loose(Nod):
+        def __init__(self, name: str) -> None:
+            super().__init__(name)
+            self.board = py_trees.blackboard.Client(name="loose")
+            self.board.register_key("/loose", py_trees.common.Access.WRITE)
+            self.board.set("/loose", 5)
+
+    assert TreeHarness(plugged(Loose)).tick() == "succeeded"
+    board = py_trees.blackboard.Blackboard
+    assert "/loose" not in board.storage | board.metadata
+    assert "loose" not in board.clients.values()
+
+
 def test_non_plain_data_does_not_leave_blackboard() -> None:
     class Leaker(Nod):
         def update(self) -> Status:

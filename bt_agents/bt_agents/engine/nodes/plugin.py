@@ -9,7 +9,7 @@ from contextlib import ExitStack, suppress
 from typing import TypeVar
 
 from py_trees.behaviour import Behaviour
-from py_trees.blackboard import Blackboard
+from py_trees.blackboard import Blackboard, Client
 from py_trees.common import Status
 
 from bt_agents.engine.call_limit import bounded
@@ -145,7 +145,7 @@ class PluginLeaf(Leaf):
 
     def _remove_keys(self, behaviour: Behaviour) -> None:
         """Remove keys that no other node of the run uses."""
-        clients = [client for node in behaviour.iterate() for client in node.blackboards]
+        clients = _clients(behaviour)
         keys = {key for client in clients for key in client.remappings.values()}
         for client in clients:
             # ``unregister`` fails if two names of a client map to the same key.
@@ -214,6 +214,20 @@ class PluginLeaf(Leaf):
             raise Refused(
                 RefusalCode.EXIT, f"the plug-in raised {type(error).__name__}: {error}"
             ) from None
+
+
+def _clients(behaviour: Behaviour) -> list[Client]:
+    """Return the blackboard clients of a behaviour and its children.
+
+    ``ForEach`` of py_trees keeps a client that it has not attached.
+    """
+    found = {
+        client.id(): client
+        for node in behaviour.iterate()
+        for client in (*node.blackboards, *vars(node).values())
+        if isinstance(client, Client)
+    }
+    return list(found.values())
 
 
 def _absolute(key: str) -> str:
