@@ -106,6 +106,23 @@ def test_ros4hri_goal_carries_caller_priority_and_person(word, play):
     assert {key: told[key] for key in fields} == fields
 
 
+@pytest.mark.parametrize(
+    ("robot", "server", "fields"),
+    [
+        ("audio_common", "say", {"text": "Hello."}),
+        (
+            "sound_play",
+            "sound_play",
+            {"sound_request": {"sound": -3, "command": 1, "volume": 1.0, "arg": "Hello."}},
+        ),
+    ],
+)
+def test_public_speech_nodes_get_the_text(robot, server, fields, play):
+    harness = play("say: Hello.", robot)
+    assert goal(harness) == (server, fields)
+    assert harness.after(0.1) == "succeeded"
+
+
 def test_urgent_scene_raises_skill_priority(play):
     _, told = goal(play("say: Fire!", awarded=replace(ANNA, urgent=True)))
     assert told["meta"] == {"caller": "/agents", "priority": 192}
