@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
+import runpy
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +15,7 @@ import pytest
 import rclpy
 import yaml
 from action_msgs.msg import GoalStatus
+from py_trees.common import Status
 from rclpy.action import ActionClient
 
 from bt_agents.host.node import HostNode, make_node
@@ -199,6 +203,36 @@ def test_documented_goals_can_be_sent() -> None:
         goal = RunAgent.Goal()
         fill(goal, yaml.safe_load(text))
         assert goal.agent == "attentive_guide"
+
+
+@pytest.fixture
+def py_trees_ros(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The installed py_trees_ros, or a stand-in for what the example needs."""
+    if importlib.util.find_spec("py_trees_ros") is None:
+        monkeypatch.syspath_prepend(ROOT / "tests" / "harness" / "stand_ins")
+    before = set(sys.modules)
+    yield
+    for name in set(sys.modules) - before:
+        if name.partition(".")[0] == "py_trees_ros":
+            del sys.modules[name]
+
+
+@pytest.mark.usefixtures("py_trees_ros")
+def test_documented_leaf_runs_agent(ros: Any, tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
+    [code] = re.findall(r"```py\n(from py_trees_ros.*?)```", page, re.DOTALL)
+    example = tmp_path / "example.py"
+    example.write_text(code)
+    ros.add(make_host(folder(tmp_path, agent("attentive_guide", "wait: 0 s")), market=False))
+    leaf = runpy.run_path(str(example))["guide"]
+    leaf.setup(node=ros.node)
+
+    def ended() -> bool:
+        leaf.tick_once()
+        return bool(leaf.status is Status.SUCCESS)
+
+    ros.until(ended)
+    leaf.shutdown()
 
 
 def test_unknown_market_is_refused_at_start(tmp_path: Path) -> None:
