@@ -10,6 +10,7 @@ from enum import IntEnum
 from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.text import folded
 from bt_agents_robot.speech import Process, Voice, check_rate, check_text, speaking_time
 
 CLIP_S = 5.0
@@ -243,9 +244,9 @@ class Drive(Act):
 
     def __init__(self, destination: str, *, pace: float) -> None:
         place = check_text(destination, "destination")
-        if place.casefold() == UNREACHABLE:
+        if folded(place) == UNREACHABLE:
             raise Refused(RefusalCode.UNREACHABLE, f"there is no way to '{place}'")
-        self.distance = DISTANCES.get(place.casefold(), OTHER_DISTANCE)
+        self.distance = DISTANCES.get(folded(place), OTHER_DISTANCE)
         super().__init__(place, f"drives to: {place}", self.distance / SPEED / pace)
 
     def driven(self, now: float) -> float:

@@ -17,6 +17,7 @@ from std_msgs.msg import Bool, Empty, String
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.text import folded
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -282,7 +283,7 @@ class VisitorsNode(BaseNode):
     def _on_act(self, message: Any) -> None:
         visit = self._performance.visit
         for topic, text in (visit.buttons if visit is not None else {}).items():
-            if text.casefold() in message.data.casefold():
+            if folded(text) in folded(message.data):
                 self._presses.plan(topic, self._reaction_at())
 
     def _reaction_at(self) -> float:

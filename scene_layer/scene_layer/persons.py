@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from numbers import Integral
+from unicodedata import normalize
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -70,7 +71,8 @@ def check_id(person_id: object) -> str:
             RefusalCode.BAD_TEXT,
             f"{what}: {person_id!r}, expected no control characters and no outer spaces",
         )
-    return person_id
+    # Two encodings of an accent are the same name.
+    return normalize("NFC", person_id)
 
 
 class Persons:

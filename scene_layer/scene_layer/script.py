@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 from bt_agents_core.scene import first_id
+from bt_agents_core.text import folded
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 
 TAKEN_WITHIN_S = 5.0
@@ -152,5 +153,5 @@ class ScriptPerformance:
 
 def answer(visit: Visit, question: str) -> str:
     """Return the answer of a visit's person to a question; empty if none matches."""
-    asked = question.casefold()
-    return next((text for word, text in visit.answers.items() if word.casefold() in asked), "")
+    asked = folded(question)
+    return next((text for word, text in visit.answers.items() if folded(word) in asked), "")

@@ -12,6 +12,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import check_value
 from bt_agents_core.source_mapping import mapped, mapped_std
+from bt_agents_core.text import folded
 from bt_agents_language.expression.expression_values import EvaluationError, described
 from bt_agents_language.expression.expressions import Expression, MissingValue
 from bt_agents_language.model.scene_specs import (
@@ -327,7 +328,7 @@ def _number(source: SourceSpec, raw: object) -> float:
 def _in_table(source: SourceSpec, raw: object) -> float:
     word = _table_key(raw)
     for known, value in source.table:
-        if known == word:
+        if word is not None and folded(known) == folded(word):
             return value
     if word == "":
         raise _NotMeasuredError

@@ -28,9 +28,18 @@ def test_options_and_parameter_file_survive_market_restart(
         "agents: {ros__parameters: {tick_rate: 25.0}}\n"
     )
     up = start(
-        "up", "--no-voice", "--no-studio", "--on-new-scene", "preempt", "--params", str(file)
+        "up",
+        "--no-voice",
+        "--no-studio",
+        "--on-new-scene",
+        "preempt",
+        "--params",
+        str(file),
+        "--bindings",
+        "peper",
     )
     up.until("ready")
+    up.until("problem no skills file binds the robot 'peper'")
     settings = "new scenes: preempt, 0 of 3 wait"
     assert settings in ask("status")
     assert re.search(r"tick_rate +25", ask("tune"))

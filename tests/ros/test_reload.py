@@ -328,6 +328,21 @@ def test_changed_scene_file_is_reported_as_problem(ros: Any, tmp_path: Path) -> 
     ros.until(lambda: [one.message for one in host.cards[-1].problems] == [words])
 
 
+def test_unreadable_folder_is_problem_until_mended(
+    ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    host = Host(ros, tmp_path, bob=agent("bob"))
+
+    def broken(_watch: FolderWatch) -> None:
+        raise RuntimeError("cogwheel")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FolderWatch, "poll", broken)
+        words = "changed files are not taken over: RuntimeError: cogwheel"
+        ros.until(lambda: [one.message for one in host.cards[-1].problems] == [words])
+    ros.until(lambda: not host.cards[-1].problems)
+
+
 def test_switched_off_reload_happens_only_on_request(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob"))
     client = ros.node.create_client(SetParameters, "agents/set_parameters")

@@ -246,6 +246,8 @@ class HostNode(ManagedNode[HostConfiguration]):
         """Yield the problems outside the files, in words."""
         trees = self._versions.trees
         yield from binding_problems(trees.symbols.skills, trees.robot)
+        yield from trees.plugin_problems
+        yield from self._reloading.problems
         yield from self._tunables.left_out.values()
         yield from self._tunables.preset_problems
         yield from self._runs.environment.graph_problems.messages.values()

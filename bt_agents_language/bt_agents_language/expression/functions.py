@@ -11,7 +11,7 @@ from decimal import ROUND_HALF_UP, Context, Decimal
 from itertools import islice
 
 from bt_agents_core.scene import nearest_label
-from bt_agents_core.text import ellipsize
+from bt_agents_core.text import ellipsize, folded
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import (
     EvaluationError,
@@ -284,8 +284,8 @@ def _check_contains(arguments: Sequence[Part]) -> None:
 
 
 def _stands_in(words: str, text: str) -> bool:
-    """Return whether words occur in a text as whole words."""
-    return re.search(rf"(?<!\w){re.escape(words)}(?!\w)", text) is not None
+    """Return whether words occur in a text as whole words, in upper or lower case."""
+    return re.search(rf"(?<!\w){re.escape(folded(words))}(?!\w)", folded(text)) is not None
 
 
 def _compile_contains(arguments: Sequence[Part], column: int) -> Evaluator:

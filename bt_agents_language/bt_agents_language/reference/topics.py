@@ -110,7 +110,7 @@ def _expressions(_: SceneSpace) -> ReferenceTopic:
 tree:
   sequence:
     - ask: {text: "Coffee or tea?"}
-    - when: contains(lower(answer), 'coffee', 'tea') and scene.age between 2 and 5
+    - when: contains(answer, 'coffee', 'tea') and scene.age between 2 and 5
       say: ${answer} comes in ${max(1, round(scene.age / 2))} minutes.
     - when: known(scene.mood) and scene.familiarity else 1 > 3
       say: As always.

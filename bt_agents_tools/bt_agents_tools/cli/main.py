@@ -7,7 +7,7 @@ import ast
 import difflib
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -231,6 +231,7 @@ def main() -> None:
     try:
         with interruptible():
             try:
+                _check_arguments(sys.argv[1:])
                 code = bt_agents.main(prog_name="bt-agents", standalone_mode=False)
             finally:
                 sys.stdout.flush()
@@ -252,6 +253,22 @@ def main() -> None:
     except OSError as error:
         code = _failed(os_error_text(error))
     sys.exit(code)
+
+
+def _check_arguments(arguments: Sequence[str]) -> None:
+    """Check that ROS can send every argument.
+
+    Raises:
+        BtAgentsError: An argument is not UTF-8.
+    """
+    for argument in arguments:
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            raise BtAgentsError(
+                f"the argument '{argument}' is not UTF-8, so ROS cannot send it; set the terminal "
+                "to UTF-8"
+            ) from None
 
 
 def _failed(text: str) -> int:

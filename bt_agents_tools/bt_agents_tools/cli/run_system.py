@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
+from bt_agents.host.reload.host_card_diff import problem_text
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.listening import STUDIO_PORTS, listen
 from bt_agents_core.optional_packages import journal_needs
@@ -182,6 +183,7 @@ def run_system(
                 if not interrupt:
                     printer.profiles(profiles_by_agent(observer.profiles))
                     _print_ready(console, observer.cards.values(), time.monotonic() - start)
+                    _print_problems(console, observer.cards.values())
                     _print_kept_orders(console, observer.market)
                     _print_events(
                         console, observer, supervisor, interrupt, visitors, studio, fleet
@@ -289,6 +291,14 @@ def _print_kept_orders(console: Console, market: Any) -> None:
     for agent in market.vetoed:
         text = f"{agent} may not bid, until 'bt-agents allow {agent}'"
         print_line(console, "[yellow]still vetoed[/] ", text, INDENT)
+
+
+def _print_problems(console: Console, cards: Iterable[Any]) -> None:
+    """Print the problems of hosts outside the files, which have been printed already."""
+    for card in cards:
+        for problem in card.problems:
+            if not problem.file:
+                print_line(console, "[yellow]problem[/] ", problem_text(problem), INDENT)
 
 
 def _print_ready(console: Console, cards: Iterable[Any], seconds: float) -> None:

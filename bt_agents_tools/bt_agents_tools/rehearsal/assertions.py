@@ -6,10 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
+from unicodedata import normalize
 
 from bt_agents.engine.run import TreeOutcome
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import Plain
+from bt_agents_core.text import folded
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import (
     AgentTestCase,
@@ -64,9 +66,9 @@ def failed_assertions(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[Assert
     if rehearsed.outcome is None and not rehearsed.declined and Ends not in wanted:
         message = f"the run did not end: {rehearsed.message}"
         found.append(AssertionFailure(position=case.position, message=message))
-    told = [one.words.casefold() for one in case.expectations if isinstance(one, Because)]
+    told = [folded(one.words) for one in case.expectations if isinstance(one, Because)]
     for reason in rehearsed.undecided:
-        if not any(words in reason.casefold() for words in told):
+        if not any(words in folded(reason) for words in told):
             message = f"{reason}; mend it, or expect 'because: cannot be decided'"
             found.append(AssertionFailure(position=case.position, message=message))
     for one in case.expectations:
@@ -138,7 +140,7 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None
         case Remembers():
             return _values(wanted, "remembered", wanted.values, rehearsed.remembered)
         case Because():
-            if wanted.words.casefold() in rehearsed.message.casefold():
+            if folded(wanted.words) in folded(rehearsed.message):
                 return None
             found = f"found '{rehearsed.message}'"
             if rehearsed.outcome is TreeOutcome.SUCCEEDED:
@@ -258,7 +260,7 @@ def aligned(
 
 
 def _same_words(expected: str, found: str) -> bool:
-    return expected.split() == found.split()
+    return normalize("NFC", expected).split() == normalize("NFC", found).split()
 
 
 def _fits(wanted: SkillUse, use: Use) -> bool:

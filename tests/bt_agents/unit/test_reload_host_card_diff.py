@@ -150,7 +150,9 @@ def test_folder_problem_is_reported_once() -> None:
     assert changes(card(agent()), one, one) == []
 
 
-def test_first_card_of_host_instance_reports_nothing() -> None:
+def test_first_card_of_instance_reports_only_new_problems() -> None:
     assert changes(card(agent())) == []
     assert changes(card(agent(version=7)), card(agent(), instance="other")) == []
+    restarted = card(agent(), instance="other", problems=(SCENE, TAKEN))
+    assert changes(card(agent(), problems=(SCENE,)), restarted) == ["bob: already registered"]
     assert changes(card(), card(agent())) == []

@@ -12,7 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from bt_agents_tools.cli.main import _MEANT, TASKS, all_commands, bt_agents
+from bt_agents_tools.cli.main import _MEANT, TASKS, all_commands, bt_agents, main
 
 LOADED = """
 import sys
@@ -52,6 +52,16 @@ def test_help_repeats_own_summary_of_each_command() -> None:
         command = bt_agents.get_command(context, name)
         assert command is not None
         assert text == command.get_short_help_str(1000)
+
+
+def test_argument_that_is_not_utf8_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["bt-agents", "answer", "caf\udce9"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    assert "error: the argument 'caf\\udce9' is not UTF-8" in capsys.readouterr().err
 
 
 def test_help_loads_no_command() -> None:

@@ -47,7 +47,6 @@ class CardDifference:
 
     Attributes:
         text: Description for people.
-        agent: Agent with a new version whose changes its host knows; else empty.
         is_error: True if it needs a fix by a person.
     """
 
@@ -62,11 +61,17 @@ class CardDiff:
         self._last: dict[str, CardContent] = {}
 
     def update(self, card: CardContent) -> list[CardDifference]:
-        """Return what has changed on a card; nothing for the first card of a start."""
+        """Return what has changed on a card; of the first card of a later start, new problems."""
         before = self._last.get(card.host)
         self._last[card.host] = card
-        if before is None or before.host_instance != card.host_instance:
+        if before is None:
             return []
+        if before.host_instance != card.host_instance:
+            return [
+                CardDifference(text=problem_text(problem), is_error=True)
+                for problem in card.problems
+                if problem not in before.problems
+            ]
         had = {agent.name: agent for agent in before.agents}
         has = {agent.name: agent for agent in card.agents}
         changed = [

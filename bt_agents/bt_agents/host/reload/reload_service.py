@@ -70,6 +70,9 @@ class ReloadService:
     the results in order of the requests, in slices that block no other callback: it applies each
     effect, and calls ``applied`` after one or more effects and when the folder as a whole has
     changed.
+
+    Attributes:
+        problems: Why the folder could not be read again; empty when it could.
     """
 
     def __init__(
@@ -94,7 +97,7 @@ class ReloadService:
         self._updated = False
         self._requests: list[Request] = []
         self._next_poll = time.monotonic() + PERIOD_S
-        self._last_error = ""
+        self.problems: tuple[str, ...] = ()
         what = "take changed files of agents over by itself"
         self._enabled = bool(
             declare_and_watch(node, "reload", True, describe(what), self._set_enabled)
@@ -207,7 +210,7 @@ class ReloadService:
     def _finish(self, reading: _Reading) -> None:
         try:
             reading.handle(reading.job.result())
-            self._last_error = ""
+            self._report(())
         except WatchStopped:
             return
         except Exception as error:
@@ -215,11 +218,18 @@ class ReloadService:
             message = str(error) if isinstance(error, BtAgentsError) else reason
             if reading.request is not None:
                 reading.request.error = message
-            # Logged once: the next poll meets the same error half a second later.
-            if message != self._last_error:
-                self._last_error = message
+            # The next poll meets the same error half a second later.
+            if self._report((f"changed files are not taken over: {message}",)):
                 log = self._node.get_logger()
                 log.error(f"the agents could not be read again:\n{traceback.format_exc()}")
+
+    def _report(self, problems: tuple[str, ...]) -> bool:
+        """Publish why the folder could not be read; return False if it was known."""
+        if problems == self.problems:
+            return False
+        self.problems = problems
+        self._applied([])
+        return True
 
     def _read(
         self, work: Callable[[], Any], handle: Callable[[Any], None], request: Request | None
