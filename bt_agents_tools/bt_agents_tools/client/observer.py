@@ -126,6 +126,9 @@ _SERVICES = {
 }
 """Last part of the name of a service → its type."""
 
+MOST_HOSTS = 100
+"""Most hosts of a system."""
+
 _LEAVING = (
     State.TRANSITION_STATE_DEACTIVATING,
     State.TRANSITION_STATE_SHUTTINGDOWN,
@@ -287,12 +290,23 @@ class Observer:
         self.market = message
 
     def _on_card(self, message: Any) -> None:
-        if not is_full_name(message.host):
+        if not is_full_name(message.host) or not self._has_room(message.host):
             return
         self.cards[message.host] = message
         if self._listener is not None:
             for one in self._card_diff.update(message):
                 self._listener.agents_changed(one.text, one.is_error)
+
+    def _has_room(self, host: str) -> bool:
+        """Return whether a host has a place; a new one may take that of a host that is gone."""
+        if host in self.cards or len(self.cards) < MOST_HOSTS:
+            return True
+        for other in self.cards:
+            if not self.node.count_publishers(f"{other}/heartbeat"):
+                del self.cards[other]
+                self._card_diff.forget(other)
+                return True
+        return False
 
     def _on_profiles(self, message: Any) -> None:
         self.profiles = message

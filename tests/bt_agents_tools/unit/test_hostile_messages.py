@@ -25,7 +25,7 @@ from bt_agents_tools.cli import connection
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.client import observer
-from bt_agents_tools.client.observer import Observer
+from bt_agents_tools.client.observer import MOST_HOSTS, Observer
 from bt_agents_tools.client.printable_messages import make_printable
 from hostile_texts import HOSTILE, hostile, texts
 from tree_harness import SPACE
@@ -141,6 +141,25 @@ def test_observer_returns_only_printable_messages_and_responses(
     assert len(kept) > len(TOPICS) + len(observer._SERVICES) + len(LISTENED)
     found = [text for part in kept for text in texts(part)]
     assert "".join(map(raw, found)) == ""
+
+
+@pytest.mark.usefixtures("graph")
+def test_new_host_replaces_only_absent_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = {f"/h{number}/heartbeat" for number in range(MOST_HOSTS)}
+    monkeypatch.setattr(
+        FakeNode, "count_publishers", lambda _, topic: int(topic in there), raising=False
+    )
+    one = Observer()
+    one.cards.clear()
+    for number in range(MOST_HOSTS):
+        one._on_card(HostCard(host=f"/h{number}"))
+    one._on_card(HostCard(host="/late"))
+    assert len(one.cards) == MOST_HOSTS
+    assert "/late" not in one.cards
+    there.remove("/h3/heartbeat")
+    one._on_card(HostCard(host="/late"))
+    assert len(one.cards) == MOST_HOSTS
+    assert {"/h3", "/late"} & one.cards.keys() == {"/late"}
 
 
 def printed(*events: tuple[str, Any]) -> str:

@@ -85,6 +85,10 @@ class CardDiff:
                 changed += _of_agent(had[name], has[name])
         return [*changed, *_of_folder(before, card, has)]
 
+    def forget(self, host: str) -> None:
+        """Forget the card of a host."""
+        self._last.pop(host, None)
+
 
 def degraded_reason(agent: AgentOnCard) -> str:
     """Return briefly why an agent is not as its files say; empty if it is."""
