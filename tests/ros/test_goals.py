@@ -15,10 +15,11 @@ import rclpy
 from rclpy.action import ActionServer
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, ByteMultiArray, String
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock
+from bt_agents.host.environment import graph_problems, ros_environment
 from bt_agents.host.environment.goal import MOST_UNCONFIRMED, GoalTrack, RosGoalRun, Servers
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
@@ -283,6 +284,31 @@ def test_first_servers_result_stops_second_server(ros: Any, host: Host) -> None:
     assert [*host.environment.graph_problems.messages] == ["/say"]
     ros.until(lambda: run.confirmed)
     ros.until(lambda: slow.goals[0].outcome == "cancelled")
+
+
+def test_duplicate_servers_are_told_before_first_goal(
+    ros: Any, host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros_environment, "COUNT_S", 0.0)
+    monkeypatch.setattr(graph_problems, "FORGOTTEN_S", 0.0)
+    ScriptedServer(ros, node="one")
+    ScriptedServer(ros, node="other")
+    for node in (ros.node, ros.add(rclpy.create_node("third"))):
+        node.create_service(Trigger, "reset", lambda _request, response: response)
+    host.prepare("say: hello")
+    host.prepare("service: {name: reset, type: std_srvs/srv/Trigger}")
+
+    def told() -> list[str]:
+        host.environment.look_again()
+        return sorted(host.environment.graph_problems.messages.values())
+
+    ros.until(lambda: len(told()) == 2)
+    assert told() == [
+        "2 servers offer the action /say, of /one, /other: each may act; stop all but one",
+        "2 servers offer the service /reset: each may act; stop all but one",
+    ]
+    host.environment.retain([])
+    assert told() == []
 
 
 @pytest.mark.parametrize("on_cancel", ["refuses", "ignores", "hangs"])

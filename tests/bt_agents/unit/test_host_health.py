@@ -48,7 +48,7 @@ def test_duplicate_action_servers_raise_a_warning():
     health = servers_health({}, graph.messages)
     assert (health.level, health.message) == (Health.WARN, "doubtful: /carry")
     graph.look("/carry", ["/a", "/b"])
-    assert graph.watched == ("/carry",)
+    assert graph.watched == {"/carry"}
     graph.look("/carry", ["/b"])
     assert changes == [["/carry"], []]
 

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 
+from bt_agents_core.field_types import BindingKind
 from bt_agents_core.text import join_first
 
 MOST_PROBLEMS = 200
@@ -31,28 +32,36 @@ class GraphProblems:
         self._clock = clock
         self._since: dict[str, float] = {}
 
-    def look(self, action: str, servers: Sequence[str]) -> str:
-        """Check the nodes that serve an action; return a remark for people.
+    def look(
+        self, name: str, servers: Sequence[str], kind: BindingKind = BindingKind.ACTION
+    ) -> str:
+        """Check the nodes that serve an action or a service; return a remark for people.
 
         Two servers with the same name may be a killed server and its next start.
         """
         if len(servers) < 2:
-            self._since.pop(action, None)
-            return self.report(action, "")
-        since = self._since.setdefault(action, self._clock())
+            self._since.pop(name, None)
+            return self.report(name, "")
+        since = self._since.setdefault(name, self._clock())
         names = sorted({*servers})
         if len(names) < 2 and self._clock() < since + FORGOTTEN_S:
-            return self.report(action, "")
+            return self.report(name, "")
+        nodes = f", of {', '.join(names)}" if all(names) else ""
         return self.report(
-            action,
-            f"{len(servers)} servers offer the action {action}, of {', '.join(names)}: each may "
-            "act; stop all but one",
+            name,
+            f"{len(servers)} servers offer the {kind.value} {name}{nodes}: each may act; stop all but "
+            "one",
         )
 
     @property
-    def watched(self) -> tuple[str, ...]:
-        """The actions that had several servers at the last look."""
-        return tuple(self._since)
+    def watched(self) -> Set[str]:
+        """The actions and services that had several servers at the last look."""
+        return self._since.keys()
+
+    def forget(self, name: str) -> None:
+        """Forget an action, a service or a topic that trees no longer use."""
+        self._since.pop(name, None)
+        self.report(name, "")
 
     def of(self, name: str) -> str:
         """Return the problem of an action or a topic; empty for none."""

@@ -45,6 +45,9 @@ from bt_agents_ros.discovery import participants, types_on_graph
 from bt_agents_ros.goal_cancellation import GoalCanceller
 from bt_agents_ros.types import fill, load_type
 
+COUNT_S = 2.0
+"""Time between two counts of the servers that trees may use [s]."""
+
 PURSUED_S = 10.0
 """Time in which the server of a given-up goal may return, so that its end is certain [s]."""
 
@@ -165,6 +168,7 @@ class RosEnvironment:
         self._latched: dict[tuple[str, str], LatchedTopic] = {}
         self._watched: set[tuple[str, str]] = set()
         self._feedback: FeedbackRequests | None = None
+        self._count_at = 0.0
 
     def local_time(self) -> LocalTime:
         """Return the local time of the node's clock."""
@@ -207,6 +211,7 @@ class RosEnvironment:
             if client in in_use:
                 continue
             del self._clients[key]
+            self.graph_problems.forget(self._full_name(key[1]))
             if key[0] is BindingKind.ACTION:
                 client.destroy()
             else:
@@ -348,8 +353,20 @@ class RosEnvironment:
         published = {key: latched.look() for key, latched in self._latched.items()}
         for key in self._watched:
             self._look_at_topic(*key, published.get(key))
-        for action in self.graph_problems.watched:
-            self._look(action)
+        if time.monotonic() >= self._count_at:
+            self._count_at = time.monotonic() + COUNT_S
+            kinds = {self._full_name(name): kind for kind, name, _ in self._clients}
+            # Actions of plug-ins have no client here.
+            for name in (*kinds, *self.graph_problems.watched - kinds.keys()):
+                self._count_servers(kinds.get(name, BindingKind.ACTION), name)
+
+    def _count_servers(self, kind: BindingKind, name: str) -> None:
+        """Check before the first goal that one server offers an action or a service."""
+        if kind is BindingKind.ACTION:
+            self._look(name)
+        else:
+            # The graph does not say which nodes they are.
+            self.graph_problems.look(name, [""] * self._node.count_services(name), kind)
 
     def _look_at_topic(
         self, topic: str, type_name: str, published: frozenset[str] | None = None
@@ -399,10 +416,11 @@ class RosEnvironment:
 
     def _identify(self, goal: SkillGoal, goal_id: bytes) -> OpenGoal:
         """Return what other processes need to cancel a goal."""
-        node = self._node
-        # rclpy does not remap actions.
-        action = expand_topic_name(goal.name, node.get_name(), node.get_namespace())
-        return OpenGoal(path=goal.sender, action=action, goal_id=goal_id)
+        return OpenGoal(path=goal.sender, action=self._full_name(goal.name), goal_id=goal_id)
+
+    def _full_name(self, name: str) -> str:
+        """Return the full name of an action or a service; rclpy does not remap actions."""
+        return str(expand_topic_name(name, self._node.get_name(), self._node.get_namespace()))
 
     def _client(self, kind: BindingKind, name: str, type_name: str) -> Any:
         key = (kind, name, type_name)
