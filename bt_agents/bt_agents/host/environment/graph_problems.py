@@ -49,8 +49,8 @@ class GraphProblems:
         nodes = f", of {', '.join(names)}" if all(names) else ""
         return self.report(
             name,
-            f"{len(servers)} servers offer the {kind.value} {name}{nodes}: each may act; stop all but "
-            "one",
+            f"{len(servers)} servers offer the {kind.value} {name}{nodes}: each may act; stop all "
+            "but one",
         )
 
     @property
