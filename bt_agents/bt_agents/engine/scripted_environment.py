@@ -162,9 +162,10 @@ class ScriptedGoal:
 class ScriptedInbox:
     """Scripted messages on a topic since the inbox was opened."""
 
+    problem = ""
+
     def __init__(self) -> None:
         self.messages: deque[Mapping[str, Plain]] = deque()
-        self.problem = ""
         self.closed = False
 
     def take(self) -> Mapping[str, Plain] | None:

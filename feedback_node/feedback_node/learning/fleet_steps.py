@@ -340,7 +340,9 @@ class Replay:
                 min(max(own if math.isnan(wanted) else wanted, one.low), one.high)
                 for one, own, wanted in zip(self._rule, authored, target, strict=True)
             )
-            return ReplayState(profile=whole, changes=step.changes)
+            return ReplayState(
+                profile=whole, changes=step.changes, recent=self._recent_of(whole, step.changes)
+            )
         profile = state.profile or authored
         weight = step.weight
         if step.robot != self._robot:
@@ -354,6 +356,15 @@ class Replay:
         asked = updates.requested(self._rule, step.kind, profile, target)
         recent = (*state.recent, asked)[-self._agent.learning.window :]
         return ReplayState(profile=after, changes=state.changes + 1, recent=recent)
+
+    def _recent_of(self, profile: Vector, changes: int) -> tuple[Vector, ...]:
+        """Return the targets that led to a profile to which an undo goes back; empty for none."""
+        if changes == 0:
+            return ()
+        for state in reversed(self._states):
+            if state.changes == changes and all(map(math.isclose, state.profile, profile)):
+                return state.recent
+        return ()
 
 
 _FIELDS = frozenset(FleetStep.__dataclass_fields__)

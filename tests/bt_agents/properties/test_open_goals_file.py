@@ -19,7 +19,7 @@ ids = st.binary(min_size=16, max_size=16).filter(any)
 goals = st.builds(
     OpenGoal,
     path=st.text(max_size=300),
-    action=st.from_regex(r"(/[A-Za-z_][A-Za-z0-9_]{0,20}){1,3}", fullmatch=True),
+    action=st.from_regex(r"(/[A-Za-z](_?[A-Za-z0-9]){0,10}){1,3}", fullmatch=True),
     goal_id=ids,
 )
 lists = st.lists(goals, max_size=5)

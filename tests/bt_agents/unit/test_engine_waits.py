@@ -129,10 +129,10 @@ def test_waiting_node_says_why_nothing_arrives() -> None:
     [(_, inbox)] = harness.environment._inboxes
     inbox.problem = "t is published as std_msgs/msg/String, expected std_msgs/msg/Int32"
     harness.tick()
-    assert harness.message == inbox.problem
+    assert harness.root.feedback_message == inbox.problem
     inbox.problem = ""
     harness.tick()
-    assert harness.message == ""
+    assert harness.root.feedback_message == ""
 
 
 def test_wait_for_fails_when_output_field_is_missing() -> None:

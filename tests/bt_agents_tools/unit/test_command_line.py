@@ -55,13 +55,13 @@ def test_help_repeats_own_summary_of_each_command() -> None:
 
 
 def test_argument_that_is_not_utf8_is_refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["bt-agents", "answer", "caf\udce9"])
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 1
-    assert "error: the argument 'caf\\udce9' is not UTF-8" in capsys.readouterr().err
+    assert "error: the argument 'caf\\udce9' is not UTF-8" in capfd.readouterr().err
 
 
 def test_help_loads_no_command() -> None:
