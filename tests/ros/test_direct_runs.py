@@ -225,6 +225,8 @@ def test_documented_leaf_runs_agent(ros: Any, tmp_path: Path) -> None:
     example.write_text(code)
     ros.add(make_host(folder(tmp_path, agent("attentive_guide", "wait: 0 s")), market=False))
     leaf = runpy.run_path(str(example))["guide"]
+    there = Client(ros)  # the setup of the leaf blocks until it finds the server
+    there.action.destroy()
     leaf.setup(node=ros.node)
 
     def ended() -> bool:
