@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
-from bt_agents_core.errors import ReadError
+from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.diagnostics.collection import merged
 from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
@@ -106,7 +106,8 @@ class _FolderCheck:
         for path in wanted:
             source = _source(str(path))
             if source is not None:
-                self._add(cut_texts(source))
+                with self._guarded(path):
+                    self._add(cut_texts(source))
         self._add(_bad_plugin(folder, words) for words in plugin_problems)
         return Checked(
             problems=tuple(_with_excerpts(_by_file(merged(self._found)))),
@@ -123,6 +124,24 @@ class _FolderCheck:
 
     def _add(self, problems: Iterable[Diagnostic]) -> None:
         self._found |= dict.fromkeys(problems)
+
+    @contextmanager
+    def _guarded(self, file: Path | str) -> Iterator[None]:
+        """Make an error in the block a problem of this file alone, also a fault of the check."""
+        try:
+            yield
+        except ReadError as error:
+            self._add(error.diagnostics)
+        except BtAgentsError:
+            raise
+        except Exception as fault:
+            problem = Diagnostic(
+                code="reader-fault",
+                position=Position(file=str(file), line=1, column=1),
+                message=f"bt-agents cannot check this: {type(fault).__name__}: {fault}",
+                hint="write it differently, and please report this file as a fault of bt-agents",
+            )
+            self._add([problem])
 
     def _base_problems(self, scene: Path, skills: list[Path]) -> None:
         try:
@@ -152,9 +171,10 @@ class _FolderCheck:
             if self._is_wanted(broken.file):
                 self._add(broken.error.diagnostics)
         for agent in agents:
-            self._add(lint(agent, names_persons=trees.scene.names_persons))
+            with self._guarded(agent.file):
+                self._add(lint(agent, names_persons=trees.scene.names_persons))
         for path in filter(self._is_wanted, paths):
-            try:
+            with self._guarded(path):
                 if path.parent.name == "libraries":
                     self._add_library(trees.symbols, path)
                 elif path.name.endswith(TEST_SUFFIXES):
@@ -167,8 +187,6 @@ class _FolderCheck:
                     read_texts(path)
                 elif path.parent.name == PRESETS_FOLDER:
                     self._add_preset(trees, path)
-            except ReadError as error:
-                self._add(error.diagnostics)
         if self._only is None and not (trees.agents or trees.broken):
             no_agents = Diagnostic(
                 code="no-agents",

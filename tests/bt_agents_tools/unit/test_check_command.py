@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import PERIOD_S, changes, poll
+from bt_agents_language.tools import folder_check
 from bt_agents_language.tools.folder_check import Checked, check_folder
 from bt_agents_tools.cli.commands import check as check_module
 from bt_agents_tools.cli.commands.check import check, check_paths, summary, watched
@@ -126,6 +127,23 @@ def test_path_accepts_file_or_folder_below_trees_folder(trees):
     assert found("trees/agents/two.yaml") == ["trees/agents/two.yaml:4 unknown-node"]
     assert found("trees/agents/two.yaml", "trees/agents/three.yaml") == found("trees/agents")
     assert found("trees/agents", "trees") == found("trees") == found(".")
+
+
+def test_fault_of_check_is_problem_of_one_file(trees, monkeypatch):
+    write("agents/three.yaml", WARNED.format("three"))
+    lint = folder_check.lint
+
+    def faulty(agent, **options):
+        if agent.name == "one":
+            raise KeyError("cogwheel")
+        return lint(agent, **options)
+
+    monkeypatch.setattr(folder_check, "lint", faulty)
+    checked = check_paths(["trees"], None)
+    told = {problem.position.file: problem.code for problem in checked.problems}
+    assert told["trees/agents/one.yaml"] == "reader-fault"
+    assert told["trees/agents/three.yaml"] != "reader-fault"
+    assert "one" in checked.agents
 
 
 def test_broken_skills_file_leaves_dependent_agents_unchecked(trees):
