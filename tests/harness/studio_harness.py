@@ -35,10 +35,11 @@ SPACE = SceneSpace(
 
 
 class RecordingCaller:
-    """Services that accept everything, and what they were asked."""
+    """Services that all give one answer, and what they were asked."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, str, dict[str, Any]]] = []
+        self.answered = SimpleNamespace(accepted=True, code="", message="done")
         self.previewed: Any = None
         self.hosts: Any = {}
 
@@ -47,7 +48,7 @@ class RecordingCaller:
     ) -> Future[Any]:
         del limit_s
         self.calls.append((kind, service, dict(fields)))
-        return _done(SimpleNamespace(accepted=True, code="", message="done"))
+        return _done(self.answered)
 
     def answer(self, text: str) -> Future[str]:
         self.calls.append(("", "answer", {"text": text}))
@@ -150,6 +151,11 @@ class BackgroundStudio:
     def address(self) -> str:
         """Address of the page for an operator."""
         return f"{self._one.origin}/#{self._one.access.token(SessionRole.OPERATE)}"
+
+    @property
+    def caller(self) -> RecordingCaller:
+        """What the services were asked, and answer."""
+        return self._one.caller
 
     def put(self, collection: str, key: str, value: object) -> None:
         """Change an entry, as a message of the system does."""

@@ -10,6 +10,7 @@ import { Live } from "./live";
 import { Market } from "./market";
 import { Person } from "./person";
 import { PanelBoundary } from "./panel_boundary";
+import { StatusStrip } from "./status_strip";
 import { System } from "./system";
 import { texts } from "./texts";
 import { Tune } from "./tune";
@@ -70,6 +71,11 @@ function App() {
           <button type="button" onClick={() => location.reload()}>
             {texts.connection.reload}
           </button>
+        )}
+        {!isPerson && page !== "person" && (
+          <PanelBoundary label={texts.strip.label}>
+            <StatusStrip />
+          </PanelBoundary>
         )}
       </header>
       <main>

@@ -3,7 +3,7 @@
 
 import { useSyncExternalStore } from "react";
 import { VERSION, type BookmarkRecord, type ClientMessage, type Hello, type Operations, type ServerMessage } from "./protocol";
-import { apply, replaceAll } from "./store";
+import { apply, replaceAll, setPresent } from "./store";
 
 export interface ConnectionState {
   /** "refused" needs the printed address again; "outdated" needs the page to be loaded anew. */
@@ -83,7 +83,10 @@ function handle(message: ServerMessage): void {
       return;
     case "snapshot":
       if (message.at_s === null) sequence = message.sequence;
-      if (message.at_s === null && state.atS !== null) return;
+      if (message.at_s === null && state.atS !== null) {
+        setPresent(message);
+        return;
+      }
       replaceAll(message);
       update({
         firstS: message.first_s ?? state.firstS,
@@ -94,10 +97,14 @@ function handle(message: ServerMessage): void {
       return;
     case "delta":
       sequence = message.sequence;
-      if (state.atS === null) apply(message);
+      apply(state.atS === null ? message : { type: "present", changes: message.changes, is_whole: false });
+      return;
+    case "present":
+      apply(message);
       return;
     case "failure":
-      update({ failure: message.message, atS: null, source: "" });
+      leavePast();
+      update({ failure: message.message });
   }
 }
 
@@ -149,8 +156,14 @@ export function seek(source: string, atS: number): void {
 }
 
 export function follow(): void {
-  update({ atS: null, source: "" });
+  leavePast();
   send({ type: "follow" });
+}
+
+/** What is shown is no state that changes can be applied to; only a snapshot replaces it. */
+function leavePast(): void {
+  if (state.atS !== null) sequence = 0;
+  update({ atS: null, source: "" });
 }
 
 export interface Answer {

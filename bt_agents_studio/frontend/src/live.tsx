@@ -4,7 +4,7 @@
 import { memo, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { operate, useConnection } from "./connection";
+import { useConnection } from "./connection";
 import { Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
 import { formatNumber, formatSeconds, formatTime } from "./formatting";
 import { PanelBoundary } from "./panel_boundary";
@@ -16,7 +16,6 @@ import { texts } from "./texts";
 export function Live() {
   const runs = useCollection("runs");
   const { atS } = useConnection();
-  const market = useEntry("market");
   const latest = useMemo(
     () => runs.map(([, run]) => run).sort((a, b) => b.began_s - a.began_s)[0],
     [runs],
@@ -36,11 +35,6 @@ export function Live() {
     },
     [atS, host, agent],
   );
-  const isRunning = run !== undefined && run.ended_s === null && market?.state !== "IDLE";
-  const stop = async (): Promise<void> => {
-    const done = await operate("cancel", { reason: texts.live.stopped, by: "OPERATOR" });
-    setAnswer(done.message);
-  };
   return (
     <div className="live">
       <div className="main">
@@ -62,9 +56,6 @@ export function Live() {
             </span>
           )}
           <Controls host={host} agent={agent} say={setAnswer} />
-          <button type="button" className="stop" disabled={!isRunning || atS !== null} onClick={() => void stop()}>
-            {texts.live.stop}
-          </button>
           <output>{answer}</output>
         </div>
         {tree ? (

@@ -436,6 +436,12 @@ export interface Delta {
   changes: ([string, string, unknown | null])[];
 }
 
+export interface Present {
+  type: "present";
+  changes: ([string, string, unknown | null])[];
+  is_whole: boolean;
+}
+
 export interface Failure {
   type: "failure";
   code: string;
@@ -488,7 +494,7 @@ export interface Collections {
   values: NodeValuesRecord;
 }
 
-export type ServerMessage = Hello | Snapshot | Delta | Failure;
+export type ServerMessage = Hello | Snapshot | Delta | Present | Failure;
 
 export type ClientMessage = Resume | Seek | Follow;
 

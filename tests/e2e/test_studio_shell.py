@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every page of the studio has: status strip and Stop, connection, and address."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from bt_agents_studio.records import (
+    AgentRecord,
+    MarketRecord,
+    RunRecord,
+    SceneRecord,
+    TreeNodeRecord,
+    TreeRecord,
+    ValueRecord,
+)
+from studio_browser import open_page, opened_page, strip
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+TIP = "tree/0.say"
+STRIPPED = ("Live", "Market", "Tune", "World", "System")
+ACCEPTED = SimpleNamespace(accepted=True, code="", message="stopping greeter")
+
+
+def market(state: str, number: int = 7) -> MarketRecord:
+    return MarketRecord(
+        **dict.fromkeys(("scene_id", "scene_label", "shadow_strategy", "pinned", "message"), ""),
+        **dict.fromkeys(("waiting", "awaited_hosts", "strategies"), ()),
+        **dict.fromkeys(("vetoed", "starved", "problems"), ()),
+        epoch="x",
+        state=state,
+        since_s=time.time(),
+        round=number,
+        agent="" if state == "IDLE" else "greeter",
+        host="agents",
+        hosts=1,
+        agents=2,
+        strategy="manhattan",
+    )
+
+
+def agent(name: str, title: str) -> AgentRecord:
+    return AgentRecord(
+        **dict.fromkeys(("tags", "rules", "problems"), ()),
+        name=name,
+        title=title,
+        description="",
+        host="agents",
+        profile={},
+        current={},
+        revision=0,
+        learning_rate=0.5,
+        version=1,
+        waiting=False,
+        degraded=False,
+    )
+
+
+def tree(name: str) -> TreeRecord:
+    place = {"file": "a.yaml", "line": 1, "column": 1}
+    nodes = (
+        TreeNodeRecord(path="tree", parent=-1, kind="sequence", name=f"all of {name}", **place),
+        TreeNodeRecord(path=TIP, parent=0, kind="say", name=f'say "I am {name}."', **place),
+    )
+    return TreeRecord(agent=name, host="agents", nodes=nodes)
+
+
+def run(name: str) -> RunRecord:
+    now = time.time()
+    return RunRecord(
+        **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
+        **dict.fromkeys(("stop_reason", "message"), ""),
+        **dict.fromkeys(("ticks", "overruns"), 0),
+        agent=name,
+        host="agents",
+        round=7,
+        event="STARTED",
+        outcome="NONE",
+        stopped_by="NOT_SAID",
+        began_s=now,
+        ended_s=None,
+        tick=1,
+        tip=TIP,
+        orphans=(),
+        duration_s=0.0,
+    )
+
+
+def live(mood: float) -> SceneRecord:
+    value = ValueRecord(
+        name="mood", value=mood, origin="MEASURED", age_s=0.0, std=None, confidence=1.0, source=""
+    )
+    return SceneRecord(
+        **dict.fromkeys(("scene_id", "label", "person_id", "place"), ""),
+        **dict.fromkeys(("persons", "visits"), 1),
+        at_s=time.time(),
+        person=True,
+        urgent=False,
+        remembered={},
+        values=(value,),
+    )
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    with background_studio() as served:
+        served.put("market", "", market("IDLE", 6))
+        for name, title in (("greeter", "The greeter"), ("carrier", "The carrier")):
+            served.put("agents", name, agent(name, title))
+            served.put("trees", name, tree(name))
+        yield served
+
+
+@pytest.fixture
+def running(studio: BackgroundStudio) -> BackgroundStudio:
+    """The studio of a system in which the greeter runs."""
+    studio.caller.calls.clear()
+    studio.caller.answered = ACCEPTED
+    studio.put("market", "", market("RUNNING"))
+    studio.put("runs", "greeter", run("greeter"))
+    studio.put("live", "", live(2.0))
+    return studio
+
+
+@pytest.fixture
+def page(browser: Browser, running: BackgroundStudio) -> Iterator[Page]:
+    with opened_page(browser, running.address) as opened:
+        expect(strip(opened)).to_have_attribute("data-state", "RUNNING")
+        yield opened
+
+
+def stops(studio: BackgroundStudio) -> list[str]:
+    """Return who wanted each stop that the system was asked for."""
+    return [str(fields["by"]) for kind, _, fields in studio.caller.calls if kind == "CancelRun"]
+
+
+def until_stopped(page: Page, studio: BackgroundStudio) -> None:
+    """The system is told to stop."""
+    for _ in range(300):
+        if stops(studio):
+            return
+        page.wait_for_timeout(100)
+    pytest.fail("nobody was told to stop")
+
+
+def look_back(page: Page) -> None:
+    bar = page.get_by_label("Moment that is shown")
+    expect(bar).to_be_enabled()
+    bar.fill(bar.get_attribute("min") or "")
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+
+
+def test_strip_tells_agent_node_time_and_mood(page: Page) -> None:
+    for name in STRIPPED:
+        open_page(page, name)
+        expect(strip(page)).to_be_in_viewport()
+        expect(strip(page)).to_contain_text('runningThe greetersay "I am greeter."since ')
+        expect(strip(page)).to_contain_text("mood 2")
+
+
+@pytest.mark.parametrize("name", STRIPPED)
+def test_every_page_stops_the_run(page: Page, running: BackgroundStudio, name: str) -> None:
+    open_page(page, name)
+    button = strip(page).get_by_role("button", name="Stop", exact=True)
+    expect(button).to_be_in_viewport()
+    button.click()
+    until_stopped(page, running)
+    running.put("market", "", market("CANCELLING"))
+    expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
+    running.put("market", "", market("IDLE"))
+    expect(button).to_be_disabled()
+
+
+def test_stop_works_whichever_agent_is_shown(page: Page, running: BackgroundStudio) -> None:
+    page.get_by_label("Agent").select_option("carrier")
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+
+
+def test_strip_follows_and_stops_while_page_looks_back(
+    page: Page, running: BackgroundStudio
+) -> None:
+    look_back(page)
+    expect(strip(page)).to_contain_text("Now:runningThe greeter")
+    running.put("live", "", live(4.0))
+    expect(strip(page)).to_contain_text("mood 4")
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+    running.put("market", "", market("CANCELLING"))
+    expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
+    page.get_by_role("button", name="Back to now").click()
+    expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
+
+
+@pytest.mark.parametrize("name", [*STRIPPED, "Person"])
+def test_escape_twice_stops_from_any_page(
+    page: Page, running: BackgroundStudio, name: str
+) -> None:
+    open_page(page, name)
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    until_stopped(page, running)
+
+
+def test_single_or_typed_escape_stops_nothing(page: Page, running: BackgroundStudio) -> None:
+    page.keyboard.press("Escape")
+    page.keyboard.press("a")
+    page.keyboard.press("Escape")
+    page.get_by_role("searchbox").focus()
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+    assert len(stops(running)) == 1
+
+
+def test_refused_stop_is_told_in_words(page: Page, running: BackgroundStudio) -> None:
+    running.caller.answered = SimpleNamespace(accepted=False, code="", message="nothing runs")
+    strip(page).get_by_role("button", name="Stop").click()
+    told = strip(page).get_by_role("alert")
+    expect(told).to_have_text("nothing runs")
+    expect(told).to_be_in_viewport()
+    page.context.set_offline(True)
+    strip(page).get_by_role("button", name="Stop").click()
+    expect(told).to_contain_text("Could not be stopped, the system does not answer.")
