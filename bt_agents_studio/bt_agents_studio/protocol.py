@@ -105,6 +105,13 @@ class Present:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Beat:
+    """The studio is there and has nothing else to say."""
+
+    type: ClassVar[str] = "beat"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Failure:
     """Refusal of a message of the client, with a code and in words."""
 
@@ -150,7 +157,7 @@ class Follow:
     type: ClassVar[str] = "follow"
 
 
-ServerMessage = Hello | Snapshot | Delta | Present | Failure
+ServerMessage = Hello | Snapshot | Delta | Present | Beat | Failure
 ClientMessage = Resume | Seek | Follow
 
 _CLIENT_MESSAGES: Mapping[str, type[Resume] | type[Seek] | type[Follow]] = {

@@ -3,12 +3,17 @@
 
 from __future__ import annotations
 
+import os
+import re
+import signal
+import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 from bt_agents_studio.records import (
     AgentRecord,
@@ -19,6 +24,7 @@ from bt_agents_studio.records import (
     TreeRecord,
     ValueRecord,
 )
+from programs import Program
 from studio_browser import open_page, opened_page, strip
 from studio_harness import BackgroundStudio, background_studio
 
@@ -230,3 +236,124 @@ def test_refused_stop_is_told_in_words(page: Page, running: BackgroundStudio) ->
     page.context.set_offline(True)
     strip(page).get_by_role("button", name="Stop").click()
     expect(told).to_contain_text("Could not be stopped, the system does not answer.")
+
+
+@pytest.fixture
+def process(tmp_path: Path) -> Iterator[Program]:
+    """A studio in a process of its own."""
+    path = os.pathsep.join(sys.path)
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"}
+    started = Program((), environment, tmp_path, program=("-m", "studio_harness"))
+    try:
+        yield started
+    finally:
+        os.kill(started.process.pid, signal.SIGKILL)
+        started.process.wait()
+        started.close()
+
+
+STALE = re.compile(r"stale since \d\d:\d\d:\d\d, trying again …")
+
+
+def test_hung_studio_is_shown_as_stale_within_three_seconds(
+    browser: Browser, process: Program
+) -> None:
+    with opened_page(browser, process.until("http").strip()) as page:
+        phase = page.locator(".phase")
+        expect(strip(page)).to_contain_text("the marketplace is silent since")
+        expect(page.locator(".live .side")).to_have_css("opacity", "1")
+        os.kill(process.process.pid, signal.SIGSTOP)
+        expect(phase).to_have_text(STALE, timeout=4000)
+        expect(phase).to_be_in_viewport()
+        expect(page.locator(".live .side")).to_have_css("opacity", "0.5")
+        os.kill(process.process.pid, signal.SIGCONT)
+        expect(phase).to_have_text("connected")
+        expect(page.locator(".live .side")).to_have_css("opacity", "1")
+
+
+class SwallowedSocket:
+    """The connection of a page, whose messages arrive only while it is not swallowed."""
+
+    def __init__(self, page: Page) -> None:
+        self.is_swallowed = False
+        page.route_web_socket("**/api/socket", self._pass)
+
+    def _pass(self, socket: WebSocketRoute) -> None:
+        server = socket.connect_to_server()
+        server.on_message(lambda text: None if self.is_swallowed else socket.send(text))
+        socket.on_message(lambda text: None if self.is_swallowed else server.send(text))
+
+
+@pytest.fixture
+def half_open(
+    browser: Browser, running: BackgroundStudio
+) -> Iterator[tuple[Page, SwallowedSocket]]:
+    """A page with a connection that can swallow everything."""
+    with opened_page(browser, "about:blank") as opened:
+        socket = SwallowedSocket(opened)
+        opened.goto(running.address)
+        expect(strip(opened)).to_have_attribute("data-state", "RUNNING")
+        yield opened, socket
+
+
+def test_half_open_connection_is_shown_and_replaced(
+    half_open: tuple[Page, SwallowedSocket], running: BackgroundStudio
+) -> None:
+    page, socket = half_open
+    phase = page.locator(".phase")
+    socket.is_swallowed = True
+    expect(phase).to_have_text(STALE, timeout=4000)
+    running.put("live", "", live(5.0))
+    # The next connection is as silent, and no reason to show anything else.
+    page.wait_for_timeout(4000)
+    expect(phase).to_have_text(STALE, timeout=1)
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+    socket.is_swallowed = False
+    expect(phase).to_have_text("connected")
+    expect(strip(page)).to_contain_text("mood 5")
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        "window.dispatchEvent(new Event('online'))",
+        "document.dispatchEvent(new Event('visibilitychange'))",
+    ],
+)
+def test_lost_page_comes_back_when_network_or_user_does(
+    half_open: tuple[Page, SwallowedSocket], event: str
+) -> None:
+    page, socket = half_open
+    phase = page.locator(".phase")
+    page.clock.install()
+    page.reload()
+    expect(phase).to_have_text("connected")
+    socket.is_swallowed = True
+    page.clock.pause_at(time.time() + 60)
+    page.clock.run_for(5000)
+    expect(phase).to_have_text(STALE)
+    socket.is_swallowed = False
+    # The clock of the page stands still, so nothing is tried again by itself.
+    page.wait_for_timeout(1000)
+    expect(phase).to_have_text(STALE, timeout=1)
+    page.evaluate(event)
+    page.wait_for_timeout(1000)
+    page.clock.run_for(300)
+    expect(phase).to_have_text("connected")
+
+
+def test_quiet_connection_stays_connected(page: Page) -> None:
+    shown = page.locator(".phase")
+    page.evaluate(
+        """() => {
+            window.phases = new Set();
+            const look = () => window.phases.add(document.querySelector(".phase").textContent);
+            const all = {subtree: true, childList: true, characterData: true};
+            new MutationObserver(look).observe(document.querySelector("header"), all);
+            look();
+        }"""
+    )
+    page.wait_for_timeout(7000)
+    expect(shown).to_have_text("connected")
+    assert page.evaluate("[...window.phases]") == ["connected"]

@@ -28,7 +28,8 @@ function pageOf(path: string): Page {
 
 function App() {
   const [page, setPage] = useState(pageOf(location.pathname));
-  const { phase, hello } = useConnection();
+  const { phase, heardS, hello } = useConnection();
+  const isStale = phase !== "open" && phase !== "connecting";
   const isPerson = hello?.role === "person";
   useEffect(() => {
     const changed = (): void => setPage(pageOf(location.pathname));
@@ -38,7 +39,7 @@ function App() {
   const Shown = PAGES[isPerson ? "person" : page];
   return (
     <>
-      <header>
+      <header className={isStale ? "stale" : ""}>
         <h1>bt-agents</h1>
         {!isPerson && (
           <>
@@ -65,7 +66,9 @@ function App() {
           </>
         )}
         <p className={`phase ${phase}`} role="status">
-          {texts.connection[phase]}
+          {phase === "lost" && heardS !== null
+            ? `${texts.connection.stale} ${formatTime(heardS)}, ${texts.connection.again}`
+            : texts.connection[phase]}
         </p>
         {phase === "outdated" && (
           <button type="button" onClick={() => location.reload()}>
@@ -78,7 +81,7 @@ function App() {
           </PanelBoundary>
         )}
       </header>
-      <main>
+      <main className={isStale ? "stale" : ""}>
         <PanelBoundary key={page} label={texts.pages[isPerson ? "person" : page]}>
           <Shown />
         </PanelBoundary>

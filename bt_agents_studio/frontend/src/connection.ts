@@ -8,6 +8,8 @@ import { apply, replaceAll, setPresent } from "./store";
 export interface ConnectionState {
   /** "refused" needs the printed address again; "outdated" needs the page to be loaded anew. */
   phase: "connecting" | "open" | "lost" | "refused" | "outdated";
+  /** When the studio was heard last by the clock of this page [s since 1970], once it is lost; null before. */
+  heardS: number | null;
   hello: Hello | null;
   /** Difference of the studio's clock to this one [s]. */
   offsetS: number;
@@ -24,9 +26,17 @@ export interface ConnectionState {
 const LIMIT_MS = 35_000;
 const KEY = "key";
 const RETRIES_MS = [250, 500, 1000, 2000];
+/** Longest answer to whether the studio is there. */
+const PROBE_MS = 3000;
+const LOOK_MS = 250;
+/** Looks without a message between them after which the studio is lost: it has something to say each second. */
+const SILENT_LOOKS = 12;
+/** The same while a snapshot is under way, as it may be large and the link slow. */
+const LOADING_LOOKS = 40;
 
 let state: ConnectionState = {
   phase: "connecting",
+  heardS: null,
   hello: null,
   offsetS: 0,
   atS: null,
@@ -42,6 +52,12 @@ let sequence = 0;
 let known = "";
 let attempts = 0;
 let timer = 0;
+/** Of the last message [s since 1970]; null before the first. */
+let heardS: number | null = null;
+let looks = 0;
+let isLoading = false;
+/** Number of the last try to come back; what an earlier one finds out comes too late. */
+let trial = 0;
 
 function update(change: Partial<ConnectionState>): void {
   state = { ...state, ...change };
@@ -63,6 +79,8 @@ function send(message: ClientMessage): void {
 }
 
 function handle(message: ServerMessage): void {
+  heardS = Date.now() / 1000;
+  looks = 0;
   switch (message.type) {
     case "hello":
       if (message.version !== VERSION) {
@@ -73,15 +91,19 @@ function handle(message: ServerMessage): void {
       // Before anything has happened, time begins now.
       update({
         phase: "open",
+        heardS: null,
         hello: message,
         offsetS: message.now_s - Date.now() / 1000,
         firstS: state.firstS ?? message.now_s,
       });
-      send({ type: "resume", version: VERSION, studio: known, sequence: known === message.studio ? sequence : 0 });
+      if (known !== message.studio) sequence = 0;
       known = message.studio;
+      isLoading = sequence === 0;
+      send({ type: "resume", version: VERSION, studio: known, sequence });
       if (state.atS !== null) send({ type: "seek", source: state.source, at_s: state.atS });
       return;
     case "snapshot":
+      isLoading = false;
       if (message.at_s === null) sequence = message.sequence;
       if (message.at_s === null && state.atS !== null) {
         setPresent(message);
@@ -102,6 +124,8 @@ function handle(message: ServerMessage): void {
     case "present":
       apply(message);
       return;
+    case "beat":
+      return;
     case "failure":
       leavePast();
       update({ failure: message.message });
@@ -110,32 +134,74 @@ function handle(message: ServerMessage): void {
 
 /** Open the connection, and again whenever it is lost. */
 export function connect(): void {
+  open();
+  window.setInterval(watch, LOOK_MS);
+  window.addEventListener("online", comeBack);
+  document.addEventListener("visibilitychange", () => !document.hidden && comeBack());
+}
+
+/** Do not wait for the next try when there is a reason to believe that it succeeds. */
+function comeBack(): void {
+  const silentMs = Date.now() - (heardS ?? 0) * 1000;
+  const isSilent = state.phase === "open" && silentMs > SILENT_LOOKS * LOOK_MS;
+  if (isSilent || state.phase === "lost" || state.phase === "refused") renew();
+}
+
+/**
+ * Give up a connection without messages, even if it is open, as it is when the studio hangs or the network is gone.
+ *
+ * Only looks are counted: a page that was asleep itself reads first what has come meanwhile.
+ */
+function watch(): void {
+  if (socket === null) return;
+  looks += 1;
+  if (looks >= (isLoading ? LOADING_LOOKS : SILENT_LOOKS)) renew();
+}
+
+function open(): void {
   window.clearTimeout(timer);
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   const opened = new WebSocket(`${scheme}://${location.host}/api/socket`);
   socket = opened;
-  opened.onmessage = (event) => handle(JSON.parse(event.data as string) as ServerMessage);
+  looks = 0;
+  isLoading = false;
+  opened.onmessage = (event) => {
+    if (socket === opened) handle(JSON.parse(event.data as string) as ServerMessage);
+  };
   opened.onclose = () => {
-    if (socket !== opened || state.phase === "outdated") return;
-    void retry();
+    if (socket === opened) renew();
   };
 }
 
-async function retry(): Promise<void> {
-  update({ phase: "lost" });
-  // Whether nobody is there or we are not let in, only a plain request can tell.
-  try {
-    const answer = await fetch("/api/journals");
-    if (answer.status === 401) {
+/** Close the connection, if there still is one, and try again. */
+function renew(): void {
+  if (state.phase === "outdated") return;
+  window.clearTimeout(timer);
+  const closing = socket;
+  socket = null;
+  closing?.close();
+  if (state.phase !== "refused") update({ phase: "lost", heardS });
+  const mine = (trial += 1);
+  void isAllowed().then((allowed) => {
+    if (mine !== trial) return;
+    if (!allowed) {
       update({ phase: "refused" });
       return;
     }
+    const wait = RETRIES_MS[Math.min(attempts, RETRIES_MS.length - 1)];
+    attempts += 1;
+    timer = window.setTimeout(open, wait);
+  });
+}
+
+/** Whether nobody is there or we are not let in, only a plain request can tell; the former is tried again. */
+async function isAllowed(): Promise<boolean> {
+  try {
+    const answer = await fetch("/api/journals", { signal: AbortSignal.timeout(PROBE_MS) });
+    return answer.status !== 401;
   } catch {
-    // It is not there; it is tried again below.
+    return true;
   }
-  const wait = RETRIES_MS[Math.min(attempts, RETRIES_MS.length - 1)];
-  attempts += 1;
-  timer = window.setTimeout(connect, wait);
 }
 
 /**
@@ -152,11 +218,13 @@ export async function logIn(): Promise<void> {
 
 export function seek(source: string, atS: number): void {
   update({ atS, source });
+  isLoading = true;
   send({ type: "seek", source, at_s: atS });
 }
 
 export function follow(): void {
   leavePast();
+  isLoading = true;
   send({ type: "follow" });
 }
 

@@ -442,6 +442,10 @@ export interface Present {
   is_whole: boolean;
 }
 
+export interface Beat {
+  type: "beat";
+}
+
 export interface Failure {
   type: "failure";
   code: string;
@@ -494,7 +498,7 @@ export interface Collections {
   values: NodeValuesRecord;
 }
 
-export type ServerMessage = Hello | Snapshot | Delta | Present | Failure;
+export type ServerMessage = Hello | Snapshot | Delta | Present | Beat | Failure;
 
 export type ClientMessage = Resume | Seek | Follow;
 

@@ -7,6 +7,8 @@ export const texts = {
     connecting: "connecting …",
     open: "connected",
     lost: "the studio does not answer; trying again …",
+    stale: "stale since",
+    again: "trying again …",
     refused: "Not signed in. Open the address that 'bt-agents studio' or 'bt-agents up' has printed.",
     outdated: "The studio has been updated.",
     reload: "Load the page anew",

@@ -32,9 +32,13 @@ RESUME = {"type": "resume", "version": VERSION, "studio": "", "sequence": 0}
 
 
 async def _next(socket: ClientWebSocketResponse) -> dict[str, Any]:
-    message = await socket.receive(timeout=10)
-    assert message.type is WSMsgType.TEXT, message
-    return dict(json.loads(message.data))
+    """Return the next message that is no beat."""
+    while True:
+        message = await socket.receive(timeout=10)
+        assert message.type is WSMsgType.TEXT, message
+        received = dict(json.loads(message.data))
+        if received["type"] != "beat":
+            return received
 
 
 def test_page_gets_snapshot_then_deltas_and_can_resume() -> None:
@@ -150,6 +154,26 @@ def test_page_that_comes_back_to_earlier_moment_gets_whole_present() -> None:
                 received = await _next(socket)
             assert received["is_whole"]
             assert [change[:2] for change in received["changes"]] == [["parts", "robot"]]
+
+    served(test)
+
+
+def test_quiet_studio_beats_whatever_the_page_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "BEAT_S", 0.01)
+
+    async def test(one: ServedStudio) -> None:
+        async with (
+            one.client(SessionRole.PERSON) as client,
+            client.ws_connect("/api/socket") as socket,
+        ):
+            assert (await _next(socket))["type"] == "hello"
+            assert await socket.receive_json(timeout=10) == {"type": "beat"}
+            await socket.send_json(RESUME)
+            assert (await _next(socket))["type"] == "snapshot"
+            # What this session does not see is no message to it.
+            one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
+            for _ in range(3):
+                assert await socket.receive_json(timeout=10) == {"type": "beat"}
 
     served(test)
 
