@@ -357,3 +357,36 @@ def test_quiet_connection_stays_connected(page: Page) -> None:
     page.wait_for_timeout(7000)
     expect(shown).to_have_text("connected")
     assert page.evaluate("[...window.phases]") == ["connected"]
+
+
+def test_pasted_address_signs_in_the_open_tab(browser: Browser, running: BackgroundStudio) -> None:
+    bare, _, token = running.address.partition("#")
+    with opened_page(browser, bare) as page:
+        expect(page.locator(".phase")).to_contain_text("Not signed in")
+        # As pasted into the address bar, only the part after # differs.
+        page.goto(running.address)
+        expect(page.locator(".phase")).to_have_text("connected")
+        assert token not in page.url
+        strip(page).get_by_role("button", name="Stop").click()
+        until_stopped(page, running)
+
+
+def test_refused_tab_follows_sign_in_of_another(
+    browser: Browser, running: BackgroundStudio
+) -> None:
+    with opened_page(browser, running.address.partition("#")[0]) as refused:
+        expect(refused.locator(".phase")).to_contain_text("Not signed in")
+        refused.context.new_page().goto(running.address)
+        expect(refused.locator(".phase")).to_have_text("connected")
+        expect(strip(refused)).to_contain_text("The greeter")
+
+
+def test_unanswered_probe_does_not_end_the_retries(
+    half_open: tuple[Page, SwallowedSocket],
+) -> None:
+    page, socket = half_open
+    page.route("**/api/journals", lambda _: None)
+    socket.is_swallowed = True
+    expect(page.locator(".phase")).to_have_text(STALE)
+    socket.is_swallowed = False
+    expect(page.locator(".phase")).to_have_text("connected")

@@ -3,7 +3,7 @@
 
 import { StrictMode, useEffect, useState } from "react";
 import { createRoot } from "react-dom/client";
-import { connect, follow, logIn, seek, useConnection } from "./connection";
+import { connect, follow, seek, useConnection } from "./connection";
 import { formatTime } from "./formatting";
 import { Bookmarks, Marks } from "./recording";
 import { Live } from "./live";
@@ -138,5 +138,5 @@ export function start(root: HTMLElement): void {
       <App />
     </StrictMode>,
   );
-  void logIn().then(connect);
+  connect();
 }

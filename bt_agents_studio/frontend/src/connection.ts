@@ -25,6 +25,9 @@ export interface ConnectionState {
 
 const LIMIT_MS = 35_000;
 const KEY = "key";
+/** Entry that all tabs see; its change tells them that one of them has signed in. */
+const SIGNED_IN = "bt-agents signed in";
+const TOKEN = /^#[0-9a-f]{64}$/;
 const RETRIES_MS = [250, 500, 1000, 2000];
 /** Longest answer to whether the studio is there. */
 const PROBE_MS = 3000;
@@ -56,6 +59,8 @@ let timer = 0;
 let heardS: number | null = null;
 let looks = 0;
 let isLoading = false;
+/** Secret of the printed address that is still to be exchanged for a session. */
+let token = "";
 /** Number of the last try to come back; what an earlier one finds out comes too late. */
 let trial = 0;
 
@@ -96,7 +101,8 @@ function handle(message: ServerMessage): void {
         offsetS: message.now_s - Date.now() / 1000,
         firstS: state.firstS ?? message.now_s,
       });
-      if (known !== message.studio) sequence = 0;
+      // Another role sees other collections.
+      if (known !== message.studio || state.hello?.role !== message.role) sequence = 0;
       known = message.studio;
       isLoading = sequence === 0;
       send({ type: "resume", version: VERSION, studio: known, sequence });
@@ -132,12 +138,22 @@ function handle(message: ServerMessage): void {
   }
 }
 
-/** Open the connection, and again whenever it is lost. */
+/** Sign in if the address has a secret, open the connection, and again whenever it is lost. */
 export function connect(): void {
-  open();
+  takeToken();
+  void logIn().then(() => {
+    if (trial === 0) open();
+  });
   window.setInterval(watch, LOOK_MS);
   window.addEventListener("online", comeBack);
   document.addEventListener("visibilitychange", () => !document.hidden && comeBack());
+  window.addEventListener("focus", comeBack);
+  window.addEventListener("storage", (event) => event.key === SIGNED_IN && comeBack());
+  // A newly pasted address differs in nothing else.
+  window.addEventListener("hashchange", () => {
+    takeToken();
+    if (token) renew();
+  });
 }
 
 /** Do not wait for the next try when there is a reason to believe that it succeeds. */
@@ -182,7 +198,8 @@ function renew(): void {
   closing?.close();
   if (state.phase !== "refused") update({ phase: "lost", heardS });
   const mine = (trial += 1);
-  void isAllowed().then((allowed) => {
+  const checked = logIn().then(isAllowed);
+  void checked.then((allowed) => {
     if (mine !== trial) return;
     if (!allowed) {
       update({ phase: "refused" });
@@ -204,16 +221,25 @@ async function isAllowed(): Promise<boolean> {
   }
 }
 
+/** Move the secret of the printed address out of sight. */
+function takeToken(): void {
+  if (!TOKEN.test(location.hash)) return;
+  token = location.hash.slice(1);
+  history.replaceState(history.state, "", location.pathname + location.search);
+}
+
 /**
- * Exchange the token of the printed address for a session, if there is one.
- * Its cookie goes to all ports of this machine, so that whatever changes something needs a key, too.
+ * Exchange the secret for a session, if there is one; it is kept for the next try while nobody answers.
+ * The cookie goes to all ports of this machine, so that whatever changes something needs a key, too.
  */
-export async function logIn(): Promise<void> {
-  const token = location.hash.slice(1);
-  if (!/^[0-9a-f]{64}$/.test(token)) return;
-  history.replaceState(null, "", location.pathname + location.search);
-  const { key } = await post("/api/session", { token });
-  if (key) sessionStorage.setItem(KEY, key);
+async function logIn(): Promise<void> {
+  const sent = token;
+  if (!sent) return;
+  const { key, code } = await post("/api/session", { token: sent }, PROBE_MS);
+  if (code !== "NO_STUDIO" && token === sent) token = "";
+  if (!key) return;
+  sessionStorage.setItem(KEY, key);
+  localStorage.setItem(SIGNED_IN, String(Date.now()));
 }
 
 export function seek(source: string, atS: number): void {
