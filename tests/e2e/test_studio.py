@@ -432,7 +432,7 @@ def test_name_with_markup_is_shown_as_text(page: Page) -> None:
     name = "<img src=x onerror=document.title='taken'>"
     serve(page, name, age=4.5, mood=2)
     assert page.locator("img").count() == 0
-    assert page.title() == "bt-agents studio"
+    assert "taken" not in page.title()
     stop(page)
 
 

@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,6 +19,7 @@ from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 from bt_agents_studio.records import (
     AgentRecord,
     MarketRecord,
+    RoundRecord,
     RunRecord,
     SceneRecord,
     TreeNodeRecord,
@@ -96,6 +98,28 @@ def run(name: str) -> RunRecord:
         tip=TIP,
         orphans=(),
         duration_s=0.0,
+    )
+
+
+def held_round(number: int) -> RoundRecord:
+    return RoundRecord(
+        **dict.fromkeys(("intervention", "shadow_strategy", "shadow_winner", "reason"), ""),
+        **dict.fromkeys(("ranking", "refused", "silent_hosts"), ()),
+        at_s=time.time(),
+        epoch="x",
+        round=number,
+        follows=0,
+        scene=replace(live(2.0), label=f"scene {number}"),
+        outcome="AWARDED",
+        closed_by="ALL_ANSWERED",
+        preview=False,
+        duration_s=0.1,
+        strategy="manhattan",
+        options={},
+        winner="greeter",
+        margin=None,
+        change={},
+        explanation=f"because of {number}",
     )
 
 
@@ -390,3 +414,74 @@ def test_unanswered_probe_does_not_end_the_retries(
     expect(page.locator(".phase")).to_have_text(STALE)
     socket.is_swallowed = False
     expect(page.locator(".phase")).to_have_text("connected")
+
+
+def test_reload_shows_chosen_agent_and_node(page: Page) -> None:
+    page.get_by_label("Agent").select_option("carrier")
+    node = page.locator(f'.node[data-path="{TIP}"]')
+    node.click()
+    expect(page).to_have_url(
+        re.compile(r"/\?agent=carrier&node=tree%2F0.say$|/live\?agent=carrier")
+    )
+    page.reload()
+    expect(page.get_by_label("Agent")).to_have_value("carrier")
+    expect(node).to_have_attribute("aria-selected", "true")
+    expect(node).to_contain_text("I am carrier.")
+    expect(page.get_by_label("Node", exact=True)).to_contain_text("a.yaml:1")
+    assert page.title() == "Live · The carrier · bt-agents studio"
+
+
+def test_back_returns_through_pages_and_choices(page: Page, running: BackgroundStudio) -> None:
+    for number in (1, 2):
+        running.put("rounds", f"x/{number}", held_round(number))
+    page.get_by_label("Agent").select_option("carrier")
+    open_page(page, "Market")
+    bids = page.get_by_label("Bids")
+    expect(bids).to_contain_text("because of 2")
+    page.get_by_label("Rounds").get_by_role("button", name="scene 1").click()
+    expect(bids).to_contain_text("because of 1")
+    expect(page).to_have_title("Market · The carrier · bt-agents studio")
+    page.reload()
+    expect(bids).to_contain_text("because of 1")
+    page.go_back()
+    expect(bids).to_contain_text("because of 2")
+    page.go_back()
+    expect(page.get_by_label("Agent")).to_have_value("carrier")
+    page.go_back()
+    expect(page.get_by_label("Agent")).to_have_value("")
+    expect(page).to_have_title("Live · The greeter · bt-agents studio")
+    page.go_forward()
+    expect(page.get_by_label("Agent")).to_have_value("carrier")
+
+
+def test_link_shows_the_same_moment(page: Page) -> None:
+    look_back(page)
+    open_page(page, "World")
+    shown = page.locator("header time")
+    at = shown.inner_text()
+    expect(page).to_have_url(re.compile(r"/world\?at=\d+"))
+    other = page.context.new_page()
+    other.goto(page.url)
+    expect(other.get_by_role("button", name="Back to now")).to_be_visible()
+    expect(other.locator("header time")).to_have_text(at)
+    expect(strip(other)).to_contain_text("Now:runningThe greeter")
+    other.get_by_role("button", name="Back to now").click()
+    expect(other).to_have_url(re.compile(r"/world$"))
+    other.go_back()
+    expect(other.locator("header time")).to_have_text(at)
+
+
+def test_link_to_missing_recording_shows_the_present(page: Page) -> None:
+    page.goto(page.url.partition("?")[0] + "live?from=missing.mcap")
+    expect(page.locator(".time .failure")).to_contain_text("missing.mcap")
+    expect(page).to_have_url(re.compile(r"/live$"))
+    expect(page.locator(".node").first).to_be_visible()
+
+
+def test_unknown_path_leads_to_live(page: Page) -> None:
+    page.goto(page.url.partition("?")[0] + "lives")
+    expect(page.get_by_role("main")).to_contain_text("There is no such page")
+    expect(page).to_have_title("There is no such page · The greeter · bt-agents studio")
+    expect(strip(page)).to_contain_text("The greeter")
+    page.get_by_role("link", name="Go to Live").click()
+    expect(page.locator(".node").first).to_be_visible()

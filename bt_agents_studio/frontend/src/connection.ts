@@ -115,8 +115,11 @@ function handle(message: ServerMessage): void {
         setPresent(message);
         return;
       }
+      if (message.at_s !== null && state.atS === null) return;
       replaceAll(message);
       update({
+        // What is older than everything kept is shown as the oldest moment.
+        atS: state.atS === null ? null : Math.max(state.atS, message.first_s ?? 0),
         firstS: message.first_s ?? state.firstS,
         lastS: message.last_s,
         bookmarks: message.bookmarks,

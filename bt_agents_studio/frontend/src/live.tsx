@@ -7,6 +7,7 @@ import "uplot/dist/uPlot.min.css";
 import { useConnection } from "./connection";
 import { Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
 import { formatNumber, formatSeconds, formatTime } from "./formatting";
+import { go, useAddress } from "./navigation";
 import { PanelBoundary } from "./panel_boundary";
 import type { LogRecord, SceneRecord } from "./protocol";
 import { lineOf, Tree } from "./tree";
@@ -20,12 +21,13 @@ export function Live() {
     () => runs.map(([, run]) => run).sort((a, b) => b.began_s - a.began_s)[0],
     [runs],
   );
-  const [asked, setAsked] = useState("");
+  const { agent: asked, node: chosen } = useAddress();
   const agent = asked || latest?.agent || "";
   const run = useEntry("runs", agent);
   const tree = useEntry("trees", agent);
   const trees = useCollection("trees");
-  const [chosen, setChosen] = useState("");
+  // A node is one of its agent, so that another run does not replace it.
+  const choose = useCallback((node: string) => go({ agent, node }, false), [agent]);
   const [answer, setAnswer] = useState("");
   const host = tree?.host ?? "";
   const stops = useBreakpoints(host, agent);
@@ -41,8 +43,11 @@ export function Live() {
         <div className="bar">
           <label>
             {texts.live.agent}{" "}
-            <select value={agent} onChange={(event) => setAsked(event.target.value)}>
-              {agent === "" && <option value="">–</option>}
+            <select value={asked} onChange={(event) => go({ agent: event.target.value, node: "" }, true)}>
+              <option value="">
+                {texts.live.newest} {latest?.agent ?? "–"}
+              </option>
+              {asked && tree === undefined && <option>{asked}</option>}
               {trees.map(([name]) => (
                 <option key={name}>{name}</option>
               ))}
@@ -66,7 +71,7 @@ export function Live() {
                 record={tree}
                 tip={run?.ended_s === null ? run.tip : ""}
                 chosen={chosen}
-                choose={setChosen}
+                choose={choose}
                 stops={stops}
                 toggleStop={toggleStop}
               />

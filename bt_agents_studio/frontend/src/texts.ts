@@ -13,6 +13,11 @@ export const texts = {
     outdated: "The studio has been updated.",
     reload: "Load the page anew",
   },
+  address: {
+    studio: "bt-agents studio",
+    none: "There is no such page",
+    toLive: "Go to Live",
+  },
   stop: {
     stop: "Stop",
     stopping: "stopping …",
@@ -55,6 +60,7 @@ export const texts = {
     tip: "Jump to the tip",
     fold: "fold",
     unfold: "unfold",
+    newest: "newest run:",
     stopped: "stopped from the studio",
     scene: "Scene",
     liveScene: "Now",
