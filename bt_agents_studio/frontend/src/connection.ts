@@ -32,6 +32,8 @@ const RETRIES_MS = [250, 500, 1000, 2000];
 /** Longest answer to whether the studio is there. */
 const PROBE_MS = 3000;
 const LOOK_MS = 250;
+/** Time for which a refusal is shown. */
+const FAILURE_MS = 10_000;
 /** Looks without a message between them after which the studio is lost: it has something to say each second. */
 const SILENT_LOOKS = 12;
 /** The same while a snapshot is under way, as it may be large and the link slow. */
@@ -85,7 +87,8 @@ function send(message: ClientMessage): void {
 
 function handle(message: ServerMessage): void {
   heardS = Date.now() / 1000;
-  looks = 0;
+  // What comes without a greeting is the end of something that got lost.
+  if (state.phase === "open" || message.type === "hello") looks = 0;
   switch (message.type) {
     case "hello":
       if (message.version !== VERSION) {
@@ -123,7 +126,6 @@ function handle(message: ServerMessage): void {
         firstS: message.first_s ?? state.firstS,
         lastS: message.last_s,
         bookmarks: message.bookmarks,
-        failure: "",
       });
       return;
     case "delta":
@@ -138,6 +140,7 @@ function handle(message: ServerMessage): void {
     case "failure":
       leavePast();
       update({ failure: message.message });
+      window.setTimeout(() => update({ failure: "" }), FAILURE_MS);
   }
 }
 
@@ -163,7 +166,9 @@ export function connect(): void {
 function comeBack(): void {
   const silentMs = Date.now() - (heardS ?? 0) * 1000;
   const isSilent = state.phase === "open" && silentMs > SILENT_LOOKS * LOOK_MS;
-  if (isSilent || state.phase === "lost" || state.phase === "refused") renew();
+  if (!isSilent && state.phase !== "lost" && state.phase !== "refused") return;
+  attempts = 0;
+  renew();
 }
 
 /**
