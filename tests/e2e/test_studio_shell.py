@@ -482,3 +482,42 @@ def test_unknown_path_leads_to_live(page: Page) -> None:
     expect(strip(page)).to_contain_text("The greeter")
     page.get_by_role("link", name="Go to Live").click()
     expect(page.locator(".node").first).to_be_visible()
+
+
+def test_overlong_address_is_left_out(page: Page) -> None:
+    page.goto(page.url.partition("?")[0] + f"live?from={'x' * 5000}&agent=carrier")
+    expect(page.locator(".phase")).to_have_text("connected")
+    expect(page.get_by_label("Agent")).to_have_value("carrier")
+    expect(page.locator(".time")).to_contain_text("Now")
+
+
+def test_question_mark_lists_keys_and_stops_nothing(page: Page, running: BackgroundStudio) -> None:
+    page.keyboard.press("?")
+    shown = page.get_by_role("dialog", name="Keys and colours")
+    expect(shown).to_be_in_viewport()
+    expect(shown).to_contain_text("stop what runs, from any page")
+    page.keyboard.press("Escape")
+    expect(shown).to_be_hidden()
+    page.keyboard.press("Escape")
+    page.get_by_role("searchbox").press("?")
+    expect(shown).to_be_hidden()
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+    assert len(stops(running)) == 1
+
+
+def test_chosen_colours_are_kept_by_the_browser(page: Page) -> None:
+    page.emulate_media(color_scheme="light")
+    body, dark, light = page.locator("html"), "rgb(20, 23, 28)", "rgb(244, 245, 247)"
+    expect(body).to_have_css("background-color", light)
+    page.get_by_role("button", name="Keys and colours").click()
+    page.get_by_role("button", name="Dark").click()
+    expect(body).to_have_css("background-color", dark)
+    page.reload()
+    expect(body).to_have_css("background-color", dark)
+    page.emulate_media(color_scheme="dark")
+    page.get_by_role("button", name="Keys and colours").click()
+    page.get_by_role("button", name="Light").click()
+    expect(body).to_have_css("background-color", light)
+    page.get_by_role("button", name="As the system").click()
+    expect(body).to_have_css("background-color", dark)

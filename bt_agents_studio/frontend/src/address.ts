@@ -4,6 +4,10 @@
 export const PAGES = ["live", "market", "tune", "world", "system", "person"] as const;
 export type Page = (typeof PAGES)[number];
 
+/** Characters of a name; of a recording, as the studio takes no longer ones. */
+const LONGEST = 1000;
+const LONGEST_SOURCE = 255;
+
 /** Moment after the end of every recording [s since 1970]. */
 const END_S = 2 ** 40;
 
@@ -28,11 +32,14 @@ function pageOf(path: string): Page | null {
   return isPage(name) ? name : null;
 }
 
-/** Return what a path and a query say; what is no number is no moment. */
+/** Return what a path and a query say; what is too long, or no number for a moment, is left out. */
 export function readAddress(path: string, query: string): Address {
   const fields = new URLSearchParams(query);
-  const text = (name: string): string => fields.get(name) ?? "";
-  const source = text("from");
+  const text = (name: string, longest = LONGEST): string => {
+    const found = fields.get(name) ?? "";
+    return found.length <= longest ? found : "";
+  };
+  const source = text("from", LONGEST_SOURCE);
   const at = /^\d+(\.\d+)?$/.test(text("at")) ? Math.min(Number(text("at")), END_S) : null;
   return {
     page: pageOf(path),

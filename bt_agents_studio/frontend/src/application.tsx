@@ -7,6 +7,7 @@ import { connect, follow, seek, useConnection } from "./connection";
 import { formatTime } from "./formatting";
 import { Bookmarks, Marks } from "./recording";
 import { PAGES, writeAddress, type Page } from "./address";
+import { Keys } from "./keys";
 import { Live } from "./live";
 import { Market } from "./market";
 import { go, startNavigation, useAddress, useMomentInAddress } from "./navigation";
@@ -16,6 +17,7 @@ import { StatusStrip } from "./status_strip";
 import { System } from "./system";
 import { usePresent } from "./store";
 import { texts } from "./texts";
+import { startTheme } from "./theme";
 import { Tune } from "./tune";
 import { World } from "./world";
 
@@ -66,6 +68,7 @@ function App() {
             {texts.connection.reload}
           </button>
         )}
+        {!isPerson && <Keys />}
         {page !== "person" && (
           <PanelBoundary label={texts.strip.label}>
             <StatusStrip />
@@ -152,6 +155,7 @@ export function start(root: HTMLElement): void {
       <App />
     </StrictMode>,
   );
+  startTheme();
   startNavigation();
   connect();
 }

@@ -13,6 +13,7 @@ import type { LogRecord, SceneRecord } from "./protocol";
 import { lineOf, Tree } from "./tree";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
+import { watchColours } from "./theme";
 
 export function Live() {
   const runs = useCollection("runs");
@@ -226,11 +227,9 @@ function MoodPanel({ agent }: { agent: string }) {
       [[], []],
       box.current,
     );
-    const scheme = matchMedia("(prefers-color-scheme: dark)");
-    const redraw = (): void => plot.current?.redraw();
-    scheme.addEventListener("change", redraw);
+    const unwatch = watchColours(() => plot.current?.redraw());
     return () => {
-      scheme.removeEventListener("change", redraw);
+      unwatch();
       plot.current?.destroy();
     };
   }, []);

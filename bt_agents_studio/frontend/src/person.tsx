@@ -4,9 +4,10 @@
 import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
 import { operate, useConnection, type Answer } from "./connection";
 import { formatNumber } from "./formatting";
+import { useEscapeTwice } from "./keyboard";
 import { PanelBoundary } from "./panel_boundary";
 import type { ParameterRecord, RobotActRecord } from "./protocol";
-import { useEscapeTwice, useStop } from "./stop";
+import { useStop } from "./stop";
 import { useEntry } from "./store";
 import { texts } from "./texts";
 

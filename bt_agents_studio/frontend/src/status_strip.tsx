@@ -4,7 +4,8 @@
 import { useEffect, useMemo } from "react";
 import { useConnection } from "./connection";
 import { formatNumber, formatTime } from "./formatting";
-import { useEscapeTwice, useStop } from "./stop";
+import { useEscapeTwice } from "./keyboard";
+import { useStop } from "./stop";
 import { usePresent } from "./store";
 import { texts } from "./texts";
 import { withoutModifier } from "./tree_layout";

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stop of whatever runs: the same from every page, by a button or by a key.
+// Stop of whatever runs: the same from every page, by a button or a key.
 
-import { useCallback, useEffect, useState } from "react";
+import { useCallback, useState } from "react";
 import { operate } from "./connection";
 import { texts } from "./texts";
 
 const LIMIT_MS = 5000;
-const TWICE_MS = 1000;
 
 /** How the last request to stop went. */
 export interface StopAnswer {
@@ -31,24 +30,4 @@ export function useStop(reason: string): [StopAnswer, () => void, () => void] {
   }, [reason]);
   const forget = useCallback(() => setAnswer(NONE), []);
   return [answer, stop, forget];
-}
-
-const TYPED = 'input:not([type="range"], [type="checkbox"], [type="radio"]), textarea, select, [contenteditable], dialog, [role="dialog"]';
-
-/** Act when Esc is pressed twice in a row; in a field or a dialog the key has its own meaning. */
-export function useEscapeTwice(act: () => void, isOn: boolean): void {
-  useEffect(() => {
-    if (!isOn) return;
-    let firstMs = -Infinity;
-    const pressed = (event: KeyboardEvent): void => {
-      if (event.repeat) return;
-      const isEscape = event.key === "Escape" && !event.ctrlKey && !event.altKey && !event.metaKey;
-      const isSecond = isEscape && event.timeStamp - firstMs <= TWICE_MS;
-      const isTyped = event.target instanceof Element && event.target.closest(TYPED) !== null;
-      firstMs = isEscape && !isSecond && !isTyped ? event.timeStamp : -Infinity;
-      if (isSecond) act();
-    };
-    window.addEventListener("keydown", pressed, true);
-    return () => window.removeEventListener("keydown", pressed, true);
-  }, [act, isOn]);
 }

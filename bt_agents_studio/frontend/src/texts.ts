@@ -18,6 +18,22 @@ export const texts = {
     none: "There is no such page",
     toLive: "Go to Live",
   },
+  keys: {
+    title: "Keys and colours",
+    close: "Close",
+    themes: { system: "As the system", light: "Light", dark: "Dark" },
+    list: [
+      ["Esc Esc", "stop what runs, from any page"],
+      ["?", "show this list"],
+      ["arrows, Home, End", "walk over the tree"],
+      ["Enter", "fold or unfold the node"],
+      ["+ - 0", "larger, smaller, as much of the tree as fits"],
+      ["t", "jump to the tip of the tree"],
+      ["b", "set or remove a breakpoint"],
+      ["/", "search nodes"],
+      ["1 to 9", "answer on the page Person"],
+    ],
+  },
   stop: {
     stop: "Stop",
     stopping: "stopping …",
