@@ -25,7 +25,7 @@ def main(address: str) -> None:
         page.wait_for_timeout(SETTLE_MS)
         page.locator(".node.running").last.click()
         for name in PAGES:
-            page.locator(f"nav a[href='/{name}']").click()
+            page.locator(f"nav a[href^='/{name}']").click()
             for scheme in ("light", "dark"):
                 page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
                 page.wait_for_timeout(SETTLE_MS)

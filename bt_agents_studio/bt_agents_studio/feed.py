@@ -13,17 +13,20 @@ from bt_agents_studio.protocol import (
     ClientMessage,
     Delta,
     Failure,
+    Present,
     Resume,
     Seek,
     ServerMessage,
     Snapshot,
 )
-from bt_agents_studio.records import BookmarkRecord
-from bt_agents_studio.store import Entries, Store
+from bt_agents_studio.records import OF_THE_PRESENT, BookmarkRecord
+from bt_agents_studio.store import Change, Entries, Store
 
 
 class Feed:
     """What one client has received of a store, and is shown: now, or an earlier moment.
+
+    A client that is shown an earlier moment still gets what runs now, to be able to stop it.
 
     Nothing is queued for a client. It is sent what has changed since its last message, the newest
     value of each entry only, so a slow one gets fewer and larger messages.
@@ -52,6 +55,7 @@ class Feed:
         self._recorded = recorded
         self._sent: int | None = None
         self._seek: Seek | None = None
+        self._is_moment_due = False
         self._resumed = False
 
     def take(self, message: ClientMessage) -> None:
@@ -68,7 +72,7 @@ class Feed:
                     f"{VERSION}; load the page anew",
                 )
             self._resumed = True
-            self._seek = None
+            self._seek, self._is_moment_due = None, False
             known = message.studio == self._studio and message.sequence <= self._store.sequence
             self._sent = message.sequence if known and message.sequence else None
         elif not self._resumed:
@@ -78,25 +82,27 @@ class Feed:
                 raise Refused(
                     RefusalCode.FORBIDDEN, "this session is shown what happens now, nothing else"
                 )
-            self._seek, self._sent = message, None
+            self._seek, self._is_moment_due = message, True
         else:
-            self._seek, self._sent = None, None
+            self._return()
 
     @property
     def reads_journal(self) -> bool:
         """True when :meth:`next` may read a file, which takes its time."""
-        return self._seek is not None and bool(self._seek.source) and self._sent is None
+        return self._seek is not None and bool(self._seek.source) and self._is_moment_due
 
     def next(self) -> ServerMessage | None:
         """Return the message that is due; None while there is nothing new."""
         if not self._resumed:
             return None
-        if self._seek is not None:
-            return self._moment(self._seek) if self._sent is None else None
+        if self._seek is not None and self._is_moment_due:
+            return self._moment(self._seek)
         if self._sent == self._store.sequence:
             return None
         changes = self._store.since(self._sent) if self._sent is not None else None
         self._sent = self._store.sequence
+        if self._seek is not None:
+            return self._present(changes)
         if changes is not None:
             shown = [one for one in changes if self._shows(one.collection)]
             return Delta.of(self._sent, shown) if shown else None
@@ -113,12 +119,26 @@ class Feed:
     def _shows(self, collection: str) -> bool:
         return self._collections is None or collection in self._collections
 
+    def _return(self) -> None:
+        self._seek, self._is_moment_due, self._sent = None, False, None
+
+    def _present(self, changes: list[Change] | None) -> ServerMessage | None:
+        is_whole = changes is None
+        if changes is None:
+            changes = [
+                Change(collection=name, key=key, value=value)
+                for name, entries in self._store.snapshot().items()
+                for key, value in entries.items()
+            ]
+        shown = [one for one in changes if one.collection in OF_THE_PRESENT]
+        return Present.of(shown, is_whole=is_whole) if shown or is_whole else None
+
     def _moment(self, seek: Seek) -> ServerMessage:
-        self._sent = self._store.sequence
+        self._is_moment_due = False
         try:
             history = self._recorded(seek.source, seek.at_s) if seek.source else self._history
         except Refused as refused:
-            self._seek, self._sent = None, None
+            self._return()
             return Failure(code=refused.code, message=refused.reason)
         return Snapshot(
             sequence=0,

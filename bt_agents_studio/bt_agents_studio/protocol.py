@@ -82,10 +82,33 @@ class Delta:
     @classmethod
     def of(cls, sequence: int, changes: list[Change]) -> Delta:
         """Return the message of some changes of a store."""
-        return cls(
-            sequence=sequence,
-            changes=tuple((one.collection, one.key, one.value) for one in changes),
-        )
+        return cls(sequence=sequence, changes=_told(changes))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Present:
+    """What changes now of ``OF_THE_PRESENT``, for a client that is shown an earlier moment.
+
+    Attributes:
+        changes: As in :class:`Delta`.
+        is_whole: The changes are all entries; a client forgets any others.
+    """
+
+    type: ClassVar[str] = "present"
+    changes: tuple[tuple[str, str, object | None], ...]
+    is_whole: bool
+
+    @classmethod
+    def of(cls, changes: list[Change], *, is_whole: bool) -> Present:
+        """Return the message of some changes of a store."""
+        return cls(changes=_told(changes), is_whole=is_whole)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beat:
+    """The studio is there and has nothing else to say."""
+
+    type: ClassVar[str] = "beat"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +157,7 @@ class Follow:
     type: ClassVar[str] = "follow"
 
 
-ServerMessage = Hello | Snapshot | Delta | Failure
+ServerMessage = Hello | Snapshot | Delta | Present | Beat | Failure
 ClientMessage = Resume | Seek | Follow
 
 _CLIENT_MESSAGES: Mapping[str, type[Resume] | type[Seek] | type[Follow]] = {
@@ -178,6 +201,10 @@ def decode(text: str) -> ClientMessage:
     if unknown:
         raise Refused(RefusalCode.BAD_FIELD, f"'{kind.type}' has no field '{min(unknown)[:40]}'")
     return kind(**{name: _checked(name, found.get(name), fields[name]) for name in _own(fields)})
+
+
+def _told(changes: list[Change]) -> tuple[tuple[str, str, object | None], ...]:
+    return tuple((one.collection, one.key, one.value) for one in changes)
 
 
 def _own(fields: Mapping[str, Any]) -> list[str]:

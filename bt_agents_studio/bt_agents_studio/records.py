@@ -662,3 +662,6 @@ OF_A_HOST = frozenset({"controls", "hosts", "parts", "tunables", "tunings"})
 
 OF_A_PERSON = frozenset({"live", "parts", "robot"})
 """Collections that a session of a person is shown."""
+
+OF_THE_PRESENT = frozenset({"agents", "live", "market", "parts", "runs", "trees"})
+"""Collections of which a page shows the present even while it shows an earlier moment."""

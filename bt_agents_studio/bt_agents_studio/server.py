@@ -49,6 +49,7 @@ from bt_agents_studio.own_operations import Caller, OwnOperations
 from bt_agents_studio.protocol import (
     LARGEST_MESSAGE,
     VERSION,
+    Beat,
     Failure,
     Hello,
     ServerMessage,
@@ -64,10 +65,14 @@ PERIOD_S = 1 / 30
 MOST_CLIENTS = 32
 """WebSockets of one role at a time."""
 
+BEAT_S = 1.0
+"""Longest time without a message to a client [s]; a page takes a studio for lost after three."""
 
-_BEAT_S = 10.0
+_PING_S = 10.0
 _END_S = 1.0
 _SOCKET = "/api/socket"
+_SENT = "sent"
+"""Key of a WebSocket's own entry: when a message to it was sent last [s]."""
 _PAGE = Path(__file__).parent / "page"
 _STATUSES = {
     RefusalCode.NO_SESSION: 401,
@@ -291,7 +296,7 @@ class Server:
                 "them",
             )
         socket = web.WebSocketResponse(
-            heartbeat=_BEAT_S, max_msg_size=LARGEST_MESSAGE, compress=False
+            heartbeat=_PING_S, max_msg_size=LARGEST_MESSAGE, compress=False
         )
         await socket.prepare(request)
         self._clients[socket] = role, described.session
@@ -303,7 +308,11 @@ class Server:
             self._studio.recorded,
             _collections_of(role),
         )
-        pump = asyncio.create_task(self._pump(socket, feed, role))
+        socket[_SENT] = time.monotonic()
+        tasks = [
+            asyncio.create_task(one)
+            for one in (self._pump(socket, feed, role), self._beat(socket))
+        ]
         try:
             async for received in socket:
                 if received.type is not WSMsgType.TEXT:
@@ -316,7 +325,8 @@ class Server:
         finally:
             self._clients.pop(socket, None)
             self._watch(bool(self._clients))
-            pump.cancel()
+            for task in tasks:
+                task.cancel()
         return socket
 
     async def _pump(self, socket: web.WebSocketResponse, feed: Feed, role: SessionRole) -> None:
@@ -344,11 +354,21 @@ class Server:
             # However much changes, half of the time is left for everything else.
             await asyncio.sleep(max(PERIOD_S, 2 * encoded_s * len(self._clients)))
 
+    async def _beat(self, socket: web.WebSocketResponse) -> None:
+        """Tell one client that the studio is there whenever nothing else has for a while."""
+        while not socket.closed:
+            rest_s = socket[_SENT] + BEAT_S - time.monotonic()
+            if rest_s > 0:
+                await asyncio.sleep(rest_s)
+            else:
+                await self._send(socket, Beat())
+
     async def _send(self, socket: web.WebSocketResponse, message: ServerMessage) -> float:
         """Send a message; return how long it took to encode it [s]."""
         began = time.monotonic()
         text = encode(message)
         encoded_s = time.monotonic() - began
+        socket[_SENT] = time.monotonic()
         try:
             await socket.send_str(text)
         except (ConnectionError, RuntimeError):

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from programs import Program, children
 
@@ -95,13 +96,20 @@ def serve(page: Page, label: str, **values: float) -> None:
     announce(page, label, **values)
     open_page(page, "Live")
     expect(page.get_by_label("Scene", exact=True)).to_contain_text(label)
-    expect(page.get_by_role("button", name="Stop")).to_be_enabled()
+    expect(strip(page)).to_have_attribute("data-state", "RUNNING")
+
+
+def strip(page: Page) -> Locator:
+    """The line that says what runs now, on every page."""
+    return page.get_by_label("What runs now")
 
 
 def stop(page: Page) -> None:
-    """Stop whatever runs, so that the next scene comes at once."""
-    open_page(page, "Live")
-    button = page.get_by_role("button", name="Stop")
+    """Stop whatever runs, from any page, so that the next scene comes at once."""
+    shown = strip(page)
+    expect(shown).to_have_attribute("data-state", re.compile("[A-Z]"))
+    button = shown.get_by_role("button", name="Stop", exact=True)
     if button.is_enabled():
         button.click()
+    expect(shown).to_have_attribute("data-state", "IDLE")
     expect(button).to_be_disabled()

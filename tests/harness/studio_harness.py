@@ -18,6 +18,7 @@ from aiohttp import ClientSession, CookieJar
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, cookie_name
+from bt_agents_studio.records import PartRecord
 from bt_agents_studio.server import Server
 from bt_agents_studio.studio import Studio
 
@@ -35,10 +36,11 @@ SPACE = SceneSpace(
 
 
 class RecordingCaller:
-    """Services that accept everything, and what they were asked."""
+    """Services that all give one answer, and what they were asked."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, str, dict[str, Any]]] = []
+        self.answered = SimpleNamespace(accepted=True, code="", message="done")
         self.previewed: Any = None
         self.hosts: Any = {}
 
@@ -47,7 +49,7 @@ class RecordingCaller:
     ) -> Future[Any]:
         del limit_s
         self.calls.append((kind, service, dict(fields)))
-        return _done(SimpleNamespace(accepted=True, code="", message="done"))
+        return _done(self.answered)
 
     def answer(self, text: str) -> Future[str]:
         self.calls.append(("", "answer", {"text": text}))
@@ -151,6 +153,11 @@ class BackgroundStudio:
         """Address of the page for an operator."""
         return f"{self._one.origin}/#{self._one.access.token(SessionRole.OPERATE)}"
 
+    @property
+    def caller(self) -> RecordingCaller:
+        """What the services were asked, and answer."""
+        return self._one.caller
+
     def put(self, collection: str, key: str, value: object) -> None:
         """Change an entry, as a message of the system does."""
         self._loop.call_soon_threadsafe(self._one.put, collection, key, value)
@@ -174,3 +181,14 @@ def background_studio() -> Iterator[BackgroundStudio]:
     finally:
         loop.call_soon_threadsafe(ended.set)
         thread.join(LIMIT_S)
+
+
+async def _serve_until_killed() -> None:
+    async with serving() as one:
+        one.put("parts", "marketplace", PartRecord(alive=False, seen_s=time.time()))
+        print(f"{one.origin}/#{one.access.token(SessionRole.OPERATE)}", flush=True)
+        await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    asyncio.run(_serve_until_killed())

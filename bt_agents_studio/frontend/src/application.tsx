@@ -3,55 +3,50 @@
 
 import { StrictMode, useEffect, useState } from "react";
 import { createRoot } from "react-dom/client";
-import { connect, follow, logIn, seek, useConnection } from "./connection";
+import { connect, follow, seek, useConnection } from "./connection";
 import { formatTime } from "./formatting";
 import { Bookmarks, Marks } from "./recording";
+import { PAGES, writeAddress, type Page } from "./address";
+import { Keys } from "./keys";
 import { Live } from "./live";
 import { Market } from "./market";
+import { go, startNavigation, useAddress, useMomentInAddress } from "./navigation";
 import { Person } from "./person";
 import { PanelBoundary } from "./panel_boundary";
+import { StatusStrip } from "./status_strip";
 import { System } from "./system";
+import { usePresent } from "./store";
 import { texts } from "./texts";
+import { startTheme } from "./theme";
 import { Tune } from "./tune";
 import { World } from "./world";
 
-const PAGES = { live: Live, market: Market, tune: Tune, world: World, system: System, person: Person };
-type Page = keyof typeof PAGES;
-
-const isPage = (name: string): name is Page => name in PAGES;
-
-function pageOf(path: string): Page {
-  const name = path.split("/")[1] ?? "";
-  return isPage(name) ? name : "live";
-}
+const SHOWN = { live: Live, market: Market, tune: Tune, world: World, system: System, person: Person };
 
 function App() {
-  const [page, setPage] = useState(pageOf(location.pathname));
-  const { phase, hello } = useConnection();
+  const address = useAddress();
+  const { phase, heardS, hello } = useConnection();
+  const isStale = phase !== "open" && phase !== "connecting";
   const isPerson = hello?.role === "person";
-  useEffect(() => {
-    const changed = (): void => setPage(pageOf(location.pathname));
-    window.addEventListener("popstate", changed);
-    return () => window.removeEventListener("popstate", changed);
-  }, []);
-  const Shown = PAGES[isPerson ? "person" : page];
+  const page = isPerson ? "person" : address.page;
+  const Shown = page === null ? NoPage : SHOWN[page];
+  useMomentInAddress();
   return (
     <>
-      <header>
+      <header className={isStale ? "stale" : ""}>
         <h1>bt-agents</h1>
         {!isPerson && (
           <>
             <nav>
-              {Object.keys(PAGES).filter(isPage).map((name) => (
+              {PAGES.map((name) => (
                 <a
                   key={name}
-                  href={`/${name}`}
+                  href={writeAddress({ ...address, page: name })}
                   {...(name === page ? { "aria-current": "page" as const } : {})}
                   onClick={(event) => {
                     if (event.metaKey || event.ctrlKey) return;
                     event.preventDefault();
-                    history.pushState(null, "", `/${name}`);
-                    setPage(name);
+                    go({ page: name }, true);
                   }}
                 >
                   {texts.pages[name]}
@@ -64,21 +59,52 @@ function App() {
           </>
         )}
         <p className={`phase ${phase}`} role="status">
-          {texts.connection[phase]}
+          {phase === "lost" && heardS !== null
+            ? `${texts.connection.stale} ${formatTime(heardS)}, ${texts.connection.again}`
+            : texts.connection[phase]}
         </p>
         {phase === "outdated" && (
           <button type="button" onClick={() => location.reload()}>
             {texts.connection.reload}
           </button>
         )}
+        {!isPerson && <Keys />}
+        {page !== "person" && (
+          <PanelBoundary label={texts.strip.label}>
+            <StatusStrip />
+          </PanelBoundary>
+        )}
       </header>
-      <main>
-        <PanelBoundary key={page} label={texts.pages[isPerson ? "person" : page]}>
+      <main className={isStale ? "stale" : ""}>
+        <PanelBoundary key={page} label={page === null ? texts.address.none : texts.pages[page]}>
           <Shown />
         </PanelBoundary>
       </main>
+      <Title page={page} chosen={isPerson ? "" : address.agent} />
     </>
   );
+}
+
+function NoPage() {
+  return (
+    <section className="panel">
+      <h2>{texts.address.none}</h2>
+      <a href="/live">{texts.address.toLive}</a>
+    </section>
+  );
+}
+
+/** Title of the browser's tab: page, and agent that is chosen or runs. */
+function Title({ page, chosen }: { page: Page | null; chosen: string }) {
+  const market = usePresent("market");
+  const name = chosen || (market?.agent ?? "");
+  const agent = usePresent("agents", name)?.title || name;
+  const parts = [page === null ? texts.address.none : texts.pages[page], agent, texts.address.studio];
+  const title = parts.filter(Boolean).join(" · ");
+  useEffect(() => {
+    document.title = title;
+  }, [title]);
+  return null;
 }
 
 function TimeBar() {
@@ -129,5 +155,7 @@ export function start(root: HTMLElement): void {
       <App />
     </StrictMode>,
   );
-  void logIn().then(connect);
+  startTheme();
+  startNavigation();
+  connect();
 }

@@ -3,11 +3,13 @@
 
 import { useSyncExternalStore } from "react";
 import { VERSION, type BookmarkRecord, type ClientMessage, type Hello, type Operations, type ServerMessage } from "./protocol";
-import { apply, replaceAll } from "./store";
+import { apply, replaceAll, setPresent } from "./store";
 
 export interface ConnectionState {
   /** "refused" needs the printed address again; "outdated" needs the page to be loaded anew. */
   phase: "connecting" | "open" | "lost" | "refused" | "outdated";
+  /** When the studio was heard last by the clock of this page [s since 1970], once it is lost; null before. */
+  heardS: number | null;
   hello: Hello | null;
   /** Difference of the studio's clock to this one [s]. */
   offsetS: number;
@@ -23,10 +25,23 @@ export interface ConnectionState {
 
 const LIMIT_MS = 35_000;
 const KEY = "key";
+/** Entry that all tabs see; its change tells them that one of them has signed in. */
+const SIGNED_IN = "bt-agents signed in";
+const TOKEN = /^#[0-9a-f]{64}$/;
 const RETRIES_MS = [250, 500, 1000, 2000];
+/** Longest answer to whether the studio is there. */
+const PROBE_MS = 3000;
+const LOOK_MS = 250;
+/** Time for which a refusal is shown. */
+const FAILURE_MS = 10_000;
+/** Looks without a message between them after which the studio is lost: it has something to say each second. */
+const SILENT_LOOKS = 12;
+/** The same while a snapshot is under way, as it may be large and the link slow. */
+const LOADING_LOOKS = 40;
 
 let state: ConnectionState = {
   phase: "connecting",
+  heardS: null,
   hello: null,
   offsetS: 0,
   atS: null,
@@ -42,6 +57,14 @@ let sequence = 0;
 let known = "";
 let attempts = 0;
 let timer = 0;
+/** Of the last message [s since 1970]; null before the first. */
+let heardS: number | null = null;
+let looks = 0;
+let isLoading = false;
+/** Secret of the printed address that is still to be exchanged for a session. */
+let token = "";
+/** Number of the last try to come back; what an earlier one finds out comes too late. */
+let trial = 0;
 
 function update(change: Partial<ConnectionState>): void {
   state = { ...state, ...change };
@@ -63,6 +86,9 @@ function send(message: ClientMessage): void {
 }
 
 function handle(message: ServerMessage): void {
+  heardS = Date.now() / 1000;
+  // What comes without a greeting is the end of something that got lost.
+  if (state.phase === "open" || message.type === "hello") looks = 0;
   switch (message.type) {
     case "hello":
       if (message.version !== VERSION) {
@@ -73,84 +99,173 @@ function handle(message: ServerMessage): void {
       // Before anything has happened, time begins now.
       update({
         phase: "open",
+        heardS: null,
         hello: message,
         offsetS: message.now_s - Date.now() / 1000,
         firstS: state.firstS ?? message.now_s,
       });
-      send({ type: "resume", version: VERSION, studio: known, sequence: known === message.studio ? sequence : 0 });
+      // Another role sees other collections.
+      if (known !== message.studio || state.hello?.role !== message.role) sequence = 0;
       known = message.studio;
+      isLoading = sequence === 0;
+      send({ type: "resume", version: VERSION, studio: known, sequence });
       if (state.atS !== null) send({ type: "seek", source: state.source, at_s: state.atS });
       return;
     case "snapshot":
+      isLoading = false;
       if (message.at_s === null) sequence = message.sequence;
-      if (message.at_s === null && state.atS !== null) return;
+      if (message.at_s === null && state.atS !== null) {
+        setPresent(message);
+        return;
+      }
+      if (message.at_s !== null && state.atS === null) return;
       replaceAll(message);
       update({
+        // What is older than everything kept is shown as the oldest moment.
+        atS: state.atS === null ? null : Math.max(state.atS, message.first_s ?? 0),
         firstS: message.first_s ?? state.firstS,
         lastS: message.last_s,
         bookmarks: message.bookmarks,
-        failure: "",
       });
       return;
     case "delta":
       sequence = message.sequence;
-      if (state.atS === null) apply(message);
+      apply(state.atS === null ? message : { type: "present", changes: message.changes, is_whole: false });
+      return;
+    case "present":
+      apply(message);
+      return;
+    case "beat":
       return;
     case "failure":
-      update({ failure: message.message, atS: null, source: "" });
+      leavePast();
+      update({ failure: message.message });
+      window.setTimeout(() => update({ failure: "" }), FAILURE_MS);
   }
 }
 
-/** Open the connection, and again whenever it is lost. */
+/** Sign in if the address has a secret, open the connection, and again whenever it is lost. */
 export function connect(): void {
+  takeToken();
+  void logIn().then(() => {
+    if (trial === 0) open();
+  });
+  window.setInterval(watch, LOOK_MS);
+  window.addEventListener("online", comeBack);
+  document.addEventListener("visibilitychange", () => !document.hidden && comeBack());
+  window.addEventListener("focus", comeBack);
+  window.addEventListener("storage", (event) => event.key === SIGNED_IN && comeBack());
+  // A newly pasted address differs in nothing else.
+  window.addEventListener("hashchange", () => {
+    takeToken();
+    if (token) renew();
+  });
+}
+
+/** Do not wait for the next try when there is a reason to believe that it succeeds. */
+function comeBack(): void {
+  const silentMs = Date.now() - (heardS ?? 0) * 1000;
+  const isSilent = state.phase === "open" && silentMs > SILENT_LOOKS * LOOK_MS;
+  if (!isSilent && state.phase !== "lost" && state.phase !== "refused") return;
+  attempts = 0;
+  renew();
+}
+
+/**
+ * Give up a connection without messages, even if it is open, as it is when the studio hangs or the network is gone.
+ *
+ * Only looks are counted: a page that was asleep itself reads first what has come meanwhile.
+ */
+function watch(): void {
+  if (socket === null) return;
+  looks += 1;
+  if (looks >= (isLoading ? LOADING_LOOKS : SILENT_LOOKS)) renew();
+}
+
+function open(): void {
   window.clearTimeout(timer);
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   const opened = new WebSocket(`${scheme}://${location.host}/api/socket`);
   socket = opened;
-  opened.onmessage = (event) => handle(JSON.parse(event.data as string) as ServerMessage);
+  looks = 0;
+  isLoading = false;
+  opened.onmessage = (event) => {
+    if (socket === opened) handle(JSON.parse(event.data as string) as ServerMessage);
+  };
   opened.onclose = () => {
-    if (socket !== opened || state.phase === "outdated") return;
-    void retry();
+    if (socket === opened) renew();
   };
 }
 
-async function retry(): Promise<void> {
-  update({ phase: "lost" });
-  // Whether nobody is there or we are not let in, only a plain request can tell.
-  try {
-    const answer = await fetch("/api/journals");
-    if (answer.status === 401) {
+/** Close the connection, if there still is one, and try again. */
+function renew(): void {
+  if (state.phase === "outdated") return;
+  window.clearTimeout(timer);
+  const closing = socket;
+  socket = null;
+  closing?.close();
+  if (state.phase !== "refused") update({ phase: "lost", heardS });
+  const mine = (trial += 1);
+  const checked = logIn().then(isAllowed);
+  void checked.then((allowed) => {
+    if (mine !== trial) return;
+    if (!allowed) {
       update({ phase: "refused" });
       return;
     }
+    const wait = RETRIES_MS[Math.min(attempts, RETRIES_MS.length - 1)];
+    attempts += 1;
+    timer = window.setTimeout(open, wait);
+  });
+}
+
+/** Whether nobody is there or we are not let in, only a plain request can tell; the former is tried again. */
+async function isAllowed(): Promise<boolean> {
+  try {
+    const answer = await fetch("/api/journals", { signal: AbortSignal.timeout(PROBE_MS) });
+    return answer.status !== 401;
   } catch {
-    // It is not there; it is tried again below.
+    return true;
   }
-  const wait = RETRIES_MS[Math.min(attempts, RETRIES_MS.length - 1)];
-  attempts += 1;
-  timer = window.setTimeout(connect, wait);
+}
+
+/** Move the secret of the printed address out of sight. */
+function takeToken(): void {
+  if (!TOKEN.test(location.hash)) return;
+  token = location.hash.slice(1);
+  history.replaceState(history.state, "", location.pathname + location.search);
 }
 
 /**
- * Exchange the token of the printed address for a session, if there is one.
- * Its cookie goes to all ports of this machine, so that whatever changes something needs a key, too.
+ * Exchange the secret for a session, if there is one; it is kept for the next try while nobody answers.
+ * The cookie goes to all ports of this machine, so that whatever changes something needs a key, too.
  */
-export async function logIn(): Promise<void> {
-  const token = location.hash.slice(1);
-  if (!/^[0-9a-f]{64}$/.test(token)) return;
-  history.replaceState(null, "", location.pathname + location.search);
-  const { key } = await post("/api/session", { token });
-  if (key) sessionStorage.setItem(KEY, key);
+async function logIn(): Promise<void> {
+  const sent = token;
+  if (!sent) return;
+  const { key, code } = await post("/api/session", { token: sent }, PROBE_MS);
+  if (code !== "NO_STUDIO" && token === sent) token = "";
+  if (!key) return;
+  sessionStorage.setItem(KEY, key);
+  localStorage.setItem(SIGNED_IN, String(Date.now()));
 }
 
 export function seek(source: string, atS: number): void {
   update({ atS, source });
+  isLoading = true;
   send({ type: "seek", source, at_s: atS });
 }
 
 export function follow(): void {
-  update({ atS: null, source: "" });
+  leavePast();
+  isLoading = true;
   send({ type: "follow" });
+}
+
+/** What is shown is no state that changes can be applied to; only a snapshot replaces it. */
+function leavePast(): void {
+  if (state.atS !== null) sequence = 0;
+  update({ atS: null, source: "" });
 }
 
 export interface Answer {

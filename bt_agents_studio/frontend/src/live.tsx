@@ -4,29 +4,31 @@
 import { memo, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { operate, useConnection } from "./connection";
+import { useConnection } from "./connection";
 import { Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
 import { formatNumber, formatSeconds, formatTime } from "./formatting";
+import { go, useAddress } from "./navigation";
 import { PanelBoundary } from "./panel_boundary";
 import type { LogRecord, SceneRecord } from "./protocol";
 import { lineOf, Tree } from "./tree";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
+import { watchColours } from "./theme";
 
 export function Live() {
   const runs = useCollection("runs");
   const { atS } = useConnection();
-  const market = useEntry("market");
   const latest = useMemo(
     () => runs.map(([, run]) => run).sort((a, b) => b.began_s - a.began_s)[0],
     [runs],
   );
-  const [asked, setAsked] = useState("");
+  const { agent: asked, node: chosen } = useAddress();
   const agent = asked || latest?.agent || "";
   const run = useEntry("runs", agent);
   const tree = useEntry("trees", agent);
   const trees = useCollection("trees");
-  const [chosen, setChosen] = useState("");
+  // A node is one of its agent, so that another run does not replace it.
+  const choose = useCallback((node: string) => go({ agent, node }, false), [agent]);
   const [answer, setAnswer] = useState("");
   const host = tree?.host ?? "";
   const stops = useBreakpoints(host, agent);
@@ -36,19 +38,17 @@ export function Live() {
     },
     [atS, host, agent],
   );
-  const isRunning = run !== undefined && run.ended_s === null && market?.state !== "IDLE";
-  const stop = async (): Promise<void> => {
-    const done = await operate("cancel", { reason: texts.live.stopped, by: "OPERATOR" });
-    setAnswer(done.message);
-  };
   return (
     <div className="live">
       <div className="main">
         <div className="bar">
           <label>
             {texts.live.agent}{" "}
-            <select value={agent} onChange={(event) => setAsked(event.target.value)}>
-              {agent === "" && <option value="">–</option>}
+            <select value={asked} onChange={(event) => go({ agent: event.target.value, node: "" }, true)}>
+              <option value="">
+                {texts.live.newest} {latest?.agent ?? "–"}
+              </option>
+              {asked && tree === undefined && <option>{asked}</option>}
               {trees.map(([name]) => (
                 <option key={name}>{name}</option>
               ))}
@@ -62,9 +62,6 @@ export function Live() {
             </span>
           )}
           <Controls host={host} agent={agent} say={setAnswer} />
-          <button type="button" className="stop" disabled={!isRunning || atS !== null} onClick={() => void stop()}>
-            {texts.live.stop}
-          </button>
           <output>{answer}</output>
         </div>
         {tree ? (
@@ -75,7 +72,7 @@ export function Live() {
                 record={tree}
                 tip={run?.ended_s === null ? run.tip : ""}
                 chosen={chosen}
-                choose={setChosen}
+                choose={choose}
                 stops={stops}
                 toggleStop={toggleStop}
               />
@@ -230,11 +227,9 @@ function MoodPanel({ agent }: { agent: string }) {
       [[], []],
       box.current,
     );
-    const scheme = matchMedia("(prefers-color-scheme: dark)");
-    const redraw = (): void => plot.current?.redraw();
-    scheme.addEventListener("change", redraw);
+    const unwatch = watchColours(() => plot.current?.redraw());
     return () => {
-      scheme.removeEventListener("change", redraw);
+      unwatch();
       plot.current?.destroy();
     };
   }, []);

@@ -6,6 +6,7 @@ import { operate, useConnection } from "./connection";
 import { causeOf, Legend, ProfileCourse, Shares, total } from "./course";
 import { DryRun } from "./dry_run";
 import { formatNumber, formatTime } from "./formatting";
+import { go, useAddress } from "./navigation";
 import { PanelBoundary } from "./panel_boundary";
 import type { RoundRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
@@ -15,14 +16,14 @@ const words = texts.market;
 
 export function Market() {
   const rounds = useCollection("rounds");
-  const [asked, setAsked] = useState("");
+  const { round: asked } = useAddress();
   const key = asked || rounds.at(-1)?.[0] || "";
   const round = useEntry("rounds", key);
   return (
     <div className="columns">
       <div className="main">
         <PanelBoundary label={words.rounds}>
-          <Rounds shown={key} show={setAsked} />
+          <Rounds shown={key} show={(name) => go({ round: name }, true)} />
         </PanelBoundary>
         {round && (
           <PanelBoundary key={key} label={words.bids}>

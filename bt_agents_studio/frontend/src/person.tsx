@@ -4,15 +4,16 @@
 import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
 import { operate, useConnection, type Answer } from "./connection";
 import { formatNumber } from "./formatting";
+import { useEscapeTwice } from "./keyboard";
 import { PanelBoundary } from "./panel_boundary";
 import type { ParameterRecord, RobotActRecord } from "./protocol";
+import { useStop } from "./stop";
 import { useEntry } from "./store";
 import { texts } from "./texts";
 
 const words = texts.person;
 const COLOURS = ["white", "green", "yellow", "blue", "red"];
 const SCAN_MS = 2000;
-const STOP_LIMIT_MS = 5000;
 
 const isSpoken = (act: RobotActRecord): boolean => act.kind === "SAY" || act.kind === "ASK";
 
@@ -106,21 +107,19 @@ function Light({ colour, blinks }: { colour: string; blinks: boolean }) {
 }
 
 function Stop() {
-  const [answer, setAnswer] = useState("");
-  const stop = async (): Promise<void> => {
+  const [answer, stopRun] = useStop(words.stopped);
+  const stop = useCallback(() => {
     if ("speechSynthesis" in window) speechSynthesis.cancel();
-    setAnswer(words.stopping);
-    const done = await operate("cancel", { reason: words.stopped, by: "OPERATOR" }, STOP_LIMIT_MS);
-    const unheard = done.code === "NO_STUDIO" || done.code === "NO_ANSWER";
-    setAnswer(unheard ? `${words.notStopped} ${done.message}` : done.message);
-  };
+    stopRun();
+  }, [stopRun]);
+  useEscapeTwice(stop, true);
   return (
     <div className="stop-bar">
       <span role="alert" className="alert">
-        {answer}
+        {answer.text}
       </span>
-      <button type="button" className="stop" onClick={() => void stop()}>
-        {words.stop}
+      <button type="button" className="stop" onClick={stop}>
+        {texts.stop.stop}
       </button>
     </div>
   );

@@ -436,6 +436,16 @@ export interface Delta {
   changes: ([string, string, unknown | null])[];
 }
 
+export interface Present {
+  type: "present";
+  changes: ([string, string, unknown | null])[];
+  is_whole: boolean;
+}
+
+export interface Beat {
+  type: "beat";
+}
+
 export interface Failure {
   type: "failure";
   code: string;
@@ -488,7 +498,7 @@ export interface Collections {
   values: NodeValuesRecord;
 }
 
-export type ServerMessage = Hello | Snapshot | Delta | Failure;
+export type ServerMessage = Hello | Snapshot | Delta | Present | Beat | Failure;
 
 export type ClientMessage = Resume | Seek | Follow;
 

@@ -2,16 +2,21 @@
 // Entries of the studio in the page: one subscription an entry or a collection.
 
 import { useCallback, useSyncExternalStore } from "react";
-import type { Collections, Delta, Snapshot } from "./protocol";
+import type { Collections, Delta, Present, Snapshot } from "./protocol";
 
 type Name = keyof Collections;
+/** Collections of which the present is known while the page shows an earlier moment. */
+type PresentName = "agents" | "live" | "market" | "parts" | "runs" | "trees";
 type Listener = () => void;
 
 const collections = new Map<string, Map<string, unknown>>();
+/** The same entries, except while the page shows an earlier moment: then these are still those of the present. */
+const present = new Map<string, Map<string, unknown>>();
 const lists = new Map<string, readonly [string, unknown][]>();
 const listeners = new Map<string, Set<Listener>>();
 
 const entryTopic = (name: string, key: string): string => `${name}\u0000${key}`;
+const presentTopic = (name: string, key: string): string => `\u0000${name}\u0000${key}`;
 
 function subscribe(topic: string, listener: Listener): () => void {
   let all = listeners.get(topic);
@@ -30,13 +35,13 @@ function notify(topics: Iterable<string>): void {
 /** Longest time until changes are applied where no frames are drawn, as in a tab that is hidden. */
 const HIDDEN_MS = 500;
 
-let waiting: Delta[] = [];
+let waiting: (Delta | Present)[] = [];
 let frame = 0;
 let timer = 0;
 
-/** Replace everything by a snapshot. */
+/** Replace everything by a snapshot; the present stays beside one of an earlier moment. */
 export function replaceAll(snapshot: Snapshot): void {
-  waiting = [];
+  applyWaiting();
   const topics = new Set<string>();
   const names = new Set([...collections.keys(), ...Object.keys(snapshot.entries)]);
   for (const name of names) {
@@ -48,15 +53,32 @@ export function replaceAll(snapshot: Snapshot): void {
     topics.add(name);
   }
   notify(topics);
+  if (snapshot.at_s === null) replacePresent(collections);
+}
+
+/** Replace the present by a snapshot, while the page shows an earlier moment. */
+export function setPresent(snapshot: Snapshot): void {
+  applyWaiting();
+  replacePresent(new Map(Object.entries(snapshot.entries).map(([name, one]) => [name, new Map(Object.entries(one))])));
+}
+
+function replacePresent(entries: ReadonlyMap<string, Map<string, unknown>>): void {
+  const topics = new Set<string>();
+  for (const [name, values] of [...present, ...entries]) {
+    for (const key of values.keys()) topics.add(presentTopic(name, key));
+  }
+  present.clear();
+  for (const [name, values] of entries) present.set(name, values);
+  notify(topics);
 }
 
 /**
- * Apply the changes of a delta with the next frame.
+ * Apply changes with the next frame: those of a delta to what is shown, the others to the present beside it.
  *
  * A page that is busy draws fewer frames and applies more at once, instead of falling behind.
  */
-export function apply(delta: Delta): void {
-  waiting.push(delta);
+export function apply(changes: Delta | Present): void {
+  waiting.push(changes);
   if (waiting.length > 1) return;
   frame = requestAnimationFrame(applyWaiting);
   timer = window.setTimeout(applyWaiting, HIDDEN_MS);
@@ -65,17 +87,30 @@ export function apply(delta: Delta): void {
 function applyWaiting(): void {
   cancelAnimationFrame(frame);
   window.clearTimeout(timer);
-  const topics = new Set<string>();
-  for (const [name, key, value] of waiting.flatMap((delta) => delta.changes)) {
-    let entries = collections.get(name);
-    if (entries === undefined) collections.set(name, (entries = new Map()));
-    if (value === null) entries.delete(key);
-    else entries.set(key, value);
-    lists.delete(name);
-    topics.add(entryTopic(name, key)).add(name);
-  }
+  const all = waiting;
   waiting = [];
+  const topics = new Set<string>();
+  for (const message of all) {
+    if (message.type === "present" && message.is_whole) replacePresent(new Map());
+    for (const [name, key, value] of message.changes) {
+      if (message.type === "delta") {
+        change(collections, name, key, value);
+        lists.delete(name);
+        topics.add(entryTopic(name, key)).add(name);
+        const entries = collections.get(name);
+        if (entries) present.set(name, entries);
+      } else change(present, name, key, value);
+      topics.add(presentTopic(name, key));
+    }
+  }
   notify(topics);
+}
+
+function change(all: Map<string, Map<string, unknown>>, name: string, key: string, value: unknown): void {
+  let entries = all.get(name);
+  if (entries === undefined) all.set(name, (entries = new Map()));
+  if (value === null) entries.delete(key);
+  else entries.set(key, value);
 }
 
 export function readEntry<N extends Name>(name: N, key = ""): Collections[N] | undefined {
@@ -92,6 +127,13 @@ export function useEntry<N extends Name>(name: N, key = ""): Collections[N] | un
   const topic = entryTopic(name, key);
   const subscribeTo = useCallback((listener: Listener) => subscribe(topic, listener), [topic]);
   return useSyncExternalStore(subscribeTo, () => readEntry(name, key));
+}
+
+/** An entry as it is now, also while the page shows an earlier moment. */
+export function usePresent<N extends PresentName>(name: N, key = ""): Collections[N] | undefined {
+  const topic = presentTopic(name, key);
+  const subscribeTo = useCallback((listener: Listener) => subscribe(topic, listener), [topic]);
+  return useSyncExternalStore(subscribeTo, () => present.get(name)?.get(key) as Collections[N] | undefined);
 }
 
 const EMPTY: readonly [string, never][] = [];

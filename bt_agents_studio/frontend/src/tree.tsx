@@ -149,7 +149,7 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
 
   useEffect(() => {
     setFolded(NOTHING);
-    setGoal({ path: tipNode || (roots[0]?.node.path ?? "") });
+    setGoal({ path: chosen || tipNode || (roots[0]?.node.path ?? "") });
   }, [record.agent]);
 
   /** Bring a node into view, unfolded if need be. */

@@ -3,6 +3,7 @@
 
 import { memo, useEffect, useRef } from "react";
 import { readEntry, watchCollection } from "./store";
+import { watchColours } from "./theme";
 import type { Layout } from "./tree_layout";
 import { HEIGHT, WIDTH } from "./tree_layout";
 import type { Part, Viewport } from "./tree_view";
@@ -36,15 +37,14 @@ export const TreeMap = memo(function TreeMap({ agent, layout, part, watch, centr
     const later = (): void => {
       if (timer === 0) timer = window.setTimeout(draw, REDRAW_MS);
     };
-    const scheme = matchMedia("(prefers-color-scheme: dark)");
     const observer = new ResizeObserver(draw);
     observer.observe(canvas);
-    scheme.addEventListener("change", draw);
+    const unwatch = watchColours(draw);
     const stop = watchCollection("nodes", later);
     return () => {
       window.clearTimeout(timer);
       observer.disconnect();
-      scheme.removeEventListener("change", draw);
+      unwatch();
       stop();
     };
   }, [agent, layout]);

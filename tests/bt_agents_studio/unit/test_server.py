@@ -22,7 +22,7 @@ from bt_agents_studio import server
 from bt_agents_studio.access import LARGEST_BODY, SessionRole, cookie_name
 from bt_agents_studio.connections import MOST_CONNECTIONS
 from bt_agents_studio.protocol import VERSION
-from bt_agents_studio.records import MoodRecord, RobotActRecord, RobotRecord
+from bt_agents_studio.records import MoodRecord, PartRecord, RobotActRecord, RobotRecord
 from bt_agents_studio.server import MOST_CLIENTS
 from studio_harness import ServedStudio, served, serving
 
@@ -32,9 +32,13 @@ RESUME = {"type": "resume", "version": VERSION, "studio": "", "sequence": 0}
 
 
 async def _next(socket: ClientWebSocketResponse) -> dict[str, Any]:
-    message = await socket.receive(timeout=10)
-    assert message.type is WSMsgType.TEXT, message
-    return dict(json.loads(message.data))
+    """Return the next message that is no beat."""
+    while True:
+        message = await socket.receive(timeout=10)
+        assert message.type is WSMsgType.TEXT, message
+        received = dict(json.loads(message.data))
+        if received["type"] != "beat":
+            return received
 
 
 def test_page_gets_snapshot_then_deltas_and_can_resume() -> None:
@@ -101,6 +105,75 @@ def test_earlier_moment_stays_until_page_follows_again() -> None:
             await socket.send_json({"type": "follow"})
             now = await _next(socket)
             assert (now["at_s"], now["entries"]["moods"]["1"]["mood"]) == (None, 3.0)
+
+    served(test)
+
+
+def test_present_goes_on_beside_earlier_moment() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with (
+            one.client(SessionRole.VIEW) as client,
+            client.ws_connect("/api/socket") as socket,
+        ):
+            one.put("parts", "robot", PartRecord(alive=True, seen_s=1.0))
+            await _next(socket)
+            await socket.send_json(RESUME)
+            sequence = (await _next(socket))["sequence"]
+            await socket.send_json({"type": "seek", "source": "", "at_s": 1})
+            assert (await _next(socket))["at_s"] == 1
+            one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
+            one.put("parts", "robot", PartRecord(alive=False, seen_s=1.0))
+            present = await _next(socket)
+            assert present == {
+                "type": "present",
+                "changes": [["parts", "robot", {"alive": False, "seen_s": 1.0}]],
+                "is_whole": False,
+            }
+            await socket.send_json({"type": "follow"})
+            now = await _next(socket)
+            assert now["type"] == "snapshot"
+            assert now["sequence"] > sequence
+            assert now["entries"].keys() == {"moods", "parts"}
+
+    served(test)
+
+
+def test_page_that_comes_back_to_earlier_moment_gets_whole_present() -> None:
+    async def test(one: ServedStudio) -> None:
+        one.put("parts", "robot", PartRecord(alive=True, seen_s=1.0))
+        one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
+        async with (
+            one.client(SessionRole.VIEW) as client,
+            client.ws_connect("/api/socket") as socket,
+        ):
+            await _next(socket)
+            await socket.send_json(RESUME)
+            await socket.send_json({"type": "seek", "source": "", "at_s": 1})
+            received = await _next(socket)
+            while received["type"] != "present":
+                received = await _next(socket)
+            assert received["is_whole"]
+            assert [change[:2] for change in received["changes"]] == [["parts", "robot"]]
+
+    served(test)
+
+
+def test_quiet_studio_beats_whatever_the_page_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "BEAT_S", 0.01)
+
+    async def test(one: ServedStudio) -> None:
+        async with (
+            one.client(SessionRole.PERSON) as client,
+            client.ws_connect("/api/socket") as socket,
+        ):
+            assert (await _next(socket))["type"] == "hello"
+            assert await socket.receive_json(timeout=10) == {"type": "beat"}
+            await socket.send_json(RESUME)
+            assert (await _next(socket))["type"] == "snapshot"
+            # What this session does not see is no message to it.
+            one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
+            for _ in range(3):
+                assert await socket.receive_json(timeout=10) == {"type": "beat"}
 
     served(test)
 

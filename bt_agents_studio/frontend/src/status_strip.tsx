@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// Status strip: what runs now, on every page, with Stop; also while the page shows an earlier moment.
+
+import { useEffect, useMemo } from "react";
+import { useConnection } from "./connection";
+import { formatNumber, formatTime } from "./formatting";
+import { useEscapeTwice } from "./keyboard";
+import { useStop } from "./stop";
+import { usePresent } from "./store";
+import { texts } from "./texts";
+import { withoutModifier } from "./tree_layout";
+
+const words = texts.strip;
+
+export function StatusStrip() {
+  const market = usePresent("market");
+  const part = usePresent("parts", "marketplace");
+  const { atS } = useConnection();
+  const [answer, stop, forget] = useStop(texts.live.stopped);
+  const state = market?.state ?? "";
+  const isSilent = part?.alive === false;
+  const isStopping = answer.isAsked || state === "CANCELLING";
+  const canStop = !isStopping && market !== undefined && (state !== "IDLE" || market.waiting.length > 0);
+  useEscapeTwice(stop, canStop);
+  // What was refused is of the past when something else goes on.
+  useEffect(forget, [market?.since_s, forget]);
+  return (
+    <section className={`strip ${isSilent ? "silent" : state.toLowerCase()}`} aria-label={words.label} data-state={state}>
+      {atS !== null && <span>{words.now}</span>}
+      <span className="dot" aria-hidden="true" />
+      <b>{isSilent ? `${words.silent} ${formatTime(part.seen_s)}` : (words.states[state] ?? words.none)}</b>
+      {market?.agent && <Running name={market.agent} />}
+      {market && <span>{`${words.since} ${formatTime(market.since_s)}`}</span>}
+      <Mood />
+      <span className="alert" role="alert">
+        {answer.isRefused && answer.text}
+      </span>
+      <button type="button" className="stop" title={words.key} disabled={!canStop} onClick={stop}>
+        {isStopping ? texts.stop.stopping : texts.stop.stop} <kbd aria-hidden="true">Esc Esc</kbd>
+      </button>
+    </section>
+  );
+}
+
+function Running({ name }: { name: string }) {
+  const agent = usePresent("agents", name);
+  const run = usePresent("runs", name);
+  const tree = usePresent("trees", name);
+  const tip = run?.ended_s === null ? withoutModifier(run.tip) : "";
+  const node = useMemo(() => tree?.nodes.find((one) => one.path === tip), [tree, tip]);
+  return (
+    <>
+      <span className="agent">{agent?.title || name}</span>
+      {tip && (
+        <span className="node-name" title={tip}>
+          {node?.name || tip}
+        </span>
+      )}
+    </>
+  );
+}
+
+function Mood() {
+  const { hello } = useConnection();
+  const live = usePresent("live");
+  const parameter = hello?.parameters.find((one) => one.is_mood);
+  const mood = live?.values.find((one) => one.name === parameter?.name)?.value ?? null;
+  if (mood === null) return null;
+  return <span>{`${words.mood} ${formatNumber(mood)}`}</span>;
+}

@@ -1,0 +1,523 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every page of the studio has: status strip and Stop, connection, and address."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+
+from bt_agents_studio.records import (
+    AgentRecord,
+    MarketRecord,
+    RoundRecord,
+    RunRecord,
+    SceneRecord,
+    TreeNodeRecord,
+    TreeRecord,
+    ValueRecord,
+)
+from programs import Program
+from studio_browser import open_page, opened_page, strip
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+TIP = "tree/0.say"
+STRIPPED = ("Live", "Market", "Tune", "World", "System")
+ACCEPTED = SimpleNamespace(accepted=True, code="", message="stopping greeter")
+
+
+def market(state: str, number: int = 7) -> MarketRecord:
+    return MarketRecord(
+        **dict.fromkeys(("scene_id", "scene_label", "shadow_strategy", "pinned", "message"), ""),
+        **dict.fromkeys(("waiting", "awaited_hosts", "strategies"), ()),
+        **dict.fromkeys(("vetoed", "starved", "problems"), ()),
+        epoch="x",
+        state=state,
+        since_s=time.time(),
+        round=number,
+        agent="" if state == "IDLE" else "greeter",
+        host="agents",
+        hosts=1,
+        agents=2,
+        strategy="manhattan",
+    )
+
+
+def agent(name: str, title: str) -> AgentRecord:
+    return AgentRecord(
+        **dict.fromkeys(("tags", "rules", "problems"), ()),
+        name=name,
+        title=title,
+        description="",
+        host="agents",
+        profile={},
+        current={},
+        revision=0,
+        learning_rate=0.5,
+        version=1,
+        waiting=False,
+        degraded=False,
+    )
+
+
+def tree(name: str) -> TreeRecord:
+    place = {"file": "a.yaml", "line": 1, "column": 1}
+    nodes = (
+        TreeNodeRecord(path="tree", parent=-1, kind="sequence", name=f"all of {name}", **place),
+        TreeNodeRecord(path=TIP, parent=0, kind="say", name=f'say "I am {name}."', **place),
+    )
+    return TreeRecord(agent=name, host="agents", nodes=nodes)
+
+
+def run(name: str) -> RunRecord:
+    now = time.time()
+    return RunRecord(
+        **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
+        **dict.fromkeys(("stop_reason", "message"), ""),
+        **dict.fromkeys(("ticks", "overruns"), 0),
+        agent=name,
+        host="agents",
+        round=7,
+        event="STARTED",
+        outcome="NONE",
+        stopped_by="NOT_SAID",
+        began_s=now,
+        ended_s=None,
+        tick=1,
+        tip=TIP,
+        orphans=(),
+        duration_s=0.0,
+    )
+
+
+def held_round(number: int) -> RoundRecord:
+    return RoundRecord(
+        **dict.fromkeys(("intervention", "shadow_strategy", "shadow_winner", "reason"), ""),
+        **dict.fromkeys(("ranking", "refused", "silent_hosts"), ()),
+        at_s=time.time(),
+        epoch="x",
+        round=number,
+        follows=0,
+        scene=replace(live(2.0), label=f"scene {number}"),
+        outcome="AWARDED",
+        closed_by="ALL_ANSWERED",
+        preview=False,
+        duration_s=0.1,
+        strategy="manhattan",
+        options={},
+        winner="greeter",
+        margin=None,
+        change={},
+        explanation=f"because of {number}",
+    )
+
+
+def live(mood: float) -> SceneRecord:
+    value = ValueRecord(
+        name="mood", value=mood, origin="MEASURED", age_s=0.0, std=None, confidence=1.0, source=""
+    )
+    return SceneRecord(
+        **dict.fromkeys(("scene_id", "label", "person_id", "place"), ""),
+        **dict.fromkeys(("persons", "visits"), 1),
+        at_s=time.time(),
+        person=True,
+        urgent=False,
+        remembered={},
+        values=(value,),
+    )
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    with background_studio() as served:
+        served.put("market", "", market("IDLE", 6))
+        for name, title in (("greeter", "The greeter"), ("carrier", "The carrier")):
+            served.put("agents", name, agent(name, title))
+            served.put("trees", name, tree(name))
+        yield served
+
+
+@pytest.fixture
+def running(studio: BackgroundStudio) -> BackgroundStudio:
+    """The studio of a system in which the greeter runs."""
+    studio.caller.calls.clear()
+    studio.caller.answered = ACCEPTED
+    studio.put("market", "", market("RUNNING"))
+    studio.put("runs", "greeter", run("greeter"))
+    studio.put("live", "", live(2.0))
+    return studio
+
+
+@pytest.fixture
+def page(browser: Browser, running: BackgroundStudio) -> Iterator[Page]:
+    with opened_page(browser, running.address) as opened:
+        expect(strip(opened)).to_have_attribute("data-state", "RUNNING")
+        yield opened
+
+
+def stops(studio: BackgroundStudio) -> list[str]:
+    """Return who wanted each stop that the system was asked for."""
+    return [str(fields["by"]) for kind, _, fields in studio.caller.calls if kind == "CancelRun"]
+
+
+def until_stopped(page: Page, studio: BackgroundStudio) -> None:
+    """The system is told to stop."""
+    for _ in range(300):
+        if stops(studio):
+            return
+        page.wait_for_timeout(100)
+    pytest.fail("nobody was told to stop")
+
+
+def look_back(page: Page) -> None:
+    bar = page.get_by_label("Moment that is shown")
+    expect(bar).to_be_enabled()
+    bar.fill(bar.get_attribute("min") or "")
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+
+
+def test_strip_tells_agent_node_time_and_mood(page: Page) -> None:
+    for name in STRIPPED:
+        open_page(page, name)
+        expect(strip(page)).to_be_in_viewport()
+        expect(strip(page)).to_contain_text('runningThe greetersay "I am greeter."since ')
+        expect(strip(page)).to_contain_text("mood 2")
+
+
+@pytest.mark.parametrize("name", STRIPPED)
+def test_every_page_stops_the_run(page: Page, running: BackgroundStudio, name: str) -> None:
+    open_page(page, name)
+    button = strip(page).get_by_role("button", name="Stop", exact=True)
+    expect(button).to_be_in_viewport()
+    button.click()
+    until_stopped(page, running)
+    running.put("market", "", market("CANCELLING"))
+    expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
+    running.put("market", "", market("IDLE"))
+    expect(button).to_be_disabled()
+
+
+def test_stop_works_whichever_agent_is_shown(page: Page, running: BackgroundStudio) -> None:
+    page.get_by_label("Agent").select_option("carrier")
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+
+
+def test_strip_follows_and_stops_while_page_looks_back(
+    page: Page, running: BackgroundStudio
+) -> None:
+    look_back(page)
+    expect(strip(page)).to_contain_text("Now:runningThe greeter")
+    running.put("live", "", live(4.0))
+    expect(strip(page)).to_contain_text("mood 4")
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+    running.put("market", "", market("CANCELLING"))
+    expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
+    page.get_by_role("button", name="Back to now").click()
+    expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
+
+
+@pytest.mark.parametrize("name", [*STRIPPED, "Person"])
+def test_escape_twice_stops_from_any_page(
+    page: Page, running: BackgroundStudio, name: str
+) -> None:
+    open_page(page, name)
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    until_stopped(page, running)
+
+
+def test_single_or_typed_escape_stops_nothing(page: Page, running: BackgroundStudio) -> None:
+    for key in ("Escape", "a", "Escape", "a"):
+        page.keyboard.press(key)
+    page.get_by_role("searchbox").focus()
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+    assert len(stops(running)) == 1
+
+
+def test_refused_stop_is_told_in_words(page: Page, running: BackgroundStudio) -> None:
+    running.caller.answered = SimpleNamespace(accepted=False, code="", message="nothing runs")
+    strip(page).get_by_role("button", name="Stop").click()
+    told = strip(page).get_by_role("alert")
+    expect(told).to_have_text("nothing runs")
+    expect(told).to_be_in_viewport()
+    page.context.set_offline(True)
+    strip(page).get_by_role("button", name="Stop").click()
+    expect(told).to_contain_text("Could not be stopped, the system does not answer.")
+
+
+@pytest.fixture
+def process(tmp_path: Path) -> Iterator[Program]:
+    """A studio in a process of its own."""
+    path = os.pathsep.join(sys.path)
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"}
+    started = Program((), environment, tmp_path, program=("-m", "studio_harness"))
+    try:
+        yield started
+    finally:
+        os.kill(started.process.pid, signal.SIGKILL)
+        started.process.wait()
+        started.close()
+
+
+STALE = re.compile(r"stale since \d\d:\d\d:\d\d, trying again …")
+
+
+def test_hung_studio_is_shown_as_stale_within_three_seconds(
+    browser: Browser, process: Program
+) -> None:
+    with opened_page(browser, process.until("http").strip()) as page:
+        phase = page.locator(".phase")
+        expect(strip(page)).to_contain_text("the marketplace is silent since")
+        expect(page.locator(".live .side")).to_have_css("opacity", "1")
+        os.kill(process.process.pid, signal.SIGSTOP)
+        expect(phase).to_have_text(STALE, timeout=4000)
+        expect(phase).to_be_in_viewport()
+        expect(page.locator(".live .side")).to_have_css("opacity", "0.5")
+        os.kill(process.process.pid, signal.SIGCONT)
+        expect(phase).to_have_text("connected")
+        expect(page.locator(".live .side")).to_have_css("opacity", "1")
+
+
+class SwallowedSocket:
+    """The connection of a page, whose messages arrive only while it is not swallowed."""
+
+    def __init__(self, page: Page) -> None:
+        self.is_swallowed = False
+        page.route_web_socket("**/api/socket", self._pass)
+
+    def _pass(self, socket: WebSocketRoute) -> None:
+        server = socket.connect_to_server()
+        server.on_message(lambda text: None if self.is_swallowed else socket.send(text))
+        socket.on_message(lambda text: None if self.is_swallowed else server.send(text))
+
+
+@pytest.fixture
+def half_open(
+    browser: Browser, running: BackgroundStudio
+) -> Iterator[tuple[Page, SwallowedSocket]]:
+    """A page with a connection that can swallow everything."""
+    with opened_page(browser, "about:blank") as opened:
+        socket = SwallowedSocket(opened)
+        opened.goto(running.address)
+        expect(strip(opened)).to_have_attribute("data-state", "RUNNING")
+        yield opened, socket
+
+
+def test_half_open_connection_is_shown_and_replaced(
+    half_open: tuple[Page, SwallowedSocket], running: BackgroundStudio
+) -> None:
+    page, socket = half_open
+    phase = page.locator(".phase")
+    socket.is_swallowed = True
+    expect(phase).to_have_text(STALE, timeout=4000)
+    running.put("live", "", live(5.0))
+    # The next connection is as silent, and no reason to show anything else.
+    page.wait_for_timeout(4000)
+    expect(phase).to_have_text(STALE, timeout=1)
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+    socket.is_swallowed = False
+    expect(phase).to_have_text("connected")
+    expect(strip(page)).to_contain_text("mood 5")
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        "window.dispatchEvent(new Event('online'))",
+        "document.dispatchEvent(new Event('visibilitychange'))",
+    ],
+)
+def test_lost_page_comes_back_when_network_or_user_does(
+    half_open: tuple[Page, SwallowedSocket], event: str
+) -> None:
+    page, socket = half_open
+    phase = page.locator(".phase")
+    page.clock.install()
+    page.reload()
+    expect(strip(page)).to_have_attribute("data-state", "RUNNING")
+    socket.is_swallowed = True
+    page.clock.pause_at(time.time() + 60)
+    page.clock.run_for(5000)
+    expect(phase).to_have_text(STALE)
+    socket.is_swallowed = False
+    # The clock of the page stands still, so nothing is tried again by itself.
+    page.wait_for_timeout(1000)
+    expect(phase).to_have_text(STALE, timeout=1)
+    page.evaluate(event)
+    page.wait_for_timeout(1000)
+    page.clock.run_for(300)
+    expect(phase).to_have_text("connected")
+
+
+def test_quiet_connection_stays_connected(page: Page) -> None:
+    shown = page.locator(".phase")
+    page.evaluate(
+        """() => {
+            window.phases = new Set();
+            const look = () => window.phases.add(document.querySelector(".phase").textContent);
+            const all = {subtree: true, childList: true, characterData: true};
+            new MutationObserver(look).observe(document.querySelector("header"), all);
+            look();
+        }"""
+    )
+    page.wait_for_timeout(7000)
+    expect(shown).to_have_text("connected")
+    assert page.evaluate("[...window.phases]") == ["connected"]
+
+
+def test_pasted_address_signs_in_the_open_tab(browser: Browser, running: BackgroundStudio) -> None:
+    bare, _, token = running.address.partition("#")
+    with opened_page(browser, bare) as page:
+        expect(page.locator(".phase")).to_contain_text("Not signed in")
+        # As pasted into the address bar, only the part after # differs.
+        page.goto(running.address)
+        expect(page.locator(".phase")).to_have_text("connected")
+        assert token not in page.url
+        strip(page).get_by_role("button", name="Stop").click()
+        until_stopped(page, running)
+
+
+def test_refused_tab_follows_sign_in_of_another(
+    browser: Browser, running: BackgroundStudio
+) -> None:
+    with opened_page(browser, running.address.partition("#")[0]) as refused:
+        expect(refused.locator(".phase")).to_contain_text("Not signed in")
+        refused.context.new_page().goto(running.address)
+        expect(refused.locator(".phase")).to_have_text("connected")
+        expect(strip(refused)).to_contain_text("The greeter")
+
+
+def test_unanswered_probe_does_not_end_the_retries(
+    half_open: tuple[Page, SwallowedSocket],
+) -> None:
+    page, socket = half_open
+    page.route("**/api/journals", lambda _: None)
+    socket.is_swallowed = True
+    expect(page.locator(".phase")).to_have_text(STALE)
+    socket.is_swallowed = False
+    expect(page.locator(".phase")).to_have_text("connected")
+
+
+def test_reload_shows_chosen_agent_and_node(page: Page) -> None:
+    page.get_by_label("Agent").select_option("carrier")
+    node = page.locator(f'.node[data-path="{TIP}"]')
+    node.click()
+    expect(page).to_have_url(re.compile(r"/live\?agent=carrier&node=tree%2F0\.say$"))
+    page.reload()
+    expect(page.get_by_label("Agent")).to_have_value("carrier")
+    expect(node).to_have_attribute("aria-selected", "true")
+    expect(node).to_contain_text("I am carrier.")
+    expect(page.get_by_label("Node", exact=True)).to_contain_text("a.yaml:1")
+    assert page.title() == "Live · The carrier · bt-agents studio"
+
+
+def test_back_returns_through_pages_and_choices(page: Page, running: BackgroundStudio) -> None:
+    for number in (1, 2):
+        running.put("rounds", f"x/{number}", held_round(number))
+    page.get_by_label("Agent").select_option("carrier")
+    open_page(page, "Market")
+    bids = page.get_by_label("Bids")
+    expect(bids).to_contain_text("because of 2")
+    page.get_by_label("Rounds").get_by_role("button", name="scene 1").click()
+    expect(bids).to_contain_text("because of 1")
+    expect(page).to_have_title("Market · The carrier · bt-agents studio")
+    page.reload()
+    expect(bids).to_contain_text("because of 1")
+    page.go_back()
+    expect(bids).to_contain_text("because of 2")
+    page.go_back()
+    expect(page.get_by_label("Agent")).to_have_value("carrier")
+    page.go_back()
+    expect(page.get_by_label("Agent")).to_have_value("")
+    expect(page).to_have_title("Live · The greeter · bt-agents studio")
+    page.go_forward()
+    expect(page.get_by_label("Agent")).to_have_value("carrier")
+
+
+def test_link_shows_the_same_moment(page: Page) -> None:
+    look_back(page)
+    open_page(page, "World")
+    shown = page.locator("header time")
+    at = shown.inner_text()
+    expect(page).to_have_url(re.compile(r"/world\?at=\d+"))
+    other = page.context.new_page()
+    other.goto(page.url)
+    expect(other.get_by_role("button", name="Back to now")).to_be_visible()
+    expect(other.locator("header time")).to_have_text(at)
+    expect(strip(other)).to_contain_text("Now:runningThe greeter")
+    other.get_by_role("button", name="Back to now").click()
+    expect(other).to_have_url(re.compile(r"/world$"))
+    other.go_back()
+    expect(other.locator("header time")).to_have_text(at)
+
+
+def test_link_to_missing_recording_shows_the_present(page: Page) -> None:
+    page.goto(page.url.partition("?")[0] + "live?from=missing.mcap")
+    expect(page.locator(".time .failure")).to_contain_text("missing.mcap")
+    expect(page).to_have_url(re.compile(r"/live$"))
+    expect(page.locator(".node").first).to_be_visible()
+
+
+def test_unknown_path_leads_to_live(page: Page) -> None:
+    page.goto(page.url.partition("?")[0] + "lives")
+    expect(page.get_by_role("main")).to_contain_text("There is no such page")
+    expect(page).to_have_title("There is no such page · The greeter · bt-agents studio")
+    expect(strip(page)).to_contain_text("The greeter")
+    page.get_by_role("link", name="Go to Live").click()
+    expect(page.locator(".node").first).to_be_visible()
+
+
+def test_overlong_address_is_left_out(page: Page) -> None:
+    page.goto(page.url.partition("?")[0] + f"live?from={'x' * 5000}&agent=carrier")
+    expect(page.locator(".phase")).to_have_text("connected")
+    expect(page.get_by_label("Agent")).to_have_value("carrier")
+    expect(page.locator(".time")).to_contain_text("Now")
+
+
+def test_question_mark_lists_keys_and_stops_nothing(page: Page, running: BackgroundStudio) -> None:
+    page.keyboard.press("?")
+    shown = page.get_by_role("dialog", name="Keys and colours")
+    expect(shown).to_be_in_viewport()
+    expect(shown).to_contain_text("stop what runs, from any page")
+    page.keyboard.press("Escape")
+    expect(shown).to_be_hidden()
+    page.keyboard.press("Escape")
+    page.get_by_role("searchbox").press("?")
+    expect(shown).to_be_hidden()
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, running)
+    assert len(stops(running)) == 1
+
+
+def test_chosen_colours_are_kept_by_the_browser(page: Page) -> None:
+    page.emulate_media(color_scheme="light")
+    body, dark, light = page.locator("html"), "rgb(20, 23, 28)", "rgb(244, 245, 247)"
+    expect(body).to_have_css("background-color", light)
+    page.get_by_role("button", name="Keys and colours").click()
+    page.get_by_role("button", name="Dark").click()
+    expect(body).to_have_css("background-color", dark)
+    page.reload()
+    expect(body).to_have_css("background-color", dark)
+    page.emulate_media(color_scheme="dark")
+    page.get_by_role("button", name="Keys and colours").click()
+    page.get_by_role("button", name="Light").click()
+    expect(body).to_have_css("background-color", light)
+    page.get_by_role("button", name="As the system").click()
+    expect(body).to_have_css("background-color", dark)
