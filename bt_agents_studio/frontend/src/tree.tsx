@@ -6,7 +6,7 @@ import { Left } from "./control";
 import type { NodeRecord, TreeNodeRecord, TreeRecord } from "./protocol";
 import { readEntry, useEntry } from "./store";
 import { texts } from "./texts";
-import { find, HEIGHT, isBelow, layOut, nest, WIDTH, withoutModifier, type Placed } from "./tree_layout";
+import { branchOf, find, HEIGHT, layOut, nest, WIDTH, withoutModifier, type Placed, type Shown } from "./tree_layout";
 import { TreeMap } from "./tree_map";
 import { READABLE, STEP, useViewport } from "./tree_view";
 
@@ -22,7 +22,8 @@ const Edge = memo(function Edge({ agent, item }: { agent: string; item: Placed }
   const middle = (x + item.x) / 2;
   const y0 = from.y + HEIGHT / 2;
   const y1 = item.y + HEIGHT / 2;
-  return <path className={`edge ${status(record)}`} d={`M${x},${y0}C${middle},${y0} ${middle},${y1} ${item.x},${y1}`} />;
+  const classes = item.shown.handles ? `edge handler ${status(record)}` : `edge ${status(record)}`;
+  return <path className={classes} d={`M${x},${y0}C${middle},${y0} ${middle},${y1} ${item.x},${y1}`} />;
 });
 
 interface CellProps {
@@ -48,7 +49,8 @@ const Cell = memo(function Cell(props: CellProps) {
   const reason = state === "failure" ? (record?.message ?? "") : "";
   const classes = ["node", state, isTip && "tip", isChosen && "chosen", isFound && "found"].filter(Boolean).join(" ");
   const stop = isStop ? `, ${texts.control.breakpoint}` : "";
-  const label = `${node.kind} ${node.name}, ${state}${reason ? `: ${reason}` : ""}${stop}`;
+  const branch = item.shown.handles && `${branchOf(item.shown)}: `;
+  const label = `${branch}${node.kind} ${node.name}, ${state}${reason ? `: ${reason}` : ""}${stop}`;
   const paths = useMemo(() => [node.path, ...modifiers.map((one) => one.path)], [node, modifiers]);
   return (
     <g
@@ -68,7 +70,7 @@ const Cell = memo(function Cell(props: CellProps) {
       {isReadable && (
         <>
           <text className="kind" x={10} y={14}>
-            {shorten(node.kind, 26)}
+            {shorten(branch + node.kind, 26)}
           </text>
           <text className="name" x={10} y={28}>
             {shorten(reason || node.name, 24)}
@@ -127,12 +129,21 @@ interface TreeProps {
 
 const NOTHING: ReadonlySet<string> = new Set();
 
+function index(roots: readonly Shown[], found = new Map<string, Shown>()): ReadonlyMap<string, Shown> {
+  for (const one of roots) {
+    found.set(one.node.path, one);
+    index(one.children, found);
+  }
+  return found;
+}
+
 export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, toggleStop }: TreeProps) {
   const [folded, setFolded] = useState(NOTHING);
   const [search, setSearch] = useState("");
   const [goal, setGoal] = useState({ path: "" });
   const searching = useRef<HTMLInputElement>(null);
   const roots = useMemo(() => nest(record), [record]);
+  const byPath = useMemo(() => index(roots), [roots]);
   const layout = useMemo(() => layOut(roots, folded), [roots, folded]);
   const view = useViewport(layout);
   const { frame, zoom, show } = view;
@@ -155,8 +166,9 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
   /** Bring a node into view, unfolded if need be. */
   const goTo = (path: string): void => {
     setFolded((before) => {
-      const kept = [...before].filter((one) => !isBelow(path, one));
-      return kept.length < before.size ? new Set(kept) : before;
+      const after = new Set(before);
+      for (let one = byPath.get(path)?.parent; one; one = one.parent) after.delete(one.node.path);
+      return after.size < before.size ? after : before;
     });
     setGoal({ path });
   };
