@@ -122,12 +122,17 @@ class TreeRecord:
     nodes: tuple[TreeNodeRecord, ...]
 
 
+STOPPED, UNKNOWN = "STOPPED", "UNKNOWN"
+"""Statuses of nodes that no message has."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class NodeRecord:
     """What a node of the last run of an agent has done so far.
 
     Attributes:
-        status: Name of a constant of ``StatusChange``.
+        status: Name of a constant of ``StatusChange``; :data:`STOPPED` if it was stopped while it
+            was running, :data:`UNKNOWN` if its run was lost meanwhile.
         message: Why, in words.
         since_s: When it got the status.
         tick: Number of the tick in which it did.

@@ -127,7 +127,7 @@ function NodeDetails({ agent, path }: { agent: string; path: string }) {
             {node.kind} <span>{node.name}</span>
           </h2>
           <p className={`status ${(record?.status ?? "invalid").toLowerCase()}`}>
-            {(record?.status ?? "INVALID").toLowerCase()}
+            {texts.live.statuses[record?.status ?? "INVALID"] ?? record?.status}
             {record?.message && `: ${record.message}`}
           </p>
           {record && (

@@ -10,7 +10,8 @@ import { branchOf, find, HEIGHT, layOut, nest, WIDTH, withoutModifier, type Plac
 import { TreeMap } from "./tree_map";
 import { READABLE, STEP, useViewport } from "./tree_view";
 
-const status = (record: NodeRecord | undefined): string => (record?.status ?? "INVALID").toLowerCase();
+const statusOf = (record: NodeRecord | undefined): string => record?.status ?? "INVALID";
+const classOf = (record: NodeRecord | undefined): string => statusOf(record).toLowerCase();
 const shorten = (text: string, most: number): string =>
   text.length > most ? `${text.slice(0, most - 1)}…` : text;
 
@@ -22,7 +23,7 @@ const Edge = memo(function Edge({ agent, item }: { agent: string; item: Placed }
   const middle = (x + item.x) / 2;
   const y0 = from.y + HEIGHT / 2;
   const y1 = item.y + HEIGHT / 2;
-  const classes = item.shown.handles ? `edge handler ${status(record)}` : `edge ${status(record)}`;
+  const classes = item.shown.handles ? `edge handler ${classOf(record)}` : `edge ${classOf(record)}`;
   return <path className={classes} d={`M${x},${y0}C${middle},${y0} ${middle},${y1} ${item.x},${y1}`} />;
 });
 
@@ -45,12 +46,13 @@ const Cell = memo(function Cell(props: CellProps) {
   const { agent, item, isTip, isChosen, isFound, isFolded, isReadable, isStop, host, choose, fold, toggleStop } = props;
   const { node, modifiers, children, depth } = item.shown;
   const record = useEntry("nodes", `${agent}|${node.path}`);
-  const state = status(record);
+  const state = classOf(record);
   const reason = state === "failure" ? (record?.message ?? "") : "";
+  const words = texts.live.statuses[statusOf(record)] ?? state;
   const classes = ["node", state, isTip && "tip", isChosen && "chosen", isFound && "found"].filter(Boolean).join(" ");
   const stop = isStop ? `, ${texts.control.breakpoint}` : "";
   const branch = item.shown.handles && `${branchOf(item.shown)}: `;
-  const label = `${branch}${node.kind} ${node.name}, ${state}${reason ? `: ${reason}` : ""}${stop}`;
+  const label = `${branch}${node.kind} ${node.name}, ${words}${reason ? `: ${reason}` : ""}${stop}`;
   const paths = useMemo(() => [node.path, ...modifiers.map((one) => one.path)], [node, modifiers]);
   return (
     <g
@@ -107,12 +109,12 @@ const Cell = memo(function Cell(props: CellProps) {
 const Badge = memo(function Badge({ agent, node, x }: { agent: string; node: TreeNodeRecord; x: number }) {
   const record = useEntry("nodes", `${agent}|${node.path}`);
   return (
-    <g className={`badge ${status(record)}`} transform={`translate(${x},2)`}>
+    <g className={`badge ${classOf(record)}`} transform={`translate(${x},2)`}>
       <circle r={8} />
       <text y={3.5} textAnchor="middle">
         {node.kind.slice(0, 1)}
       </text>
-      <title>{`${node.kind}: ${status(record)} ${record?.message ?? ""}`}</title>
+      <title>{`${node.kind}: ${classOf(record)} ${record?.message ?? ""}`}</title>
     </g>
   );
 });
@@ -272,6 +274,9 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
             data-zoom={zoom.toFixed(2)}
             onKeyDown={onKeyDown}
           >
+            <pattern id="hatched" width={6} height={6} patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
+              <path d="M0,0V6" />
+            </pattern>
             <g role="presentation">
               {drawn.map((one) => (
                 <Edge key={one.shown.node.path} agent={record.agent} item={one} />
