@@ -390,16 +390,18 @@ class Projection:
             return
         times = {one.path: one for one in message.countdowns if int(one.unit) == _TIME}
         rounds = {one.path: one for one in message.countdowns if int(one.unit) == _ATTEMPTS}
-        left = {
-            path: CountdownRecord(
+        head = f"{message.agent}|"
+        left = {}
+        for path, one in {**times, **rounds}.items():
+            remaining_s = _number(times[path].remaining_s) if path in times else None
+            before = self._store.get("countdowns", f"{head}{path}")
+            left[path] = CountdownRecord(
                 at_s=at_s,
                 kind=one.kind,
-                remaining_s=_number(times[path].remaining_s) if path in times else None,
+                remaining_s=remaining_s,
                 remaining=int(rounds[path].remaining) if path in rounds else None,
+                whole_s=_whole(remaining_s, before),
             )
-            for path, one in {**times, **rounds}.items()
-        }
-        head = f"{message.agent}|"
         for key in self._store.keys("countdowns"):
             if key.startswith(head) and key.removeprefix(head) not in left:
                 self._store.remove("countdowns", key)
@@ -753,6 +755,19 @@ class Projection:
         text = ellipsize(self._names.with_names(text), _LONGEST_LINE)
         record = LogRecord(at_s=at_s, kind=kind, agent=agent, path=path, text=text)
         self._store.put("log", str(self._lines), record)
+
+
+def _whole(remaining_s: float | None, before: object) -> float | None:
+    """Return the whole time of a countdown [s], as far as it has been seen."""
+    if (
+        remaining_s is None
+        or not isinstance(before, CountdownRecord)
+        or before.remaining_s is None
+        # It has begun again.
+        or remaining_s > before.remaining_s
+    ):
+        return remaining_s
+    return before.whole_s
 
 
 def _without_modifier(path: str) -> str:

@@ -163,12 +163,14 @@ class CountdownRecord:
         kind: Key of the node: ``timeout``, ``wait``, ``retry``.
         remaining_s: Until its time is over, from ``at_s`` [s]; None without a time.
         remaining: Attempts or rounds after the current one; None without a limit of them.
+        whole_s: The whole time, as far as it has been seen [s]; None without a time.
     """
 
     at_s: float
     kind: str
     remaining_s: float | None
     remaining: int | None
+    whole_s: float | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -88,6 +88,15 @@ def test_remaining_time_and_rounds_share_one_entry(shown: Shown) -> None:
     assert (record.remaining_s, record.remaining) == (None, 0)
 
 
+def test_countdown_knows_its_whole_time(shown: Shown) -> None:
+    shown.details(time_left(8.0), rounds_left(1, "tree"))
+    shown.details(time_left(5.0), rounds_left(1, "tree"))
+    assert shown.get("countdowns").whole_s == 8.0
+    assert shown.get("countdowns", "guide|tree").whole_s is None
+    shown.details(time_left(6.0))
+    assert shown.get("countdowns").whole_s == 6.0
+
+
 def test_countdown_is_removed_at_its_or_runs_end(shown: Shown) -> None:
     shown.details(time_left(2.5), time_left(9.0, "tree"))
     shown.details(time_left(8.0, "tree"))
