@@ -2,6 +2,7 @@
 // Behaviour tree as SVG: one subscription a node; what is far outside of the view is not drawn.
 
 import { memo, useEffect, useMemo, useRef, useState } from "react";
+import { badgeText } from "./badges";
 import { Left } from "./control";
 import type { NodeRecord, TreeNodeRecord, TreeRecord } from "./protocol";
 import { readEntry, useEntry } from "./store";
@@ -9,6 +10,9 @@ import { texts } from "./texts";
 import { branchOf, find, HEIGHT, layOut, nest, WIDTH, withoutModifier, type Placed, type Shown } from "./tree_layout";
 import { TreeMap } from "./tree_map";
 import { READABLE, STEP, useViewport } from "./tree_view";
+
+/** Characters in the first line of a node. */
+const LINE = 32;
 
 const statusOf = (record: NodeRecord | undefined): string => record?.status ?? "INVALID";
 const classOf = (record: NodeRecord | undefined): string => statusOf(record).toLowerCase();
@@ -53,6 +57,8 @@ const Cell = memo(function Cell(props: CellProps) {
   const stop = isStop ? `, ${texts.control.breakpoint}` : "";
   const branch = item.shown.handles && `${branchOf(item.shown)}: `;
   const label = `${branch}${node.kind} ${node.name}, ${words}${reason ? `: ${reason}` : ""}${stop}`;
+  const kind = shorten(branch + node.kind, 26);
+  const room = Math.max(Math.floor((LINE - kind.length) / Math.max(modifiers.length, 1)) - 1, 2);
   const paths = useMemo(() => [node.path, ...modifiers.map((one) => one.path)], [node, modifiers]);
   return (
     <g
@@ -72,14 +78,21 @@ const Cell = memo(function Cell(props: CellProps) {
       {isReadable && (
         <>
           <text className="kind" x={10} y={14}>
-            {shorten(branch + node.kind, 26)}
+            {kind}
+          </text>
+          <text className="kind" x={WIDTH - 8} y={14} textAnchor="end">
+            {modifiers.map((one) => (
+              <Badge key={one.path} agent={agent} node={one} most={room} />
+            ))}
           </text>
           <text className="name" x={10} y={28}>
-            {shorten(reason || node.name, 24)}
+            {shorten(node.name, 24)}
           </text>
-          {modifiers.map((one, index) => (
-            <Badge key={one.path} agent={agent} node={one} x={WIDTH - 8 - index * 16} />
-          ))}
+          {reason && (
+            <text className="reason" x={10} y={HEIGHT + 11}>
+              {shorten(reason, 36)}
+            </text>
+          )}
           <Left agent={agent} host={host} paths={paths} x={10} y={HEIGHT + 11} />
         </>
       )}
@@ -106,16 +119,23 @@ const Cell = memo(function Cell(props: CellProps) {
   );
 });
 
-const Badge = memo(function Badge({ agent, node, x }: { agent: string; node: TreeNodeRecord; x: number }) {
-  const record = useEntry("nodes", `${agent}|${node.path}`);
+interface BadgeProps {
+  agent: string;
+  node: TreeNodeRecord;
+  /** Characters that there is room for. */
+  most: number;
+}
+
+const Badge = memo(function Badge({ agent, node, most }: BadgeProps) {
+  const key = `${agent}|${node.path}`;
+  const record = useEntry("nodes", key);
+  const text = badgeText(node, useEntry("countdowns", key)?.remaining ?? null);
+  const words = texts.live.statuses[statusOf(record)] ?? "";
   return (
-    <g className={`badge ${classOf(record)}`} transform={`translate(${x},2)`}>
-      <circle r={8} />
-      <text y={3.5} textAnchor="middle">
-        {node.kind.slice(0, 1)}
-      </text>
-      <title>{`${node.kind}: ${classOf(record)} ${record?.message ?? ""}`}</title>
-    </g>
+    <tspan className={`badge ${classOf(record)}`} dx={6} data-badge={node.path}>
+      {shorten(text, most)}
+      <title>{`${node.name}, ${words}${record?.message ? `: ${record.message}` : ""}`}</title>
+    </tspan>
   );
 });
 
