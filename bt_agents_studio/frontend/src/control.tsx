@@ -3,8 +3,8 @@
 
 import { memo, useEffect, useState } from "react";
 import { operate, useConnection } from "./connection";
-import { formatNumber } from "./formatting";
-import type { ControlRecord, Operations, TreeRecord } from "./protocol";
+import { formatNumber, formatSeconds } from "./formatting";
+import type { ControlRecord, NodeRecord, Operations, TreeRecord } from "./protocol";
 import { readEntry, useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 
@@ -119,6 +119,15 @@ function LeftOf({ agent, host, path }: { agent: string; host: string; path: stri
       {countdown.kind} {parts.join(", ")}
     </tspan>
   );
+}
+
+/** How long a node has run altogether, with the present stretch. */
+export function BusyTime({ record }: { record: NodeRecord }) {
+  const { atS, offsetS } = useConnection();
+  const isRunning = record.status === "RUNNING";
+  const nowS = useNow(isRunning && atS === null) + offsetS;
+  const stretchS = isRunning ? Math.max((atS ?? nowS) - record.since_s, 0) : 0;
+  return <>{formatSeconds(record.busy_s + stretchS)}</>;
 }
 
 /** Clock of the page [s since 1970], which goes on only while it is needed. */

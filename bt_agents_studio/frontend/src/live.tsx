@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Page "Live": the running tree, and what it is about.
 
-import { memo, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { operate, useConnection } from "./connection";
-import { Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
-import { formatNumber, formatSeconds, formatTime } from "./formatting";
+import { BusyTime, Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
+import { formatNumber, formatSeconds } from "./formatting";
+import { Log } from "./log";
 import { PanelBoundary } from "./panel_boundary";
-import type { LogRecord, SceneRecord } from "./protocol";
+import type { SceneRecord } from "./protocol";
 import { lineOf, Tree } from "./tree";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
@@ -141,7 +142,9 @@ function NodeDetails({ agent, path }: { agent: string; path: string }) {
                 {record.failures} {record.reason && `(${texts.live.last}: ${record.reason})`}
               </dd>
               <dt>{texts.live.busy}</dt>
-              <dd>{formatSeconds(record.busy_s)}</dd>
+              <dd>
+                <BusyTime record={record} />
+              </dd>
             </dl>
           )}
           <NodeValues agent={agent} path={path} />
@@ -271,42 +274,3 @@ function Questions() {
     </section>
   );
 }
-
-const LOG_MS = 250;
-const LOG_LINES = 100;
-const FIRST_LOG_LINES = 30;
-
-/**
- * Log of the run, the newest line first in the document and last on the screen, where the style keeps it in view.
- *
- * Earlier lines are drawn for who scrolls back. A new line takes the element of the one that it replaces, as hundreds
- * may come in a second.
- */
-function Log() {
-  const lines = useCollection("log", LOG_MS);
-  const [most, setMost] = useState(FIRST_LOG_LINES);
-  return (
-    <section className="panel log" aria-label={texts.live.log}>
-      <h2>{texts.live.log}</h2>
-      <ol
-        tabIndex={0}
-        onScroll={(event) => setMost(event.currentTarget.scrollTop < 0 ? LOG_LINES : FIRST_LOG_LINES)}
-      >
-        {lines
-          .slice(-most)
-          .reverse()
-          .map(([key, line]) => (
-            <LogLine key={Number(key) % most} line={line} />
-          ))}
-      </ol>
-    </section>
-  );
-}
-
-const LogLine = memo(function LogLine({ line }: { line: LogRecord }) {
-  return (
-    <li className={line.kind}>
-      <time>{formatTime(line.at_s)}</time> <b>{line.kind}</b> {line.agent && <i>{line.agent}</i>} {line.text}
-    </li>
-  );
-});
