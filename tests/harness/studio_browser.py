@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from programs import Program, children
 
@@ -105,3 +105,17 @@ def stop(page: Page) -> None:
     if button.is_enabled():
         button.click()
     expect(button).to_be_disabled()
+
+
+def box(found: Locator) -> dict[str, float]:
+    """Return where something is seen: x, y, width, height and bottom [px]."""
+    measured = found.bounding_box()
+    assert measured is not None
+    return {**measured, "bottom": measured["y"] + measured["height"]}
+
+
+def style(found: Locator, name: str) -> str:
+    """Return the computed value of a property of the style."""
+    value = found.evaluate("(one, name) => getComputedStyle(one)[name]", name)
+    assert isinstance(value, str)
+    return value

@@ -4,8 +4,8 @@
 import type { TreeNodeRecord } from "./protocol";
 import { texts } from "./texts";
 
-/** Symbols as text, as a font with coloured ones would hide the colour of the status. */
-const SYMBOLS: Record<string, string> = { timeout: "⏱\uFE0E", cooldown: "❄\uFE0E", retry: "↻" };
+/** Symbols that the common fonts have, as text: coloured ones would hide the colour of the status. */
+const SYMBOLS: Record<string, string> = { cooldown: "❄\uFE0E", retry: "↻" };
 
 /** The value that an author has written for a decorator; empty for none, or one of several parts. */
 function written(node: TreeNodeRecord): string {
@@ -22,7 +22,7 @@ export function badgeText(node: TreeNodeRecord, remaining: number | null): strin
     parts.push(`${whole - remaining} ${texts.live.of} ${whole}`);
   else {
     if (value !== "") parts.push(value);
-    if (remaining !== null) parts.push(`(${remaining} ${texts.live.more})`);
+    if (remaining !== null) parts.push(`(${remaining} ${texts.control.more})`);
   }
   return parts.join(" ");
 }

@@ -10,9 +10,9 @@ import { formatNumber, formatSeconds } from "./formatting";
 import { Log } from "./log";
 import { PanelBoundary } from "./panel_boundary";
 import type { SceneRecord } from "./protocol";
-import { lineOf, Tree } from "./tree";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
+import { lineOf, TreePanel } from "./tree_panel";
 
 export function Live() {
   const runs = useCollection("runs");
@@ -37,6 +37,11 @@ export function Live() {
     },
     [atS, host, agent],
   );
+  const details = useRef<HTMLElement>(null);
+  const showDetails = useCallback((): void => {
+    details.current?.scrollIntoView({ block: "nearest" });
+    details.current?.focus({ preventScroll: true });
+  }, []);
   const isRunning = run !== undefined && run.ended_s === null && market?.state !== "IDLE";
   const stop = async (): Promise<void> => {
     const done = await operate("cancel", { reason: texts.live.stopped, by: "OPERATOR" });
@@ -72,13 +77,15 @@ export function Live() {
           <>
             <PauseBanner host={host} tree={tree} tip={run?.tip ?? ""} />
             <PanelBoundary label={texts.live.tree}>
-              <Tree
+              <TreePanel
+                key={agent}
                 record={tree}
                 tip={run?.ended_s === null ? run.tip : ""}
                 chosen={chosen}
                 choose={setChosen}
                 stops={stops}
                 toggleStop={toggleStop}
+                showDetails={showDetails}
               />
             </PanelBoundary>
           </>
@@ -86,7 +93,7 @@ export function Live() {
           <p className="empty">{agent ? texts.live.noTree : texts.live.nobody}</p>
         )}
         <PanelBoundary label={texts.live.node}>
-          <NodeDetails agent={agent} path={chosen} />
+          <NodeDetails agent={agent} path={chosen} panel={details} />
         </PanelBoundary>
       </div>
       <div className="side">
@@ -107,7 +114,13 @@ export function Live() {
   );
 }
 
-function NodeDetails({ agent, path }: { agent: string; path: string }) {
+interface NodeDetailsProps {
+  agent: string;
+  path: string;
+  panel: React.RefObject<HTMLElement | null>;
+}
+
+function NodeDetails({ agent, path, panel }: NodeDetailsProps) {
   const record = useEntry("nodes", `${agent}|${path}`);
   const node = lineOf(agent, path);
   const file = useCollection("files").find(([name]) => node && node.file.endsWith(name))?.[1];
@@ -119,7 +132,7 @@ function NodeDetails({ agent, path }: { agent: string; path: string }) {
       .map((text, index) => ({ number: Math.max(node.line - 2, 0) + index + 1, text }));
   }, [file, node]);
   return (
-    <section className="panel details" aria-label={texts.live.node}>
+    <section className="panel details" aria-label={texts.live.node} ref={panel} tabIndex={-1}>
       {node === undefined ? (
         <p className="empty">{texts.live.chooseNode}</p>
       ) : (

@@ -24,6 +24,10 @@ export function Log() {
   /** Lines that stand still while somebody reads further up. */
   const [held, setHeld] = useState<Lines | null>(null);
   const shown = held ?? newest;
+  const missed = useMemo(() => {
+    const keys = new Set(shown.map(([key]) => key));
+    return newest.filter(([key]) => !keys.has(key)).length;
+  }, [shown, newest]);
   useEffect(() => setHeld(null), [atS, source]);
   useLayoutEffect(() => {
     if (held === null) box.current?.scrollTo({ top: box.current.scrollHeight });
@@ -36,7 +40,14 @@ export function Log() {
   };
   return (
     <section className="panel log" aria-label={texts.live.log}>
-      <h2>{texts.live.log}</h2>
+      <div className="bar">
+        <h2>{texts.live.log}</h2>
+        {held !== null && (
+          <button type="button" onClick={() => setHeld(null)}>
+            {texts.live.newest} {missed > 0 && `(${missed})`}
+          </button>
+        )}
+      </div>
       <ol ref={box} tabIndex={0} onScroll={onScroll}>
         {shown.map(([key, line]) => (
           <LogLine key={key} line={line} />

@@ -65,7 +65,7 @@ export const texts = {
     outline: "Outline",
     map: "Map",
     following: "Following",
-    more: "more",
+    newest: "Newest lines",
     left: "left",
   },
   control: {

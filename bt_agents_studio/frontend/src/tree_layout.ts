@@ -83,6 +83,15 @@ export function nest(record: TreeRecord): Shown[] {
   return roots;
 }
 
+/** All nodes below some roots, these included. */
+export function byPathOf(roots: readonly Shown[], found = new Map<string, Shown>()): ReadonlyMap<string, Shown> {
+  for (const one of roots) {
+    found.set(one.node.path, one);
+    byPathOf(one.children, found);
+  }
+  return found;
+}
+
 /** When a handler runs, in words; empty for any other node. */
 export const branchOf = (shown: Shown): string => texts.live.handlers[shown.handles] ?? shown.handles;
 
