@@ -35,7 +35,7 @@ new WebSocket(`ws://${location.host}/socket`).onmessage = (event) => {
   for (const [path, status, message] of changes) {
     const box = boxes.get(path);
     box.setAttribute("fill", ["grey", "orange", "green", "red"][status]);
-    box.setAttribute("aria-label", message);
+    box.setAttribute("title", message);
   }
 };
 </script>"""

@@ -69,8 +69,8 @@ new MutationObserver((changes) => {
     window.firstMs = -1;
     afterFrame(() => { window.firstMs = performance.now(); });
   }
-  if (!changes.some((one) => one.target === probe && one.attributeName === "aria-label")) return;
-  const sent = /\\d+\\.\\d{6}/.exec(probe.getAttribute("aria-label"));
+  if (!changes.some((one) => one.target === probe && one.attributeName === "title")) return;
+  const sent = /\\d+\\.\\d{6}/.exec(probe.getAttribute("title"));
   if (sent === null) return;
   afterFrame(() => {
     window.painted.push((performance.timeOrigin + performance.now()) / 1e3 - Number(sent[0]));
@@ -80,7 +80,7 @@ new MutationObserver((changes) => {
 
 _FRAMES = """
 (seconds) => new Promise((resolve) => {
-  const frame = document.querySelector(".tree") ?? document.scrollingElement;
+  const frame = document.querySelector(".outline, .tree") ?? document.scrollingElement;
   const began = performance.now();
   let frames = 0;
   let step = 12;

@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 from bt_agents_core.feedback import FeedbackKind
@@ -19,6 +21,8 @@ from bt_agents_studio.records import (
     OF_A_RUN,
     OF_AN_AGENT,
     ROLLING,
+    STOPPED,
+    UNKNOWN,
     AgentRecord,
     BidRecord,
     BookmarkRecord,
@@ -91,6 +95,12 @@ _TIME, _ATTEMPTS = 1, 2
 
 _MOST_VALUES = 40
 """Values that are shown of a node, the newest."""
+
+_ABOVE, _WITHIN = re.compile("/"), re.compile("[/@]|$")
+"""Ends of the paths of what is above a node, and of what it is within."""
+
+_DEEPEST = 200
+"""Ends in a path that are looked at."""
 
 _VALUE_FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value"}
 
@@ -251,6 +261,8 @@ class Projection:
         self._store.put("runs", message.agent, record)
         if record.ended_s is not None:
             self._store.clear("countdowns", f"{message.agent}|")
+        if record.outcome == "LOST":
+            self._lose(message.agent)
         self._log(at_s, "run", agent=message.agent, text=f"{event.lower()}: {message.message}")
 
     def _begin(self, agent: str) -> None:
@@ -258,6 +270,17 @@ class Projection:
         for collection in ("nodes", "countdowns", "values"):
             self._store.clear(collection, f"{agent}|")
         self._store.clear("moods")
+
+    def _lose(self, agent: str) -> None:
+        """Note that nobody knows how the nodes ended that an agent was running."""
+        for key in self._store.keys("nodes"):
+            record = self._store.get("nodes", key)
+            if (
+                key.startswith(f"{agent}|")
+                and isinstance(record, NodeRecord)
+                and record.status == "RUNNING"
+            ):
+                self._store.put("nodes", key, replace(record, status=UNKNOWN))
 
     def _tree_status(self, message: Any, at_s: float) -> None:
         stamp = _seconds(message.header.stamp) or at_s
@@ -274,15 +297,54 @@ class Projection:
         self._store.put(
             "runs", message.agent, replace(run, tick=int(message.tick), tip=message.tip)
         )
+        self._restart(message)
+        stopped = self._stopped(message)
         for change in message.changes:
-            self._node(message, change, stamp)
+            self._node(message, change, stamp, stopped)
 
-    def _node(self, message: Any, change: Any, stamp: float) -> None:
+    def _restart(self, message: Any) -> None:
+        """Forget what is below nodes that were stopped and start again in a tick."""
+        heads = set[str]()
+        for change in message.changes:
+            before = self._store.get("nodes", f"{message.agent}|{change.path}")
+            starts = _name(_STATUSES, change.status) != "INVALID"
+            if starts and isinstance(before, NodeRecord) and before.status == STOPPED:
+                heads |= {change.path, _without_modifier(change.path)}
+        for key in self._store.keys("nodes") if heads else ():
+            agent, _, path = key.partition("|")
+            record = self._store.get("nodes", key)
+            if (
+                agent == message.agent
+                and _begins(path, _ABOVE, heads)
+                and isinstance(record, NodeRecord)
+            ):
+                self._store.put("nodes", key, replace(record, status="INVALID", message=""))
+
+    def _stopped(self, message: Any) -> set[str]:
+        """Return the paths of the nodes that a tick has stopped while they were running."""
+        stopped, statuses = set(), dict[str, str]()
+        for change in message.changes:
+            before = self._store.get("nodes", f"{message.agent}|{change.path}")
+            was = before.status if isinstance(before, NodeRecord) else ""
+            status = _name(_STATUSES, change.status)
+            if status == "INVALID" and statuses.get(change.path, was) == "RUNNING":
+                stopped.add(_without_modifier(change.path))
+            statuses[change.path] = status
+        return stopped
+
+    def _node(self, message: Any, change: Any, stamp: float, stopped: set[str]) -> None:
+        for one in change.values:
+            self._value(message, change.path, one, stamp, written=True)
         key = f"{message.agent}|{change.path}"
         before = self._store.get("nodes", key)
         if not isinstance(before, NodeRecord):
             before = _NEW
         status = _name(_STATUSES, change.status)
+        if status == "INVALID" and _begins(change.path, _WITHIN, stopped):
+            # What is stopped shows how far it came until it starts again.
+            if before.status != "RUNNING":
+                return
+            status = STOPPED
         failed = status == "FAILURE"
         self._store.put(
             "nodes",
@@ -301,8 +363,6 @@ class Projection:
                 reason=change.message if failed else before.reason,
             ),
         )
-        for one in change.values:
-            self._value(message, change.path, one, stamp, written=True)
         if status in ("SUCCESS", "FAILURE") and "@" not in change.path.rpartition("/")[2]:
             text = f"{change.name}: {status.lower()}"
             text += f" ({change.message})" if change.message else ""
@@ -330,16 +390,18 @@ class Projection:
             return
         times = {one.path: one for one in message.countdowns if int(one.unit) == _TIME}
         rounds = {one.path: one for one in message.countdowns if int(one.unit) == _ATTEMPTS}
-        left = {
-            path: CountdownRecord(
+        head = f"{message.agent}|"
+        left = {}
+        for path, one in {**times, **rounds}.items():
+            remaining_s = _number(times[path].remaining_s) if path in times else None
+            before = self._store.get("countdowns", f"{head}{path}")
+            left[path] = CountdownRecord(
                 at_s=at_s,
                 kind=one.kind,
-                remaining_s=_number(times[path].remaining_s) if path in times else None,
+                remaining_s=remaining_s,
                 remaining=int(rounds[path].remaining) if path in rounds else None,
+                whole_s=_whole(remaining_s, before),
             )
-            for path, one in {**times, **rounds}.items()
-        }
-        head = f"{message.agent}|"
         for key in self._store.keys("countdowns"):
             if key.startswith(head) and key.removeprefix(head) not in left:
                 self._store.remove("countdowns", key)
@@ -693,6 +755,30 @@ class Projection:
         text = ellipsize(self._names.with_names(text), _LONGEST_LINE)
         record = LogRecord(at_s=at_s, kind=kind, agent=agent, path=path, text=text)
         self._store.put("log", str(self._lines), record)
+
+
+def _whole(remaining_s: float | None, before: object) -> float | None:
+    """Return the whole time of a countdown [s], as far as it has been seen."""
+    if (
+        remaining_s is None
+        or not isinstance(before, CountdownRecord)
+        or before.remaining_s is None
+        # It has begun again.
+        or remaining_s > before.remaining_s
+    ):
+        return remaining_s
+    return before.whole_s
+
+
+def _without_modifier(path: str) -> str:
+    """Return the path of the node that a modifier belongs to; the same path for any other node."""
+    head, slash, last = path.rpartition("/")
+    return f"{head}{slash}{last.partition('@')[0]}"
+
+
+def _begins(path: str, ends: re.Pattern[str], heads: set[str]) -> bool:
+    """Return whether a path, up to one of some ends, is one of some others."""
+    return any(path[: end.start()] in heads for end in islice(ends.finditer(path), _DEEPEST))
 
 
 def is_in_use(store: Store, collection: str, key: str) -> bool:

@@ -122,12 +122,17 @@ class TreeRecord:
     nodes: tuple[TreeNodeRecord, ...]
 
 
+STOPPED, UNKNOWN = "STOPPED", "UNKNOWN"
+"""Statuses of nodes that no message has."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class NodeRecord:
     """What a node of the last run of an agent has done so far.
 
     Attributes:
-        status: Name of a constant of ``StatusChange``.
+        status: Name of a constant of ``StatusChange``; :data:`STOPPED` if it was stopped while it
+            was running, :data:`UNKNOWN` if its run was lost meanwhile.
         message: Why, in words.
         since_s: When it got the status.
         tick: Number of the tick in which it did.
@@ -158,12 +163,14 @@ class CountdownRecord:
         kind: Key of the node: ``timeout``, ``wait``, ``retry``.
         remaining_s: Until its time is over, from ``at_s`` [s]; None without a time.
         remaining: Attempts or rounds after the current one; None without a limit of them.
+        whole_s: The whole time, as far as it has been seen [s]; None without a time.
     """
 
     at_s: float
     kind: str
     remaining_s: float | None
     remaining: int | None
+    whole_s: float | None
 
 
 @dataclass(frozen=True, kw_only=True)

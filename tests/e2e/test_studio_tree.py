@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tree of 2,000 nodes in the page of the studio: found, walked, moved and zoomed."""
+"""The map of a tree of 2,000 nodes in the studio: found, walked, moved and zoomed."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from bt_agents_studio.records import NodeRecord, RunRecord, TreeNodeRecord, TreeRecord
 from studio_browser import opened_page
 from studio_harness import BackgroundStudio, background_studio
+from studio_records import large_tree, run, status
 
 pytestmark = pytest.mark.e2e
 
@@ -20,70 +19,18 @@ GROUPS, LEAVES = 100, 19
 TIP = "tree/80.sequence/7.say"
 
 
-def node(path: str, parent: int, kind: str, name: str) -> TreeNodeRecord:
-    return TreeNodeRecord(
-        path=path, parent=parent, kind=kind, name=name, file="a.yaml", line=1, column=1
-    )
-
-
-def large_tree() -> TreeRecord:
-    """Return a root with 100 groups of 19 leaves, 2,001 nodes in all."""
-    nodes = [node("tree", -1, "selector", "everything")]
-    for group in range(GROUPS):
-        parent = len(nodes)
-        path = f"tree/{group}.sequence"
-        nodes.append(node(path, 0, "sequence", f"group {group}"))
-        nodes += [
-            node(f"{path}/{leaf}.say", parent, "say", f"sentence {group} {leaf} to somebody")
-            for leaf in range(LEAVES)
-        ]
-    return TreeRecord(agent=AGENT, host="agents", nodes=tuple(nodes))
-
-
-def run(tip: str) -> RunRecord:
-    now = time.time()
-    return RunRecord(
-        **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
-        **dict.fromkeys(("stop_reason", "message"), ""),
-        **dict.fromkeys(("ticks", "overruns"), 0),
-        agent=AGENT,
-        host="agents",
-        round=1,
-        event="STARTED",
-        outcome="NONE",
-        stopped_by="NOT_SAID",
-        began_s=now,
-        ended_s=None,
-        tick=1,
-        tip=tip,
-        orphans=(),
-        duration_s=0.0,
-    )
-
-
-def status(name: str, message: str = "") -> NodeRecord:
-    return NodeRecord(
-        **dict.fromkeys(("starts", "successes", "failures"), 1),
-        status=name,
-        message=message,
-        since_s=time.time(),
-        tick=1,
-        busy_s=0.0,
-        reason=message,
-    )
-
-
 @pytest.fixture(scope="module")
 def studio() -> Iterator[BackgroundStudio]:
     with background_studio() as served:
-        served.put("trees", AGENT, large_tree())
-        served.put("runs", AGENT, run(TIP))
+        served.put("trees", AGENT, large_tree(AGENT, GROUPS, LEAVES))
+        served.put("runs", AGENT, run(AGENT, TIP))
         yield served
 
 
 @pytest.fixture
 def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
     with opened_page(browser, studio.address) as opened:
+        opened.get_by_role("button", name="Map", exact=True).click()
         expect(shown(opened, TIP)).to_be_in_viewport()
         yield opened
 

@@ -113,3 +113,17 @@ def stop(page: Page) -> None:
         button.click()
     expect(shown).to_have_attribute("data-state", "IDLE")
     expect(button).to_be_disabled()
+
+
+def box(found: Locator) -> dict[str, float]:
+    """Return where something is seen: x, y, width, height and bottom [px]."""
+    measured = found.bounding_box()
+    assert measured is not None
+    return {**measured, "bottom": measured["y"] + measured["height"]}
+
+
+def style(found: Locator, name: str) -> str:
+    """Return the computed value of a property of the style."""
+    value = found.evaluate("(one, name) => getComputedStyle(one)[name]", name)
+    assert isinstance(value, str)
+    return value

@@ -3,8 +3,8 @@
 
 import { memo, useEffect, useState } from "react";
 import { operate, useConnection } from "./connection";
-import { formatNumber } from "./formatting";
-import type { ControlRecord, Operations, TreeRecord } from "./protocol";
+import { formatNumber, formatSeconds } from "./formatting";
+import type { ControlRecord, NodeRecord, Operations, TreeRecord } from "./protocol";
 import { readEntry, useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 
@@ -100,7 +100,35 @@ export const Left = memo(function Left({ agent, host, paths, x, y }: LeftProps) 
   );
 });
 
-function LeftOf({ agent, host, path }: { agent: string; host: string; path: string }) {
+function LeftOf({ agent, host, path }: Omit<LeftProps, "paths" | "x" | "y"> & { path: string }) {
+  const left = useLeft(agent, host, path);
+  if (left === null) return null;
+  const { kind, remaining } = left.countdown;
+  const parts = [left.text, remaining !== null && `${formatNumber(remaining)} ${texts.control.more}`].filter(Boolean);
+  return (
+    <tspan dx={path.includes("@") ? 8 : 0} data-left={path}>
+      {kind} {parts.join(", ")}
+    </tspan>
+  );
+}
+
+/** What is left of the time of a node or a modifier, as a bar and in words; nothing without a time. */
+export function TimeLeft({ agent, host, path }: { agent: string; host: string; path: string }) {
+  const left = useLeft(agent, host, path);
+  if (left === null || left.text === "") return null;
+  const percent = left.countdown.whole_s ? (100 * left.seconds) / left.countdown.whole_s : 0;
+  return (
+    <span className="time-left" data-left={path}>
+      <span className="whole">
+        <span style={{ width: `${percent}%` }} />
+      </span>
+      {left.text} {texts.live.left}
+    </span>
+  );
+}
+
+/** Countdown of a node, with what is left of its time at the moment that is shown. */
+function useLeft(agent: string, host: string, path: string) {
   const countdown = useEntry("countdowns", `${agent}|${path}`);
   const control = useEntry("controls", host);
   const { atS, offsetS } = useConnection();
@@ -109,16 +137,18 @@ function LeftOf({ agent, host, path }: { agent: string; host: string; path: stri
   const nowS = useNow(runs) + offsetS;
   if (countdown === undefined) return null;
   const passed = stands ? 0 : Math.max((atS ?? nowS) - countdown.at_s, 0);
-  const seconds = countdown.remaining_s === null ? null : Math.max(countdown.remaining_s - passed, 0);
-  const parts = [
-    seconds !== null && `${seconds.toFixed(seconds < 10 ? 1 : 0)} s`,
-    countdown.remaining !== null && `${formatNumber(countdown.remaining)} ${texts.control.more}`,
-  ].filter(Boolean);
-  return (
-    <tspan dx={path.includes("@") ? 8 : 0} data-left={path}>
-      {countdown.kind} {parts.join(", ")}
-    </tspan>
-  );
+  const seconds = Math.max((countdown.remaining_s ?? 0) - passed, 0);
+  const text = countdown.remaining_s === null ? "" : `${seconds.toFixed(seconds < 10 ? 1 : 0)} s`;
+  return { countdown, seconds, text };
+}
+
+/** How long a node has run altogether, with the present stretch. */
+export function BusyTime({ record }: { record: NodeRecord }) {
+  const { atS, offsetS } = useConnection();
+  const isRunning = record.status === "RUNNING";
+  const nowS = useNow(isRunning && atS === null) + offsetS;
+  const stretchS = isRunning ? Math.max((atS ?? nowS) - record.since_s, 0) : 0;
+  return <>{formatSeconds(record.busy_s + stretchS)}</>;
 }
 
 /** Clock of the page [s since 1970], which goes on only while it is needed. */

@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Page "Live": the running tree, and what it is about.
 
-import { memo, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { useConnection } from "./connection";
-import { Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
-import { formatNumber, formatSeconds, formatTime } from "./formatting";
+import { BusyTime, Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
+import { formatNumber, formatSeconds } from "./formatting";
+import { Log } from "./log";
 import { go, useAddress } from "./navigation";
 import { PanelBoundary } from "./panel_boundary";
-import type { LogRecord, SceneRecord } from "./protocol";
-import { lineOf, Tree } from "./tree";
+import type { SceneRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 import { watchColours } from "./theme";
+import { lineOf, TreePanel } from "./tree_panel";
 
 export function Live() {
   const runs = useCollection("runs");
@@ -38,6 +39,11 @@ export function Live() {
     },
     [atS, host, agent],
   );
+  const details = useRef<HTMLElement>(null);
+  const showDetails = useCallback((): void => {
+    details.current?.scrollIntoView({ block: "nearest" });
+    details.current?.focus({ preventScroll: true });
+  }, []);
   return (
     <div className="live">
       <div className="main">
@@ -68,13 +74,15 @@ export function Live() {
           <>
             <PauseBanner host={host} tree={tree} tip={run?.tip ?? ""} />
             <PanelBoundary label={texts.live.tree}>
-              <Tree
+              <TreePanel
+                key={agent}
                 record={tree}
                 tip={run?.ended_s === null ? run.tip : ""}
                 chosen={chosen}
                 choose={choose}
                 stops={stops}
                 toggleStop={toggleStop}
+                showDetails={showDetails}
               />
             </PanelBoundary>
           </>
@@ -82,7 +90,7 @@ export function Live() {
           <p className="empty">{agent ? texts.live.noTree : texts.live.nobody}</p>
         )}
         <PanelBoundary label={texts.live.node}>
-          <NodeDetails agent={agent} path={chosen} />
+          <NodeDetails agent={agent} path={chosen} panel={details} />
         </PanelBoundary>
       </div>
       <div className="side">
@@ -103,7 +111,13 @@ export function Live() {
   );
 }
 
-function NodeDetails({ agent, path }: { agent: string; path: string }) {
+interface NodeDetailsProps {
+  agent: string;
+  path: string;
+  panel: React.RefObject<HTMLElement | null>;
+}
+
+function NodeDetails({ agent, path, panel }: NodeDetailsProps) {
   const record = useEntry("nodes", `${agent}|${path}`);
   const node = lineOf(agent, path);
   const file = useCollection("files").find(([name]) => node && node.file.endsWith(name))?.[1];
@@ -115,7 +129,7 @@ function NodeDetails({ agent, path }: { agent: string; path: string }) {
       .map((text, index) => ({ number: Math.max(node.line - 2, 0) + index + 1, text }));
   }, [file, node]);
   return (
-    <section className="panel details" aria-label={texts.live.node}>
+    <section className="panel details" aria-label={texts.live.node} ref={panel} tabIndex={-1}>
       {node === undefined ? (
         <p className="empty">{texts.live.chooseNode}</p>
       ) : (
@@ -124,7 +138,7 @@ function NodeDetails({ agent, path }: { agent: string; path: string }) {
             {node.kind} <span>{node.name}</span>
           </h2>
           <p className={`status ${(record?.status ?? "invalid").toLowerCase()}`}>
-            {(record?.status ?? "INVALID").toLowerCase()}
+            {texts.live.statuses[record?.status ?? "INVALID"] ?? record?.status}
             {record?.message && `: ${record.message}`}
           </p>
           {record && (
@@ -138,7 +152,9 @@ function NodeDetails({ agent, path }: { agent: string; path: string }) {
                 {record.failures} {record.reason && `(${texts.live.last}: ${record.reason})`}
               </dd>
               <dt>{texts.live.busy}</dt>
-              <dd>{formatSeconds(record.busy_s)}</dd>
+              <dd>
+                <BusyTime record={record} />
+              </dd>
             </dl>
           )}
           <NodeValues agent={agent} path={path} />
@@ -266,42 +282,3 @@ function Questions() {
     </section>
   );
 }
-
-const LOG_MS = 250;
-const LOG_LINES = 100;
-const FIRST_LOG_LINES = 30;
-
-/**
- * Log of the run, the newest line first in the document and last on the screen, where the style keeps it in view.
- *
- * Earlier lines are drawn for who scrolls back. A new line takes the element of the one that it replaces, as hundreds
- * may come in a second.
- */
-function Log() {
-  const lines = useCollection("log", LOG_MS);
-  const [most, setMost] = useState(FIRST_LOG_LINES);
-  return (
-    <section className="panel log" aria-label={texts.live.log}>
-      <h2>{texts.live.log}</h2>
-      <ol
-        tabIndex={0}
-        onScroll={(event) => setMost(event.currentTarget.scrollTop < 0 ? LOG_LINES : FIRST_LOG_LINES)}
-      >
-        {lines
-          .slice(-most)
-          .reverse()
-          .map(([key, line]) => (
-            <LogLine key={Number(key) % most} line={line} />
-          ))}
-      </ol>
-    </section>
-  );
-}
-
-const LogLine = memo(function LogLine({ line }: { line: LogRecord }) {
-  return (
-    <li className={line.kind}>
-      <time>{formatTime(line.at_s)}</time> <b>{line.kind}</b> {line.agent && <i>{line.agent}</i>} {line.text}
-    </li>
-  );
-});

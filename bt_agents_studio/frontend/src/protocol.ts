@@ -106,6 +106,7 @@ export interface CountdownRecord {
   kind: string;
   remaining_s: number | null;
   remaining: number | null;
+  whole_s: number | null;
 }
 
 export interface NodeValueRecord {

@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Behaviour tree as SVG: one subscription a node; what is far outside of the view is not drawn.
+// Map of a behaviour tree as SVG: one subscription a node; what is far outside of the view is not drawn.
 
-import { memo, useEffect, useMemo, useRef, useState } from "react";
+import { memo, useEffect, useMemo } from "react";
+import { badgeText } from "./badges";
 import { Left } from "./control";
-import type { NodeRecord, TreeNodeRecord, TreeRecord } from "./protocol";
-import { readEntry, useEntry } from "./store";
+import type { TreeNodeRecord } from "./protocol";
+import { useEntry } from "./store";
 import { texts } from "./texts";
-import { find, HEIGHT, isBelow, layOut, nest, WIDTH, withoutModifier, type Placed } from "./tree_layout";
+import { statusClass, statusWords, type DrawingProps } from "./tree_drawing";
+import { branchOf, HEIGHT, layOut, WIDTH, type Placed } from "./tree_layout";
 import { TreeMap } from "./tree_map";
 import { READABLE, STEP, useViewport } from "./tree_view";
 
-const status = (record: NodeRecord | undefined): string => (record?.status ?? "INVALID").toLowerCase();
+/** Characters in the first line of a node. */
+const LINE = 32;
+
 const shorten = (text: string, most: number): string =>
   text.length > most ? `${text.slice(0, most - 1)}…` : text;
 
@@ -22,7 +26,8 @@ const Edge = memo(function Edge({ agent, item }: { agent: string; item: Placed }
   const middle = (x + item.x) / 2;
   const y0 = from.y + HEIGHT / 2;
   const y1 = item.y + HEIGHT / 2;
-  return <path className={`edge ${status(record)}`} d={`M${x},${y0}C${middle},${y0} ${middle},${y1} ${item.x},${y1}`} />;
+  const classes = item.shown.handles ? `edge handler ${statusClass(record)}` : `edge ${statusClass(record)}`;
+  return <path className={classes} d={`M${x},${y0}C${middle},${y0} ${middle},${y1} ${item.x},${y1}`} />;
 });
 
 interface CellProps {
@@ -44,11 +49,15 @@ const Cell = memo(function Cell(props: CellProps) {
   const { agent, item, isTip, isChosen, isFound, isFolded, isReadable, isStop, host, choose, fold, toggleStop } = props;
   const { node, modifiers, children, depth } = item.shown;
   const record = useEntry("nodes", `${agent}|${node.path}`);
-  const state = status(record);
+  const state = statusClass(record);
   const reason = state === "failure" ? (record?.message ?? "") : "";
+  const words = statusWords(record);
   const classes = ["node", state, isTip && "tip", isChosen && "chosen", isFound && "found"].filter(Boolean).join(" ");
   const stop = isStop ? `, ${texts.control.breakpoint}` : "";
-  const label = `${node.kind} ${node.name}, ${state}${reason ? `: ${reason}` : ""}${stop}`;
+  const branch = item.shown.handles && `${branchOf(item.shown)}: `;
+  const label = `${branch}${node.kind} ${node.name}, ${words}${reason ? `: ${reason}` : ""}${stop}`;
+  const kind = shorten(branch + node.kind, 26);
+  const room = Math.max(Math.floor((LINE - kind.length) / Math.max(modifiers.length, 1)) - 1, 2);
   const paths = useMemo(() => [node.path, ...modifiers.map((one) => one.path)], [node, modifiers]);
   return (
     <g
@@ -68,15 +77,22 @@ const Cell = memo(function Cell(props: CellProps) {
       {isReadable && (
         <>
           <text className="kind" x={10} y={14}>
-            {shorten(node.kind, 26)}
+            {kind}
+          </text>
+          <text className="kind" x={WIDTH - 8} y={14} textAnchor="end">
+            {modifiers.map((one, index) => (
+              <Badge key={one.path} agent={agent} node={one} dx={index > 0 ? 6 : 0} most={room} />
+            ))}
           </text>
           <text className="name" x={10} y={28}>
-            {shorten(reason || node.name, 24)}
+            {shorten(node.name, 24)}
           </text>
-          {modifiers.map((one, index) => (
-            <Badge key={one.path} agent={agent} node={one} x={WIDTH - 8 - index * 16} />
-          ))}
-          <Left agent={agent} host={host} paths={paths} x={10} y={HEIGHT + 11} />
+          {reason && (
+            <text className="reason" x={10} y={HEIGHT + 11}>
+              {shorten(reason, 24)}
+            </text>
+          )}
+          <Left agent={agent} host={host} paths={paths} x={WIDTH - 8} y={HEIGHT + 11} />
         </>
       )}
       <g
@@ -102,44 +118,33 @@ const Cell = memo(function Cell(props: CellProps) {
   );
 });
 
-const Badge = memo(function Badge({ agent, node, x }: { agent: string; node: TreeNodeRecord; x: number }) {
-  const record = useEntry("nodes", `${agent}|${node.path}`);
+interface BadgeProps {
+  agent: string;
+  node: TreeNodeRecord;
+  dx: number;
+  /** Characters that there is room for. */
+  most: number;
+}
+
+const Badge = memo(function Badge({ agent, node, dx, most }: BadgeProps) {
+  const key = `${agent}|${node.path}`;
+  const record = useEntry("nodes", key);
+  const text = badgeText(node, useEntry("countdowns", key)?.remaining ?? null);
+  const words = statusWords(record);
   return (
-    <g className={`badge ${status(record)}`} transform={`translate(${x},2)`}>
-      <circle r={8} />
-      <text y={3.5} textAnchor="middle">
-        {node.kind.slice(0, 1)}
-      </text>
-      <title>{`${node.kind}: ${status(record)} ${record?.message ?? ""}`}</title>
-    </g>
+    <tspan className={`badge ${statusClass(record)}`} dx={dx} data-badge={node.path}>
+      {shorten(text, most)}
+      <title>{`${node.name}, ${words}${record?.message ? `: ${record.message}` : ""}`}</title>
+    </tspan>
   );
 });
 
-interface TreeProps {
-  record: TreeRecord;
-  tip: string;
-  chosen: string;
-  choose: (path: string) => void;
-  /** Paths of the nodes with a breakpoint. */
-  stops: readonly string[];
-  toggleStop: (path: string) => void;
-}
-
-const NOTHING: ReadonlySet<string> = new Set();
-
-export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, toggleStop }: TreeProps) {
-  const [folded, setFolded] = useState(NOTHING);
-  const [search, setSearch] = useState("");
-  const [goal, setGoal] = useState({ path: "" });
-  const searching = useRef<HTMLInputElement>(null);
-  const roots = useMemo(() => nest(record), [record]);
+export function Tree(props: DrawingProps) {
+  const { record, roots, folded, fold, tip, chosen, choose, goal, goTo, found, stops, toggleStop } = props;
   const layout = useMemo(() => layOut(roots, folded), [roots, folded]);
   const view = useViewport(layout);
   const { frame, zoom, show } = view;
   const { placed } = layout;
-  const tipNode = withoutModifier(tip);
-  const results = useMemo(() => find(record, search), [record, search]);
-  const found = useMemo(() => new Set(results), [results]);
 
   // The chosen node is drawn even far away, as it may have the keyboard.
   const drawn = useMemo(() => {
@@ -147,40 +152,9 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
     return item === undefined || view.near.includes(item) ? view.near : [...view.near, item];
   }, [layout, view.near, chosen]);
 
-  useEffect(() => {
-    setFolded(NOTHING);
-    setGoal({ path: chosen || tipNode || (roots[0]?.node.path ?? "") });
-  }, [record.agent]);
-
-  /** Bring a node into view, unfolded if need be. */
-  const goTo = (path: string): void => {
-    setFolded((before) => {
-      const kept = [...before].filter((one) => !isBelow(path, one));
-      return kept.length < before.size ? new Set(kept) : before;
-    });
-    setGoal({ path });
-  };
   // The node has its place only after what hid it is unfolded.
-  useEffect(() => show(goal.path), [goal]);
+  useEffect(() => show(goal.path || tip || (roots[0]?.node.path ?? "")), [goal]);
 
-  const fold = useMemo(
-    () =>
-      (path: string): void =>
-        setFolded((before) => {
-          const after = new Set(before);
-          if (!after.delete(path)) after.add(path);
-          return after;
-        }),
-    [],
-  );
-  const goToResult = (step: number): void => {
-    const index = results.indexOf(chosen);
-    const from = index < 0 && step < 0 ? 0 : index;
-    const next = results[(from + step + results.length) % results.length];
-    if (next === undefined) return;
-    choose(next);
-    goTo(next);
-  };
   const onKeyDown = (event: React.KeyboardEvent): void => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const index = placed.findIndex((one) => one.shown.node.path === chosen);
@@ -197,8 +171,8 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
       "+": () => view.zoomBy(STEP),
       "-": () => view.zoomBy(1 / STEP),
       "0": () => view.fit(),
-      t: () => tipNode !== "" && goTo(tipNode),
-      "/": () => searching.current?.focus(),
+      t: () => tip !== "" && goTo(tip),
+      "/": props.focusSearch,
     }[event.key];
     if (event.key === "b" && current) toggleStop(chosen);
     else if (event.key === "Enter" && current && current.shown.children.length > 0) fold(chosen);
@@ -216,26 +190,10 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
   }, [chosen]);
 
   return (
-    <section className="panel tree-panel" aria-label={texts.live.tree}>
+    <>
       <div className="bar">
-        <input
-          ref={searching}
-          type="search"
-          aria-label={texts.live.search}
-          placeholder={texts.live.search}
-          value={search}
-          onChange={(event) => setSearch(event.target.value)}
-          onKeyDown={(event) => {
-            if (event.key === "Enter") goToResult(event.shiftKey ? -1 : 1);
-          }}
-        />
-        {search.trim() !== "" && (
-          <output>
-            {found.has(chosen) ? `${results.indexOf(chosen) + 1} ${texts.live.of} ` : ""}
-            {results.length} {texts.live.found}
-          </output>
-        )}
-        <button type="button" disabled={tipNode === ""} onClick={() => goTo(tipNode)}>
+        {props.tools}
+        <button type="button" disabled={tip === ""} onClick={() => goTo(tip)}>
           {texts.live.tip}
         </button>
         <button type="button" aria-label={texts.live.smaller} onClick={() => view.zoomBy(1 / STEP)}>
@@ -260,6 +218,9 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
             data-zoom={zoom.toFixed(2)}
             onKeyDown={onKeyDown}
           >
+            <pattern id="hatched" width={6} height={6} patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
+              <path d="M0,0V6" />
+            </pattern>
             <g role="presentation">
               {drawn.map((one) => (
                 <Edge key={one.shown.node.path} agent={record.agent} item={one} />
@@ -270,7 +231,7 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
                 key={one.shown.node.path}
                 agent={record.agent}
                 item={one}
-                isTip={one.shown.node.path === tipNode}
+                isTip={one.shown.node.path === tip}
                 isChosen={one.shown.node.path === chosen}
                 isFound={found.has(one.shown.node.path)}
                 isFolded={folded.has(one.shown.node.path)}
@@ -286,10 +247,6 @@ export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, tog
         </div>
         {view.isPart && <TreeMap agent={record.agent} layout={layout} part={view.part} watch={view.watch} centre={view.centre} />}
       </div>
-    </section>
+    </>
   );
-});
-
-export function lineOf(agent: string, path: string): TreeNodeRecord | undefined {
-  return readEntry("trees", agent)?.nodes.find((one) => one.path === path);
 }

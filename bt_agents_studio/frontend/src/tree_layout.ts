@@ -3,6 +3,7 @@
 
 import { hierarchy, tree as tidyTree } from "d3-hierarchy";
 import type { TreeNodeRecord, TreeRecord } from "./protocol";
+import { texts } from "./texts";
 
 export const WIDTH = 176;
 export const HEIGHT = 36;
@@ -12,8 +13,13 @@ const MARGIN = 24;
 
 export interface Shown {
   node: TreeNodeRecord;
-  /** Modifiers around the node, outermost first. */
+  /** Modifiers around the node, outermost first, without those that have a handler. */
   modifiers: TreeNodeRecord[];
+  /** Key whose handler the node is, as "on_failure"; empty for any other node. */
+  handles: string;
+  /** The node around it; for a handler the one that it is for. */
+  parent: Shown | null;
+  /** Handlers come last. */
   children: Shown[];
   depth: number;
 }
@@ -36,26 +42,58 @@ export interface Layout {
 const isModifier = (node: TreeNodeRecord): boolean =>
   (node.path.split("/").at(-1) ?? "").includes("@");
 
-/** Nodes with their modifiers as badges, instead of as nodes of their own. */
+/** Whether a node is the handler of the decorator around it, whose other child is the decorated node. */
+const isHandler = (node: TreeNodeRecord, around: TreeNodeRecord): boolean =>
+  isModifier(around) && isBelow(node.path, around.path);
+
+/** Nodes with their modifiers as badges, and handlers as branches of the node that they are for. */
 export function nest(record: TreeRecord): Shown[] {
-  const made = new Map<number, Shown>();
+  const { nodes } = record;
+  // Parents come before children; any other place would lead in a circle.
+  const aroundOf = (index: number): number => {
+    const parent = nodes[index]?.parent ?? -1;
+    return parent < index ? parent : -1;
+  };
+  const withHandler = new Set<number>();
+  nodes.forEach((node, index) => {
+    const around = nodes[aroundOf(index)];
+    if (around !== undefined && isHandler(node, around)) withHandler.add(aroundOf(index));
+  });
+  const made = new Map<string, Shown>();
   const roots: Shown[] = [];
-  const pending = new Map<number, TreeNodeRecord[]>();
-  record.nodes.forEach((node, index) => {
-    if (isModifier(node)) {
-      pending.set(index, [...(pending.get(node.parent) ?? []), node]);
-      return;
+  nodes.forEach((node, index) => {
+    if (isModifier(node)) return;
+    const modifiers: TreeNodeRecord[] = [];
+    let inner = node;
+    let place = aroundOf(index);
+    let around = nodes[place];
+    while (around !== undefined && isModifier(around) && !isHandler(inner, around)) {
+      if (!withHandler.has(place)) modifiers.unshift(around);
+      inner = around;
+      place = aroundOf(place);
+      around = nodes[place];
     }
-    const modifiers = pending.get(node.parent) ?? [];
-    const outermost = modifiers[0] ?? node;
-    const parent = made.get(outermost.parent);
-    const shown: Shown = { node, modifiers, children: [], depth: parent ? parent.depth + 1 : 0 };
-    made.set(index, shown);
-    if (parent) parent.children.push(shown);
-    else roots.push(shown);
+    const parent = (around && made.get(withoutModifier(around.path))) ?? null;
+    const isRoot = parent === null;
+    const handles = around && isModifier(around) ? around.kind : isRoot && roots.length > 0 ? node.path : "";
+    const shown: Shown = { node, modifiers, handles, parent, children: [], depth: isRoot ? 0 : parent.depth + 1 };
+    made.set(node.path, shown);
+    (isRoot ? roots : parent.children).push(shown);
   });
   return roots;
 }
+
+/** All nodes below some roots, these included. */
+export function byPathOf(roots: readonly Shown[], found = new Map<string, Shown>()): ReadonlyMap<string, Shown> {
+  for (const one of roots) {
+    found.set(one.node.path, one);
+    byPathOf(one.children, found);
+  }
+  return found;
+}
+
+/** When a handler runs, in words; empty for any other node. */
+export const branchOf = (shown: Shown): string => texts.live.handlers[shown.handles] ?? shown.handles;
 
 /** Places of all nodes but those below a folded one. */
 export function layOut(roots: readonly Shown[], folded: ReadonlySet<string>): Layout {
@@ -63,7 +101,7 @@ export function layOut(roots: readonly Shown[], folded: ReadonlySet<string>): La
   const at = new Map<string, Placed>();
   const first = roots[0];
   if (first === undefined) return { placed, at, width: 0, height: 0 };
-  const virtual: Shown = { node: first.node, modifiers: [], children: [...roots], depth: -1 };
+  const virtual: Shown = { ...first, children: [...roots], depth: -1 };
   const root = hierarchy(virtual, (one) => (folded.has(one.node.path) && one !== virtual ? [] : one.children));
   tidyTree<Shown>().nodeSize([ROW, COLUMN])(root);
   let top = Infinity;

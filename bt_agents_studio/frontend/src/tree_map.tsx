@@ -13,6 +13,8 @@ const SMALLEST_DOT_PX = 2;
 /** Statuses in the order in which they are drawn: what runs is above all others. */
 const COLOURS = [
   ["INVALID", "--line"],
+  ["UNKNOWN", "--faint"],
+  ["STOPPED", "--faint"],
   ["SUCCESS", "--success"],
   ["FAILURE", "--failure"],
   ["RUNNING", "--running"],

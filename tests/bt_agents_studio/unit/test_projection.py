@@ -88,6 +88,15 @@ def test_remaining_time_and_rounds_share_one_entry(shown: Shown) -> None:
     assert (record.remaining_s, record.remaining) == (None, 0)
 
 
+def test_countdown_knows_its_whole_time(shown: Shown) -> None:
+    shown.details(time_left(8.0), rounds_left(1, "tree"))
+    shown.details(time_left(5.0), rounds_left(1, "tree"))
+    assert shown.get("countdowns").whole_s == 8.0
+    assert shown.get("countdowns", "guide|tree").whole_s is None
+    shown.details(time_left(6.0))
+    assert shown.get("countdowns").whole_s == 6.0
+
+
 def test_countdown_is_removed_at_its_or_runs_end(shown: Shown) -> None:
     shown.details(time_left(2.5), time_left(9.0, "tree"))
     shown.details(time_left(8.0, "tree"))
@@ -179,6 +188,91 @@ def test_new_message_of_running_node_is_no_restart(shown: Shown) -> None:
         change = StatusChange(path="tree/0.ask", status=StatusChange.RUNNING, message=message)
         shown.take(TreeStatus(**RUN, changes=[change]))
     assert shown.get("nodes").starts == 1
+
+
+RUNNING, SUCCESS, FAILURE, INVALID = (
+    StatusChange.RUNNING,
+    StatusChange.SUCCESS,
+    StatusChange.FAILURE,
+    StatusChange.INVALID,
+)
+
+
+PATHS = {
+    "tree": "tree",
+    "ask": "tree/0.ask",
+    "ask_timeout": "tree/0.ask@timeout",
+    "say": "tree/1.say",
+    "handled": "tree/1.say@on_failure",
+    "handler": "tree/1.say@on_failure/0.light",
+}
+
+
+def tick(shown: Shown, **statuses: int) -> None:
+    """Take the changes of a tick, in their order."""
+    changes = [StatusChange(path=PATHS[name], status=one) for name, one in statuses.items()]
+    shown.take(TreeStatus(**RUN, tick=8, changes=changes))
+
+
+def statuses(shown: Shown) -> dict[str, str]:
+    found = {key: shown.get("nodes", key) for key in shown.store.keys("nodes")}
+    return {key.partition("|")[2]: one.status for key, one in found.items()}
+
+
+def test_stopped_run_keeps_how_each_node_ended(shown: Shown) -> None:
+    tick(shown, tree=RUNNING, ask=SUCCESS, handled=RUNNING, say=FAILURE, handler=RUNNING)
+    tick(shown, ask=INVALID, say=INVALID, handler=INVALID, handled=INVALID, tree=INVALID)
+    assert statuses(shown) == {
+        "tree": "STOPPED",
+        "tree/0.ask": "SUCCESS",
+        "tree/1.say": "FAILURE",
+        "tree/1.say@on_failure": "STOPPED",
+        "tree/1.say@on_failure/0.light": "STOPPED",
+    }
+    record = shown.get("nodes")
+    assert (record.starts, record.successes) == (1, 1)
+    assert shown.get("nodes", "guide|tree").busy_s == 1.0
+
+
+def test_node_stopped_by_its_timeout_says_so(shown: Shown) -> None:
+    tick(shown, tree=RUNNING, ask_timeout=RUNNING, ask=RUNNING, say=RUNNING)
+    tick(shown, ask_timeout=FAILURE, ask=INVALID)
+    assert statuses(shown) == {
+        "tree": "RUNNING",
+        "tree/0.ask@timeout": "FAILURE",
+        "tree/0.ask": "STOPPED",
+        "tree/1.say": "RUNNING",
+    }
+    tick(shown, ask_timeout=RUNNING, ask=RUNNING)
+    assert shown.get("nodes").status == "RUNNING"
+    assert shown.get("nodes").starts == 2
+
+
+def test_restart_clears_what_stopped_subtree_did(shown: Shown) -> None:
+    tick(shown, tree=RUNNING, handled=RUNNING, say=FAILURE, handler=RUNNING, ask=SUCCESS)
+    tick(shown, say=INVALID, handler=INVALID, handled=INVALID)
+    assert statuses(shown)["tree/1.say@on_failure/0.light"] == "STOPPED"
+    tick(shown, say=RUNNING, handled=RUNNING)
+    assert statuses(shown) == {
+        "tree": "RUNNING",
+        "tree/0.ask": "SUCCESS",
+        "tree/1.say": "RUNNING",
+        "tree/1.say@on_failure": "RUNNING",
+        "tree/1.say@on_failure/0.light": "INVALID",
+    }
+
+
+def test_next_round_clears_results_of_previous_round(shown: Shown) -> None:
+    tick(shown, tree=RUNNING, ask=SUCCESS, say=RUNNING)
+    tick(shown, ask=INVALID)
+    assert statuses(shown)["tree/0.ask"] == "INVALID"
+    assert statuses(shown)["tree/1.say"] == "RUNNING"
+
+
+def test_lost_run_leaves_running_nodes_unknown(shown: Shown) -> None:
+    tick(shown, tree=RUNNING, ask=SUCCESS, say=RUNNING)
+    shown.take(Run(**RUN, event=Run.ENDED, outcome=Run.LOST))
+    assert statuses(shown) == {"tree": "UNKNOWN", "tree/0.ask": "SUCCESS", "tree/1.say": "UNKNOWN"}
 
 
 def test_run_shows_its_scene_despite_early_tick(shown: Shown) -> None:

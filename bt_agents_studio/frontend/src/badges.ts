@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the badge of a decorator says: a symbol or its key, and its value.
+
+import type { TreeNodeRecord } from "./protocol";
+import { texts } from "./texts";
+
+/** Symbols that the common fonts have, as text: coloured ones would hide the colour of the status. */
+const SYMBOLS: Record<string, string> = { cooldown: "❄\uFE0E", retry: "↻" };
+
+/** The value that an author has written for a decorator; empty for none, or one of several parts. */
+function written(node: TreeNodeRecord): string {
+  const value = node.name.startsWith(`${node.kind} `) ? node.name.slice(node.kind.length + 1) : node.name;
+  return value === node.kind || value === "…" ? "" : value;
+}
+
+/** Text of a badge; with the attempts or rounds that remain, it says which one runs. */
+export function badgeText(node: TreeNodeRecord, remaining: number | null): string {
+  const value = written(node);
+  const whole = Number(value);
+  const parts = [SYMBOLS[node.kind] ?? node.kind];
+  if (remaining !== null && Number.isInteger(whole) && whole > remaining)
+    parts.push(`${whole - remaining} ${texts.live.of} ${whole}`);
+  else {
+    if (value !== "") parts.push(value);
+    if (remaining !== null) parts.push(`(${remaining} ${texts.control.more})`);
+  }
+  return parts.join(" ");
+}

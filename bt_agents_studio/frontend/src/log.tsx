@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Log of a run: sorted by time, the newest line in view unless the reader has scrolled up.
+
+import { memo, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
+import { useConnection } from "./connection";
+import { formatTime } from "./formatting";
+import type { LogRecord } from "./protocol";
+import { useCollection } from "./store";
+import { texts } from "./texts";
+
+const PERIOD_MS = 250;
+const MOST_LINES = 100;
+/** The end is in view when not more than this is below it. */
+const END_PX = 8;
+
+type Lines = readonly [string, LogRecord][];
+
+export function Log() {
+  const lines = useCollection("log", PERIOD_MS);
+  const { atS, source } = useConnection();
+  const box = useRef<HTMLOListElement>(null);
+  // Latched messages are received late; they belong where they were sent.
+  const newest = useMemo(() => [...lines].sort(([, one], [, other]) => one.at_s - other.at_s).slice(-MOST_LINES), [lines]);
+  /** Lines that stand still while somebody reads further up. */
+  const [held, setHeld] = useState<Lines | null>(null);
+  const shown = held ?? newest;
+  const missed = useMemo(() => {
+    const keys = new Set(shown.map(([key]) => key));
+    return newest.filter(([key]) => !keys.has(key)).length;
+  }, [shown, newest]);
+  useEffect(() => setHeld(null), [atS, source]);
+  useLayoutEffect(() => {
+    if (held === null) box.current?.scrollTo({ top: box.current.scrollHeight });
+  }, [shown, held]);
+  const onScroll = (): void => {
+    const list = box.current;
+    if (list === null) return;
+    const isAtEnd = list.scrollHeight - list.scrollTop - list.clientHeight < END_PX;
+    setHeld((before) => (isAtEnd ? null : (before ?? newest)));
+  };
+  return (
+    <section className="panel log" aria-label={texts.live.log}>
+      <div className="bar">
+        <h2>{texts.live.log}</h2>
+        {held !== null && (
+          <button type="button" onClick={() => setHeld(null)}>
+            {texts.live.newest} {missed > 0 && `(${missed})`}
+          </button>
+        )}
+      </div>
+      <ol ref={box} tabIndex={0} onScroll={onScroll}>
+        {shown.map(([key, line]) => (
+          <LogLine key={key} line={line} />
+        ))}
+      </ol>
+    </section>
+  );
+}
+
+const LogLine = memo(function LogLine({ line }: { line: LogRecord }) {
+  return (
+    <li>
+      <time>{formatTime(line.at_s)}</time> <b>{line.kind}</b> {line.agent && <i>{line.agent}</i>} {line.text}
+    </li>
+  );
+});

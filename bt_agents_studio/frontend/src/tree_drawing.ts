@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the drawings of a tree have in common.
+
+import type { ReactNode } from "react";
+import type { NodeRecord, TreeRecord } from "./protocol";
+import { texts } from "./texts";
+import type { Shown } from "./tree_layout";
+
+export const statusOf = (record: NodeRecord | undefined): string => record?.status ?? "INVALID";
+export const statusClass = (record: NodeRecord | undefined): string => statusOf(record).toLowerCase();
+export const statusWords = (record: NodeRecord | undefined): string => {
+  const status = statusOf(record);
+  return texts.live.statuses[status] ?? status;
+};
+
+export interface DrawingProps {
+  record: TreeRecord;
+  roots: readonly Shown[];
+  byPath: ReadonlyMap<string, Shown>;
+  folded: ReadonlySet<string>;
+  fold: (path: string) => void;
+  /** Path of the tip, without modifiers; empty without a run. */
+  tip: string;
+  chosen: string;
+  choose: (path: string) => void;
+  /** Node to be brought into view, when it changes; empty for none. */
+  goal: { path: string };
+  goTo: (path: string) => void;
+  /** Paths that the search finds. */
+  found: ReadonlySet<string>;
+  /** Paths of the nodes with a breakpoint. */
+  stops: readonly string[];
+  toggleStop: (path: string) => void;
+  showDetails: () => void;
+  focusSearch: () => void;
+  /** What the bar has for any drawing. */
+  tools: ReactNode;
+}

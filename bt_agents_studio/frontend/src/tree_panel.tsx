@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// Panel of a behaviour tree: its search, and the outline or the map of it.
+
+import { memo, useCallback, useMemo, useRef, useState } from "react";
+import { Outline } from "./outline";
+import type { TreeNodeRecord } from "./protocol";
+import { readEntry } from "./store";
+import { texts } from "./texts";
+import { Tree } from "./tree";
+import type { DrawingProps } from "./tree_drawing";
+import { byPathOf, find, nest, withoutModifier } from "./tree_layout";
+
+const DRAWINGS = { outline: Outline, map: Tree };
+type Drawing = keyof typeof DRAWINGS;
+/** Under which name the browser keeps the drawing that was chosen last. */
+const KEPT = "drawing";
+
+const NOTHING: ReadonlySet<string> = new Set();
+
+type TreePanelProps = Pick<DrawingProps, "record" | "tip" | "chosen" | "choose" | "stops" | "toggleStop" | "showDetails">;
+
+export const TreePanel = memo(function TreePanel(props: TreePanelProps) {
+  const { record, tip, chosen, choose } = props;
+  const [drawing, setDrawing] = useState<Drawing>(localStorage.getItem(KEPT) === "map" ? "map" : "outline");
+  const [folded, setFolded] = useState(NOTHING);
+  const [search, setSearch] = useState("");
+  // The address may name a node.
+  const [goal, setGoal] = useState({ path: chosen });
+  const searching = useRef<HTMLInputElement>(null);
+  const roots = useMemo(() => nest(record), [record]);
+  const byPath = useMemo(() => byPathOf(roots), [roots]);
+  const results = useMemo(() => find(record, search), [record, search]);
+  const found = useMemo(() => new Set(results), [results]);
+
+  /** Bring a node into view, unfolded if need be. */
+  const goTo = (path: string): void => {
+    setFolded((before) => {
+      const after = new Set(before);
+      for (let one = byPath.get(path)?.parent; one; one = one.parent) after.delete(one.node.path);
+      return after.size < before.size ? after : before;
+    });
+    setGoal({ path });
+  };
+  const fold = useCallback((path: string): void => {
+    setFolded((before) => {
+      const after = new Set(before);
+      if (!after.delete(path)) after.add(path);
+      return after;
+    });
+  }, []);
+  const goToResult = (step: number): void => {
+    const index = results.indexOf(chosen);
+    const from = index < 0 && step < 0 ? 0 : index;
+    const next = results[(from + step + results.length) % results.length];
+    if (next === undefined) return;
+    choose(next);
+    goTo(next);
+  };
+  const draw = (name: Drawing): void => {
+    localStorage.setItem(KEPT, name);
+    setGoal({ path: "" });
+    setDrawing(name);
+  };
+
+  const tools = (
+    <>
+      <input
+        ref={searching}
+        type="search"
+        aria-label={texts.live.search}
+        placeholder={texts.live.search}
+        value={search}
+        onChange={(event) => setSearch(event.target.value)}
+        onKeyDown={(event) => {
+          if (event.key === "Enter") goToResult(event.shiftKey ? -1 : 1);
+        }}
+      />
+      {search.trim() !== "" && (
+        <output>
+          {found.has(chosen) ? `${results.indexOf(chosen) + 1} ${texts.live.of} ` : ""}
+          {results.length} {texts.live.found}
+        </output>
+      )}
+      <span role="group" aria-label={texts.live.drawing}>
+        {(Object.keys(DRAWINGS) as Drawing[]).map((name) => (
+          <button key={name} type="button" aria-pressed={name === drawing} onClick={() => draw(name)}>
+            {texts.live[name]}
+          </button>
+        ))}
+      </span>
+    </>
+  );
+  const Drawn = DRAWINGS[drawing];
+  return (
+    <section className="panel tree-panel" aria-label={texts.live.tree}>
+      <Drawn
+        {...props}
+        tip={withoutModifier(tip)}
+        roots={roots}
+        byPath={byPath}
+        folded={folded}
+        fold={fold}
+        goal={goal}
+        goTo={goTo}
+        found={found}
+        focusSearch={() => searching.current?.focus()}
+        tools={tools}
+      />
+    </section>
+  );
+});
+
+export function lineOf(agent: string, path: string): TreeNodeRecord | undefined {
+  return readEntry("trees", agent)?.nodes.find((one) => one.path === path);
+}

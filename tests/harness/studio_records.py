@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records of a tree and its run, as a studio shows them."""
+
+from __future__ import annotations
+
+import time
+
+from bt_agents_studio.records import NodeRecord, RunRecord, TreeNodeRecord, TreeRecord
+
+
+def node(path: str, parent: int, kind: str, name: str) -> TreeNodeRecord:
+    """Return a node of a tree; ``parent`` is its place in the list, -1 for a root."""
+    return TreeNodeRecord(
+        path=path, parent=parent, kind=kind, name=name, file="a.yaml", line=1, column=1
+    )
+
+
+def large_tree(agent: str, groups: int, leaves: int) -> TreeRecord:
+    """Return a root with groups of leaves."""
+    nodes = [node("tree", -1, "selector", "everything")]
+    for group in range(groups):
+        parent = len(nodes)
+        path = f"tree/{group}.sequence"
+        nodes.append(node(path, 0, "sequence", f"group {group}"))
+        nodes += [
+            node(f"{path}/{leaf}.say", parent, "say", f"sentence {group} {leaf} to somebody")
+            for leaf in range(leaves)
+        ]
+    return TreeRecord(agent=agent, host="agents", nodes=tuple(nodes))
+
+
+def run(agent: str, tip: str) -> RunRecord:
+    """Return a run of an agent that is under way."""
+    now = time.time()
+    return RunRecord(
+        **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
+        **dict.fromkeys(("stop_reason", "message"), ""),
+        **dict.fromkeys(("ticks", "overruns"), 0),
+        agent=agent,
+        host="agents",
+        round=1,
+        event="STARTED",
+        outcome="NONE",
+        stopped_by="NOT_SAID",
+        began_s=now,
+        ended_s=None,
+        tick=1,
+        tip=tip,
+        orphans=(),
+        duration_s=0.0,
+    )
+
+
+def status(name: str, message: str = "", since_s: float | None = None) -> NodeRecord:
+    """Return how a node is, since now or an earlier moment."""
+    return NodeRecord(
+        **dict.fromkeys(("starts", "successes", "failures"), 1),
+        status=name,
+        message=message,
+        since_s=time.time() if since_s is None else since_s,
+        tick=1,
+        busy_s=0.0,
+        reason=message,
+    )
