@@ -552,10 +552,15 @@ class Projection:
 
     def _files(self, message: Any, at_s: float) -> None:
         del at_s
-        for file, text in zip(message.files, message.texts, strict=True):
-            self._store.put("files", file, FileRecord(text=text))
-        for file in set(self._store.keys("files")) - set(message.files):
-            self._store.remove("files", file)
+        texts = {
+            f"{message.host}|{file}": text
+            for file, text in zip(message.files, message.texts, strict=True)
+        }
+        for key, text in texts.items():
+            self._store.put("files", key, FileRecord(text=text))
+        for key in self._store.keys("files"):
+            if key.startswith(f"{message.host}|") and key not in texts:
+                self._store.remove("files", key)
 
     def _tunables(self, message: Any, at_s: float) -> None:
         del at_s

@@ -109,7 +109,10 @@ export function Live() {
 function NodeDetails({ agent, path }: { agent: string; path: string }) {
   const record = useEntry("nodes", `${agent}|${path}`);
   const node = lineOf(agent, path);
-  const file = useCollection("files").find(([name]) => node && node.file.endsWith(name))?.[1];
+  const host = useEntry("trees", agent)?.host ?? "";
+  const file = useCollection("files").find(
+    ([key]) => key.startsWith(`${host}|`) && node?.file.endsWith(key.slice(host.length + 1)),
+  )?.[1];
   const lines = useMemo(() => {
     if (file === undefined || node === undefined) return [];
     return file.text

@@ -11,6 +11,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from bt_agents_interfaces.msg import (
+    AgentFiles,
     Breakpoint,
     ChangedValue,
     Countdown,
@@ -269,3 +270,14 @@ def test_health_of_unknown_nodes_is_bounded_and_sanitised() -> None:
     assert told.shown.level == "77"
     assert told.shown.message.startswith("[31mred xxx")
     assert len(told.shown.message) <= 500
+
+
+def test_files_of_one_host_leave_those_of_another(shown: Shown) -> None:
+    def send(host: str, **texts: str) -> None:
+        shown.take(AgentFiles(host=host, files=[*texts], texts=[*texts.values()]))
+
+    send("/one", a="1", b="2")
+    send("/two", a="3")
+    send("/one", a="4")
+    found = {key: shown.get("files", key).text for key in shown.store.keys("files")}
+    assert found == {"/one|a": "4", "/two|a": "3"}
