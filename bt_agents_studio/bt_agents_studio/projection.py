@@ -14,6 +14,8 @@ from bt_agents_core.scene import Origin
 from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import ellipsize, printable_line
+from bt_agents_language.expression.quantities import QuantityError, number, quantity, quantity_type
+from bt_agents_language.yaml.scalars import boolean
 from bt_agents_studio.records import (
     OF_A_HOST,
     OF_A_RUN,
@@ -682,7 +684,12 @@ class Projection:
                 redo=message.redo,
                 presets=tuple(
                     PresetRecord(
-                        name=one.name, values=dict(zip(one.names, one.values, strict=True))
+                        name=one.name,
+                        values=dict(zip(one.names, one.values, strict=True)),
+                        settings={
+                            name: _setting(text)
+                            for name, text in zip(one.names, one.values, strict=True)
+                        },
                     )
                     for one in message.presets
                 ),
@@ -698,6 +705,18 @@ class Projection:
         text = ellipsize(self._names.with_names(text), _LONGEST_LINE)
         record = LogRecord(at_s=at_s, kind=kind, agent=agent, path=path, text=text)
         self._store.put("log", str(self._lines), record)
+
+
+def _setting(text: str) -> Json:
+    """Return the value that an author has written; its unit says what it is."""
+    truth = boolean(text)
+    if truth is not None:
+        return truth
+    try:
+        kind = quantity_type(text)
+        return number(text) if kind is None else quantity(text, kind)
+    except QuantityError:
+        return text
 
 
 def is_in_use(store: Store, collection: str, key: str) -> bool:
