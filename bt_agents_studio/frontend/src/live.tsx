@@ -6,7 +6,9 @@ import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { operate, useConnection } from "./connection";
 import { Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
+import { Empty } from "./empty";
 import { formatNumber, formatSeconds, formatTime } from "./formatting";
+import { useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { LogRecord, SceneRecord } from "./protocol";
 import { lineOf, Tree } from "./tree";
@@ -30,11 +32,10 @@ export function Live() {
   const [answer, setAnswer] = useState("");
   const host = tree?.host ?? "";
   const stops = useBreakpoints(host, agent);
+  const control = useOperation("control");
   const toggleStop = useCallback(
-    (path: string): void => {
-      if (atS === null) void toggleBreakpoint(host, agent, path).then(setAnswer);
-    },
-    [atS, host, agent],
+    (path: string): void => void toggleBreakpoint(control.ask, host, agent, path).then(setAnswer),
+    [control.ask, host, agent],
   );
   const isRunning = run !== undefined && run.ended_s === null && market?.state !== "IDLE";
   const stop = async (): Promise<void> => {
@@ -67,6 +68,7 @@ export function Live() {
           </button>
           <output>{answer}</output>
         </div>
+        <WhyNot of={control} />
         {tree ? (
           <>
             <PauseBanner host={host} tree={tree} tip={run?.tip ?? ""} />
@@ -82,7 +84,7 @@ export function Live() {
             </PanelBoundary>
           </>
         ) : (
-          <p className="empty">{agent ? texts.live.noTree : texts.live.nobody}</p>
+          <Empty>{agent ? texts.live.noTree : texts.live.nobody}</Empty>
         )}
         <PanelBoundary label={texts.live.node}>
           <NodeDetails agent={agent} path={chosen} />
