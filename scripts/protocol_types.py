@@ -50,6 +50,12 @@ def protocol_types() -> str:
         described = "; ".join(_request_fields("", described_fields.fields))
         parts.append(f"  {name}: {{ {described} }};\n")
     parts.append("}\n")
+    parts.append("\n/** Roles whose sessions may do an operation. */\n")
+    parts.append("export const OPERATION_ROLES: Record<keyof Operations, readonly string[]> = {\n")
+    for name, allowed in {**OPERATIONS, **OWN_OPERATIONS}.items():
+        roles = ", ".join(f'"{one}"' for one in sorted(allowed.roles))
+        parts.append(f"  {name}: [{roles}],\n")
+    parts.append("};\n")
     return "".join(parts)
 
 

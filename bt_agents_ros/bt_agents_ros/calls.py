@@ -42,10 +42,16 @@ class _Call:
     client: Client
     request: Any
     deadline: float
+    discover_by: float
     on_answer: Callable[[Any], None]
     on_failure: Callable[[str], None]
     send_at: float = 0.0
     futures: list[Any] = field(default_factory=list)
+
+    @property
+    def ends_at(self) -> float:
+        """Time at which it fails: earlier while its server has not been found."""
+        return self.deadline if self.futures else self.discover_by
 
 
 class Calls:
@@ -68,13 +74,16 @@ class Calls:
         deadline_s: float,
         on_answer: Callable[[Any], None],
         on_failure: Callable[[str], None],
+        discovery_s: float = math.inf,
     ) -> None:
         """Send a request; exactly one of the two callbacks follows, on the executor's thread.
 
-        The deadline [s] covers finding the server and getting the answer; ``on_failure`` takes
-        the reason.
+        The deadline [s] covers finding the server and getting the answer; a server that is not
+        found within ``discovery_s`` ends the call earlier. ``on_failure`` takes the reason.
         """
-        call = _Call(client, request, time.monotonic() + deadline_s, on_answer, on_failure)
+        now = time.monotonic()
+        discover_by = now + min(discovery_s, deadline_s)
+        call = _Call(client, request, now + deadline_s, discover_by, on_answer, on_failure)
         self._open.append(call)
         self._send(call)
         self._set_timer()
@@ -123,7 +132,7 @@ class Calls:
         now = time.monotonic()
         try:
             for call in list(self._open):
-                if now < call.deadline:
+                if now < call.ends_at:
                     self._send(call)
                     continue
                 self._end(call)
@@ -135,5 +144,5 @@ class Calls:
             self._set_timer()
 
     def _set_timer(self) -> None:
-        due = min((min(call.deadline, call.send_at) for call in self._open), default=math.inf)
+        due = min((min(call.ends_at, call.send_at) for call in self._open), default=math.inf)
         self._timer.set(max(due, time.monotonic() + _POLL_S))

@@ -75,6 +75,9 @@ _LARGEST_ABSENT = 256 * KIB
 
 _TOLD_S = 60.0
 
+_DISCOVERY_S = 2.0
+"""Longest time until a service is found [s]; somebody at a page waits for it."""
+
 _TAKEN_S = 3.0
 _VALUES_S = 5.0
 
@@ -385,6 +388,7 @@ class StudioNode(BaseNode):
             deadline_s=limit_s,
             on_answer=answer.set_result,
             on_failure=lambda reason: answer.set_exception(Refused(RefusalCode.NO_ANSWER, reason)),
+            discovery_s=_DISCOVERY_S,
         )
 
     def _subscribe(self, topic: SystemTopic, name: str) -> Subscription[Any]:

@@ -16,6 +16,8 @@ from bt_agents_core.scene import Origin
 from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import ellipsize, printable_line
+from bt_agents_language.expression.quantities import QuantityError, number, quantity, quantity_type
+from bt_agents_language.yaml.scalars import boolean
 from bt_agents_studio.records import (
     OF_A_HOST,
     OF_A_RUN,
@@ -614,10 +616,15 @@ class Projection:
 
     def _files(self, message: Any, at_s: float) -> None:
         del at_s
-        for file, text in zip(message.files, message.texts, strict=True):
-            self._store.put("files", file, FileRecord(text=text))
-        for file in set(self._store.keys("files")) - set(message.files):
-            self._store.remove("files", file)
+        texts = {
+            f"{message.host}|{file}": text
+            for file, text in zip(message.files, message.texts, strict=True)
+        }
+        for key, text in texts.items():
+            self._store.put("files", key, FileRecord(text=text))
+        for key in self._store.keys("files"):
+            if key.startswith(f"{message.host}|") and key not in texts:
+                self._store.remove("files", key)
 
     def _tunables(self, message: Any, at_s: float) -> None:
         del at_s
@@ -739,7 +746,12 @@ class Projection:
                 redo=message.redo,
                 presets=tuple(
                     PresetRecord(
-                        name=one.name, values=dict(zip(one.names, one.values, strict=True))
+                        name=one.name,
+                        values=dict(zip(one.names, one.values, strict=True)),
+                        settings={
+                            name: _setting(text)
+                            for name, text in zip(one.names, one.values, strict=True)
+                        },
                     )
                     for one in message.presets
                 ),
@@ -779,6 +791,18 @@ def _without_modifier(path: str) -> str:
 def _begins(path: str, ends: re.Pattern[str], heads: set[str]) -> bool:
     """Return whether a path, up to one of some ends, is one of some others."""
     return any(path[: end.start()] in heads for end in islice(ends.finditer(path), _DEEPEST))
+
+
+def _setting(text: str) -> Json:
+    """Return the value that an author has written; its unit says what it is."""
+    truth = boolean(text)
+    if truth is not None:
+        return truth
+    try:
+        kind = quantity_type(text)
+        return number(text) if kind is None else quantity(text, kind)
+    except QuantityError:
+        return text
 
 
 def is_in_use(store: Store, collection: str, key: str) -> bool:

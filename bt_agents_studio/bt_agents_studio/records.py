@@ -430,10 +430,16 @@ class TuningRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class PresetRecord:
-    """Values that are applied together under a name."""
+    """Values that are applied together under a name.
+
+    Attributes:
+        values: As an author writes them.
+        settings: The same as numbers in SI units, truth values and texts.
+    """
 
     name: str
     values: Mapping[str, str]
+    settings: Mapping[str, Json]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -268,6 +268,7 @@ class Server:
                 "accepted": bool(answer.accepted),
                 "code": str(getattr(answer, "code", "")),
                 "message": str(answer.message),
+                **({"revision": int(answer.revision)} if hasattr(answer, "revision") else {}),
             }
         )
 

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from checkout import ROOT
-from studio_browser import LIMIT_MS, System, announce, open_page, serve, stop, strip
+from studio_browser import LIMIT_MS, System, announce, open_page, open_values, serve, stop, strip
 
 pytestmark = pytest.mark.e2e
 
@@ -242,7 +242,7 @@ def test_concurrent_edits_warn_page_and_lose_nothing(
     expect(other.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
     name = "#tunable-asker-patience"
     for one in (page, other):
-        open_page(one, "Tune")
+        open_values(one, "asker")
     page.locator(name).fill("30")
     other.locator(name).fill("40")
     other.locator(name).press("Enter")
@@ -277,7 +277,7 @@ def test_stale_page_cannot_undo_unseen_change(
     expect(late.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
     name = "#tunable-asker-patience"
     for one in (page, late):
-        open_page(one, "Tune")
+        open_values(one, "asker")
         expect(one.locator(name)).to_have_value("60")
     held.set()
     page.locator(name).fill("40")
@@ -285,7 +285,7 @@ def test_stale_page_cannot_undo_unseen_change(
     expect(page.get_by_label("Changes")).to_contain_text("1 min → 40 s")
     late.locator(name).fill("30")
     late.locator(name).press("Enter")
-    expect(late.locator("output.answer")).to_contain_text(
+    expect(late.locator(".control", has=late.locator(name)).locator("output")).to_contain_text(
         "asker.patience was changed from 1 min to 40 s by studio"
     )
     expect(late.locator(name)).to_have_value("30")
@@ -298,7 +298,7 @@ def test_stale_page_cannot_undo_unseen_change(
 
 
 def test_learning_rate_freezes_and_profile_moves_and_resets(page: Page) -> None:
-    open_page(page, "Tune")
+    open_values(page, "asker")
     panel = page.get_by_label("asker", exact=True)
     panel.get_by_role("button", name="Freeze").click()
     expect(panel).to_contain_text("it does not learn")
@@ -309,7 +309,7 @@ def test_learning_rate_freezes_and_profile_moves_and_resets(page: Page) -> None:
     slider = panel.get_by_label("age", exact=True)
     slider.fill("2")
     slider.press("End")
-    expect(page.locator("output.answer").first).to_contain_text("asker")
+    expect(panel.locator("details details output").last).to_contain_text("asker")
     panel.get_by_role("button", name="As in the file").last.click()
     expect(slider).to_have_value("1")
     panel.get_by_role("button", name="As in the file").first.click()
@@ -317,7 +317,7 @@ def test_learning_rate_freezes_and_profile_moves_and_resets(page: Page) -> None:
 
 def test_kept_change_is_previewed_before_writing(page: Page, folder: Path) -> None:
     file = folder / "agents" / "asker.yaml"
-    open_page(page, "Tune")
+    open_values(page, "asker")
     page.locator("#tunable-asker-patience").fill("50")
     page.locator("#tunable-asker-patience").press("Enter")
     expect(page.get_by_label("Changes")).to_contain_text("1 min → 50 s")

@@ -79,6 +79,14 @@ def open_page(page: Page, name: str) -> None:
     page.get_by_role("navigation").get_by_role("link", name=name, exact=True).click()
 
 
+def open_values(page: Page, agent: str) -> None:
+    """Unfold the values of an agent on the page Tune."""
+    open_page(page, "Tune")
+    group = page.get_by_label(agent, exact=True).locator("details").first
+    if group.get_attribute("open") is None:
+        group.locator("summary").first.click()
+
+
 def announce(page: Page, label: str, **values: float) -> None:
     """Announce a scene as an operator does: by sliders and a button."""
     open_page(page, "World")

@@ -158,6 +158,10 @@ class BackgroundStudio:
         """What the services were asked, and answer."""
         return self._one.caller
 
+    def address_of(self, role: SessionRole, page: str = "") -> str:
+        """Return the address of a page for a role."""
+        return f"{self._one.origin}/{page}#{self._one.access.token(role)}"
+
     def put(self, collection: str, key: str, value: object) -> None:
         """Change an entry, as a message of the system does."""
         self._loop.call_soon_threadsafe(self._one.put, collection, key, value)

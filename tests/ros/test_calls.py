@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -27,7 +28,12 @@ class Caller:
         self.client = ros.node.create_client(Empty, "somebody", qos_profile=qos.SERVICE)
         self.ends: list[str] = []
 
-    def call(self, deadline_s: float, also: Callable[[], object] = lambda: None) -> None:
+    def call(
+        self,
+        deadline_s: float,
+        also: Callable[[], object] = lambda: None,
+        discovery_s: float = math.inf,
+    ) -> None:
         def failed(reason: str) -> None:
             self.ends.append(reason)
             also()
@@ -38,6 +44,7 @@ class Caller:
             deadline_s=deadline_s,
             on_answer=lambda _: self.ends.append("answered"),
             on_failure=failed,
+            discovery_s=discovery_s,
         )
 
 
@@ -57,6 +64,33 @@ def test_call_without_server_fails_at_deadline(ros: Any) -> None:
     ros.until(lambda: caller.ends)
     ros.turns()
     assert caller.ends == ["somebody is not there"]
+
+
+def test_call_without_server_fails_at_discovery_limit(ros: Any) -> None:
+    caller = Caller(ros)
+    caller.call(3600.0, discovery_s=0.1)
+    ros.until(lambda: caller.ends)
+    assert caller.ends == ["somebody is not there"]
+
+
+def test_discovery_limit_does_not_end_waiting_call(ros: Any) -> None:
+    async def slow(_: Any, answer: Any) -> Any:
+        await released
+        return answer
+
+    released = Future(executor=ros.executor)
+    group = ReentrantCallbackGroup()
+    ros.node.create_service(Empty, "somebody", slow, qos_profile=qos.SERVICE, callback_group=group)
+    caller, other = Caller(ros), Caller(ros)
+    ros.until(caller.client.service_is_ready)
+    caller.call(3600.0, discovery_s=0.1)
+    other.client = ros.node.create_client(Empty, "nobody", qos_profile=qos.SERVICE)
+    other.call(0.3)
+    ros.until(lambda: other.ends)
+    assert caller.ends == []
+    released.set_result(None)
+    ros.until(lambda: caller.ends)
+    assert caller.ends == ["answered"]
 
 
 def test_late_response_is_ignored(ros: Any) -> None:

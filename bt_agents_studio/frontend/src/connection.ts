@@ -276,6 +276,8 @@ export interface Answer {
   record?: unknown;
   /** What this page has to send with whatever changes something. */
   key?: string;
+  /** Of what the service has changed, where it counts that. */
+  revision?: number;
 }
 
 async function post(path: string, body: unknown, limitMs = LIMIT_MS): Promise<Answer> {
@@ -300,4 +302,9 @@ export function operate<N extends keyof Operations>(
   limitMs?: number,
 ): Promise<Answer> {
   return post(`/api/do/${name}`, fields, limitMs);
+}
+
+/** Whether this tab has a key, without which it can only look on. */
+export function isSignedIn(): boolean {
+  return (sessionStorage.getItem(KEY) ?? "") !== "";
 }

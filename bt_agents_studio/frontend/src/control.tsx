@@ -2,8 +2,10 @@
 // Pause, steps and breakpoints of a run, and the countdowns and values of its nodes.
 
 import { memo, useEffect, useState } from "react";
-import { operate, useConnection } from "./connection";
+import { author } from "./author";
+import { useConnection } from "./connection";
 import { formatNumber, formatSeconds } from "./formatting";
+import { OperationButton, useOperation, type Operation } from "./operation";
 import type { ControlRecord, NodeRecord, Operations, TreeRecord } from "./protocol";
 import { readEntry, useCollection, useEntry } from "./store";
 import { texts } from "./texts";
@@ -20,11 +22,16 @@ export function useBreakpoints(host: string, agent: string): readonly string[] {
 }
 
 /** Set or remove the breakpoint of a node; returns what the host says. */
-export async function toggleBreakpoint(host: string, agent: string, path: string): Promise<string> {
+export async function toggleBreakpoint(
+  ask: Operation<"control">["ask"],
+  host: string,
+  agent: string,
+  path: string,
+): Promise<string> {
   const before = readEntry("controls", host)?.breakpoints[agent] ?? none;
   const paths = before.includes(path) ? before.filter((one) => one !== path) : [...before, path];
-  const done = await operate("control", { host, action: "BREAKPOINTS", agent, paths, author: texts.control.author });
-  return done.message;
+  const done = await ask({ host, action: "BREAKPOINTS", agent, paths, author: author() });
+  return done?.message ?? "";
 }
 
 interface ControlsProps {
@@ -37,24 +44,25 @@ interface ControlsProps {
 export function Controls({ host, agent, say }: ControlsProps) {
   const control = useEntry("controls", host);
   const { atS } = useConnection();
+  const hold = useOperation("control");
   const isOn = atS === null && control !== undefined && control.agent === agent && agent !== "";
   const isPaused = isOn && control.paused;
   const ask = async (action: Action): Promise<void> => {
     const { epoch, round } = control ?? { epoch: "", round: 0 };
-    const done = await operate("control", { host, action, epoch, round, author: texts.control.author });
-    say(done.message);
+    const done = await hold.ask({ host, action, epoch, round, author: author() });
+    if (done !== null) say(done.message);
   };
   return (
     <>
-      <button type="button" disabled={!isOn || isPaused} onClick={() => void ask("PAUSE")}>
+      <OperationButton of={hold} disabled={!isOn || isPaused} ask={() => ask("PAUSE")}>
         {texts.control.pause}
-      </button>
-      <button type="button" disabled={!isPaused} onClick={() => void ask("RESUME")}>
+      </OperationButton>
+      <OperationButton of={hold} disabled={!isPaused} ask={() => ask("RESUME")}>
         {texts.control.resume}
-      </button>
-      <button type="button" disabled={!isPaused} onClick={() => void ask("STEP")}>
+      </OperationButton>
+      <OperationButton of={hold} disabled={!isPaused} ask={() => ask("STEP")}>
         {texts.control.step}
-      </button>
+      </OperationButton>
     </>
   );
 }

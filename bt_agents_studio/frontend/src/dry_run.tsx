@@ -3,8 +3,10 @@
 
 import { useState } from "react";
 import { Legend } from "./course";
-import { operate, useConnection } from "./connection";
+import { useConnection } from "./connection";
+import { NumberPair, scaleOf } from "./fields";
 import { formatNumber } from "./formatting";
+import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import type { DryRunRecord, ParameterRecord, SceneMapRecord } from "./protocol";
 import { useEntry } from "./store";
 import { texts } from "./texts";
@@ -14,12 +16,12 @@ const SIDE = 240;
 const COLOURS = 12;
 
 export function DryRun() {
-  const { hello, atS } = useConnection();
+  const { hello } = useConnection();
   const parameters = hello?.parameters ?? [];
   const scene = useEntry("scene");
   const [given, setGiven] = useState<Record<string, number>>({});
   const [axes, setAxes] = useState<{ across?: string; up?: string }>({});
-  const [answer, setAnswer] = useState("");
+  const dryRun = useOperation("dry_run");
   const [found, setFound] = useState<DryRunRecord | null>(null);
   const valueOf = (one: ParameterRecord): number =>
     given[one.name] ?? scene?.values.find((value) => value.name === one.name)?.value ?? one.default;
@@ -27,9 +29,8 @@ export function DryRun() {
   const up = axes.up ?? parameters.find((one) => one.name !== across)?.name ?? across;
   const ask = async (): Promise<void> => {
     const names = parameters.map((one) => one.name);
-    const done = await operate("dry_run", { names, values: parameters.map(valueOf), across, up });
-    setAnswer(done.accepted ? "" : done.message);
-    if (done.accepted) setFound(done.record as DryRunRecord);
+    const done = await dryRun.ask({ names, values: parameters.map(valueOf), across, up });
+    if (done?.accepted) setFound(done.record as DryRunRecord);
   };
   const choose = (label: string, value: string, side: "across" | "up") => (
     <label>
@@ -48,26 +49,26 @@ export function DryRun() {
       {parameters.map((one) => (
         <div className="control" key={one.name}>
           <label htmlFor={`dry-run-${one.name}`}>{one.name}</label>
-          <input
+          <NumberPair
             id={`dry-run-${one.name}`}
-            type="range"
-            min={one.minimum}
-            max={one.maximum}
-            step={(one.maximum - one.minimum) / 100}
+            name={one.name}
+            scale={scaleOf(one.minimum, one.maximum)}
             value={valueOf(one)}
-            onChange={(event) => setGiven({ ...given, [one.name]: Number(event.target.value) })}
+            disabled={dryRun.whyNot !== ""}
+            move={(value) => setGiven((before) => ({ ...before, [one.name]: value }))}
+            set={(value) => setGiven((before) => ({ ...before, [one.name]: value }))}
           />
-          <span>{formatNumber(valueOf(one))}</span>
         </div>
       ))}
       <div className="bar">
         {choose(words.across, across, "across")}
         {choose(words.up, up, "up")}
-        <button type="button" disabled={atS !== null || parameters.length === 0} onClick={() => void ask()}>
+        <OperationButton of={dryRun} disabled={parameters.length === 0} ask={ask}>
           {words.tryIt}
-        </button>
-        <output>{answer}</output>
+        </OperationButton>
+        {dryRun.answer?.accepted === false && <Outcome of={[dryRun]} />}
       </div>
+      <WhyNot of={dryRun} />
       {found && <Found record={found} parameters={parameters} />}
     </section>
   );

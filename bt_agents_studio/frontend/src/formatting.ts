@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Numbers and times as people read them.
 
+/** As many digits as the value needs to be read back; other numbers are only looked at. */
+export const exactNumber = (value: number): string => String(value);
+
 export function formatNumber(value: number): string {
   return String(Math.round(value * 1000) / 1000);
 }

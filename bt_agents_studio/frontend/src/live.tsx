@@ -6,9 +6,11 @@ import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { useConnection } from "./connection";
 import { BusyTime, Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
+import { Empty } from "./empty";
 import { formatNumber, formatSeconds } from "./formatting";
 import { Log } from "./log";
 import { go, useAddress } from "./navigation";
+import { useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { SceneRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
@@ -33,11 +35,10 @@ export function Live() {
   const [answer, setAnswer] = useState("");
   const host = tree?.host ?? "";
   const stops = useBreakpoints(host, agent);
+  const control = useOperation("control");
   const toggleStop = useCallback(
-    (path: string): void => {
-      if (atS === null) void toggleBreakpoint(host, agent, path).then(setAnswer);
-    },
-    [atS, host, agent],
+    (path: string): void => void toggleBreakpoint(control.ask, host, agent, path).then(setAnswer),
+    [control.ask, host, agent],
   );
   const details = useRef<HTMLElement>(null);
   const showDetails = useCallback((): void => {
@@ -70,6 +71,7 @@ export function Live() {
           <Controls host={host} agent={agent} say={setAnswer} />
           <output>{answer}</output>
         </div>
+        <WhyNot of={control} />
         {tree ? (
           <>
             <PauseBanner host={host} tree={tree} tip={run?.tip ?? ""} />
@@ -87,7 +89,7 @@ export function Live() {
             </PanelBoundary>
           </>
         ) : (
-          <p className="empty">{agent ? texts.live.noTree : texts.live.nobody}</p>
+          <Empty>{agent ? texts.live.noTree : texts.live.nobody}</Empty>
         )}
         <PanelBoundary label={texts.live.node}>
           <NodeDetails agent={agent} path={chosen} panel={details} />
@@ -120,7 +122,10 @@ interface NodeDetailsProps {
 function NodeDetails({ agent, path, panel }: NodeDetailsProps) {
   const record = useEntry("nodes", `${agent}|${path}`);
   const node = lineOf(agent, path);
-  const file = useCollection("files").find(([name]) => node && node.file.endsWith(name))?.[1];
+  const host = useEntry("trees", agent)?.host ?? "";
+  const file = useCollection("files").find(
+    ([key]) => key.startsWith(`${host}|`) && node?.file.endsWith(key.slice(host.length + 1)),
+  )?.[1];
   const lines = useMemo(() => {
     if (file === undefined || node === undefined) return [];
     return file.text

@@ -2,11 +2,13 @@
 // Page "Market": rounds with their bids, profiles, and what moved them.
 
 import { useState } from "react";
-import { operate, useConnection } from "./connection";
 import { causeOf, Legend, ProfileCourse, Shares, total } from "./course";
 import { DryRun } from "./dry_run";
+import { author } from "./author";
+import { Empty } from "./empty";
 import { formatNumber, formatTime } from "./formatting";
 import { go, useAddress } from "./navigation";
+import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { RoundRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
@@ -57,7 +59,7 @@ function Rounds({ shown, show }: { shown: string; show: (key: string) => void })
       <h2>
         {words.rounds} <span>{market?.message}</span>
       </h2>
-      {rounds.length === 0 && <p className="empty">{words.none}</p>}
+      {rounds.length === 0 && <Empty>{words.none}</Empty>}
       <div className="rounds">
         {[...rounds].reverse().map(([name, one]) => (
           <button key={name} type="button" aria-pressed={name === shown} onClick={() => show(name)}>
@@ -144,17 +146,17 @@ function Round({ round }: { round: RoundRecord }) {
 function Agents() {
   const agents = useCollection("agents");
   const market = useEntry("market");
-  const { atS } = useConnection();
-  const [answer, setAnswer] = useState("");
-  const order = async (action: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD", agent: string): Promise<void> => {
-    setAnswer((await operate("operate", { action, agent, author: texts.tune.author })).message);
-  };
+  const order = useOperation("operate");
+  const give = (action: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD", agent: string) =>
+    order.ask({ action, agent, author: author() });
   return (
     <section className="panel" aria-label={words.profiles}>
       <h2>
         {words.profiles} <span>{market && `${words.strategy} ${market.strategy}`}</span>
       </h2>
-      <output>{answer}</output>
+      <WhyNot of={order} />
+      <Outcome of={[order]} />
+      {agents.length === 0 && <Empty>{words.noAgents}</Empty>}
       <ul className="agents">
         {agents.map(([name, agent]) => {
           const pinned = market?.pinned === name;
@@ -172,15 +174,15 @@ function Agents() {
                 ))}
               </div>
               <div className="bar">
-                <button type="button" disabled={atS !== null} onClick={() => void order(pinned ? "UNPIN" : "PIN", name)}>
+                <OperationButton of={order} ask={() => give(pinned ? "UNPIN" : "PIN", name)}>
                   {pinned ? words.unpin : words.pin}
-                </button>
-                <button type="button" disabled={atS !== null} onClick={() => void order(vetoed ? "ALLOW" : "VETO", name)}>
+                </OperationButton>
+                <OperationButton of={order} ask={() => give(vetoed ? "ALLOW" : "VETO", name)}>
                   {vetoed ? words.allow : words.veto}
-                </button>
-                <button type="button" disabled={atS !== null} onClick={() => void order("AWARD", name)}>
+                </OperationButton>
+                <OperationButton of={order} ask={() => give("AWARD", name)}>
                   {words.award}
-                </button>
+                </OperationButton>
               </div>
             </li>
           );
@@ -192,15 +194,12 @@ function Agents() {
 
 function FeedbackList() {
   const feedback = useCollection("feedback");
-  const { atS } = useConnection();
-  const [answer, setAnswer] = useState("");
-  const give = async (kind: "POSITIVE" | "NEGATIVE"): Promise<void> => {
-    const fields = { feedback_id: crypto.randomUUID(), kind, source: "button" };
-    setAnswer((await operate("feedback", fields)).message);
-  };
-  const undo = async (agent: string, layer: string): Promise<void> => {
-    setAnswer((await operate("profiles", { action: "UNDO", agent, layer, author: texts.tune.author })).message);
-  };
+  const judge = useOperation("feedback");
+  const manage = useOperation("profiles");
+  const give = (kind: "POSITIVE" | "NEGATIVE") =>
+    judge.ask({ feedback_id: crypto.randomUUID(), kind, source: "button" });
+  const undo = (agent: string, layer: string) =>
+    manage.ask({ action: "UNDO", agent, layer, author: author() });
   const [asked, setAsked] = useState("");
   const profiles = [...new Set(feedback.map(([, one]) => `${one.agent}|${one.layer}`))].sort();
   const [agent = "", layer = ""] = asked.split("|");
@@ -209,14 +208,15 @@ function FeedbackList() {
     <section className="panel" aria-label={words.feedback}>
       <h2>{words.feedback}</h2>
       <div className="bar">
-        <button type="button" disabled={atS !== null} onClick={() => void give("POSITIVE")}>
+        <OperationButton of={judge} ask={() => give("POSITIVE")}>
           <span aria-hidden="true">☺</span> {words.good}
-        </button>
-        <button type="button" disabled={atS !== null} onClick={() => void give("NEGATIVE")}>
+        </OperationButton>
+        <OperationButton of={judge} ask={() => give("NEGATIVE")}>
           <span aria-hidden="true">☹</span> {words.bad}
-        </button>
+        </OperationButton>
       </div>
-      <output>{answer}</output>
+      <WhyNot of={judge} />
+      <Outcome of={[judge, manage]} />
       <label className="bar">
         {words.course}{" "}
         <select value={asked} onChange={(event) => setAsked(event.target.value)}>
@@ -229,7 +229,7 @@ function FeedbackList() {
         </select>
       </label>
       {asked && <ProfileCourse agent={agent} layer={layer} />}
-      <ol className="feedback">
+      <ol className="feedback" tabIndex={0}>
         {[...feedback].reverse().filter(([, one]) => asked === "" || `${one.agent}|${one.layer}` === asked).map(([key, one]) => (
           <li key={key}>
             <time>{formatTime(one.at_s)}</time> <b>{one.agent}</b> {one.layer} {one.kind.toLowerCase()} · {one.source}
@@ -243,9 +243,9 @@ function FeedbackList() {
             </div>
             <small>{causeOf(one)}</small>{" "}
             {newest.get(`${one.agent}|${one.layer}`) === one.revision && (
-              <button type="button" disabled={atS !== null} onClick={() => void undo(one.agent, one.layer)}>
+              <OperationButton of={manage} ask={() => undo(one.agent, one.layer)}>
                 {words.undo}
-              </button>
+              </OperationButton>
             )}
           </li>
         ))}

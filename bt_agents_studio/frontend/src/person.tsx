@@ -3,8 +3,10 @@
 
 import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
 import { operate, useConnection, type Answer } from "./connection";
+import { scaleOf, useNewest } from "./fields";
 import { formatNumber } from "./formatting";
 import { useEscapeTwice } from "./keyboard";
+import { OperationButton, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { ParameterRecord, RobotActRecord } from "./protocol";
 import { useStop } from "./stop";
@@ -32,6 +34,7 @@ export function Person() {
   useVoice(speech, speaks);
   useScan(box, scans, question?.number);
   const report = useCallback((done: Answer) => setAnswer(done.message), []);
+  const scene = useOperation("scene");
   const mood = hello?.parameters.find((one) => one.is_mood);
   const there = phase === "open" && part?.alive === true;
   return (
@@ -48,6 +51,7 @@ export function Person() {
           {words.scan}
         </Toggle>
       </div>
+      <WhyNot of={scene} />
       <PanelBoundary label={words.says}>
         <Subtitles speech={speech} />
         <Shown acts={acts} sound={robot?.sounds ? robot.sound : ""} />
@@ -163,9 +167,14 @@ interface QuestionProps {
 function Question({ question, report }: QuestionProps) {
   const [text, setText] = useState("");
   const { choices } = question;
+  const answer = useOperation("answer");
+  const { ask } = answer;
   const give = useCallback(
-    async (words: string): Promise<void> => report(await operate("answer", { text: words })),
-    [report],
+    async (words: string): Promise<void> => {
+      const done = await ask({ text: words });
+      if (done !== null) report(done);
+    },
+    [ask, report],
   );
   useEffect(() => {
     const pressed = (event: KeyboardEvent): void => {
@@ -194,18 +203,18 @@ function Question({ question, report }: QuestionProps) {
             value={text}
             onChange={(event) => setText(event.target.value)}
           />
-          <button type="submit" disabled={text.trim() === ""}>
+          <OperationButton of={answer} disabled={text.trim() === ""}>
             {words.send}
-          </button>
+          </OperationButton>
         </form>
       ) : (
         choices.map((choice, index) => (
-          <button key={choice} type="button" onClick={() => void give(choice)}>
+          <OperationButton key={choice} of={answer} ask={() => give(choice)}>
             {index < 9 && (
               <kbd aria-hidden="true">{index + 1}</kbd>
             )}
             {choice}
-          </button>
+          </OperationButton>
         ))
       )}
     </section>
@@ -221,43 +230,33 @@ function Mood({ parameter, report }: MoodProps) {
   const live = useEntry("live");
   const measured = live?.values.find((one) => one.name === parameter.name)?.value;
   const [chosen, setChosen] = useState<number | null>(null);
-  const wanted = useRef<number | null>(null);
-  const sends = useRef(false);
+  const scene = useOperation("scene");
   const value = chosen ?? measured ?? parameter.default;
-  // Only the newest value counts, so nothing is sent while an answer is awaited.
-  const move = async (next: number): Promise<void> => {
+  const [push] = useNewest(async (next: number): Promise<boolean> => {
+    const done = await scene.ask({ names: [parameter.name], values: [next], person: "PRESENT", announce: false });
+    if (done?.accepted === false) report(done);
+    return done?.accepted === true;
+  });
+  const disabled = scene.whyNot !== "";
+  const move = (next: number): void => {
     const bounded = Math.min(parameter.maximum, Math.max(parameter.minimum, next));
     setChosen(bounded);
-    wanted.current = bounded;
-    if (sends.current) return;
-    sends.current = true;
-    while (wanted.current !== null) {
-      const sent: number = wanted.current;
-      wanted.current = null;
-      const done = await operate("scene", {
-        names: [parameter.name],
-        values: [sent],
-        person: "PRESENT",
-        announce: false,
-      });
-      if (!done.accepted) report(done);
-    }
-    sends.current = false;
+    push(bounded);
   };
   return (
     <section className="panel mood" aria-label={words.mood}>
       <h2 id="mood-question">{words.mood}</h2>
       <div className="bar">
-        <button type="button" onClick={() => void move(value - 1)}>
+        <button type="button" disabled={disabled} onClick={() => move(value - 1)}>
           <Face smile={-1} /> {words.worse}
         </button>
         <Slider
           parameter={parameter}
           value={value}
-          choose={(next) => void move(next)}
+          choose={move}
           aria-labelledby="mood-question"
         />
-        <button type="button" onClick={() => void move(value + 1)}>
+        <button type="button" disabled={disabled} onClick={() => move(value + 1)}>
           <Face smile={1} /> {words.better}
         </button>
       </div>
@@ -282,7 +281,7 @@ function Slider({ parameter, value, choose, ...named }: SliderProps) {
       aria-valuetext={labelOf(parameter, value)}
       min={parameter.minimum}
       max={parameter.maximum}
-      step={(parameter.maximum - parameter.minimum) / 40}
+      step={scaleOf(parameter.minimum, parameter.maximum).step}
       value={value}
       onChange={(event) => choose(Number(event.target.value))}
     />
@@ -314,17 +313,21 @@ interface ParametersProps {
 
 function Judge({ parameters, report }: ParametersProps) {
   const [asks, setAsks] = useState(false);
-  const judge = async (kind: "POSITIVE" | "NEGATIVE"): Promise<void> => report(await operate("feedback", { kind }));
+  const feedback = useOperation("feedback");
+  const judge = async (kind: "POSITIVE" | "NEGATIVE"): Promise<void> => {
+    const done = await feedback.ask({ kind });
+    if (done !== null) report(done);
+  };
   return (
     <section className="panel judge" aria-label={words.judge}>
       <h2>{words.judge}</h2>
       <div className="bar">
-        <button type="button" onClick={() => void judge("POSITIVE")}>
+        <OperationButton of={feedback} ask={() => judge("POSITIVE")}>
           <Face smile={1} /> {words.good}
-        </button>
-        <button type="button" onClick={() => void judge("NEGATIVE")}>
+        </OperationButton>
+        <OperationButton of={feedback} ask={() => judge("NEGATIVE")}>
           <Face smile={-1} /> {words.bad}
-        </button>
+        </OperationButton>
         <Toggle on={asks} set={setAsks}>
           {words.more}
         </Toggle>
@@ -335,6 +338,7 @@ function Judge({ parameters, report }: ParametersProps) {
 }
 
 function Opinion({ parameters, report, end }: ParametersProps & { end: () => void }) {
+  const feedback = useOperation("feedback");
   const [given, setGiven] = useState<(number | null)[]>([]);
   const parameter = parameters[given.length];
   const [value, setValue] = useState<number | null>(null);
@@ -347,8 +351,9 @@ function Opinion({ parameters, report, end }: ParametersProps & { end: () => voi
       setGiven(all);
       return;
     }
+    const done = all.some((one) => one !== null) ? await feedback.ask({ kind: "DIRECT", values: all }) : null;
     end();
-    if (all.some((one) => one !== null)) report(await operate("feedback", { kind: "DIRECT", values: all }));
+    if (done !== null) report(done);
   };
   return (
     <div className="opinion">
@@ -356,12 +361,12 @@ function Opinion({ parameters, report, end }: ParametersProps & { end: () => voi
       <Slider parameter={parameter} value={shown} choose={setValue} aria-labelledby="opinion" />
       <p className="label">{labelOf(parameter, shown)}</p>
       <div className="bar">
-        <button type="button" onClick={() => void next(shown)}>
+        <OperationButton of={feedback} ask={() => next(shown)}>
           {words.next}
-        </button>
-        <button type="button" onClick={() => void next(null)}>
+        </OperationButton>
+        <OperationButton of={feedback} ask={() => next(null)}>
           {words.noOpinion}
-        </button>
+        </OperationButton>
       </div>
     </div>
   );
@@ -369,10 +374,13 @@ function Opinion({ parameters, report, end }: ParametersProps & { end: () => voi
 
 function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () => void }) {
   const [chosen, setChosen] = useState<Record<string, number>>({});
-  const tell = (done: Answer, said: string): void => report(done.accepted ? { ...done, message: said } : done);
+  const scene = useOperation("scene");
+  const tell = (done: Answer | null, said: string): void => {
+    if (done !== null) report(done.accepted ? { ...done, message: said } : done);
+  };
   const begin = async (): Promise<void> => {
     window.scrollTo(0, 0);
-    const done = await operate("scene", {
+    const done = await scene.ask({
       label: words.visitor,
       names: Object.keys(chosen),
       values: Object.values(chosen),
@@ -380,10 +388,10 @@ function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () 
       announce: true,
     });
     tell(done, words.begun);
-    if (done.accepted) begun();
+    if (done?.accepted) begun();
   };
   const leave = async (): Promise<void> =>
-    tell(await operate("scene", { person: "ABSENT", announce: false }), words.gone);
+    tell(await scene.ask({ person: "ABSENT", announce: false }), words.gone);
   return (
     <section className="panel who" aria-label={words.who}>
       <h2>{words.who}</h2>
@@ -396,12 +404,12 @@ function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () 
         />
       ))}
       <div className="bar">
-        <button type="button" className="begin" onClick={() => void begin()}>
+        <OperationButton of={scene} className="begin" ask={begin}>
           {words.begin}
-        </button>
-        <button type="button" onClick={() => void leave()}>
+        </OperationButton>
+        <OperationButton of={scene} ask={leave}>
           {words.leave}
-        </button>
+        </OperationButton>
       </div>
     </section>
   );

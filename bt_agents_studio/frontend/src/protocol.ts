@@ -306,6 +306,7 @@ export interface TuningRecord {
 export interface PresetRecord {
   name: string;
   values: Record<string, string>;
+  settings: Record<string, string | number | number | boolean | null>;
 }
 
 export interface TuningsRecord {
@@ -517,3 +518,19 @@ export interface Operations {
   keep: { profile?: boolean; digest?: string };
   publish: { topic?: string; values?: string[] };
 }
+
+/** Roles whose sessions may do an operation. */
+export const OPERATION_ROLES: Record<keyof Operations, readonly string[]> = {
+  cancel: ["author", "operate", "person"],
+  control: ["author", "operate"],
+  feedback: ["author", "operate", "person"],
+  operate: ["author", "operate"],
+  record: ["author", "operate"],
+  profiles: ["author", "operate"],
+  scene: ["author", "operate", "person"],
+  tune: ["author", "operate"],
+  answer: ["author", "operate", "person"],
+  dry_run: ["author", "operate"],
+  keep: ["author"],
+  publish: ["author", "operate"],
+};

@@ -2,8 +2,11 @@
 // The recording: its start, its end, its bookmarks, and their marks on the time bar.
 
 import { useState } from "react";
-import { operate, seek, useConnection } from "./connection";
+import { seek, useConnection } from "./connection";
+import { author } from "./author";
+import { Empty } from "./empty";
 import { formatTime } from "./formatting";
+import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import type { BookmarkRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
@@ -13,21 +16,18 @@ const words = texts.world;
 /** Start, stop and bookmark; without a journal, how to get one. */
 export function Recording() {
   const record = useEntry("recording");
-  const { atS } = useConnection();
+  const write = useOperation("record");
   const [label, setLabel] = useState("");
   const [notes, setNotes] = useState("");
   const [bookmark, setBookmark] = useState("");
-  const [answer, setAnswer] = useState("");
-  const disabled = atS !== null;
   const ask = async (action: "START" | "STOP" | "BOOKMARK", told: { label?: string; notes?: string }): Promise<boolean> => {
-    const done = await operate("record", { action, author: texts.tune.author, ...told });
-    setAnswer(done.message);
-    return done.accepted;
+    const done = await write.ask({ action, author: author(), ...told });
+    return done?.accepted === true;
   };
   return (
     <section className="panel" aria-label={words.recording}>
       <h2>{words.recording}</h2>
-      {record === undefined && <p className="empty">{words.noJournal}</p>}
+      {record === undefined && <Empty>{words.noJournal}</Empty>}
       {record?.recording === true && (
         <>
           <p>
@@ -43,12 +43,10 @@ export function Recording() {
             <label>
               {words.bookmark} <input value={bookmark} maxLength={200} onChange={(event) => setBookmark(event.target.value)} />
             </label>
-            <button type="submit" disabled={disabled}>
-              {words.mark}
-            </button>
-            <button type="button" className="stop" disabled={disabled} onClick={() => void ask("STOP", {})}>
+            <OperationButton of={write}>{words.mark}</OperationButton>
+            <OperationButton of={write} className="stop" ask={() => ask("STOP", {})}>
               {words.stop}
-            </button>
+            </OperationButton>
           </form>
         </>
       )}
@@ -68,13 +66,12 @@ export function Recording() {
             <label>
               {words.notes} <input value={notes} maxLength={1000} onChange={(event) => setNotes(event.target.value)} />
             </label>
-            <button type="submit" disabled={disabled}>
-              {words.start}
-            </button>
+            <OperationButton of={write}>{words.start}</OperationButton>
           </form>
         </>
       )}
-      <output>{answer}</output>
+      {record !== undefined && <WhyNot of={write} />}
+      <Outcome of={[write]} />
     </section>
   );
 }

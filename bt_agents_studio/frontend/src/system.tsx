@@ -2,7 +2,8 @@
 // Page "System": what is there, what is wrong with it, and what was recorded.
 
 import { useEffect, useState } from "react";
-import { seek } from "./connection";
+import { seek, useConnection } from "./connection";
+import { Empty } from "./empty";
 import { formatTime } from "./formatting";
 import { PanelBoundary } from "./panel_boundary";
 import type { JournalRecord } from "./protocol";
@@ -43,6 +44,7 @@ function Hosts() {
   return (
     <section className="panel" aria-label={words.hosts}>
       <h2>{words.hosts}</h2>
+      {hosts.length === 0 && <Empty>{words.noHosts}</Empty>}
       {hosts.map(([name, host]) => (
         <div key={name}>
           <h3>{name}</h3>
@@ -71,7 +73,7 @@ function Problems() {
   return (
     <section className="panel" aria-label={words.problems}>
       <h2>{words.problems}</h2>
-      {problems.length === 0 && <p className="empty">{words.noProblems}</p>}
+      {problems.length === 0 && <Empty>{words.noProblems}</Empty>}
       {problems.map((one) => (
         <pre key={one.message} tabIndex={0}>
           {one.message}
@@ -86,6 +88,7 @@ function Parts() {
   return (
     <section className="panel" aria-label={words.parts}>
       <h2>{words.parts}</h2>
+      {parts.length === 0 && <Empty>{words.noParts}</Empty>}
       <ul>
         {parts.map(([name, one]) => (
           <li key={name} className={one.alive ? "alive" : "gone"}>
@@ -108,7 +111,7 @@ function HealthList() {
   return (
     <section className="panel" aria-label={words.health}>
       <h2>{words.health}</h2>
-      {found.length === 0 && <p className="empty">{words.noHealth}</p>}
+      {found.length === 0 && <Empty>{words.noHealth}</Empty>}
       <ul className="health">
         {sorted.map(([name, one]) => (
           <li key={name} className={one.level.toLowerCase()}>
@@ -137,6 +140,7 @@ function HealthList() {
 }
 
 function Journals() {
+  const { phase } = useConnection();
   const [found, setFound] = useState<JournalRecord[]>([]);
   const recording = useEntry("recording");
   useEffect(() => {
@@ -147,8 +151,8 @@ function Journals() {
   return (
     <section className="panel" aria-label={words.journals}>
       <h2>{words.journals}</h2>
-      {recording === undefined && <p className="empty">{texts.world.noJournal}</p>}
-      {found.length === 0 && <p className="empty">{words.noJournals}</p>}
+      {recording === undefined && <Empty>{texts.world.noJournal}</Empty>}
+      {found.length === 0 && <p className="empty">{phase === "refused" ? texts.connection.refused : words.noJournals}</p>}
       <ul className="journals">
         {found.map((one) => (
           <li key={one.name}>

@@ -2,51 +2,81 @@
 // Page "Tune": every tunable value of every agent, in the running system.
 
 import { useRef, useState } from "react";
-import { operate, useConnection } from "./connection";
-import { formatNumber, formatTime } from "./formatting";
+import { author, AuthorField } from "./author";
+import { useConnection, type Answer } from "./connection";
+import { Empty } from "./empty";
+import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding } from "./fields";
+import { exactNumber, formatNumber, formatTime } from "./formatting";
+import { isUnheard, OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
-import type { AgentRecord, KeepRecord, TunableRecord, TuningRecord, TuningsRecord } from "./protocol";
+import type { AgentRecord, KeepRecord, PresetRecord, TunableRecord, TuningRecord, TuningsRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 
 const words = texts.tune;
+const RUNS_MS = 1000;
+
+const isDifferent = (one: TunableRecord): boolean => one.value !== one.default;
 
 export function Tune() {
   const tunables = useCollection("tunables");
   const tunings = useCollection("tunings");
-  const [answer, setAnswer] = useState("");
+  const agents = useCollection("agents");
+  const running = useRunning();
+  const may = useOperation("tune");
   const [onlyDifferent, setOnlyDifferent] = useState(false);
-  const isDifferent = (one: TunableRecord): boolean => one.value !== one.default;
-  const different = tunables.filter(([, one]) => isDifferent(one)).length;
+  const [search, setSearch] = useState("");
   const latest = new Map<string, TuningRecord>();
   const revisions = new Map<string, number>();
   for (const [host, one] of tunings) {
     revisions.set(host, one.revision);
     for (const tuning of one.tunings) latest.set(tuning.name, tuning);
   }
+  const titles = new Map(agents.map(([name, one]) => [name, one.title]));
+  const wanted = search.trim().toLowerCase();
+  const isWanted = (one: TunableRecord): boolean =>
+    `${one.name} ${titles.get(one.agent) ?? ""} ${one.description}`.toLowerCase().includes(wanted);
   const groups = new Map<string, TunableRecord[]>();
   for (const [, one] of tunables) {
-    if (onlyDifferent && !isDifferent(one)) continue;
+    if ((onlyDifferent && !isDifferent(one)) || !isWanted(one)) continue;
     const group = one.agent || one.host;
     groups.set(group, [...(groups.get(group) ?? []), one]);
   }
+  const isFirst = (name: string): number => (name === running ? 0 : 1);
+  const sorted = [...groups].sort(([a], [b]) => isFirst(a) - isFirst(b) || a.localeCompare(b));
   return (
     <div className="columns">
       <div className="main">
         <div className="bar">
+          <input
+            type="search"
+            aria-label={words.search}
+            placeholder={words.search}
+            value={search}
+            onChange={(event) => setSearch(event.target.value)}
+          />
           <label>
             <input type="checkbox" checked={onlyDifferent} onChange={(event) => setOnlyDifferent(event.target.checked)} />{" "}
             {words.differs}
           </label>
           <span className="place">
-            {different} {words.differences}
+            {tunables.filter(([, one]) => isDifferent(one)).length} {words.differences}
           </span>
+          <AuthorField />
         </div>
-        <output className="answer">{answer}</output>
-        {tunables.length === 0 && <p className="empty">{words.none}</p>}
-        {[...groups].sort(([a], [b]) => a.localeCompare(b)).map(([group, values]) => (
+        <WhyNot of={may} />
+        {tunables.length === 0 && <Empty>{words.none}</Empty>}
+        {tunables.length > 0 && sorted.length === 0 && <p className="empty">{words.notFound}</p>}
+        {sorted.map(([group, values]) => (
           <PanelBoundary key={group} label={group}>
-            <Group name={group} values={values} latest={latest} revisions={revisions} report={setAnswer} />
+            <Group
+              name={group}
+              isOpen={group === running || sorted.length === 1 || onlyDifferent || wanted !== ""}
+              isRunning={group === running}
+              values={values}
+              latest={latest}
+              revisions={revisions}
+            />
           </PanelBoundary>
         ))}
       </div>
@@ -56,7 +86,7 @@ export function Tune() {
         </PanelBoundary>
         {tunings.map(([host, one]) => (
           <PanelBoundary key={host} label={words.history}>
-            <History host={host} record={one} report={setAnswer} />
+            <History host={host} record={one} />
           </PanelBoundary>
         ))}
       </div>
@@ -64,35 +94,61 @@ export function Tune() {
   );
 }
 
+/** The agent that runs, or ran last; empty for none. */
+function useRunning(): string {
+  const runs = useCollection("runs", RUNS_MS).map(([, run]) => run);
+  return runs.sort((a, b) => b.began_s - a.began_s)[0]?.agent ?? "";
+}
+
 const written = (tunable: TunableRecord, value: string): string =>
   tunable.unit && value.trim() !== "" && !Number.isNaN(Number(value)) ? `${value} ${tunable.unit}` : value;
 
-const shown = (value: TunableRecord["value"]): string =>
-  typeof value === "number" ? formatNumber(value) : String(value ?? "");
+const exact = (value: TunableRecord["value"]): string =>
+  typeof value === "number" ? exactNumber(value) : String(value ?? "");
 
 interface GroupProps {
   name: string;
+  isOpen: boolean;
+  isRunning: boolean;
   values: TunableRecord[];
   latest: ReadonlyMap<string, TuningRecord>;
   revisions: ReadonlyMap<string, number>;
-  report: (text: string) => void;
 }
 
-function Group({ name, values, latest, revisions, report }: GroupProps) {
+function Group({ name, isOpen, isRunning, values, latest, revisions }: GroupProps) {
   const agent = useEntry("agents", name);
+  const [asked, setAsked] = useState<boolean | null>(null);
+  const open = asked ?? isOpen;
+  const different = values.filter(isDifferent).length;
   return (
     <section className="panel" aria-label={name}>
-      <h2>{name}</h2>
-      {values.map((one) => (
-        <Control
-          key={one.name}
-          tunable={one}
-          latest={latest.get(one.name)}
-          revision={revisions.get(one.host) ?? 0}
-          report={report}
-        />
-      ))}
-      {agent && <Profile agent={agent} report={report} />}
+      <details open={open}>
+        <summary
+          onClick={(event) => {
+            event.preventDefault();
+            setAsked(!open);
+          }}
+        >
+          <h2>
+            {agent?.title || name} {agent?.title && <span>{name}</span>}
+          </h2>{" "}
+          <span className="place">
+            {isRunning && `${words.running} · `}
+            {values.length} {values.length === 1 ? words.value : words.values}
+            {different > 0 && ` · ${different} ${words.differences}`}
+          </span>
+        </summary>
+        {open &&
+          values.map((one) => (
+            <Control
+              key={one.name}
+              tunable={one}
+              latest={latest.get(one.name)}
+              revision={revisions.get(one.host) ?? 0}
+            />
+          ))}
+        {open && agent && <Profile agent={agent} />}
+      </details>
     </section>
   );
 }
@@ -102,42 +158,59 @@ interface ControlProps {
   latest: TuningRecord | undefined;
   /** Of the last change of the host that this page has seen. */
   revision: number;
-  report: (text: string) => void;
 }
 
-function Control({ tunable, latest, revision, report }: ControlProps) {
-  const { atS } = useConnection();
-  const current = shown(tunable.value);
-  // What is being written here, and what was in force when that began.
-  const [draft, setDraft] = useState<{ text: string; over: string; seen: number } | null>(null);
-  const [isSent, setSent] = useState(false);
-  const latestSeen = useRef(revision);
-  latestSeen.current = revision;
-  const text = draft?.text ?? current;
-  const isOvertaken = draft !== null && !isSent && draft.over !== current;
-  const write = (next: string): void => setDraft({ text: next, over: draft?.over ?? current, seen: draft?.seen ?? revision });
-  const set = async (value: string, seen = revision): Promise<void> => {
-    setSent(true);
-    const done = await operate("tune", {
-      host: tunable.host,
-      action: "SET",
-      author: words.author,
-      names: [tunable.name],
-      values: [written(tunable, value)],
-      compare: true,
-      seen,
-    });
-    report(done.message);
-    // Whoever reads who changed it meanwhile may set it all the same.
-    setDraft(done.code === "CHANGED_MEANWHILE" && draft ? { ...draft, seen: latestSeen.current } : null);
-    setSent(false);
+function Control({ tunable, latest, revision }: ControlProps) {
+  const set = useOperation("tune");
+  const slide = useOperation("tune");
+  const current = exact(tunable.value);
+  // The answer to a change may come before the change itself.
+  const confirmed = useRef(0);
+  const seenNow = useRef(0);
+  seenNow.current = Math.max(revision, confirmed.current);
+  const drafting = useDraft(current, seenNow.current);
+  const { draft } = drafting;
+  const isOvertaken = draft !== null && !set.isPending && draft.over !== current;
+  const fields = (value: string, seen: number) => ({
+    host: tunable.host,
+    action: "SET" as const,
+    author: author(),
+    names: [tunable.name],
+    values: [written(tunable, value)],
+    compare: true,
+    seen,
+  });
+  const note = (done: Answer): void => {
+    if (done.accepted) confirmed.current = done.revision ?? 0;
   };
-  const finish = (): void => {
-    if (draft !== null && !isOvertaken && !isSent && draft.text !== current) void set(draft.text, draft.seen);
+  const commit = async (text: string, seen = seenNow.current): Promise<void> => {
+    const done = await set.ask(fields(text, seen));
+    if (done === null) return;
+    note(done);
+    // What nobody has taken is still there to be set, and so is what meanwhile rests on another value.
+    if (isUnheard(done)) drafting.keep({ text, over: draft?.over ?? current, seen });
+    else if (done.code === "CHANGED_MEANWHILE" && draft) drafting.keep({ ...draft, seen: seenNow.current });
+    else drafting.drop();
   };
+  const finish = async (): Promise<void> => {
+    if (draft === null || isOvertaken) return;
+    if (draft.text === current) drafting.drop();
+    else await commit(draft.text, draft.seen);
+  };
+  const moved = useRef(0);
+  const [push, isSliding] = useNewest(async (value: number) => {
+    const done = await slide.ask(fields(exactNumber(value), seenNow.current));
+    if (done !== null) note(done);
+    if (done?.accepted) return true;
+    if (done !== null && isUnheard(done)) drafting.write(exactNumber(moved.current));
+    sliding.drop();
+    return false;
+  });
+  const number = typeof tunable.value === "number" ? tunable.value : (tunable.minimum ?? 0);
+  const sliding = useSliding(number, isSliding);
   const id = `tunable-${tunable.name.replaceAll(".", "-")}`;
   const hasRange = tunable.minimum !== null && tunable.maximum !== null;
-  const disabled = atS !== null;
+  const disabled = set.whyNot !== "";
   const isRate = tunable.kind === "LEARNING_RATE";
   return (
     <div className="control">
@@ -150,81 +223,79 @@ function Control({ tunable, latest, revision, report }: ControlProps) {
           type="checkbox"
           checked={tunable.value === true}
           disabled={disabled}
-          onChange={(event) => void set(String(event.target.checked))}
+          onChange={(event) => void commit(String(event.target.checked))}
         />
       ) : (
         <>
           {hasRange && (
-            <input
-              type="range"
-              aria-label={`${tunable.name} slider`}
-              min={tunable.minimum ?? 0}
-              max={tunable.maximum ?? 1}
-              step={tunable.step > 0 ? tunable.step : tunable.type === "INTEGER" ? 1 : "any"}
-              value={Number.isNaN(Number(text)) ? current : text}
+            <Slider
+              label={`${tunable.name} slider`}
+              scale={scaleOf(tunable.minimum ?? 0, tunable.maximum ?? 1, tunable.step, tunable.type === "INTEGER")}
+              sliding={sliding}
               disabled={disabled}
-              onChange={(event) => write(event.target.value)}
-              onPointerUp={finish}
-              onKeyUp={finish}
+              mark={typeof tunable.default === "number" ? tunable.default : undefined}
+              move={(value) => {
+                moved.current = value;
+                drafting.drop();
+                push(value);
+              }}
             />
           )}
-          <input
+          <NumberField
             id={id}
-            type="text"
-            inputMode={hasRange ? "decimal" : "text"}
-            value={text}
+            value={hasRange ? exactNumber(sliding.shown) : current}
+            drafting={drafting}
             disabled={disabled}
-            onChange={(event) => write(event.target.value)}
-            onBlur={finish}
-            onKeyDown={(event) => event.key === "Enter" && finish()}
+            isNumber={hasRange}
+            commit={() => void finish()}
           />
           <span className="unit">{tunable.unit}</span>
         </>
       )}
       <small className="range">
-        {hasRange && `${words.range} ${formatNumber(tunable.minimum ?? 0)} – ${formatNumber(tunable.maximum ?? 0)} · `}
-        {words.default} {shown(tunable.default)}
+        {hasRange && `${words.range} ${exactNumber(tunable.minimum ?? 0)} – ${exactNumber(tunable.maximum ?? 0)} · `}
+        {words.default} {exact(tunable.default)}
         {isRate && tunable.value === 0 && ` · ${words.frozen}`}
       </small>
       <span className="buttons">
-        <button
-          type="button"
-          disabled={disabled || tunable.value === tunable.default}
-          onClick={() => void set(shown(tunable.default))}
-        >
+        {draft !== null && !isOvertaken && (
+          <OperationButton of={set} ask={finish}>
+            {words.set}
+          </OperationButton>
+        )}
+        <OperationButton of={set} disabled={!isDifferent(tunable)} ask={() => commit(exact(tunable.default))}>
           {words.reset}
-        </button>
+        </OperationButton>
         {isRate && (
-          <button type="button" disabled={disabled || tunable.value === 0} onClick={() => void set("0")}>
+          <OperationButton of={set} disabled={tunable.value === 0} ask={() => commit("0")}>
             {words.freeze}
-          </button>
+          </OperationButton>
         )}
       </span>
       {isOvertaken && (
         <p className="overtaken" role="alert">
           {words.meanwhile}: {draft.over} → {current}
           {latest && ` ${words.by} ${latest.author}, ${formatTime(latest.at_s)}`}{" "}
-          <button type="button" onClick={() => void set(draft.text)}>
+          <OperationButton of={set} ask={() => commit(draft.text)}>
             {words.setMine} ({draft.text})
-          </button>{" "}
-          <button type="button" onClick={() => setDraft(null)}>
+          </OperationButton>{" "}
+          <button type="button" onClick={drafting.drop}>
             {words.takeTheirs}
           </button>
         </p>
       )}
+      <Outcome of={[set, slide]} />
     </div>
   );
 }
 
-function Profile({ agent, report }: { agent: AgentRecord; report: (text: string) => void }) {
-  const { hello, atS } = useConnection();
+function Profile({ agent }: { agent: AgentRecord }) {
+  const { hello } = useConnection();
   const order = useEntry("profiles", `${agent.name}|`);
-  const [drafts, setDrafts] = useState<Record<string, number>>({});
-  const disabled = atS !== null;
-  const set = async (name: string): Promise<void> => {
-    const value = drafts[name];
-    if (value === undefined) return;
-    const done = await operate("feedback", {
+  const give = useOperation("feedback");
+  const manage = useOperation("profiles");
+  const set = async (name: string, value: number): Promise<boolean> => {
+    const done = await give.ask({
       feedback_id: `tuning/${crypto.randomUUID()}`,
       agent: agent.name,
       kind: "SET",
@@ -232,12 +303,7 @@ function Profile({ agent, report }: { agent: AgentRecord; report: (text: string)
       source: "tuning",
       reason: words.tunedBy,
     });
-    report(done.message);
-    const { [name]: _sent, ...others } = drafts;
-    setDrafts(others);
-  };
-  const reset = async (): Promise<void> => {
-    report((await operate("profiles", { action: "RESET", agent: agent.name, author: words.author })).message);
+    return done?.accepted === true;
   };
   return (
     <details>
@@ -245,51 +311,46 @@ function Profile({ agent, report }: { agent: AgentRecord; report: (text: string)
       {Object.entries(agent.current).map(([name, value]) => {
         const range = hello?.parameters.find((one) => one.name === name);
         const id = `profile-${agent.name}-${name}`;
-        const text = drafts[name] ?? value ?? 0;
+        const inFile = agent.profile[name] ?? null;
         return (
           <div className="control" key={name}>
             <label htmlFor={id}>{name}</label>
-            <input
+            <NumberPair
               id={id}
-              type="range"
-              min={range?.minimum ?? 0}
-              max={range?.maximum ?? 1}
-              step="any"
-              value={text}
-              disabled={disabled}
-              onChange={(event) => setDrafts({ ...drafts, [name]: Number(event.target.value) })}
-              onPointerUp={() => void set(name)}
-              onKeyUp={() => void set(name)}
-              onBlur={() => void set(name)}
+              name={name}
+              scale={scaleOf(range?.minimum ?? 0, range?.maximum ?? 1)}
+              value={value ?? 0}
+              mark={inFile ?? undefined}
+              disabled={give.whyNot !== ""}
+              send={(next) => set(name, next)}
             />
-            <span>{formatNumber(text)}</span>
             <small className="range">
-              {words.default} {shown(agent.profile[name] ?? null)}
+              {words.default} {exact(inFile)}
             </small>
           </div>
         );
       })}
-      <button type="button" disabled={disabled} onClick={() => void reset()}>
+      <OperationButton
+        of={manage}
+        ask={() => manage.ask({ action: "RESET", agent: agent.name, author: author() })}
+      >
         {words.reset}
-      </button>
+      </OperationButton>
+      <Outcome of={[give, manage]} />
     </details>
   );
 }
 
 function Keep() {
-  const { atS } = useConnection();
+  const keep = useOperation("keep");
   const [profile, setProfile] = useState(false);
   const [found, setFound] = useState<KeepRecord | null>(null);
-  const [answer, setAnswer] = useState("");
   const look = async (): Promise<void> => {
-    const done = await operate("keep", { profile });
-    setFound(done.accepted ? (done.record as KeepRecord) : null);
-    setAnswer(done.accepted ? "" : done.message);
+    const done = await keep.ask({ profile });
+    setFound(done?.accepted ? (done.record as KeepRecord) : null);
   };
   const write = async (digest: string): Promise<void> => {
-    const done = await operate("keep", { profile, digest });
-    setAnswer(done.message);
-    setFound(null);
+    if ((await keep.ask({ profile, digest })) !== null) setFound(null);
   };
   return (
     <section className="panel" aria-label={words.keep}>
@@ -306,11 +367,12 @@ function Keep() {
           />{" "}
           {words.keepProfiles}
         </label>
-        <button type="button" disabled={atS !== null} onClick={() => void look()}>
+        <OperationButton of={keep} ask={look}>
           {words.showChange}
-        </button>
+        </OperationButton>
       </div>
-      <output>{answer}</output>
+      <WhyNot of={keep} />
+      {found === null && <Outcome of={[keep]} />}
       {found && found.diff === "" && <p className="empty">{words.nothingToKeep}</p>}
       {found && found.diff !== "" && (
         <>
@@ -320,9 +382,9 @@ function Keep() {
               {line}
             </p>
           ))}
-          <button type="button" disabled={atS !== null} onClick={() => void write(found.digest)}>
+          <OperationButton of={keep} ask={() => write(found.digest)}>
             {found.breaks ? words.writeAnyway : words.write}
-          </button>
+          </OperationButton>
         </>
       )}
     </section>
@@ -332,52 +394,52 @@ function Keep() {
 interface HistoryProps {
   host: string;
   record: TuningsRecord;
-  report: (text: string) => void;
 }
 
-function History({ host, record, report }: HistoryProps) {
-  const { atS } = useConnection();
+function History({ host, record }: HistoryProps) {
+  const tune = useOperation("tune");
   const [name, setName] = useState("");
-  const disabled = atS !== null;
-  const ask = async (action: "UNDO" | "REDO" | "APPLY" | "SAVE", preset = ""): Promise<void> => {
-    report((await operate("tune", { host, action, preset, author: words.author })).message);
-  };
+  const ask = (action: "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET", preset = ""): Promise<Answer | null> =>
+    tune.ask({ host, action, preset, author: author() });
   return (
     <section className="panel" aria-label={words.history}>
       <h2>
         {words.history} <span>{host}</span>
       </h2>
       <div className="bar">
-        <button type="button" disabled={disabled || record.undo === ""} title={record.undo} onClick={() => void ask("UNDO")}>
+        <OperationButton of={tune} disabled={record.undo === ""} title={record.undo} ask={() => ask("UNDO")}>
           {words.undo}
-        </button>
-        <button type="button" disabled={disabled || record.redo === ""} title={record.redo} onClick={() => void ask("REDO")}>
+        </OperationButton>
+        <OperationButton of={tune} disabled={record.redo === ""} title={record.redo} ask={() => ask("REDO")}>
           {words.redo}
-        </button>
+        </OperationButton>
       </div>
+      <Outcome of={[tune]} />
       <h3>{words.presets}</h3>
       {record.presets.length === 0 && <p className="empty">{words.noPresets}</p>}
       {record.presets.map((one) => (
-        <div className="bar" key={one.name}>
-          <span title={Object.entries(one.values).map(([key, value]) => `${key}=${value}`).join("\n")}>{one.name}</span>
-          <button type="button" disabled={disabled} onClick={() => void ask("APPLY", one.name)}>
+        <Preset key={one.name} host={host} preset={one}>
+          <OperationButton of={tune} ask={() => ask("APPLY", one.name)}>
             {words.apply}
-          </button>
-        </div>
+          </OperationButton>
+          <OperationButton of={tune} ask={() => ask("FORGET", one.name)}>
+            {words.delete}
+          </OperationButton>
+        </Preset>
       ))}
       <form
         className="bar"
         onSubmit={(event) => {
           event.preventDefault();
-          void ask("SAVE", name);
+          void ask("SAVE", name).then((done) => done?.accepted && setName(""));
         }}
       >
         <input aria-label={words.save} value={name} onChange={(event) => setName(event.target.value)} />
-        <button type="submit" disabled={disabled || name === ""}>
+        <OperationButton of={tune} disabled={name === ""}>
           {words.save}
-        </button>
+        </OperationButton>
       </form>
-      <ol className="feedback">
+      <ol className="feedback" tabIndex={0}>
         {[...record.tunings].reverse().map((one) => (
           <li key={`${one.revision} ${one.name}`}>
             <time>{formatTime(one.at_s)}</time> <b>{one.name}</b> {one.before} → {one.after} · {one.author}
@@ -386,5 +448,45 @@ function History({ host, record, report }: HistoryProps) {
         ))}
       </ol>
     </section>
+  );
+}
+
+interface PresetProps {
+  host: string;
+  preset: PresetRecord;
+  children: React.ReactNode;
+}
+
+/** A preset, and what it would change now. */
+function Preset({ host, preset, children }: PresetProps) {
+  const tunables = new Map(useCollection("tunables").map(([key, one]) => [key, one]));
+  const changes = Object.entries(preset.settings).flatMap(([name, setting]) => {
+    const tunable = tunables.get(`${host}|${name}`);
+    if (tunable === undefined || String(tunable.value) === String(setting)) return [];
+    return [{ name, tunable, written: preset.values[name] ?? "" }];
+  });
+  return (
+    <details className="preset">
+      <summary>
+        <b>{preset.name}</b>{" "}
+        <span className="place">{changes.length === 0 ? words.inForce : `${words.wouldChange} ${changes.length}`}</span>
+      </summary>
+      {changes.length > 0 && (
+        <table>
+          <tbody>
+            {changes.map(({ name, tunable, written: after }) => (
+              <tr key={name}>
+                <th scope="row">{name}</th>
+                <td>
+                  {typeof tunable.value === "number" ? formatNumber(tunable.value) : String(tunable.value)} {tunable.unit} →{" "}
+                  {after}
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      )}
+      <div className="bar">{children}</div>
+    </details>
   );
 }

@@ -2,8 +2,11 @@
 // Page "World": what the robot would sense, given by hand.
 
 import { useEffect, useState } from "react";
-import { operate, useConnection } from "./connection";
-import { formatNumber } from "./formatting";
+import { useConnection } from "./connection";
+import { Empty } from "./empty";
+import { NumberPair, scaleOf } from "./fields";
+import { exactNumber } from "./formatting";
+import { OperationButton, Outcome, useOperation, WhyNot, type Operation } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { ListeningRecord, Operations, ParameterRecord, QuestionRecord } from "./protocol";
 import { Recording } from "./recording";
@@ -43,15 +46,13 @@ export function World() {
 function Presence() {
   const live = useEntry("live");
   const scene = useEntry("scene");
-  const { atS } = useConnection();
+  const sense = useOperation("scene");
   const [asked, setAsked] = useState<boolean | null>(null);
-  const [answer, setAnswer] = useState("");
   useEffect(() => setAsked(null), [live?.at_s]);
   const there = asked ?? live?.person ?? scene?.person ?? false;
   const set = async (person: boolean): Promise<void> => {
-    const done = await operate("scene", { person: person ? "PRESENT" : "ABSENT", announce: false });
-    setAnswer(done.message);
-    if (done.accepted) setAsked(person);
+    const done = await sense.ask({ person: person ? "PRESENT" : "ABSENT", announce: false });
+    if (done?.accepted) setAsked(person);
   };
   return (
     <section className="panel" aria-label={words.person}>
@@ -60,54 +61,56 @@ function Presence() {
           type="checkbox"
           role="switch"
           checked={there}
-          disabled={atS !== null}
+          disabled={sense.whyNot !== ""}
+          aria-disabled={sense.isPending || undefined}
           onChange={(event) => void set(event.target.checked)}
         />
         {words.person}
+        {sense.isPending && " …"}
       </label>
-      <output>{answer}</output>
+      <WhyNot of={sense} />
+      <Outcome of={[sense]} />
     </section>
   );
 }
 
 function Questions() {
   const record = useEntry("questions");
-  const [answer, setAnswer] = useState("");
+  const answer = useOperation("answer");
   const open = record?.questions ?? [];
   return (
     <section className="panel" aria-label={words.questions}>
       <h2>{words.questions}</h2>
-      {open.length === 0 && <p className="empty">{words.noQuestions}</p>}
+      {open.length === 0 && <Empty>{words.noQuestions}</Empty>}
       {open.map((one) => (
-        <Question key={`${one.at_s} ${one.text}`} question={one} report={setAnswer} />
+        <Question key={`${one.at_s} ${one.text}`} question={one} answer={answer} />
       ))}
-      <output>{answer}</output>
+      {open.length > 0 && <WhyNot of={answer} />}
+      <Outcome of={[answer]} />
     </section>
   );
 }
 
-function Question({ question, report }: { question: QuestionRecord; report: (text: string) => void }) {
-  const { atS } = useConnection();
+function Question({ question, answer }: { question: QuestionRecord; answer: Operation<"answer"> }) {
   const [own, setOwn] = useState("");
-  const give = async (text: string): Promise<void> => report((await operate("answer", { text })).message);
   return (
     <form
       onSubmit={(event) => {
         event.preventDefault();
-        void give(own);
+        void answer.ask({ text: own });
       }}
     >
       <p>{question.text}</p>
       <div className="bar">
         {question.choices.map((one) => (
-          <button key={one} type="button" disabled={atS !== null} onClick={() => void give(one)}>
+          <OperationButton key={one} of={answer} ask={() => answer.ask({ text: one })}>
             {one}
-          </button>
+          </OperationButton>
         ))}
         <input aria-label={words.ownAnswer} placeholder={words.ownAnswer} value={own} onChange={(event) => setOwn(event.target.value)} />
-        <button type="submit" disabled={atS !== null || own.trim() === ""}>
+        <OperationButton of={answer} disabled={own.trim() === ""}>
           {words.answer}
-        </button>
+        </OperationButton>
       </div>
     </form>
   );
@@ -115,15 +118,16 @@ function Question({ question, report }: { question: QuestionRecord; report: (tex
 
 function Topics() {
   const topics = useCollection("listening");
-  const [answer, setAnswer] = useState("");
+  const publish = useOperation("publish");
   return (
     <section className="panel" aria-label={words.topics}>
       <h2>{words.topics}</h2>
-      {topics.length === 0 && <p className="empty">{words.noTopics}</p>}
+      {topics.length === 0 && <Empty>{words.noTopics}</Empty>}
       {topics.map(([name, one]) => (
-        <Topic key={name} name={name} record={one} report={setAnswer} />
+        <Topic key={name} name={name} record={one} publish={publish} />
       ))}
-      <output>{answer}</output>
+      {topics.length > 0 && <WhyNot of={publish} />}
+      <Outcome of={[publish]} />
     </section>
   );
 }
@@ -131,21 +135,19 @@ function Topics() {
 interface TopicProps {
   name: string;
   record: ListeningRecord;
-  report: (text: string) => void;
+  publish: Operation<"publish">;
 }
 
-function Topic({ name, record, report }: TopicProps) {
-  const { atS } = useConnection();
+function Topic({ name, record, publish }: TopicProps) {
   const [values, setValues] = useState<Record<string, string>>({});
-  const send = async (texts: string[]): Promise<void> =>
-    report((await operate("publish", { topic: name, values: texts })).message);
   const isButton = record.type === "std_msgs/msg/Bool";
   return (
     <form
       className="topic"
       onSubmit={(event) => {
         event.preventDefault();
-        void send(isButton ? ["data=true"] : Object.entries(values).map(([field, value]) => `${field}=${value}`));
+        const given = Object.entries(values).map(([field, value]) => `${field}=${value}`);
+        void publish.ask({ topic: name, values: isButton ? ["data=true"] : given });
       }}
     >
       <p>
@@ -165,22 +167,21 @@ function Topic({ name, record, report }: TopicProps) {
               />
             </label>
           ))}
-        <button type="submit" disabled={atS !== null}>
-          {isButton ? words.press : words.publish}
-        </button>
+        <OperationButton of={publish}>{isButton ? words.press : words.publish}</OperationButton>
       </div>
     </form>
   );
 }
 
 function Play() {
-  const { hello, atS } = useConnection();
+  const { hello } = useConnection();
   const live = useEntry("live");
   const [given, setGiven] = useState<Record<string, number>>({});
   const [person, setPerson] = useState<Person>("AS_MEASURED");
   const [label, setLabel] = useState("");
   const [urgent, setUrgent] = useState(false);
-  const [answer, setAnswer] = useState("");
+  const scene = useOperation("scene");
+  const disabled = scene.whyNot !== "";
   const parameters = hello?.parameters ?? [];
   const standing = (one: ParameterRecord): number =>
     given[one.name] ?? live?.values.find((found) => found.name === one.name)?.value ?? one.default;
@@ -191,13 +192,14 @@ function Play() {
   const give = async (announce: boolean): Promise<void> => {
     const names = Object.keys(given);
     const values = Object.values(given);
-    const done = await operate("scene", { label, names, values, person, urgent, announce });
-    setAnswer(done.message);
+    const done = await scene.ask({ label, names, values, person, urgent, announce });
+    // The scene has them now; the next one begins with what is measured.
+    if (announce && done?.accepted) setGiven({});
   };
   return (
     <section className="panel world" aria-label={words.scene}>
       <h2>{words.scene}</h2>
-      <p className="empty">{words.explain}</p>
+      {parameters.length === 0 ? <Empty>{words.noParameters}</Empty> : <p className="empty">{words.explain}</p>}
       <label className="bar">
         <input
           type="checkbox"
@@ -205,15 +207,15 @@ function Play() {
           ref={(box) => {
             if (box) box.indeterminate = count > 0 && !isAll;
           }}
-          disabled={atS !== null}
+          disabled={disabled}
           onChange={(event) => giveAll(event.target.checked)}
         />
         {words.giveAll}
       </label>
       {parameters.map((one) => {
-        const value = given[one.name];
         const shown = standing(one);
         const id = `world-${one.name}`;
+        const nearest = one.labels[exactNumber(shown)];
         const change = (next: number | null): void =>
           setGiven((before) => {
             const { [one.name]: _left, ...others } = before;
@@ -224,26 +226,25 @@ function Play() {
             <label htmlFor={id}>
               {one.name} <small>{one.description}</small>
             </label>
-            <input
+            <NumberPair
               id={id}
-              type="range"
-              min={one.minimum}
-              max={one.maximum}
-              step={(one.maximum - one.minimum) / 100}
+              name={one.name}
+              scale={scaleOf(one.minimum, one.maximum)}
               value={shown}
-              disabled={atS !== null}
-              onChange={(event) => change(Number(event.target.value))}
-              onPointerUp={(event) => change(Number(event.currentTarget.value))}
-              onKeyDown={(event) => event.key === "Enter" && change(shown)}
+              disabled={disabled}
+              move={change}
+              set={change}
+              press={() => setGiven((before) => ({ [one.name]: shown, ...before }))}
             />
-            <span>
-              {formatNumber(shown)} {one.labels[String(shown)] ?? ""}
-            </span>
+            <small className="range">
+              {texts.tune.range} {exactNumber(one.minimum)} – {exactNumber(one.maximum)}
+              {nearest && ` · ${nearest}`}
+            </small>
             <label className="give">
               <input
                 type="checkbox"
-                checked={value !== undefined}
-                disabled={atS !== null}
+                checked={given[one.name] !== undefined}
+                disabled={disabled}
                 onChange={(event) => change(event.target.checked ? shown : null)}
               />{" "}
               {words.give}
@@ -268,14 +269,15 @@ function Play() {
           {words.urgent}
         </label>
       </div>
+      <WhyNot of={scene} />
       <div className="bar">
-        <button type="button" disabled={atS !== null} onClick={() => void give(true)}>
+        <OperationButton of={scene} ask={() => give(true)}>
           {words.announce}
-        </button>
-        <button type="button" disabled={atS !== null} onClick={() => void give(false)}>
+        </OperationButton>
+        <OperationButton of={scene} ask={() => give(false)}>
           {words.sense}
-        </button>
-        <output>{answer}</output>
+        </OperationButton>
+        <Outcome of={[scene]} />
       </div>
     </section>
   );

@@ -11,16 +11,19 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from bt_agents_interfaces.msg import (
+    AgentFiles,
     Breakpoint,
     ChangedValue,
     Countdown,
     NodeDetails,
     NodeValue,
+    Preset,
     Run,
     RunControl,
     Scene,
     StatusChange,
     TreeStatus,
+    Tunings,
 )
 from bt_agents_ros.messages import header_at, to_time
 from bt_agents_studio.projection import UNTOLD_S, Projection
@@ -363,3 +366,23 @@ def test_health_of_unknown_nodes_is_bounded_and_sanitised() -> None:
     assert told.shown.level == "77"
     assert told.shown.message.startswith("[31mred xxx")
     assert len(told.shown.message) <= 500
+
+
+def test_files_of_one_host_leave_those_of_another(shown: Shown) -> None:
+    def send(host: str, **texts: str) -> None:
+        shown.take(AgentFiles(host=host, files=[*texts], texts=[*texts.values()]))
+
+    send("/one", a="1", b="2")
+    send("/two", a="3")
+    send("/one", a="4")
+    found = {key: shown.get("files", key).text for key in shown.store.keys("files")}
+    assert found == {"/one|a": "4", "/two|a": "3"}
+
+
+def test_preset_has_values_and_their_settings(shown: Shown) -> None:
+    written = {"a": "1.5 min", "b": "90 deg", "c": "0.25", "d": "yes sir", "e": "true"}
+    preset = Preset(name="evening", names=[*written], values=[*written.values()])
+    shown.take(Tunings(host="/one", presets=[preset]))
+    [found] = shown.get("tunings", "/one").presets
+    assert found.values == written
+    assert found.settings == {"a": 90.0, "b": math.pi / 2, "c": 0.25, "d": "yes sir", "e": True}

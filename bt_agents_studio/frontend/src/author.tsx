@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Name under which this browser changes something, as others read it.
+
+import { useState } from "react";
+import { texts } from "./texts";
+
+const KEY = "author";
+const LONGEST = 60;
+
+/** The name that somebody has given in this browser; else that of the studio. */
+export const author = (): string => localStorage.getItem(KEY) ?? texts.tune.author;
+
+export function AuthorField() {
+  const [name, setName] = useState(localStorage.getItem(KEY) ?? "");
+  const change = (next: string): void => {
+    setName(next);
+    if (next.trim() === "") localStorage.removeItem(KEY);
+    else localStorage.setItem(KEY, next.trim());
+  };
+  return (
+    <label className="bar">
+      {texts.tune.yourName}{" "}
+      <input value={name} maxLength={LONGEST} placeholder={texts.tune.author} onChange={(event) => change(event.target.value)} />
+    </label>
+  );
+}

@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fields for numbers: a slider and a text field, each with a draft of its own.
+
+import { useCallback, useEffect, useRef, useState } from "react";
+import { exactNumber } from "./formatting";
+import { texts } from "./texts";
+
+const STEPS = 100;
+const PERIOD_MS = 100;
+/** Longest time until a value that was set is expected to show. */
+const FOLLOW_MS = 2000;
+
+/** Where a slider begins and ends, and its step; the ends are multiples of it, or just outside the range. */
+export interface Scale {
+  minimum: number;
+  maximum: number;
+  step: number;
+  low: number;
+  high: number;
+}
+
+/** The scale of a range; without a step of its own, it takes 1, 2 or 5 of a decimal place. */
+export function scaleOf(minimum: number, maximum: number, step = 0, isWhole = false): Scale {
+  if (step > 0) return { minimum, maximum, step, low: minimum, high: maximum };
+  if (!(maximum > minimum)) return { minimum, maximum, step: 1, low: minimum, high: maximum };
+  const least = Math.max((maximum - minimum) / STEPS, isWhole ? 1 : 0);
+  const place = 10 ** Math.floor(Math.log10(least));
+  const factor = [1, 2, 5].find((one) => one * place >= least * (1 - 1e-9)) ?? 10;
+  const found = short(factor * place);
+  const low = short(Math.floor(minimum / found + 1e-9) * found);
+  const high = short(Math.ceil(maximum / found - 1e-9) * found);
+  return { minimum, maximum, step: found, low, high };
+}
+
+const short = (value: number): number => Number(value.toPrecision(12));
+
+/** Where the thumb of a slider stands, until the value itself has followed. */
+export interface Sliding {
+  shown: number;
+  move: (value: number) => void;
+  end: () => void;
+  drop: () => void;
+}
+
+/** A slider of a value; while earlier places are being sent, the value follows later. */
+export function useSliding(value: number, isBusy = false): Sliding {
+  const [moved, setMoved] = useState<number | null>(null);
+  const isHeld = useRef(false);
+  const timer = useRef(0);
+  const drop = (): void => {
+    if (!isHeld.current) setMoved(null);
+  };
+  useEffect(() => {
+    if (!isBusy) drop();
+  }, [value]);
+  useEffect(() => () => window.clearTimeout(timer.current), []);
+  const move = (next: number): void => {
+    isHeld.current = true;
+    setMoved(next);
+  };
+  const end = (): void => {
+    isHeld.current = false;
+    window.clearTimeout(timer.current);
+    timer.current = window.setTimeout(drop, FOLLOW_MS);
+  };
+  return { shown: moved ?? value, move, end, drop };
+}
+
+interface SliderProps {
+  id?: string;
+  label?: string;
+  scale: Scale;
+  sliding: Sliding;
+  disabled: boolean;
+  /** A value to compare with, marked on the track. */
+  mark?: number | undefined;
+  /** Called with each value on the way. */
+  move?: (value: number) => void;
+  /** Called with the value at which the slider is let go. */
+  set?: (value: number) => void;
+  /** Called when the slider is pressed without being moved. */
+  press?: (() => void) | undefined;
+}
+
+export function Slider({ id, label, scale, sliding, disabled, mark, move, set, press }: SliderProps) {
+  const { minimum, maximum, step, low, high } = scale;
+  const box = useRef<HTMLInputElement>(null);
+  const read = (input: HTMLInputElement): number => Math.min(maximum, Math.max(minimum, Number(input.value)));
+  const ended = useRef<() => void>(() => undefined);
+  ended.current = () => {
+    sliding.end();
+    if (box.current !== null) set?.(read(box.current));
+  };
+  // React calls its onChange for each value on the way, and has nothing for the last one.
+  useEffect(() => {
+    const input = box.current;
+    const changed = (): void => ended.current();
+    input?.addEventListener("change", changed);
+    return () => input?.removeEventListener("change", changed);
+  }, []);
+  const place = mark === undefined ? 0 : (mark - low) / Math.max(high - low, Number.MIN_VALUE);
+  return (
+    <span className="slider">
+      <input
+        ref={box}
+        id={id}
+        type="range"
+        aria-label={label}
+        aria-valuetext={exactNumber(sliding.shown)}
+        min={low}
+        max={high}
+        step={step}
+        value={sliding.shown}
+        disabled={disabled}
+        onChange={(event) => {
+          const next = read(event.target);
+          sliding.move(next);
+          move?.(next);
+        }}
+        onPointerUp={() => {
+          sliding.end();
+          press?.();
+        }}
+        onKeyDown={(event) => event.key === "Enter" && press?.()}
+        onBlur={sliding.end}
+      />
+      {mark !== undefined && place >= 0 && place <= 1 && (
+        <svg className="file-mark" viewBox="0 0 1000 1" preserveAspectRatio="none" aria-hidden="true">
+          <rect x={place * 992} width={8} height={1} />
+        </svg>
+      )}
+    </span>
+  );
+}
+
+/** What is being written in a field, what was in force when that began, and its revision. */
+export interface Draft {
+  text: string;
+  over: string;
+  seen: number;
+}
+
+export interface Drafting {
+  draft: Draft | null;
+  write: (text: string) => void;
+  keep: (draft: Draft) => void;
+  drop: () => void;
+}
+
+export function useDraft(value: string, seen = 0): Drafting {
+  const [draft, keep] = useState<Draft | null>(null);
+  const write = (text: string): void =>
+    keep((before) => ({ text, over: before?.over ?? value, seen: before?.seen ?? seen }));
+  return { draft, write, keep, drop: () => keep(null) };
+}
+
+interface NumberFieldProps {
+  id: string;
+  label?: string;
+  /** What stands there while nothing is being written. */
+  value: string;
+  drafting: Drafting;
+  disabled: boolean;
+  isNumber?: boolean;
+  /** Called with Enter. */
+  commit: () => void;
+  leave?: () => void;
+}
+
+/** Field for the whole value; Escape takes back what was written. */
+export function NumberField(props: NumberFieldProps) {
+  const { id, label, value, drafting, disabled, isNumber = true, commit, leave } = props;
+  return (
+    <input
+      id={id}
+      type="text"
+      inputMode={isNumber ? "decimal" : "text"}
+      aria-label={label}
+      className={drafting.draft === null ? "" : "draft"}
+      value={drafting.draft?.text ?? value}
+      disabled={disabled}
+      onChange={(event) => drafting.write(event.target.value)}
+      onBlur={leave}
+      onKeyDown={(event) => {
+        if (event.key === "Enter") commit();
+        if (event.key === "Escape") drafting.drop();
+      }}
+    />
+  );
+}
+
+interface NumberPairProps {
+  /** Of the slider; that of the field has an ending. */
+  id: string;
+  name: string;
+  scale: Scale;
+  value: number;
+  disabled: boolean;
+  mark?: number | undefined;
+  /** Called with each value on the way of the slider. */
+  move?: (value: number) => void;
+  /** Called with what is written, and where the slider is let go. */
+  set?: (value: number) => void;
+  /** The same for a value that is sent; it returns whether that was taken. */
+  send?: (value: number) => Promise<boolean>;
+  press?: () => void;
+}
+
+/** Slider and field of a number that is not sent at once, or only where the slider is let go. */
+export function NumberPair({ id, name, scale, value, disabled, mark, move, set, send, press }: NumberPairProps) {
+  const sliding = useSliding(value);
+  const drafting = useDraft(exactNumber(value));
+  const isSliding = useRef(false);
+  const [push] = useNewest(async (next: number): Promise<boolean> => {
+    const isTaken = (await send?.(next)) ?? true;
+    if (!isTaken) sliding.drop();
+    return isTaken;
+  });
+  const settle = (next: number): void => {
+    isSliding.current = false;
+    set?.(next);
+    if (send) push(next);
+  };
+  const commit = (): void => {
+    const written = drafting.draft?.text.trim() ?? "";
+    const number = Number(written);
+    drafting.drop();
+    if (written !== "" && Number.isFinite(number) && number !== value) settle(number);
+  };
+  return (
+    <>
+      {/* The slider is pressed before the field is left. */}
+      <span className="slides" onPointerDown={() => (isSliding.current = true)}>
+        <Slider
+          id={id}
+          scale={scale}
+          sliding={sliding}
+          disabled={disabled}
+          mark={mark}
+          move={(next) => {
+            drafting.drop();
+            move?.(next);
+          }}
+          set={settle}
+          press={() => {
+            isSliding.current = false;
+            press?.();
+          }}
+        />
+      </span>
+      <NumberField
+        id={`${id}-value`}
+        label={`${name}, ${texts.fields.value}`}
+        value={exactNumber(sliding.shown)}
+        drafting={drafting}
+        disabled={disabled}
+        commit={commit}
+        leave={() => {
+          if (!isSliding.current) commit();
+        }}
+      />
+    </>
+  );
+}
+
+/**
+ * Send the newest of many values: one at a time, at most ten a second, and the last one in any case.
+ *
+ * What waits is left out when one is not taken. Returns what takes a value, and whether any is on its way.
+ */
+export function useNewest<T>(send: (value: T) => Promise<boolean>): [(value: T) => void, boolean] {
+  const waiting = useRef<T[]>([]);
+  const sends = useRef(false);
+  const sender = useRef(send);
+  sender.current = send;
+  const [isBusy, setBusy] = useState(false);
+  const push = useCallback((value: T): void => {
+    waiting.current = [value];
+    if (sends.current) return;
+    sends.current = true;
+    setBusy(true);
+    void (async () => {
+      for (let next = waiting.current.shift(); next !== undefined; next = waiting.current.shift()) {
+        const [isTaken] = await Promise.all([sender.current(next), later(PERIOD_MS)]);
+        if (!isTaken) waiting.current = [];
+      }
+      sends.current = false;
+      setBusy(false);
+    })();
+  }, []);
+  return [push, isBusy];
+}
+
+const later = (ms: number): Promise<void> => new Promise((resolve) => window.setTimeout(resolve, ms));

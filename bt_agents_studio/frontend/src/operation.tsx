@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// Operations as people meet them: whether this tab may do one, that it is under way, and what came of it.
+
+import { useCallback, useRef, useState, type ReactNode } from "react";
+import { isSignedIn, operate, useConnection, type Answer } from "./connection";
+import { OPERATION_ROLES, type Operations } from "./protocol";
+import { texts } from "./texts";
+
+interface Numbered extends Answer {
+  /** Counts up over all operations of the page. */
+  number: number;
+}
+
+export interface Asked {
+  /** Why this tab may not do it now, in words; empty when it may. */
+  whyNot: string;
+  isPending: boolean;
+  answer: Numbered | null;
+}
+
+export interface Operation<N extends keyof Operations> extends Asked {
+  /** Do it; null when it was not sent, since this tab may not or the last one is under way. */
+  ask: (fields: Operations[N], limitMs?: number) => Promise<Answer | null>;
+}
+
+let asked = 0;
+
+/** One operation of a panel. Its answer stays until it is asked again. */
+export function useOperation<N extends keyof Operations>(name: N): Operation<N> {
+  const whyNot = useWhyNot(name);
+  const [isPending, setPending] = useState(false);
+  const [answer, setAnswer] = useState<Numbered | null>(null);
+  const isAsked = useRef(false);
+  const ask = useCallback(
+    async (fields: Operations[N], limitMs?: number): Promise<Answer | null> => {
+      if (isAsked.current || whyNot !== "") return null;
+      isAsked.current = true;
+      asked += 1;
+      const number = asked;
+      setPending(true);
+      setAnswer(null);
+      const done = await operate(name, fields, limitMs);
+      isAsked.current = false;
+      setPending(false);
+      setAnswer({ ...done, number });
+      return done;
+    },
+    [name, whyNot],
+  );
+  return { whyNot, isPending, answer, ask };
+}
+
+/** Why this tab may not do an operation now; empty when it may. */
+export function useWhyNot(name: keyof Operations): string {
+  const { phase, hello, atS } = useConnection();
+  if (phase === "refused") return texts.connection.refused;
+  if (hello === null) return texts.may.notConnected;
+  if (!OPERATION_ROLES[name].includes(hello.role)) return texts.may.roles[hello.role] ?? texts.may.noKey;
+  if (!isSignedIn()) return texts.may.noKey;
+  return atS === null ? "" : texts.may.past;
+}
+
+const UNHEARD = ["NO_STUDIO", "NO_ANSWER", "NO_SESSION", "NO_KEY", "UNKNOWN_HOST"];
+
+/** Whether no service has taken the request, so that what somebody has written must not be lost. */
+export const isUnheard = (done: Answer): boolean => UNHEARD.includes(done.code);
+
+interface ButtonProps {
+  of: Asked;
+  /** What a click does; without it, the button submits its form. */
+  ask?: (() => Promise<unknown>) | undefined;
+  disabled?: boolean | undefined;
+  className?: string | undefined;
+  title?: string | undefined;
+  children: ReactNode;
+}
+
+/** Button of an operation: it says that it waits, and takes no second click meanwhile. */
+export function OperationButton({ of, ask, disabled = false, className, title, children }: ButtonProps) {
+  const [isMine, setMine] = useState(false);
+  const click = async (): Promise<void> => {
+    if (ask === undefined || of.isPending) return;
+    setMine(true);
+    await ask();
+    setMine(false);
+  };
+  // It keeps the focus while it waits, which a disabled button does not.
+  return (
+    <button
+      type={ask ? "button" : "submit"}
+      className={className}
+      disabled={disabled || of.whyNot !== ""}
+      aria-disabled={of.isPending || undefined}
+      title={of.whyNot || title}
+      onClick={ask && (() => void click())}
+    >
+      {children}
+      {(ask ? isMine : of.isPending) && " …"}
+    </button>
+  );
+}
+
+/** Why the controls of a panel are disabled; nothing when they are not. */
+export function WhyNot({ of }: { of: Asked }) {
+  return of.whyNot === "" ? null : <p className="why-not">{of.whyNot}</p>;
+}
+
+/** What came of the newest of some operations. */
+export function Outcome({ of }: { of: readonly Asked[] }) {
+  const [newest] = of.flatMap((one) => one.answer ?? []).sort((one, other) => other.number - one.number);
+  return <output className={newest?.accepted === false ? "answer failure" : "answer"}>{newest?.message}</output>;
+}

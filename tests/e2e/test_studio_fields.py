@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers in the page of the studio: what is typed, dragged and written, and what is sent."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from bt_agents_studio.records import PresetRecord
+from studio_browser import open_page, opened_page
+from studio_entries import HOST, agent, part, run, tunable, tunings
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+PATIENCE = tunable("guide", "patience", 8.0, default=15.0, maximum=30.0)
+FINE = tunable("guide", "fine", 0.00123456789, default=0.0004, minimum=None, maximum=None)
+VOLUME = tunable("carrier", "volume", 0.5, description="how loud it speaks", maximum=1.0)
+
+
+class Host:
+    """A host that takes every value, and notes when each came."""
+
+    def __init__(self, studio: BackgroundStudio) -> None:
+        self._studio = studio
+        self._revision = 0
+        self.tunables = {one.name: one for one in (PATIENCE, FINE, VOLUME)}
+        self.sent: list[tuple[float, str, str]] = []
+        self.other: list[Mapping[str, Any]] = []
+        studio.caller.call = self.call  # type: ignore[method-assign]
+        for one in self.tunables.values():
+            studio.put("tunables", f"{HOST}|{one.name}", one)
+        preset = PresetRecord(
+            name="evening",
+            values={"guide.patience": "20 s", "carrier.volume": "0.5"},
+            settings={"guide.patience": 20.0, "carrier.volume": 0.5},
+        )
+        self._presets = (preset,)
+        studio.put("tunings", HOST, tunings(0, preset))
+
+    def call(
+        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
+    ) -> Future[Any]:
+        del limit_s
+        done: Future[Any] = Future()
+        accepted = True
+        if kind == "Tune" and fields["action"] == 0:
+            accepted = fields["seen"] == self._revision
+            if accepted:
+                self._set(fields["names"][0], fields["values"][0])
+        else:
+            self.other.append({"service": service, **fields})
+        code = "" if accepted else "CHANGED_MEANWHILE"
+        done.set_result(
+            SimpleNamespace(accepted=accepted, code=code, message="done", revision=self._revision)
+        )
+        return done
+
+    def _set(self, name: str, text: str) -> None:
+        self._revision += 1
+        self.sent.append((time.monotonic(), name, text))
+        value = float(text.removesuffix(" s"))
+        self.tunables[name] = replace(self.tunables[name], value=value)
+        self._studio.put("tunables", f"{HOST}|{name}", self.tunables[name])
+        self._studio.put("tunings", HOST, tunings(self._revision, *self._presets))
+
+    @property
+    def values(self) -> list[str]:
+        return [text for _, _, text in self.sent]
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    with background_studio() as served:
+        served.put("parts", "marketplace", part())
+        served.put("agents", "guide", agent("guide", "A guide"))
+        served.put("agents", "carrier", agent("carrier"))
+        served.put("runs", "guide", run("guide"))
+        yield served
+
+
+@pytest.fixture
+def host(studio: BackgroundStudio) -> Host:
+    return Host(studio)
+
+
+@pytest.fixture
+def page(browser: Browser, studio: BackgroundStudio, host: Host) -> Iterator[Page]:
+    del host
+    with opened_page(browser, studio.address) as opened:
+        open_page(opened, "Tune")
+        expect(field(opened)).to_be_in_viewport()
+        yield opened
+
+
+def field(page: Page, key: str = "patience") -> Locator:
+    return page.locator(f"#tunable-guide-{key}")
+
+
+def slider(page: Page) -> Locator:
+    return page.get_by_label("guide.patience slider")
+
+
+def place(found: Locator, part: float) -> tuple[float, float]:
+    """Return a place on a slider, from 0 at its left end to 1 at its right."""
+    box = found.bounding_box()
+    assert box is not None
+    return box["x"] + 8 + part * (box["width"] - 16), box["y"] + box["height"] / 2
+
+
+def press(page: Page, found: Locator, part: float) -> None:
+    page.mouse.click(*place(found, part))
+
+
+def test_value_is_shown_and_written_unrounded(page: Page, host: Host) -> None:
+    expect(field(page, "fine")).to_have_value("0.00123456789")
+    row = page.locator(".control", has=field(page, "fine"))
+    expect(row).to_contain_text("in the file 0.0004")
+    row.get_by_role("button", name="As in the file").click()
+    expect(field(page, "fine")).to_have_value("0.0004")
+    assert host.values == ["0.0004 s"]
+
+
+def test_profile_value_is_shown_unrounded(page: Page, host: Host) -> None:
+    page.get_by_text("Profile", exact=True).click()
+    shown = page.locator("#profile-guide-age-value")
+    expect(shown).to_have_value("1.23456789")
+    shown.fill("1.87654321")
+    shown.press("Enter")
+    expect(page.locator("details details output")).to_have_text("done")
+    [given] = host.other
+    assert given["values"][0] == 1.87654321
+
+
+def test_half_typed_value_is_not_sent(page: Page, host: Host) -> None:
+    field(page).fill("1")
+    press(page, slider(page), 0.5)
+    expect(field(page)).to_have_value("15")
+    field(page).fill("2")
+    field(page).press("Tab")
+    page.keyboard.press("Tab")
+    expect(field(page)).to_have_value("2")
+    field(page).press("Escape")
+    expect(field(page)).to_have_value("15")
+    assert host.values == ["15 s"]
+
+
+def test_typed_value_is_set_by_button(page: Page, host: Host) -> None:
+    field(page).fill("12.125")
+    row = page.locator(".control", has=field(page))
+    row.get_by_role("button", name="Set", exact=True).click()
+    expect(row.get_by_role("button", name="Set", exact=True)).to_have_count(0)
+    assert host.values == ["12.125 s"]
+    expect(field(page)).to_have_value("12.125")
+
+
+def test_dragged_slider_sends_its_last_place_last(page: Page, host: Host) -> None:
+    page.mouse.move(*place(slider(page), 0.2))
+    page.mouse.down()
+    for step in range(40):
+        page.mouse.move(*place(slider(page), 0.2 + step * 0.015))
+    page.mouse.move(*place(slider(page), 0.8))
+    expect(field(page)).to_have_value("24")
+    page.mouse.up()
+    expect(slider(page)).to_have_value("24")
+    page.wait_for_timeout(300)  # nothing is sent any more
+    expect(field(page)).to_have_value("24")
+    assert host.values[-1] == "24 s"
+    # Each is sent when the last one is answered, 100 ms after it at the earliest.
+    seconds = host.sent[-1][0] - host.sent[0][0]
+    assert 1 < len(host.sent) <= seconds * 10 + 2
+    assert all(len(text) <= len("24.5 s") for text in host.values)
+
+
+def test_slider_moves_in_decimal_steps(page: Page) -> None:
+    open_page(page, "World")
+    age = page.locator("#world-age")
+    expect(age).to_have_value("3")
+    for expected in ("3.05", "3.1", "3.15"):
+        age.press("ArrowRight")
+        expect(page.locator("#world-age-value")).to_have_value(expected)
+    age.press("End")
+    expect(page.locator("#world-age-value")).to_have_value("5")
+
+
+def test_typed_scene_value_is_announced_and_unticked(page: Page, host: Host) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Play the world")
+    typed = panel.locator("#world-age-value")
+    typed.fill("2.123456789")
+    ticked = panel.locator(".give").get_by_role("checkbox").first
+    panel.get_by_role("button", name="Announce the scene").click()
+    expect(ticked).not_to_be_checked()
+    expect(typed).to_have_value("3")
+    assert [(one["names"], one["values"]) for one in host.other] == [(["age"], [2.123456789])]
+
+
+def test_pressed_scene_slider_drops_half_typed_value(page: Page, host: Host) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Play the world")
+    panel.locator("#world-age-value").fill("4")
+    press(page, panel.locator("#world-age"), 0.25)
+    expect(panel.locator("#world-age-value")).to_have_value("2")
+    panel.get_by_role("button", name="Only change what is sensed now").click()
+    expect(panel.locator(".give").get_by_role("checkbox").first).to_be_checked()
+    assert [one["values"] for one in host.other] == [[2.0]]
+
+
+def test_typed_value_survives_an_absent_studio(page: Page, host: Host) -> None:
+    page.route("**/api/do/*", lambda route: route.abort())
+    field(page).fill("11")
+    field(page).press("Enter")
+    row = page.locator(".control", has=field(page))
+    expect(row.locator("output")).to_have_text("the studio does not answer")
+    expect(row.locator("output")).to_be_in_viewport()
+    expect(field(page)).to_have_value("11")
+    page.unroute("**/api/do/*")
+    row.get_by_role("button", name="Set", exact=True).click()
+    expect(row.get_by_role("button", name="Set", exact=True)).to_have_count(0)
+    expect(field(page)).to_have_value("11")
+    assert host.values == ["11 s"]
+
+
+def test_file_value_is_marked_on_track(page: Page) -> None:
+    row = page.locator(".control", has=field(page))
+    mark = row.locator(".file-mark rect").bounding_box()
+    assert mark is not None
+    assert abs(mark["x"] + mark["width"] / 2 - place(slider(page), 0.5)[0]) < 2
+
+
+def test_running_agent_is_first_and_open(page: Page) -> None:
+    groups = page.locator(".main section.panel")
+    expect(groups.nth(0)).to_have_attribute("aria-label", "guide")
+    expect(groups.nth(0)).to_contain_text("runs, or ran last")
+    folded = groups.nth(1)
+    expect(folded).to_have_attribute("aria-label", "carrier")
+    expect(page.locator("#tunable-carrier-volume")).to_have_count(0)
+    folded.locator("summary").click()
+    expect(page.locator("#tunable-carrier-volume")).to_be_visible()
+
+
+@pytest.mark.parametrize("text", ["volume", "LOUD it"])
+def test_values_are_found_by_name_and_description(page: Page, text: str) -> None:
+    page.get_by_role("searchbox").fill(text)
+    expect(page.locator("#tunable-carrier-volume")).to_be_in_viewport()
+    expect(field(page)).to_have_count(0)
+
+
+def test_preset_shows_its_changes_and_is_deleted(page: Page, host: Host) -> None:
+    preset = page.locator(".preset", has_text="evening")
+    expect(preset).to_contain_text("would change 1")
+    preset.locator("summary").click()
+    rows = preset.get_by_role("row")
+    expect(rows).to_have_count(1)
+    expect(rows).to_contain_text("8 s → 20 s")
+    preset.get_by_role("button", name="Delete").click()
+    expect(page.get_by_label("Changes").locator("output")).to_have_text("done")
+    [asked] = host.other
+    assert (asked["action"], asked["preset"]) == (5, "evening")

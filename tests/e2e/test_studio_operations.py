@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Operations in the page of the studio: who may do them, that they wait, and what came of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Future
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from bt_agents_studio.access import SessionRole
+from studio_browser import open_page, opened_page
+from studio_entries import HOST, agent, part, tunable, tunings
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+CHANGING = {
+    "market": ("Pin", "Veto", "Award", "Good", "Bad", "Try"),
+    "tune": ("As in the file", "Show what would be written"),
+    "world": ("Announce the scene", "Only change what is sensed now"),
+    "person": ("Begin", "I leave", "Good", "worse"),
+}
+"""Page → buttons on it that change something, or ask the system."""
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    with background_studio() as served:
+        served.put("parts", "marketplace", part())
+        served.put("agents", "guide", agent("guide"))
+        served.put("tunables", f"{HOST}|guide.patience", tunable("guide", "patience", 8.0))
+        served.put("tunings", HOST, tunings())
+        yield served
+
+
+@pytest.fixture
+def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
+    with opened_page(browser, studio.address) as opened:
+        expect(opened.locator(".phase")).to_have_text("connected")
+        yield opened
+
+
+def test_operation_is_sent_once_while_it_waits(page: Page, studio: BackgroundStudio) -> None:
+    asked: list[Future[Any]] = []
+
+    def wait(*_: object) -> Future[Any]:
+        asked.append(Future())
+        return asked[-1]
+
+    studio.caller.call = wait  # type: ignore[method-assign]
+    open_page(page, "World")
+    button = page.get_by_role("button", name="Announce the scene")
+    button.click()
+    expect(button).to_have_text("Announce the scene …")
+    expect(button).to_be_disabled()
+    expect(button).to_be_focused()
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Only change what is sensed now").click(force=True)
+    asked[0].set_result(SimpleNamespace(accepted=False, code="NO", message="not today"))
+    shown = page.get_by_label("Play the world").locator("output")
+    expect(shown).to_have_text("not today")
+    expect(shown).to_have_class("answer failure")
+    expect(shown).to_be_in_viewport()
+    expect(button).to_have_text("Announce the scene")
+    expect(button).to_be_enabled()
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize("name", CHANGING)
+def test_viewer_sees_why_controls_are_disabled(
+    browser: Browser, studio: BackgroundStudio, name: str
+) -> None:
+    with opened_page(browser, studio.address_of(SessionRole.VIEW)) as page:
+        open_page(page, name.capitalize())
+        expect(page.get_by_text("This link is for viewing only").first).to_be_in_viewport()
+        for label in CHANGING[name]:
+            expect(page.get_by_role("button", name=label, exact=True).first).to_be_disabled()
+
+
+def test_operator_is_told_that_files_stay(page: Page) -> None:
+    open_page(page, "Tune")
+    keep = page.get_by_label("Keep in the files")
+    expect(keep).to_contain_text("This link is not for writing files")
+    expect(keep.get_by_role("button")).to_be_disabled()
+
+
+def test_tab_without_key_is_told_so(page: Page, studio: BackgroundStudio) -> None:
+    other = page.context.new_page()
+    other.goto(studio.address.partition("#")[0])
+    open_page(other, "World")
+    expect(other.get_by_text("This tab can look on only").first).to_be_in_viewport()
+    expect(other.get_by_role("button", name="Announce the scene")).to_be_disabled()
+
+
+def test_earlier_moment_cannot_be_changed(page: Page, studio: BackgroundStudio) -> None:
+    bar = page.get_by_label("Moment that is shown")
+    expect(bar).to_be_enabled()
+    bar.fill(bar.get_attribute("min") or "")
+    open_page(page, "World")
+    button = page.get_by_role("button", name="Announce the scene")
+    expect(page.get_by_text("This is an earlier moment").first).to_be_in_viewport()
+    expect(button).to_be_disabled()
+    page.get_by_role("button", name="Back to now").click()
+    expect(button).to_be_enabled()
+
+
+EMPTY = {
+    "live": "No agent has run yet",
+    "market": "No round has been held yet",
+    "tune": "No host of agents is running",
+    "system": "None.",
+}
+"""Page → its first sentence when a system is there, but nothing has happened."""
+
+
+@pytest.mark.parametrize("name", EMPTY)
+def test_empty_page_says_what_is_missing(browser: Browser, name: str) -> None:
+    with background_studio() as fresh:
+        context = browser.new_context()
+        stranger = context.new_page()
+        stranger.goto(fresh.address.partition("#")[0] + name)
+        expect(stranger.get_by_role("main")).to_contain_text("Not signed in")
+        expect(stranger.get_by_text(EMPTY[name])).to_have_count(0)
+        context.close()
+        with opened_page(browser, fresh.address_of(SessionRole.OPERATE, name)) as page:
+            main = page.get_by_role("main")
+            expect(main.get_by_text("No system is running here").first).to_be_in_viewport()
+            expect(page.get_by_text(EMPTY[name], exact=name == "system")).to_have_count(0)
+            fresh.put("parts", "marketplace", part(alive=False))
+            expect(main.get_by_text("The system is silent").first).to_be_in_viewport()
+            fresh.put("parts", "marketplace", part())
+            told = main.get_by_text(EMPTY[name], exact=name == "system").first
+            expect(told).to_be_in_viewport()
+            expect(page.get_by_text("No system is running here")).to_have_count(0)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every page of the studio as it is seen: in a narrow window, with long words, and by axe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from bt_agents_studio.records import FileRecord, HealthRecord, HostRecord, PresetRecord
+from npm_packages import installed_packages
+from studio_browser import opened_page
+from studio_entries import (
+    HOST,
+    agent,
+    auction,
+    awaited,
+    market,
+    part,
+    profile_step,
+    question,
+    recording,
+    run,
+    scene,
+    tunable,
+    tunings,
+)
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+PAGES = ("live", "market", "tune", "world", "system", "person")
+LONG = "Donaudampfschifffahrtselektrizitätenhauptbetriebswerkbauunterbeamtengesellschaft" * 2
+PHONE, WINDOW = {"width": 390, "height": 844}, {"width": 1280, "height": 800}
+RULES = """{
+    runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"],
+    rules: {"label-content-name-mismatch": {enabled: true}},
+}"""
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    """A studio with something in every panel, and long words in it."""
+    with background_studio() as served:
+        fill(served)
+        yield served
+
+
+def fill(studio: BackgroundStudio) -> None:
+    preset = PresetRecord(
+        name=LONG, values={"guide.patience": "20 s"}, settings={"guide.patience": 20.0}
+    )
+    host = HostRecord(
+        host=HOST,
+        instance="x",
+        trees=f"/home/somebody/{LONG}",
+        agents=("guide", LONG),
+        broken_files=(),
+        problems=(),
+    )
+    health = HealthRecord(level="OK", message=LONG, values={"files": LONG}, since_s=0.0)
+    for name in ("marketplace", "robot", HOST):
+        studio.put("parts", name, part())
+    studio.put("hosts", HOST, host)
+    studio.put("health", "agents: files", health)
+    studio.put("files", f"{HOST}|agents/guide.yaml", FileRecord(text="format: 1\n"))
+    studio.put("market", "", market())
+    studio.put("scene", "", scene(LONG))
+    studio.put("live", "", scene())
+    studio.put("agents", "guide", agent("guide", LONG))
+    studio.put("agents", LONG, agent(LONG))
+    studio.put("runs", "guide", replace(run("guide"), message=LONG))
+    studio.put("rounds", "x/1", auction("guide", LONG))
+    for number in range(40):
+        studio.put("feedback", f"guide||{number}", profile_step("guide", number))
+    studio.put("tunables", f"{HOST}|guide.patience", tunable("guide", "patience", 8.0))
+    rate = tunable("guide", "learning_rate", 0.5, kind="LEARNING_RATE", maximum=1.0)
+    studio.put("tunables", f"{HOST}|guide.learning_rate", rate)
+    words = tunable("guide", "words", LONG, type="TEXT", unit="", minimum=None, maximum=None)
+    studio.put("tunables", f"{HOST}|guide.words", words)
+    studio.put("tunings", HOST, tunings(40, preset, changes=40))
+    studio.put("questions", "", question(LONG, "yes", LONG))
+    studio.put("listening", f"door/{LONG.lower()}", awaited())
+    studio.put("recording", "", recording())
+
+
+@contextmanager
+def opened_at(browser: Browser, studio: BackgroundStudio, name: str) -> Iterator[Page]:
+    with opened_page(browser, studio.address.replace("/#", f"/{name}#")) as page:
+        expect(page.locator(".phase")).to_have_text("connected")
+        expect(page.locator("main section").first).to_be_visible()
+        yield page
+
+
+def unfold(page: Page) -> None:
+    folded = page.locator("main details:not([open]) > summary")
+    while folded.count() > 0:
+        folded.first.click()
+
+
+@pytest.mark.parametrize("size", [PHONE, WINDOW], ids=["phone", "window"])
+@pytest.mark.parametrize("name", PAGES)
+def test_page_fits_its_window(
+    browser: Browser, studio: BackgroundStudio, name: str, size: dict[str, int]
+) -> None:
+    with opened_at(browser, studio, name) as page:
+        page.set_viewport_size(size)  # type: ignore[arg-type]
+        unfold(page)
+        wide = page.evaluate("""() => [...document.querySelectorAll("header *, main *")]
+            .filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
+            .filter((one) => !one.closest("pre, .rounds, .tree, .hidden"))
+            .map((one) => one.outerHTML.slice(0, 120))""")
+        assert wide == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("name", PAGES)
+def test_filled_page_is_accessible(
+    browser: Browser, studio: BackgroundStudio, name: str, scheme: str
+) -> None:
+    axe = (installed_packages() / "axe-core" / "axe.min.js").read_text("utf-8")
+    with opened_at(browser, studio, name) as page:
+        page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+        unfold(page)
+        page.evaluate(axe)
+        found = page.evaluate(f"axe.run(document, {RULES})")
+        assert [(one["id"], one["nodes"][0]["html"]) for one in found["violations"]] == []
