@@ -268,10 +268,11 @@ class Server:
 
     async def _page(self, request: web.Request) -> web.Response:
         path = request.match_info["path"]
-        # Every page of the application has an address of its own, and is the same document.
-        found = self._files.get(path) or (
-            None if "." in path or path.startswith("api/") else self._files.get("index.html")
-        )
+        found = self._files.get(path)
+        if found is None and "." not in path and not path.startswith("api/"):
+            # Each page has an address, and most of them are the same document.
+            document = f"{path.partition('/')[0]}.html"
+            found = self._files.get(document) or self._files.get("index.html")
         if found is None:
             raise Refused(RefusalCode.NOT_FOUND, f"there is no '/{path[:80]}' here")
         kind, data, packed = found

@@ -149,7 +149,11 @@ class BackgroundStudio:
     @property
     def address(self) -> str:
         """Address of the page for an operator."""
-        return f"{self._one.origin}/#{self._one.access.token(SessionRole.OPERATE)}"
+        return self.address_for(SessionRole.OPERATE)
+
+    def address_for(self, role: SessionRole, page: str = "") -> str:
+        """Return the address of a page for a role."""
+        return f"{self._one.origin}/{page}#{self._one.access.token(role)}"
 
     def put(self, collection: str, key: str, value: object) -> None:
         """Change an entry, as a message of the system does."""

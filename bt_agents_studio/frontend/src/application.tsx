@@ -8,14 +8,14 @@ import { formatTime } from "./formatting";
 import { Bookmarks, Marks } from "./recording";
 import { Live } from "./live";
 import { Market } from "./market";
-import { Person } from "./person";
 import { PanelBoundary } from "./panel_boundary";
+import { Phase } from "./phase";
 import { System } from "./system";
 import { texts } from "./texts";
 import { Tune } from "./tune";
 import { World } from "./world";
 
-const PAGES = { live: Live, market: Market, tune: Tune, world: World, system: System, person: Person };
+const PAGES = { live: Live, market: Market, tune: Tune, world: World, system: System };
 type Page = keyof typeof PAGES;
 
 const isPage = (name: string): name is Page => name in PAGES;
@@ -27,14 +27,16 @@ function pageOf(path: string): Page {
 
 function App() {
   const [page, setPage] = useState(pageOf(location.pathname));
-  const { phase, hello } = useConnection();
-  const isPerson = hello?.role === "person";
+  const isPerson = useConnection().hello?.role === "person";
   useEffect(() => {
     const changed = (): void => setPage(pageOf(location.pathname));
     window.addEventListener("popstate", changed);
     return () => window.removeEventListener("popstate", changed);
   }, []);
-  const Shown = PAGES[isPerson ? "person" : page];
+  useEffect(() => {
+    if (isPerson) location.replace("/person");
+  }, [isPerson]);
+  const Shown = PAGES[page];
   return (
     <>
       <header>
@@ -57,25 +59,22 @@ function App() {
                   {texts.pages[name]}
                 </a>
               ))}
+              {/* It is a document of its own. */}
+              <a href="/person">{texts.pages.person}</a>
             </nav>
             <PanelBoundary label={texts.time.bar}>
               <TimeBar />
             </PanelBoundary>
           </>
         )}
-        <p className={`phase ${phase}`} role="status">
-          {texts.connection[phase]}
-        </p>
-        {phase === "outdated" && (
-          <button type="button" onClick={() => location.reload()}>
-            {texts.connection.reload}
-          </button>
-        )}
+        <Phase />
       </header>
       <main>
-        <PanelBoundary key={page} label={texts.pages[isPerson ? "person" : page]}>
-          <Shown />
-        </PanelBoundary>
+        {!isPerson && (
+          <PanelBoundary key={page} label={texts.pages[page]}>
+            <Shown />
+          </PanelBoundary>
+        )}
       </main>
     </>
   );

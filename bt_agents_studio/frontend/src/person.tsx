@@ -19,7 +19,7 @@ const isSpoken = (act: RobotActRecord): boolean => act.kind === "SAY" || act.kin
 export function Person() {
   const robot = useEntry("robot");
   const part = useEntry("parts", "robot");
-  const { hello, phase, atS } = useConnection();
+  const { hello, phase } = useConnection();
   const acts = robot?.acts ?? [];
   const speech = acts.findLast(isSpoken);
   const question = acts.findLast((one) => one.kind === "ASK");
@@ -51,7 +51,7 @@ export function Person() {
         <Subtitles speech={speech} />
         <Shown acts={acts} sound={robot?.sounds ? robot.sound : ""} />
       </PanelBoundary>
-      <div className="person" inert={atS !== null}>
+      <div className="person">
         {question && (
           <PanelBoundary key={question.number} label={words.answer}>
             <Question question={question} report={report} />

@@ -212,7 +212,7 @@ def test_cookie_without_key_allows_only_viewing() -> None:
 def test_every_response_forbids_foreign_content_and_frames() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client() as client:
-            for path in ("/", "/live", "/studio.js", "/api/state", "/nothing.html"):
+            for path in ("/", "/live", "/person", "/studio.js", "/api/state", "/nothing.html"):
                 headers = (await client.get(path)).headers
                 policy = headers["Content-Security-Policy"]
                 assert "default-src 'none'" in policy
@@ -227,14 +227,15 @@ def test_every_response_forbids_foreign_content_and_frames() -> None:
 def test_compressed_page_is_sent_to_supporting_clients() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client() as client:
-            bodies = {}
+            bodies, lengths = {}, {}
             for coding in ("gzip, br", "identity"):
                 headers = {"Accept-Encoding": coding}
                 async with client.get("/application.js", headers=headers) as answer:
-                    bodies[answer.headers.get("Content-Encoding", "")] = await answer.read()
-                    length = int(answer.headers["Content-Length"])
+                    packed = answer.headers.get("Content-Encoding", "")
+                    bodies[packed] = await answer.read()
+                    lengths[packed] = int(answer.headers["Content-Length"])
                     assert answer.headers["Vary"] == "Accept-Encoding"
-                    assert (length < 150_000) == (coding != "identity")
+            assert lengths["gzip"] < lengths[""] / 2
             assert bodies["gzip"] == bodies[""]  # the client has unpacked it
 
     served(test)
@@ -304,6 +305,23 @@ def test_studio_knows_whether_any_page_is_open() -> None:
                 await asyncio.sleep(0.01)
 
     served(test)
+def test_page_person_has_a_document_of_its_own() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client() as client:
+            documents = {}
+            for path in ("/", "/live", "/live/guide", "/unknown", "/person", "/person/"):
+                async with client.get(path) as answer:
+                    assert answer.content_type == "text/html"
+                    documents[path] = await answer.text()
+        assert "/person.js" in documents["/person"]
+        assert documents["/person"] == documents["/person/"]
+        others = {text for path, text in documents.items() if not path.startswith("/person")}
+        assert len(others) == 1
+        assert "/person.js" not in others.pop()
+
+    served(test)
+
+
 
 
 @pytest.mark.parametrize(
