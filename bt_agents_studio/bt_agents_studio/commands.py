@@ -101,8 +101,8 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     with loading():
         from bt_agents_studio.node import Handover, NodeThread, StudioNode
     interrupt = Interrupt()
-    handover = Handover()
     shown = Studio(uuid.uuid4().hex[:12], space=space)
+    handover = Handover(lambda: None, shown.fail)
 
     thread = NodeThread(
         lambda: StudioNode(

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import logging
 import time
+import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -15,6 +17,7 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_studio.history import History
 from bt_agents_studio.projection import Projection, is_in_use
 from bt_agents_studio.records import (
@@ -36,6 +39,9 @@ MOST_JOURNALS = 2
 
 MOST_LABELS = 200
 """Journal files of which labels are read, the newest first."""
+
+_LONGEST_REASON = 200
+_LOGGER = logging.getLogger(__name__)
 
 _LARGEST_JOURNAL = 512 * 1024 * 1024
 _MOST_RECORDED_BYTES = 256 * 1024 * 1024
@@ -90,14 +96,28 @@ class Studio:
         self._journals: OrderedDict[tuple[str, int, int], History] = OrderedDict()
 
     def receive(self, kind: str, message: Any, at_s: float, live: bool) -> None:
-        """Take a message of the running system; see :meth:`Projection.handle`.
-
-        One whose parts do not fit together is counted, and shown as far as it is read.
-        """
+        """Take a message of the running system; see :meth:`Projection.handle`."""
         try:
             self._projection.handle(kind, message, at_s, live=live)
-        except (IndexError, ValueError):
-            self.store.dropped[kind.rpartition("/")[2]] += 1
+        except Exception as error:
+            self.fail(kind.rpartition("/")[2], error)
+
+    def fail(self, what: str, error: Exception) -> None:
+        """Note that something that was received could not be shown; whatever follows goes on.
+
+        The first failure of each kind is logged.
+
+        Args:
+            what: Type of the message, or name of what was done with it.
+            error: Why it could not be shown.
+        """
+        if self._projection.fail(what, error, self._clock()):
+            place = traceback.extract_tb(error.__traceback__)[-1:]
+            where = "".join([f" ({Path(one.filename).name}:{one.lineno})" for one in place])
+            reason = ellipsize(printable_line(str(error)), _LONGEST_REASON)
+            _LOGGER.warning(
+                "%s cannot be shown: %s: %s%s", what, type(error).__name__, reason, where
+            )
 
     def value(self, host: str, name: str, value: Json) -> None:
         """Take the current value of a tunable."""

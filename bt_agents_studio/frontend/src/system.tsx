@@ -71,7 +71,13 @@ function Problems() {
   return (
     <section className="panel" aria-label={words.problems}>
       <h2>{words.problems}</h2>
-      {problems.length === 0 && <p className="empty">{words.noProblems}</p>}
+  const failures = useEntry("health", "studio: messages");
+      {problems.length === 0 && failures === undefined && <p className="empty">{words.noProblems}</p>}
+      {failures && (
+        <pre tabIndex={0}>
+          {[failures.message, ...Object.entries(failures.values).map((one) => one.join(": "))].join("\n")}
+        </pre>
+      )}
       {problems.map((one) => (
         <pre key={one.message} tabIndex={0}>
           {one.message}
