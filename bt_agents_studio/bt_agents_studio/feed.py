@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -12,7 +12,6 @@ from bt_agents_studio.protocol import (
     VERSION,
     ClientMessage,
     Delta,
-    Failure,
     Resume,
     Seek,
     ServerMessage,
@@ -32,8 +31,6 @@ class Feed:
         store: Of the running system.
         history: Its last minutes.
         studio: Name of this start of the studio.
-        recorded: Returns the history of a journal file by its name, for a moment; it raises
-            ``Refused``.
         collections: Those that the client may see, and only as they are now; None for all.
     """
 
@@ -42,17 +39,18 @@ class Feed:
         store: Store,
         history: History,
         studio: str,
-        recorded: Callable[[str, float], History],
         collections: Collection[str] | None = None,
     ) -> None:
         self._collections = collections
         self._store = store
         self._history = history
         self._studio = studio
-        self._recorded = recorded
         self._sent: int | None = None
         self._seek: Seek | None = None
         self._resumed = False
+        # Moment of a recording that is being read, and what was read.
+        self._reading: Seek | None = None
+        self._read: str | None = None
 
     def take(self, message: ClientMessage) -> None:
         """Act on a message of the client; :meth:`next` has the answer.
@@ -68,7 +66,7 @@ class Feed:
                     f"{VERSION}; load the page anew",
                 )
             self._resumed = True
-            self._seek = None
+            self._seek, self._read = None, None
             known = message.studio == self._studio and message.sequence <= self._store.sequence
             self._sent = message.sequence if known and message.sequence else None
         elif not self._resumed:
@@ -78,21 +76,46 @@ class Feed:
                 raise Refused(
                     RefusalCode.FORBIDDEN, "this session is shown what happens now, nothing else"
                 )
-            self._seek, self._sent = message, None
+            self._seek, self._sent, self._read = message, None, None
         else:
-            self._seek, self._sent = None, None
+            self._seek, self._sent, self._read = None, None, None
 
-    @property
-    def reads_journal(self) -> bool:
-        """True when :meth:`next` may read a file, which takes its time."""
-        return self._seek is not None and bool(self._seek.source) and self._sent is None
+    def take_recorded(self) -> Seek | None:
+        """Return the moment of a recording that is due, for :meth:`give`; None while one is read.
 
-    def next(self) -> ServerMessage | None:
-        """Return the message that is due; None while there is nothing new."""
+        Of all moments that the client wants meanwhile, only the last one is due then.
+        """
+        seek = self._seek
+        if self._reading is not None or seek is None or not seek.source or self._sent is not None:
+            return None
+        self._reading, self._sent = seek, self._store.sequence
+        return seek
+
+    def give(self, encoded: str, *, is_failure: bool) -> None:
+        """Take what was read of a recording, unless the client wants to see something else by now.
+
+        After a failure, the client is shown what happens now.
+        """
+        read, self._reading = self._reading, None
+        wanted = self._seek
+        if read is None or wanted is None or wanted.source != read.source:
+            return
+        if not is_failure:
+            # Perhaps it is no longer the last wish; it shows at least that the reading goes on.
+            self._read = encoded
+        elif wanted is read:
+            self._seek, self._sent, self._read = None, None, encoded
+
+    def next(self) -> ServerMessage | str | None:
+        """Return the message that is due, perhaps encoded; None while there is nothing new."""
         if not self._resumed:
             return None
+        if self._read is not None:
+            read, self._read = self._read, None
+            return read
         if self._seek is not None:
-            return self._moment(self._seek) if self._sent is None else None
+            is_due = self._sent is None and not self._seek.source
+            return self._moment(self._seek) if is_due else None
         if self._sent == self._store.sequence:
             return None
         changes = self._store.since(self._sent) if self._sent is not None else None
@@ -115,19 +138,14 @@ class Feed:
 
     def _moment(self, seek: Seek) -> ServerMessage:
         self._sent = self._store.sequence
-        try:
-            history = self._recorded(seek.source, seek.at_s) if seek.source else self._history
-        except Refused as refused:
-            self._seek, self._sent = None, None
-            return Failure(code=refused.code, message=refused.reason)
         return Snapshot(
             sequence=0,
             at_s=seek.at_s,
-            source=seek.source,
-            first_s=history.first_s,
-            last_s=history.last_s,
-            bookmarks=_bookmarks(history),
-            entries=history.at(seek.at_s),
+            source="",
+            first_s=self._history.first_s,
+            last_s=self._history.last_s,
+            bookmarks=_bookmarks(self._history),
+            entries=self._history.at(seek.at_s),
         )
 
 

@@ -42,6 +42,8 @@ let sequence = 0;
 let known = "";
 let attempts = 0;
 let timer = 0;
+/** An earlier moment was asked for and has not come; until it does, only the newest wish counts. */
+let awaited = false;
 
 function update(change: Partial<ConnectionState>): void {
   state = { ...state, ...change };
@@ -79,11 +81,14 @@ function handle(message: ServerMessage): void {
       });
       send({ type: "resume", version: VERSION, studio: known, sequence: known === message.studio ? sequence : 0 });
       known = message.studio;
-      if (state.atS !== null) send({ type: "seek", source: state.source, at_s: state.atS });
+      awaited = false;
+      askForMoment();
       return;
     case "snapshot":
       if (message.at_s === null) sequence = message.sequence;
-      if (message.at_s === null && state.atS !== null) return;
+      else awaited = false;
+      if ((message.at_s === null) !== (state.atS === null)) return;
+      if (message.at_s !== state.atS || message.source !== state.source) askForMoment();
       replaceAll(message);
       update({
         firstS: message.first_s ?? state.firstS,
@@ -97,6 +102,7 @@ function handle(message: ServerMessage): void {
       if (state.atS === null) apply(message);
       return;
     case "failure":
+      awaited = false;
       update({ failure: message.message, atS: null, source: "" });
   }
 }
@@ -145,10 +151,17 @@ export async function logIn(): Promise<void> {
 
 export function seek(source: string, atS: number): void {
   update({ atS, source });
-  send({ type: "seek", source, at_s: atS });
+  askForMoment();
+}
+
+function askForMoment(): void {
+  if (awaited || state.atS === null) return;
+  awaited = true;
+  send({ type: "seek", source: state.source, at_s: state.atS });
 }
 
 export function follow(): void {
+  awaited = false;
   update({ atS: null, source: "" });
   send({ type: "follow" });
 }
