@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import math
 import re
@@ -24,7 +23,6 @@ sys.path += [str(Path(__file__).parent), str(Path(__file__).parents[1] / "tests"
 import click
 from playwright.sync_api import Browser, CDPSession, Page
 
-import bt_agents_studio
 from browser import chromium
 from measuring import Effort, Row
 from processes import HERE, Graph, Running, graphs
@@ -43,7 +41,8 @@ FRAMES = 0.95
 """Frames of those that a bare page has."""
 
 PAGE_MB = 200.0
-FIRST_PAGE_KB = 180.0
+FIRST_PAGE_KB = 130.0
+PERSON_PAGE_KB = 90.0
 TICK = 1.05
 STUDIO_CPU = 20.0
 """Of a core [%]."""
@@ -52,7 +51,6 @@ _WINDOW_S = 6.0
 _SHORT_S = 1.5
 _SETTLE_S = 2.0
 _LIMIT_MS = 30_000
-_LEVEL = 9
 
 _WATCH = """
 window.painted = [];
@@ -96,6 +94,14 @@ _FRAMES = """
   requestAnimationFrame(next);
 })
 """
+
+_LOADED = """
+() => ["navigation", "resource"]
+  .flatMap((type) => performance.getEntriesByType(type))
+  .filter((one) => !new URL(one.name).pathname.startsWith("/api/"))
+  .map((one) => one.encodedBodySize)
+"""
+"""Sizes of the files of a page, as they were sent [bytes]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,35 +225,45 @@ def _proportional_mb(pid: int) -> float:
 
 def measure(effort: Effort) -> Iterator[Row]:
     """Yield what each costs."""
-    yield _first_page()
     window_s = _SHORT_S if effort.is_short else _WINDOW_S
     repetitions = 1 if effort.is_short else 3
     with chromium() as browser:
+        yield from _loaded(browser)
         for nodes in (MANY_NODES,) if effort.is_short else (NODES, MANY_NODES):
             agents = AGENTS if nodes == NODES else 1
             yield from _page(browser, agents, nodes, window_s, repetitions)
     yield from _clients(effort, window_s, repetitions)
 
 
-def _first_page() -> Row:
-    """Return what a browser without a cache loads before the first page is drawn."""
-    folder = Path(bt_agents_studio.__file__).parent / "page"
-    index = (folder / "index.html").read_text(encoding="utf-8")
-    names = ["index.html", *re.findall(r'(?:src|href)="/([^"]+)"', index)]
-    files = [folder / name for name in names if (folder / name).is_file()]
-    size = sum(len(gzip.compress(file.read_bytes(), _LEVEL)) for file in files) / 1e3
-    return Row.within(
-        FIRST_PAGE_KB,
-        case="first page",
-        side=f"gzip, {len(files)} files",
-        values=[size],
-        unit="kB",
-    )
+def _loaded(browser: Browser) -> Iterator[Row]:
+    """Yield what a browser without a cache loads until a page is connected."""
+    with graphs() as make:
+        graph = make("loaded")
+        studio = graph.command("bt-agents", "studio", HERE.parent / "trees", "--port", 0)
+        addresses = {
+            "first page": (_address(graph, studio), FIRST_PAGE_KB),
+            "page Person": (_address(graph, studio, "to be the person"), PERSON_PAGE_KB),
+        }
+        for case, (address, limit_kb) in addresses.items():
+            context = browser.new_context()
+            page = context.new_page()
+            page.set_default_timeout(_LIMIT_MS)
+            page.goto(address)
+            page.wait_for_selector(".phase.open")
+            sizes = page.evaluate(_LOADED)
+            context.close()
+            yield Row.within(
+                limit_kb,
+                case=case,
+                side=f"gzip, {len(sizes)} files",
+                values=[sum(sizes) / 1e3],
+                unit="kB",
+            )
 
 
-def _address(graph: Graph, server: Running) -> str:
-    graph.until(lambda: "studio: " in server.said, "its address")
-    return re.findall(r"studio: (\S+)", server.said)[0]
+def _address(graph: Graph, server: Running, name: str = "studio") -> str:
+    graph.until(lambda: f"{name}: " in server.said, "its address")
+    return re.findall(rf"{name}: (\S+)", server.said)[0]
 
 
 def _page(

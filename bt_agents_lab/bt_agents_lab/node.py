@@ -218,9 +218,12 @@ class JournalNode(BaseNode):
         self.journal.record(_received(topic, data, info), fact=f"{topic.name} {host}")
 
     def _handle_diagnostics(self, data: bytes, info: Mapping[str, Any]) -> None:
-        """Record the health of a node at each change; it is published every second."""
+        """Record the health of a node at each change; it is published every second.
+
+        Several nodes, such as drivers, may name the same hardware.
+        """
         statuses = deserialize_message(data, DiagnosticArray).status
-        node = str(statuses[0].hardware_id or statuses[0].name) if statuses else ""
+        node = f"{statuses[0].hardware_id} {statuses[0].name}" if statuses else ""
         reported = tuple((one.name, one.level, one.message) for one in statuses)
         before = self._reported.get(node, ())
         if reported == before or (not before and len(self._reported) >= MOST_REPORTING):

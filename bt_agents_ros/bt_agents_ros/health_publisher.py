@@ -31,16 +31,24 @@ class HealthPublisher:
     Args:
         node: Owner of the parts, whose names begin with its name.
         judge: Returns the health of all parts.
+        name: Name in front of those of the parts, if it is not that of the node.
     """
 
-    def __init__(self, node: Node, judge: Callable[[], Iterable[PartHealth]]) -> None:
+    def __init__(
+        self, node: Node, judge: Callable[[], Iterable[PartHealth]], name: str = ""
+    ) -> None:
         self._node = node
         self._judge = judge
-        self._name = str(node.get_fully_qualified_name()).removeprefix("/")
+        self._name = f"{node.get_namespace()}/{name or node.get_name()}".lstrip("/")
         self._published: tuple[PartHealth, ...] = ()
         self._statuses: list[DiagnosticStatus] = []
         self._due = 0.0
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.EVENTS)
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether anything listens."""
+        return bool(self._publisher.get_subscription_count())
 
     def update(self) -> None:
         """Publish the health if it has changed or a second has passed."""

@@ -17,7 +17,6 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_studio.access import SessionRole
 from bt_agents_studio.feed import Feed
-from bt_agents_studio.history import History
 from bt_agents_studio.protocol import VERSION, Delta, Hello, Resume, Snapshot, encode
 from bt_agents_studio.records import LogRecord
 from bt_agents_studio.studio import Studio
@@ -101,8 +100,8 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     with loading():
         from bt_agents_studio.node import Handover, NodeThread, StudioNode
     interrupt = Interrupt()
-    handover = Handover()
     shown = Studio(uuid.uuid4().hex[:12], space=space)
+    handover = Handover(lambda: None, shown.fail)
 
     thread = NodeThread(
         lambda: StudioNode(
@@ -117,7 +116,7 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     node = thread.start()
     node.watch(True)
     namespace = node.get_namespace()
-    feed = Feed(shown.store, shown.history, shown.name, lambda _source, _at_s: History())
+    feed = Feed(shown.store, shown.history, shown.name)
     feed.take(Resume(version=VERSION, studio="", sequence=0))
     if as_json:
         hello = Hello(
@@ -143,7 +142,7 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
                 if shown.store.get("market") is None:
                     click.echo("no system yet: start one with 'bt-agents up'", err=True)
             message = feed.next()
-            if message is not None and as_json:
+            if isinstance(message, Snapshot | Delta) and as_json:
                 click.echo(encode(message))
             elif isinstance(message, Snapshot | Delta):
                 lines += _log_records(message)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -12,7 +12,6 @@ from bt_agents_studio.protocol import (
     VERSION,
     ClientMessage,
     Delta,
-    Failure,
     Present,
     Resume,
     Seek,
@@ -35,8 +34,6 @@ class Feed:
         store: Of the running system.
         history: Its last minutes.
         studio: Name of this start of the studio.
-        recorded: Returns the history of a journal file by its name, for a moment; it raises
-            ``Refused``.
         collections: Those that the client may see, and only as they are now; None for all.
     """
 
@@ -45,18 +42,19 @@ class Feed:
         store: Store,
         history: History,
         studio: str,
-        recorded: Callable[[str, float], History],
         collections: Collection[str] | None = None,
     ) -> None:
         self._collections = collections
         self._store = store
         self._history = history
         self._studio = studio
-        self._recorded = recorded
         self._sent: int | None = None
         self._seek: Seek | None = None
         self._is_moment_due = False
         self._resumed = False
+        # Moment of a recording that is being read, and what was read.
+        self._reading: Seek | None = None
+        self._read: str | None = None
 
     def take(self, message: ClientMessage) -> None:
         """Act on a message of the client; :meth:`next` has the answer.
@@ -72,7 +70,7 @@ class Feed:
                     f"{VERSION}; load the page anew",
                 )
             self._resumed = True
-            self._seek, self._is_moment_due = None, False
+            self._seek, self._is_moment_due, self._read = None, False, None
             known = message.studio == self._studio and message.sequence <= self._store.sequence
             self._sent = message.sequence if known and message.sequence else None
         elif not self._resumed:
@@ -82,20 +80,45 @@ class Feed:
                 raise Refused(
                     RefusalCode.FORBIDDEN, "this session is shown what happens now, nothing else"
                 )
-            self._seek, self._is_moment_due = message, True
+            self._seek, self._is_moment_due, self._read = message, True, None
         else:
             self._return()
 
-    @property
-    def reads_journal(self) -> bool:
-        """True when :meth:`next` may read a file, which takes its time."""
-        return self._seek is not None and bool(self._seek.source) and self._is_moment_due
+    def take_recorded(self) -> Seek | None:
+        """Return the moment of a recording that is due, for :meth:`give`; None while one is read.
 
-    def next(self) -> ServerMessage | None:
-        """Return the message that is due; None while there is nothing new."""
+        Of all moments that the client wants meanwhile, only the last one is due then.
+        """
+        seek = self._seek
+        if self._reading is not None or seek is None or not seek.source or not self._is_moment_due:
+            return None
+        self._reading, self._is_moment_due = seek, False
+        return seek
+
+    def give(self, encoded: str, *, is_failure: bool) -> None:
+        """Take what was read of a recording, unless the client wants to see something else by now.
+
+        After a failure, the client is shown what happens now.
+        """
+        read, self._reading = self._reading, None
+        wanted = self._seek
+        if read is None or wanted is None or wanted.source != read.source:
+            return
+        if not is_failure:
+            # Perhaps it is no longer the last wish; it shows at least that the reading goes on.
+            self._read = encoded
+        elif wanted is read:
+            self._return()
+            self._read = encoded
+
+    def next(self) -> ServerMessage | str | None:
+        """Return the message that is due, perhaps encoded; None while there is nothing new."""
         if not self._resumed:
             return None
-        if self._seek is not None and self._is_moment_due:
+        if self._read is not None:
+            read, self._read = self._read, None
+            return read
+        if self._seek is not None and self._is_moment_due and not self._seek.source:
             return self._moment(self._seek)
         if self._sent == self._store.sequence:
             return None
@@ -120,7 +143,8 @@ class Feed:
         return self._collections is None or collection in self._collections
 
     def _return(self) -> None:
-        self._seek, self._is_moment_due, self._sent = None, False, None
+        self._seek, self._is_moment_due, self._read = None, False, None
+        self._sent = None
 
     def _present(self, changes: list[Change] | None) -> ServerMessage | None:
         is_whole = changes is None
@@ -135,19 +159,14 @@ class Feed:
 
     def _moment(self, seek: Seek) -> ServerMessage:
         self._is_moment_due = False
-        try:
-            history = self._recorded(seek.source, seek.at_s) if seek.source else self._history
-        except Refused as refused:
-            self._return()
-            return Failure(code=refused.code, message=refused.reason)
         return Snapshot(
             sequence=0,
             at_s=seek.at_s,
-            source=seek.source,
-            first_s=history.first_s,
-            last_s=history.last_s,
-            bookmarks=_bookmarks(history),
-            entries=history.at(seek.at_s),
+            source="",
+            first_s=self._history.first_s,
+            last_s=self._history.last_s,
+            bookmarks=_bookmarks(self._history),
+            entries=self._history.at(seek.at_s),
         )
 
 

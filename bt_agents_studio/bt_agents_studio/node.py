@@ -549,16 +549,21 @@ class StudioNode(BaseNode):
 class Handover:
     """Calls of the ROS thread that another thread carries out, in their order.
 
-    Only some may wait. While there is no room for more, the ROS thread takes no messages, so that
-    the middleware holds the newest of each topic and drops what is older.
+    A call that raises an exception does not hold up those after it. Only some may wait. While
+    there is no room for more, the ROS thread takes no messages, so that the middleware holds the
+    newest of each topic and drops what is older.
 
     Args:
         wake: Called by the ROS thread when something waits and nothing did before.
+        on_failure: Called with the name of a call that has raised an exception, and that.
     """
 
-    def __init__(self, wake: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, wake: Callable[[], None], on_failure: Callable[[str, Exception], None]
+    ) -> None:
         self._wake = wake
-        self._waiting: deque[tuple[Callable[[], None], int]] = deque()
+        self._on_failure = on_failure
+        self._waiting: deque[tuple[partial[None], int]] = deque()
         self._bytes = 0
         self._changed = threading.Condition()
 
@@ -594,6 +599,8 @@ class Handover:
             call, size = self._waiting[0]
             try:
                 call()
+            except Exception as error:
+                self._on_failure(getattr(call.func, "__name__", "a call"), error)
             finally:
                 with self._changed:
                     self._waiting.popleft()

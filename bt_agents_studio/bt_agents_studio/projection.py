@@ -86,7 +86,14 @@ UNTOLD_S = 5.0
 ROOM = "studio: room"
 """Name in the health of what there was no room for."""
 
-_FULL = "not all that was sent is shown: there was too much of it, or messages were malformed"
+FAILURES = "studio: messages"
+"""Name in the health of the messages that could not be shown."""
+
+_FULL = "not all that was sent is shown: there was too much of it"
+_FAILED = "some messages cannot be shown; the first of each type is in the log of the studio"
+_MOST_FAILURES = 30
+"""Types of messages that could not be shown, at most."""
+
 _LONGEST_LINE = 1000
 _MOST_STATUSES = 500
 _LONGEST_NAME = 200
@@ -122,6 +129,8 @@ class Projection:
         self._lines = 0
         self._moods = 0
         self._heard: dict[str, float] = {}
+        # Type of a message that could not be shown → how many, and the first reason.
+        self._failed: dict[str, tuple[int, str]] = {}
         self._handlers: Mapping[str, Callable[[Any, float], None]] = {
             "bt_agents_interfaces/msg/AgentFiles": self._files,
             "bt_agents_interfaces/msg/Auction": self._auction,
@@ -164,6 +173,27 @@ class Projection:
             self._live(message, at_s)
         elif (handler := self._handlers.get(kind)) is not None:
             handler(message, at_s)
+
+    def fail(self, what: str, error: Exception, at_s: float) -> bool:
+        """Note that a message of a type could not be shown; return whether it is the first."""
+        if what not in self._failed and len(self._failed) >= _MOST_FAILURES:
+            what = "others"
+        reason = f"{type(error).__name__}: {printable_line(str(error))}"[:_LONGEST_NAME]
+        count, first = self._failed.get(what, (0, reason))
+        self._failed[what] = (count + 1, first)
+        if count == 0:
+            # Later ones are counted, but not told at once: there may be very many of them.
+            self._put_failures(at_s)
+        return count == 0
+
+    def _put_failures(self, at_s: float) -> None:
+        values = {
+            name: f"{count}, first: {reason}" for name, (count, reason) in self._failed.items()
+        }
+        self._put_health(
+            FAILURES,
+            HealthRecord(level=Health.ERROR.name, message=_FAILED, values=values, since_s=at_s),
+        )
 
     def _market(self, message: Any, at_s: float) -> None:
         del at_s
@@ -498,20 +528,19 @@ class Projection:
     def _profiles(self, message: Any, at_s: float) -> None:
         del at_s
         width = len(message.parameters)
-        held = set()
+        records = {}
         for index, agent in enumerate(message.agents[:MOST_ENTRIES]):
             layer = message.layers[index]
-            key = f"{agent}|{layer}"
-            held.add(key)
             vector = message.vectors[index * width : (index + 1) * width]
-            record = ProfileRecord(
+            records[f"{agent}|{layer}"] = ProfileRecord(
                 agent=agent,
                 layer=layer,
                 revision=int(message.revisions[index]),
                 values=_values(message.parameters, vector),
             )
+        for key, record in records.items():
             self._store.put("profiles", key, record)
-        for key in set(self._store.keys("profiles")) - held:
+        for key in set(self._store.keys("profiles")) - records.keys():
             self._store.remove("profiles", key)
 
     def _feedback(self, message: Any, at_s: float) -> None:
@@ -689,6 +718,8 @@ class Projection:
 
         Call it a few times a second.
         """
+        if self._failed:
+            self._put_failures(now_s)
         dropped = {
             name: str(count)
             for name, count in sorted(self._store.dropped.items())
@@ -807,7 +838,7 @@ def _setting(text: str) -> Json:
 
 def is_in_use(store: Store, collection: str, key: str) -> bool:
     """Return whether an entry is of the agent that runs, or of a host that is there."""
-    if not key or key == ROOM:
+    if not key or key in (ROOM, FAILURES):
         return True
     owner = key.partition("|")[0]
     market = store.get("market")

@@ -38,6 +38,7 @@ from bt_agents_studio.connections import (
     server_logger,
 )
 from bt_agents_studio.feed import Feed, shown_entries
+from bt_agents_studio.journal_worker import JournalWorker, RecordedMoment
 from bt_agents_studio.operations import (
     LIMIT_S,
     OPERATIONS,
@@ -52,6 +53,7 @@ from bt_agents_studio.protocol import (
     Beat,
     Failure,
     Hello,
+    Seek,
     ServerMessage,
     decode,
     encode,
@@ -126,7 +128,9 @@ class Server:
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
         self._own = OwnOperations(studio, caller)
-        self._readers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="journal")
+        self._labels = ThreadPoolExecutor(max_workers=1, thread_name_prefix="labels")
+        self._recordings = JournalWorker(studio.mood, studio.namespace)
+        self._reading: set[asyncio.Task[None]] = set()
         self._connections: Connections
         self._application = web.Application(
             client_max_size=LARGEST_BODY, middlewares=[self._guard]
@@ -234,7 +238,7 @@ class Server:
     async def _journals(self, request: web.Request) -> web.Response:
         self._access.check(_described(request), OBSERVERS)
         loop = asyncio.get_running_loop()
-        return _json(await loop.run_in_executor(self._readers, self._studio.journal_list))
+        return _json(await loop.run_in_executor(self._labels, self._studio.journal_list))
 
     async def _journal(self, request: web.Request) -> web.StreamResponse:
         self._access.check(_described(request), OBSERVERS)
@@ -274,10 +278,11 @@ class Server:
 
     async def _page(self, request: web.Request) -> web.Response:
         path = request.match_info["path"]
-        # Every page of the application has an address of its own, and is the same document.
-        found = self._files.get(path) or (
-            None if "." in path or path.startswith("api/") else self._files.get("index.html")
-        )
+        found = self._files.get(path)
+        if found is None and "." not in path and not path.startswith("api/"):
+            # Each page has an address, and most of them are the same document.
+            document = f"{path.partition('/')[0]}.html"
+            found = self._files.get(document) or self._files.get("index.html")
         if found is None:
             raise Refused(RefusalCode.NOT_FOUND, f"there is no '/{path[:80]}' here")
         kind, data, packed = found
@@ -303,11 +308,7 @@ class Server:
         self._clients[socket] = role, described.session
         self._watch(True)
         feed = Feed(
-            self._studio.store,
-            self._studio.history,
-            self._studio.name,
-            self._studio.recorded,
-            _collections_of(role),
+            self._studio.store, self._studio.history, self._studio.name, _collections_of(role)
         )
         socket[_SENT] = time.monotonic()
         tasks = [
@@ -343,11 +344,13 @@ class Server:
                 namespace=self._namespace,
             ),
         )
-        loop = asyncio.get_running_loop()
         while not socket.closed:
             changed = self._changed
-            reads = feed.reads_journal
-            due = await loop.run_in_executor(self._readers, feed.next) if reads else feed.next()
+            if (seek := feed.take_recorded()) is not None:
+                reading = asyncio.create_task(self._read(feed, seek))
+                self._reading.add(reading)
+                reading.add_done_callback(self._reading.discard)
+            due = feed.next()
             if due is None:
                 await changed.wait()
                 continue
@@ -364,10 +367,23 @@ class Server:
             else:
                 await self._send(socket, Beat())
 
-    async def _send(self, socket: web.WebSocketResponse, message: ServerMessage) -> float:
+    async def _read(self, feed: Feed, seek: Seek) -> None:
+        """Have a moment of a recording read, and give it to the feed that wants it."""
+        try:
+            file = self._studio.journal_file(seek.source)
+            waits = self._studio.is_awaited(seek.source, seek.at_s)
+            answer = await self._recordings.moment(file, seek.at_s, waits=waits)
+        except Refused as refused:
+            answer = RecordedMoment(
+                text=encode(Failure(code=refused.code, message=refused.reason)), is_failure=True
+            )
+        feed.give(answer.text, is_failure=answer.is_failure)
+        self.changed()
+
+    async def _send(self, socket: web.WebSocketResponse, message: ServerMessage | str) -> float:
         """Send a message; return how long it took to encode it [s]."""
         began = time.monotonic()
-        text = encode(message)
+        text = message if isinstance(message, str) else encode(message)
         encoded_s = time.monotonic() - began
         socket[_SENT] = time.monotonic()
         try:
@@ -380,7 +396,10 @@ class Server:
     async def _close(self, _application: web.Application) -> None:
         for socket in list(self._clients):
             await socket.close(code=1001, message=b"the studio ends")
-        self._readers.shutdown(wait=False, cancel_futures=True)
+        self._labels.shutdown(wait=False, cancel_futures=True)
+        for reading in list(self._reading):
+            reading.cancel()
+        await self._recordings.close()
         self._own.close()
 
 

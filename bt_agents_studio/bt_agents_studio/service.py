@@ -121,18 +121,16 @@ async def _serve(
 
     def deliver() -> None:
         """Show what was received, in turn with what pages ask."""
-        try:
-            handover.deliver(_SLICE_S)
-        finally:
-            if handover.waits:
-                loop.call_soon(deliver)
-            if server is not None:
-                server.changed()
+        handover.deliver(_SLICE_S)
+        if handover.waits:
+            loop.call_soon(deliver)
+        if server is not None:
+            server.changed()
 
     def wake() -> None:
         loop.call_soon_threadsafe(deliver)
 
-    handover = Handover(wake)
+    handover = Handover(wake, studio.fail)
     thread = NodeThread(
         lambda: StudioNode(
             handover.to(studio.receive),

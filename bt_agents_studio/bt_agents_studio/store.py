@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -96,7 +97,11 @@ class Store:
         return tuple(self._collections[collection])
 
     def put(self, collection: str, key: str, value: object) -> None:
-        """Enter or replace an entry; an equal value is no change."""
+        """Enter or replace an entry; an equal value is no change.
+
+        Raises:
+            ValueError: A number of it is not finite, so that no page could be sent it.
+        """
         entries, sizes = self._collections[collection], self._sizes[collection]
         if entries.get(key) == value:
             return
@@ -193,9 +198,15 @@ class Store:
 
 
 def size_of(value: object) -> int:
-    """Return about how many bytes a value takes, in memory or as JSON, whichever is more."""
+    """Return about how many bytes a value takes, in memory or as JSON, whichever is more.
+
+    Raises:
+        ValueError: A number is not finite, which JSON does not know.
+    """
     if isinstance(value, str):
         return max(sys.getsizeof(value), len(encode_basestring(value)))
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"a number is {value}")
     if value is None or isinstance(value, int | float):
         return _NUMBER
     if isinstance(value, tuple):

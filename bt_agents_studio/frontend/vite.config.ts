@@ -11,10 +11,13 @@ export default defineConfig({
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
     rollupOptions: {
+      // Two documents, so that a tablet with the page Person loads no tree and no plots.
+      input: { studio: "index.html", person: "person.html" },
       output: {
-        entryFileNames: "studio.js",
+        entryFileNames: "[name].js",
         chunkFileNames: "[name].js",
         assetFileNames: "[name][extname]",
+        advancedChunks: { groups: [{ name: "react", test: /node_modules\/(react|react-dom|scheduler)\// }] },
       },
     },
   },

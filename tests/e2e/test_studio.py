@@ -421,6 +421,10 @@ def test_open_page_continues_after_killed_process_restarts(
 ) -> None:
     open_page(page, "System")
     part = page.get_by_label("Parts").locator("li", has_text=name)
+    row = page.get_by_label("Processes").locator(
+        "tr", has=page.locator("th", has_text=re.compile(f"^{name}\\s*$"))
+    )
+    expect(row).to_contain_text(re.compile(r"up\d\d:\d\d:\d\d.* MB"))
     if name in WITH_HEARTBEAT:
         expect(part).to_contain_text("there")
     pid = node_of(system.up.process.pid, PROCESSES[name])
@@ -430,6 +434,9 @@ def test_open_page_continues_after_killed_process_restarts(
         expect(part).to_contain_text("silent since")
     os.kill(pid, signal.SIGKILL)
     system.up.until(f"{name} is back")
+    expect(row).to_contain_text("killed by signal 9")
+    expect(row.locator(".level")).to_have_text("up")
+    expect(row).not_to_contain_text(str(pid))
     if name in WITH_HEARTBEAT:
         expect(part).to_contain_text("there")
     # A run that is not yet seen by the page could not be stopped below, and would delay the next.

@@ -11,6 +11,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -77,8 +78,8 @@ def _done(value: Any) -> Future[Any]:
 class ServedStudio:
     """A studio, its server, and where that is."""
 
-    def __init__(self) -> None:
-        self.studio = Studio("studio", space=SPACE)
+    def __init__(self, journal: Path | None = None) -> None:
+        self.studio = Studio("studio", space=SPACE, journal=journal)
         self.caller = RecordingCaller()
         self.watched: list[bool] = []
         self.port = 0
@@ -112,20 +113,24 @@ class ServedStudio:
         self.server.changed()
 
 
-def served(test: Callable[[ServedStudio], Awaitable[None]], limit_s: float = LIMIT_S) -> None:
+def served(
+    test: Callable[[ServedStudio], Awaitable[None]],
+    limit_s: float = LIMIT_S,
+    journal: Path | None = None,
+) -> None:
     """Run a test while its studio is served."""
 
     async def run() -> None:
-        async with serving() as one:
+        async with serving(journal) as one:
             await asyncio.wait_for(test(one), limit_s)
 
     asyncio.run(run())
 
 
 @asynccontextmanager
-async def serving() -> AsyncIterator[ServedStudio]:
+async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
     """A studio that is served at a free port."""
-    one = ServedStudio()
+    one = ServedStudio(journal)
     hosts: set[str] = set()
     one.access = AccessControl(
         hosts,  # filled when the port is known
@@ -151,7 +156,11 @@ class BackgroundStudio:
     @property
     def address(self) -> str:
         """Address of the page for an operator."""
-        return f"{self._one.origin}/#{self._one.access.token(SessionRole.OPERATE)}"
+        return self.address_for(SessionRole.OPERATE)
+
+    def address_for(self, role: SessionRole, page: str = "") -> str:
+        """Return the address of a page for a role."""
+        return f"{self._one.origin}/{page}#{self._one.access.token(role)}"
 
     @property
     def caller(self) -> RecordingCaller:

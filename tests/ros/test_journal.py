@@ -187,6 +187,27 @@ def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> Non
     assert (trees["history"], trees["reliability"], trees["durability"]) == (1, 1, 1)
 
 
+def test_health_of_shared_hardware_is_recorded_once_per_node(harness: JournalHarness) -> None:
+    journal = harness.record()
+    publisher = harness.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
+    harness.ros.until(publisher.get_subscription_count)
+    for _ in range(5):
+        for name in ("arm: left", "arm: right"):
+            status = DiagnosticStatus(name=name, hardware_id="arm")
+            publisher.publish(DiagnosticArray(status=[status]))
+            harness.ros.turns()
+    journal.journal.flush(0)
+    [file] = harness.files.glob("*.mcap")
+    names = [
+        status.name
+        for entry in JournalReader([file]).entries()
+        if entry.topic == "/diagnostics"
+        for status in entry.decode().status
+        if status.hardware_id == "arm"
+    ]
+    assert names == ["arm: left", "arm: right"]
+
+
 def test_health_changes_are_recorded_and_repeated_per_file(harness: JournalHarness) -> None:
     journal = harness.record()
     publisher = harness.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BytesIO
 from itertools import islice
@@ -127,6 +127,23 @@ class Counted:
         self.last_ns = max(self.last_ns, sent_ns)
 
 
+@dataclass(kw_only=True, slots=True)
+class _Position:
+    """How far a file has been read, and what its records up to there declare.
+
+    Attributes:
+        whole: End of the last record that was complete [bytes].
+        sequences: Number of the last message by channel.
+    """
+
+    whole: int = 0
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    factory: DecoderFactory = field(default_factory=DecoderFactory)
+    is_ours: bool = False
+    sequences: dict[int, int] = field(default_factory=dict)
+
+
 class JournalReader:
     """Reader of the messages of some journals and bags, in the order of sending.
 
@@ -157,6 +174,9 @@ class JournalReader:
         self._namespace = f"/{namespace.strip('/')}"
         self.files: list[Path] = []
         self._recorded: dict[Path, RecordedFiles] = {}
+        self._positions: dict[Path, _Position] = {}
+        self._seen: set[int] = set()
+        self._namespaces: set[str] = set()
         for path in paths:
             try:
                 self._recorded[path] = recorded_files(path)
@@ -177,7 +197,20 @@ class JournalReader:
             Refused: ``OTHER_FORMAT``, or ``SEVERAL_SYSTEMS``: several were recorded together, and
                 none is in the namespace.
         """
-        seen: set[int] = set()
+        self._positions.clear()
+        self._seen.clear()
+        self._namespaces.clear()
+        return self.further_entries(types)
+
+    def further_entries(self, types: Collection[str] | None = None) -> list[JournalEntry]:
+        """Return what was written into growing files since the last call, as :meth:`entries` does.
+
+        A message that was sent before those of the last call, and written after them, is among
+        the further ones.
+
+        Raises:
+            Refused: As in :meth:`entries`.
+        """
         found = []
         for path, recorded in self._recorded.items():
             self.problems += recorded.problems
@@ -189,8 +222,8 @@ class JournalReader:
                         self._count(one)
                         continue
                     key = hash((one.topic, one.sent_ns, zlib.crc32(one.data)))
-                    if key not in seen:
-                        seen.add(key)
+                    if key not in self._seen:
+                        self._seen.add(key)
                         found.append(one)
             if number < (recorded.messages or 0):
                 self.problems.append(
@@ -205,25 +238,28 @@ class JournalReader:
         Raises:
             Refused: ``OTHER_FORMAT``.
         """
+        return self._stored(path, _Position())
+
+    def _stored(self, path: Path, at: _Position) -> Iterator[StoredMessage]:
+        """Yield the messages of a file after a position, which moves on."""
         with path.open("rb") as file:
-            schemas, channels = _summary(file) if not _is_packed(path) else ({}, {})
+            if not at.whole and not _is_packed(path):
+                at.schemas, at.channels = _summary(file)
             unknown = 0
-            factory = DecoderFactory()
-            ours = False
-            for record in self._records(path, file):
+            for record in self._records(path, file, at):
                 match record:
                     case Header():
                         # Other programs may count messages differently.
-                        ours = record.library == LIBRARY
-                        if not ours:
+                        at.is_ours = record.library == LIBRARY
+                        if not at.is_ours:
                             self._note_foreign(path, record.library)
                     case Schema():
-                        schemas[record.id] = record
+                        at.schemas[record.id] = record
                     case Channel():
-                        channels[record.id] = record
-                    case Message(channel_id=number) if number in channels:
-                        channel = channels[number]
-                        schema = schemas.get(channel.schema_id)
+                        at.channels[record.id] = record
+                    case Message(channel_id=number) if number in at.channels:
+                        channel = at.channels[number]
+                        schema = at.schemas.get(channel.schema_id)
                         if schema is None:
                             unknown += 1
                             continue
@@ -231,8 +267,8 @@ class JournalReader:
                             channel=channel,
                             schema=schema,
                             message=record,
-                            is_ours=ours,
-                            decoder=partial(_decoded, factory, channel, schema),
+                            is_ours=at.is_ours,
+                            decoder=partial(_decoded, at.factory, channel, schema),
                         )
                     case Message():
                         unknown += 1
@@ -242,14 +278,14 @@ class JournalReader:
                 )
 
     def _of_file(self, path: Path) -> Iterator[JournalEntry]:
-        sequences: dict[int, int] = {}
-        for one in self.stored(path):
+        at = self._positions.setdefault(path, _Position())
+        for one in self._stored(path, at):
             yield JournalEntry(
                 topic=one.channel.topic,
                 type=one.schema.name,
                 # Recorders that do not know the time of sending write 0.
                 sent_ns=one.message.publish_time or one.message.log_time,
-                lost=_lost_before(one.message, sequences) if one.is_ours else 0,
+                lost=_lost_before(one.message, at.sequences) if one.is_ours else 0,
                 data=one.message.data,
                 decoder=one.decoder,
             )
@@ -279,7 +315,8 @@ class JournalReader:
     def _of_system(self, entries: list[JournalEntry]) -> list[JournalEntry]:
         """Return the messages of the system in the namespace, or of the only one; count others."""
         topics = {(one.topic, one.type) for one in entries}
-        namespaces = {_namespace_of(*topic) for topic in topics} - {""}
+        self._namespaces |= {_namespace_of(*topic) for topic in topics} - {""}
+        namespaces = self._namespaces
         if len(namespaces) < 2:
             return entries
         names = join_first(sorted(namespaces))
@@ -289,10 +326,12 @@ class JournalReader:
                 f"the systems of the namespaces {names} were recorded together, expected one in "
                 f"{self._namespace}; set ROS_NAMESPACE to the one to read",
             )
-        self.hints.append(
+        hint = (
             f"of the systems of the namespaces {names}, this is the one in {self._namespace}; "
             "ROS_NAMESPACE chooses"
         )
+        if hint not in self.hints:
+            self.hints.append(hint)
         roots = sorted(namespaces, key=len, reverse=True)
         ours = []
         for one in entries:
@@ -303,30 +342,34 @@ class JournalReader:
                 self._count(one)
         return ours
 
-    def _records(self, path: Path, file: BinaryIO) -> Iterator[McapRecord]:
-        """Yield the records of a file up to its first unreadable part.
+    def _records(self, path: Path, file: BinaryIO, at: _Position) -> Iterator[McapRecord]:
+        """Yield the records of a file after a position, up to its first unreadable part.
 
         A file that ends after a complete record has lost nothing: it is being written, or its
         journal was killed.
         """
-        whole = 0
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST_RECORD)
+        is_packed = _is_packed(path)
+        if not is_packed:
+            file.seek(at.whole)
+        reader = StreamReader(
+            file, skip_magic=bool(at.whole), emit_chunks=True, record_size_limit=_LARGEST_RECORD
+        )
         try:
-            for record in _unpacked_records(file) if _is_packed(path) else reader.records:
-                whole = file.tell()
+            for record in _unpacked_records(file) if is_packed else reader.records:
+                at.whole = file.tell()
                 if isinstance(record, Chunk):
                     yield from self._of_chunk(path, record)
                 else:
                     yield record
         except EndOfFile:
             size = os.fstat(file.fileno()).st_size
-            if _is_packed(path):
+            if is_packed:
                 # The file was compressed after its end was written.
                 self.problems.append(f"{path} is torn: the end of what was packed is missing")
-            elif size > whole:
+            elif size > at.whole:
                 self.problems.append(
                     f"{path} ends in the middle of a record, as after a kill: its last "
-                    f"{size - whole} bytes cannot be read"
+                    f"{size - at.whole} bytes cannot be read"
                 )
         except Exception as error:
             # Decoders raise any exception for broken bytes.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The address of what is shown: page, agent, node, round, and moment of a recording or of the running system.
 
-export const PAGES = ["live", "market", "tune", "world", "system", "person"] as const;
+export const PAGES = ["live", "market", "tune", "world", "system"] as const;
 export type Page = (typeof PAGES)[number];
 
 /** Characters of a name; of a recording, as the studio takes no longer ones. */

@@ -11,8 +11,8 @@ import { Keys } from "./keys";
 import { Live } from "./live";
 import { Market } from "./market";
 import { go, startNavigation, useAddress, useMomentInAddress } from "./navigation";
-import { Person } from "./person";
 import { PanelBoundary } from "./panel_boundary";
+import { Phase } from "./phase";
 import { StatusStrip } from "./status_strip";
 import { System } from "./system";
 import { usePresent } from "./store";
@@ -21,16 +21,19 @@ import { startTheme } from "./theme";
 import { Tune } from "./tune";
 import { World } from "./world";
 
-const SHOWN = { live: Live, market: Market, tune: Tune, world: World, system: System, person: Person };
+const SHOWN = { live: Live, market: Market, tune: Tune, world: World, system: System };
 
 function App() {
   const address = useAddress();
-  const { phase, heardS, hello } = useConnection();
+  const { phase, hello } = useConnection();
   const isStale = phase !== "open" && phase !== "connecting";
   const isPerson = hello?.role === "person";
-  const page = isPerson ? "person" : address.page;
+  const { page } = address;
   const Shown = page === null ? NoPage : SHOWN[page];
   useMomentInAddress();
+  useEffect(() => {
+    if (isPerson) location.replace("/person");
+  }, [isPerson]);
   return (
     <>
       <header className={isStale ? "stale" : ""}>
@@ -52,33 +55,30 @@ function App() {
                   {texts.pages[name]}
                 </a>
               ))}
+              {/* It is a document of its own. */}
+              <a href="/person">{texts.pages.person}</a>
             </nav>
             <PanelBoundary label={texts.time.bar}>
               <TimeBar />
             </PanelBoundary>
           </>
         )}
-        <p className={`phase ${phase}`} role="status">
-          {phase === "lost" && heardS !== null
-            ? `${texts.connection.stale} ${formatTime(heardS)}, ${texts.connection.again}`
-            : texts.connection[phase]}
-        </p>
-        {phase === "outdated" && (
-          <button type="button" onClick={() => location.reload()}>
-            {texts.connection.reload}
-          </button>
-        )}
-        {!isPerson && <Keys />}
-        {page !== "person" && (
-          <PanelBoundary label={texts.strip.label}>
-            <StatusStrip />
-          </PanelBoundary>
+        <Phase />
+        {!isPerson && (
+          <>
+            <Keys />
+            <PanelBoundary label={texts.strip.label}>
+              <StatusStrip />
+            </PanelBoundary>
+          </>
         )}
       </header>
       <main className={isStale ? "stale" : ""}>
-        <PanelBoundary key={page} label={page === null ? texts.address.none : texts.pages[page]}>
-          <Shown />
-        </PanelBoundary>
+        {!isPerson && (
+          <PanelBoundary key={page} label={page === null ? texts.address.none : texts.pages[page]}>
+            <Shown />
+          </PanelBoundary>
+        )}
       </main>
       <Title page={page} chosen={isPerson ? "" : address.agent} />
     </>

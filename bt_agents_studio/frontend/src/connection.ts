@@ -65,6 +65,8 @@ let isLoading = false;
 let token = "";
 /** Number of the last try to come back; what an earlier one finds out comes too late. */
 let trial = 0;
+/** An earlier moment was asked for and has not come; until it does, only the newest wish counts. */
+let awaited = false;
 
 function update(change: Partial<ConnectionState>): void {
   state = { ...state, ...change };
@@ -109,16 +111,19 @@ function handle(message: ServerMessage): void {
       known = message.studio;
       isLoading = sequence === 0;
       send({ type: "resume", version: VERSION, studio: known, sequence });
-      if (state.atS !== null) send({ type: "seek", source: state.source, at_s: state.atS });
+      awaited = false;
+      askForMoment();
       return;
     case "snapshot":
       isLoading = false;
       if (message.at_s === null) sequence = message.sequence;
+      else awaited = false;
       if (message.at_s === null && state.atS !== null) {
         setPresent(message);
         return;
       }
       if (message.at_s !== null && state.atS === null) return;
+      if (message.at_s !== state.atS || message.source !== state.source) askForMoment();
       replaceAll(message);
       update({
         // What is older than everything kept is shown as the oldest moment.
@@ -138,6 +143,7 @@ function handle(message: ServerMessage): void {
     case "beat":
       return;
     case "failure":
+      awaited = false;
       leavePast();
       update({ failure: message.message });
       window.setTimeout(() => update({ failure: "" }), FAILURE_MS);
@@ -253,10 +259,17 @@ async function logIn(): Promise<void> {
 export function seek(source: string, atS: number): void {
   update({ atS, source });
   isLoading = true;
-  send({ type: "seek", source, at_s: atS });
+  askForMoment();
+}
+
+function askForMoment(): void {
+  if (awaited || state.atS === null) return;
+  awaited = true;
+  send({ type: "seek", source: state.source, at_s: state.atS });
 }
 
 export function follow(): void {
+  awaited = false;
   leavePast();
   isLoading = true;
   send({ type: "follow" });

@@ -4,7 +4,6 @@
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { useConnection } from "./connection";
 import { BusyTime, Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
 import { Empty } from "./empty";
 import { formatNumber, formatSeconds } from "./formatting";
@@ -20,7 +19,6 @@ import { lineOf, TreePanel } from "./tree_panel";
 
 export function Live() {
   const runs = useCollection("runs");
-  const { atS } = useConnection();
   const latest = useMemo(
     () => runs.map(([, run]) => run).sort((a, b) => b.began_s - a.began_s)[0],
     [runs],

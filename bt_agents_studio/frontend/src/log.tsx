@@ -44,7 +44,7 @@ export function Log() {
         <h2>{texts.live.log}</h2>
         {held !== null && (
           <button type="button" onClick={() => setHeld(null)}>
-            {texts.live.newest} {missed > 0 && `(${missed})`}
+            {texts.live.newestLines} {missed > 0 && `(${missed})`}
           </button>
         )}
       </div>

@@ -2,7 +2,7 @@
 // Page "Person": the robot as the person in front of it meets it, for a tablet.
 
 import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
-import { operate, useConnection, type Answer } from "./connection";
+import { useConnection, type Answer } from "./connection";
 import { scaleOf, useNewest } from "./fields";
 import { formatNumber } from "./formatting";
 import { useEscapeTwice } from "./keyboard";
@@ -22,7 +22,7 @@ const isSpoken = (act: RobotActRecord): boolean => act.kind === "SAY" || act.kin
 export function Person() {
   const robot = useEntry("robot");
   const part = useEntry("parts", "robot");
-  const { hello, phase, atS } = useConnection();
+  const { hello, phase } = useConnection();
   const acts = robot?.acts ?? [];
   const speech = acts.findLast(isSpoken);
   const question = acts.findLast((one) => one.kind === "ASK");
@@ -56,7 +56,7 @@ export function Person() {
         <Subtitles speech={speech} />
         <Shown acts={acts} sound={robot?.sounds ? robot.sound : ""} />
       </PanelBoundary>
-      <div className="person" inert={atS !== null}>
+      <div className="person">
         {question && (
           <PanelBoundary key={question.number} label={words.answer}>
             <Question question={question} report={report} />

@@ -6,7 +6,7 @@ import { seek, useConnection } from "./connection";
 import { Empty } from "./empty";
 import { formatTime } from "./formatting";
 import { PanelBoundary } from "./panel_boundary";
-import type { JournalRecord } from "./protocol";
+import type { HealthRecord, JournalRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 
@@ -16,14 +16,17 @@ export function System() {
   return (
     <div className="columns">
       <div className="main">
+        <PanelBoundary label={words.processes}>
+          <Processes />
+        </PanelBoundary>
+        <PanelBoundary label={words.problems}>
+          <Problems />
+        </PanelBoundary>
         <PanelBoundary label={words.health}>
           <HealthList />
         </PanelBoundary>
         <PanelBoundary label={words.hosts}>
           <Hosts />
-        </PanelBoundary>
-        <PanelBoundary label={words.problems}>
-          <Problems />
         </PanelBoundary>
       </div>
       <div className="side">
@@ -70,10 +73,16 @@ function Hosts() {
 
 function Problems() {
   const problems = useCollection("hosts").flatMap(([, host]) => host.problems);
+  const failures = useEntry("health", "studio: messages");
   return (
     <section className="panel" aria-label={words.problems}>
       <h2>{words.problems}</h2>
-      {problems.length === 0 && <Empty>{words.noProblems}</Empty>}
+      {problems.length === 0 && failures === undefined && <Empty>{words.noProblems}</Empty>}
+      {failures && (
+        <pre tabIndex={0}>
+          {[failures.message, ...Object.entries(failures.values).map((one) => one.join(": "))].join("\n")}
+        </pre>
+      )}
       {problems.map((one) => (
         <pre key={one.message} tabIndex={0}>
           {one.message}
@@ -102,12 +111,71 @@ function Parts() {
 
 const SEVERITY = ["ERROR", "STALE", "WARN", "OK"];
 
+type Told = readonly [string, HealthRecord];
+
+/** The worst first. */
+function bySeverity([a, one]: Told, [b, other]: Told): number {
+  return SEVERITY.indexOf(one.level) - SEVERITY.indexOf(other.level) || a.localeCompare(b);
+}
+
+/** Name of a process in the health that "bt-agents up" reports, after a namespace: machine, process. */
+const PROCESS = /(?:^|\/)up on ([^:]*): (.*)$/;
+
+/** Processes that "bt-agents up" has started, the worst first. */
+function Processes() {
+  const found = useCollection("health").filter(([name]) => PROCESS.test(name)).sort(bySeverity);
+  const machines = new Set(found.map(([name]) => PROCESS.exec(name)?.[1]));
+  return (
+    <section className="panel" aria-label={words.processes}>
+      <h2>{words.processes}</h2>
+      <p className="empty">{found.length === 0 ? words.noProcesses : words.onlyOfUp}</p>
+      {found.length > 0 && (
+        <div className="processes" tabIndex={0}>
+          <table>
+            <thead>
+              <tr>
+                {Object.entries(words.columns).map(([key, title]) => (
+                  <th key={key}>{title}</th>
+                ))}
+              </tr>
+            </thead>
+            <tbody>
+              {found.map(([name, one]) => {
+                const [, machine, process] = PROCESS.exec(name) ?? [];
+                const { since, pid, restarts, cpu, memory, log, "last exit": exit } = one.values;
+                return (
+                  <tr key={name} className={one.level.toLowerCase()}>
+                    <th>
+                      {process} {machines.size > 1 && <small>{machine}</small>}
+                    </th>
+                    <td className="level">{one.message}</td>
+                    <td>{formatMoment(one.level === "STALE" ? one.since_s : Date.parse(since ?? "") / 1000)}</td>
+                    <td>{pid}</td>
+                    <td>{restarts}</td>
+                    <td>{exit}</td>
+                    <td>{cpu}</td>
+                    <td>{memory}</td>
+                    <td className="line">{log}</td>
+                  </tr>
+                );
+              })}
+            </tbody>
+          </table>
+        </div>
+      )}
+    </section>
+  );
+}
+
+/** A moment as people read it; nothing for one that cannot be read. */
+function formatMoment(atS: number): string {
+  return Number.isFinite(atS) ? formatTime(atS) : "";
+}
+
 /** What the nodes say of their parts, the worst first. */
 function HealthList() {
-  const found = useCollection("health");
-  const sorted = [...found].sort(
-    ([a, one], [b, other]) => SEVERITY.indexOf(one.level) - SEVERITY.indexOf(other.level) || a.localeCompare(b),
-  );
+  const found = useCollection("health").filter(([name]) => !PROCESS.test(name));
+  const sorted = [...found].sort(bySeverity);
   return (
     <section className="panel" aria-label={words.health}>
       <h2>{words.health}</h2>

@@ -229,7 +229,7 @@ def _tell_market(
     if fleet is not None and not interrupt:
         supervisor.start(fleet.component)
     while not interrupt:
-        print_supervised(console, supervisor)
+        print_supervised(console, observer, supervisor)
         if fleet is not None:
             fleet.print_lines(console)
         if now() != told:

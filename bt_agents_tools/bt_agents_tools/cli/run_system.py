@@ -255,7 +255,7 @@ def _print_events(
     if fleet is not None:
         supervisor.start(fleet.component)
     while not over():
-        print_supervised(console, supervisor)
+        print_supervised(console, observer, supervisor)
         if fleet is not None:
             fleet.print_lines(console)
         if studio is not None and supervisor.has_been_up(studio.component.name):

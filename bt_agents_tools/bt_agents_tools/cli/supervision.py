@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.formatting import print_line
 from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.process_report import ProcessReport
 from bt_agents_tools.launcher.supervisor import Component, Supervisor
 
 if TYPE_CHECKING:
@@ -27,16 +29,23 @@ _START_LIMIT_S = 20.0
 
 
 def watch(observer: Observer, supervisor: Supervisor, processes: Sequence[Component]) -> None:
-    """Connect a supervisor to the heartbeats and states that its nodes publish."""
+    """Connect a supervisor to the heartbeats and states of its nodes, and report its processes."""
     beating = components.nodes_of(processes, components.BEATING)
     observer.watch_heartbeats(supervisor.on_heartbeat, beating)
     managed = components.nodes_of(processes, components.MANAGED)
     observer.watch_states(supervisor.on_state, managed)
+    report = ProcessReport(supervisor.processes)
+    observer.judge_health(f"up on {socket.gethostname()}", report.parts)
 
 
-def print_supervised(console: Console, supervisor: Supervisor) -> None:
-    """Restart and kill processes as needed, and print the events since the last call."""
-    for line in supervisor.poll():
+def print_supervised(console: Console, observer: Observer, supervisor: Supervisor) -> None:
+    """Restart and kill processes as needed; report them, and print the events since the last call.
+
+    The report goes to ``/diagnostics``.
+    """
+    events = supervisor.poll()
+    observer.publish_health()
+    for line in events:
         style = "dim" if line.startswith(" ") else "yellow"
         indent = len(line) - len(line.lstrip())
         print_line(console, "", Text(line, style=style), indent + INDENT)
@@ -58,7 +67,7 @@ def wait_until_ready(
     for _ in range(round(_START_LIMIT_S / POLL_S)):
         if interrupt or ready():
             break
-        print_supervised(console, supervisor)
+        print_supervised(console, observer, supervisor)
         observer.spin_until(lambda: bool(interrupt) or ready(), POLL_S)
     if not interrupt and not ready():
         logs = supervisor.log("").parent

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any, Protocol
 
 import rclpy
@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, Empty, String
 
 from bt_agents.host.reload.host_card_diff import CardDiff
+from bt_agents_core.health import PartHealth
 from bt_agents_core.ros_names import is_full_name
 from bt_agents_core.text import printable
 from bt_agents_interfaces.msg import (
@@ -46,6 +47,7 @@ from bt_agents_interfaces.srv import (
 )
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.system_topics import topic_called
@@ -198,6 +200,7 @@ class Observer:
             start_parameter_services=False,
         )
         self.namespace = self.node.get_namespace()
+        self._health: HealthPublisher | None = None
         self.market: Any = None
         self.cards: dict[str, Any] = {}
         self.profiles: Any = None
@@ -367,6 +370,15 @@ class Observer:
     def is_visited(self) -> bool:
         """Return True when visitors of a script are already there."""
         return bool(self.node.count_publishers("visitors/done"))
+
+    def judge_health(self, name: str, judge: Callable[[], Iterable[PartHealth]]) -> None:
+        """Have :meth:`publish_health` report parts under a name; see :class:`HealthPublisher`."""
+        self._health = HealthPublisher(self.node, judge, name)
+
+    def publish_health(self) -> None:
+        """Publish the health of the parts if anything listens and it is due; call it often."""
+        if self._health is not None and self._health.is_heard:
+            self._health.update()
 
     def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         """Spin until ``done()`` or for a limited time; return ``done()``."""

@@ -38,6 +38,9 @@ class LogFile:
         self.path = path
         self._most_bytes = most_bytes
         self._begin = 0
+        # Size and time of change of the file when its last line was read.
+        self._read_at = (-1, -1)
+        self._last_line = ""
 
     @property
     def older(self) -> Path:
@@ -84,6 +87,17 @@ class LogFile:
         except OSError as error:
             return [f"(the log cannot be read: {error.strerror})"]
         return [printable(line[:_LONGEST_LINE]) for line in text.splitlines()[-lines:]]
+
+    def last_line(self) -> str:
+        """Return the last line since the last start; read only after a change of the file."""
+        try:
+            found = self.path.stat()
+        except OSError:
+            return ""
+        if (found.st_size, found.st_mtime_ns) != self._read_at:
+            self._read_at = (found.st_size, found.st_mtime_ns)
+            self._last_line = next(iter(self.tail(1)), "")
+        return self._last_line
 
 
 def new_log_folder(state: str = "") -> Path:

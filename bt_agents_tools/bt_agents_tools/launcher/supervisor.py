@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
@@ -169,24 +170,65 @@ class Backoff:
         return wait_s
 
 
+class ProcessState(StrEnum):
+    """State of a supervised process.
+
+    Attributes:
+        STARTING: It runs, and has not reported yet that it is up.
+        UP: It is up.
+        INACTIVE: It is up, and was told to leave the system temporarily.
+        ENDED: It has ended; it starts again if that is planned.
+    """
+
+    STARTING = "starting"
+    UP = "up"
+    INACTIVE = "inactive"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SupervisedProcess:
+    """Process of a component as it is now.
+
+    Attributes:
+        name: Name of the component.
+        pid: Its id; that of the last start if it has ended.
+        since: Time since which it is in this state, on the supervisor's clock [s].
+        restarts: How often it was started again.
+        last_exit: How it ended last, in words; empty if it never has.
+        log: Its log file.
+    """
+
+    name: str
+    pid: int
+    state: ProcessState
+    since: float
+    restarts: int
+    last_exit: str
+    log: LogFile
+
+
 @dataclass(eq=False)
 class _Supervised:
     """Component with its process over all of its starts; times are on the supervisor's clock [s].
 
     Attributes:
         ready: Pipe on which the process reports that it is up; -1 after the report.
+        since: Time of the last change of its state.
         up_at: Time at which the last start was up; None while it is not.
         been_up: True once any of its starts was up.
         last_heartbeat: Time of the last heartbeat of this start; None before the first.
         inactive: Its nodes that were told to leave the system temporarily.
         ended_at: Time at which the supervisor noticed its end; None while it runs.
         restart_at: Time of the next start; None if none is planned.
+        last_exit: How it ended last, in words; empty if it never has.
     """
 
     component: Component
     log: LogFile
     process: subprocess.Popen[bytes] | ForkedProcess
     ready: int
+    since: float
     up_at: float | None = None
     backoff: Backoff = field(default_factory=Backoff)
     starts: int = 1
@@ -195,6 +237,16 @@ class _Supervised:
     inactive: set[str] = field(default_factory=set)
     ended_at: float | None = None
     restart_at: float | None = None
+    last_exit: str = ""
+
+    @property
+    def state(self) -> ProcessState:
+        """Its state as far as the supervisor has noticed."""
+        if self.restart_at is not None:
+            return ProcessState.ENDED
+        if self.up_at is None:
+            return ProcessState.STARTING
+        return ProcessState.INACTIVE if self.inactive else ProcessState.UP
 
     def poll_ready(self, now: float) -> bool:
         """Return True once, after the process reports that it is up."""
@@ -206,7 +258,7 @@ class _Supervised:
             return False
         self.close()
         if up:
-            self.been_up, self.up_at = True, now
+            self.been_up, self.up_at, self.since = True, now, now
         return up
 
     def close(self) -> None:
@@ -251,7 +303,7 @@ class Supervisor:
         for component in components:
             log = LogFile(self.log(component.name))
             process, ready = spawn(component, log, 1, self._fork_server)
-            started = _Supervised(component, log, process, ready)
+            started = _Supervised(component, log, process, ready, self._clock())
             self._components[component.name] = started
 
     def log(self, name: str) -> Path:
@@ -262,6 +314,21 @@ class Supervisor:
         """Return whether a component was up at least once."""
         one = self._components.get(name)
         return one is not None and one.been_up
+
+    def processes(self) -> tuple[SupervisedProcess, ...]:
+        """Return all processes as they were at the last poll, in the order of first starts."""
+        return tuple(
+            SupervisedProcess(
+                name=name,
+                pid=one.process.pid,
+                state=one.state,
+                since=one.since,
+                restarts=one.starts - 1,
+                last_exit=one.last_exit,
+                log=one.log,
+            )
+            for name, one in self._components.items()
+        )
 
     def failure(self) -> str:
         """Return the component that ended by itself, with the end of its log; empty for none."""
@@ -289,9 +356,11 @@ class Supervisor:
             if name in one.inactive:
                 self._events.append(f"{name} is active again")
             one.inactive.discard(name)
+            one.since = self._clock()
         else:
             self._events.append(f"{name} was told to leave: it is {state}")
             one.inactive.add(name)
+            one.since = self._clock()
             one.last_heartbeat = None
 
     def _with(self, node: str) -> _Supervised | None:
@@ -354,10 +423,11 @@ class Supervisor:
             raise BtAgentsError(_failure_text(one, code))
         one.close()
         one.last_heartbeat = None
+        one.last_exit = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         one.inactive.clear()
         one.ended_at = one.ended_at if one.ended_at is not None else now
         wait_s = one.backoff.next_wait(0.0 if one.up_at is None else now - one.up_at)
-        one.restart_at = now + wait_s
+        one.since, one.restart_at = now, now + wait_s
         name = one.component.name
         text = f"{name} {_end_text(code)}: starting it again in {wait_s:g} s (log: {one.log.path})"
         return [text, *(f"  {name}: {line}" for line in one.log.tail(_RESTART_LINES))]
@@ -372,7 +442,7 @@ class Supervisor:
             one.restart_at = now + wait_s
             text = f"cannot be started ({error}): trying again in {wait_s:g} s"
             return [f"{one.component.name} {text}"]
-        one.restart_at = None
+        one.since, one.restart_at = now, None
         return []
 
     def stop(self) -> list[str]:

@@ -31,6 +31,7 @@ from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import ReplayVerdict
 from bt_agents_lab.replay.recording_index import read
 from bt_agents_lab.replay.replay_learning import replay_feedback
+from bt_agents_studio.recordings import Recordings
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.cli.main import bt_agents
 from journal_fixture import JournaledSystem, PublishedMessage, morning
@@ -291,9 +292,12 @@ def test_studio_shows_bag_beside_journals(journaled: JournaledSystem, tmp_path: 
     studio = Studio("studio", space=SPACE, journal=tmp_path)
     shown = {one.name: one.bytes for one in studio.journal_list()}
     assert list(shown) == ["rosbag2_2026", "journal-2026-05-04_001.mcap"]
-    of_bag, of_journal = (studio.recorded(name, 0.0) for name in shown)
-    assert of_bag.newest("rounds") == of_journal.newest("rounds")
-    assert len(of_bag.newest("rounds")) == 4
+    recordings = Recordings(studio.mood)
+    of_bag, of_journal = (
+        recordings.moment(tmp_path / name, 2.0**40).entries["rounds"] for name in shown
+    )
+    assert of_bag == of_journal
+    assert len(of_bag) == 4
 
 
 def test_topic_of_another_program_is_no_second_system(

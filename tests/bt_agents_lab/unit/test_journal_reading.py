@@ -58,6 +58,29 @@ def test_journal_being_written_is_read_without_problems(tmp_path: Path) -> None:
     assert reader.problems == []
 
 
+def test_growing_file_is_read_on_from_its_last_whole_record(tmp_path: Path) -> None:
+    file = begun(tmp_path / "a.mcap")
+    reader = JournalReader([file.path])
+    assert len(reader.further_entries()) == 1
+    assert reader.further_entries() == []
+    before = file.path.stat().st_size
+    topic, data = topic_of(Bookmark, "/bookmarks"), serialize_message(Bookmark(label="more"))
+    for count in (2, 3):
+        file.add(RecordedMessage(topic=topic, data=data, sent_ns=count, received_ns=count), count)
+    file.flush()
+    whole = file.path.read_bytes()
+    # Nothing before the new part is read again, and a part of it is left for later.
+    copy = tmp_path / "b.mcap"
+    copy.write_bytes(whole[:before])
+    reader = JournalReader([copy])
+    assert len(reader.further_entries()) == 1
+    copy.write_bytes(bytes(before) + whole[before : before + 20])
+    assert reader.further_entries() == []
+    copy.write_bytes(bytes(before) + whole[before:])
+    assert [one.decode().label for one in reader.further_entries()] == ["more", "more"]
+    file.close()
+
+
 def test_file_ending_inside_record_is_reported(tmp_path: Path) -> None:
     file = begun(tmp_path / "a.mcap")
     whole = file.path.read_bytes()

@@ -71,7 +71,7 @@ def test_polling_or_resumed_page_matches_the_store(
 
 
 def _connected(store: Store, page: _Page) -> Feed:
-    feed = Feed(store, History(), "studio", lambda _source, _at_s: History())
+    feed = Feed(store, History(), "studio")
     feed.take(Resume(version=VERSION, studio="studio", sequence=page.sequence))
     return feed
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,7 +13,7 @@ from bt_agents_interfaces.msg import AgentCard, AgentFiles, HostCard, MarketStat
 from bt_agents_studio import node
 from bt_agents_studio.history import History
 from bt_agents_studio.node import Handover
-from bt_agents_studio.projection import ROOM
+from bt_agents_studio.projection import FAILURES, ROOM
 from bt_agents_studio.records import FileRecord, HealthRecord, MoodRecord
 from bt_agents_studio.store import MOST_BYTES, Change, Store, size_of
 from bt_agents_studio.studio import Studio
@@ -131,18 +132,64 @@ def test_dropped_entries_are_reported_in_health(flooded: Studio) -> None:
 
 
 @pytest.mark.parametrize(
-    "message", [AgentFiles(files=["a.yaml"]), Profiles(agents=["guide"], parameters=["mood"])]
+    "message",
+    [
+        AgentFiles(files=["a.yaml", "b.yaml"], texts=["format: 1"]),
+        Profiles(agents=["guide", "other"], layers=["", ""], revisions=[1], parameters=["mood"]),
+        SimpleNamespace(header=None),
+    ],
 )
-def test_oversized_message_is_counted(message: object) -> None:
+def test_unreadable_message_is_counted_and_logged_once(
+    message: object, caplog: pytest.LogCaptureFixture
+) -> None:
     studio = Studio("studio", space=SPACE)
-    send(studio, message)
-    assert studio.store.dropped == {type(message).__name__: 1}
+    kind = "MarketStatus" if isinstance(message, SimpleNamespace) else type(message).__name__
+    for _ in range(3):
+        studio.receive(f"bt_agents_interfaces/msg/{kind}", message, 1000.0, False)
+    studio.check_parts()
+    told = studio.store.get("health", FAILURES)
+    assert isinstance(told, HealthRecord)
+    assert told.level == "ERROR"
+    assert told.values[kind].startswith("3, first: ")
+    assert len(caplog.messages) == 1
+    assert caplog.messages[0].startswith(f"{kind} cannot be shown: ")
+    assert not studio.store.get("files", "a.yaml")
+    assert not studio.store.keys("profiles")
+    send(studio, MarketStatus(agent="guide"))
+    assert studio.store.get("market") is not None
+
+
+def test_number_that_json_lacks_is_refused_and_counted() -> None:
+    studio = Studio("studio", space=SPACE)
+    send(studio, Run(agent="guide", event=Run.STARTED, duration_s=1.0))
+    send(studio, Run(agent="guide", event=Run.ENDED, duration_s=float("nan")))
+    studio.check_parts()
+    json.dumps(studio.store.snapshot(), default=vars, allow_nan=False)
+    assert studio.store.get("runs", "guide").event == "STARTED"
+    assert "Run" in studio.store.get("health", FAILURES).values
+
+
+def test_failure_reasons_are_bounded_and_cleaned(caplog: pytest.LogCaptureFixture) -> None:
+    studio = Studio("studio", space=SPACE)
+    for number in range(100):
+        studio.fail(f"Type{number}", ValueError("\x1b[31m" + "x" * 10_000))
+    studio.check_parts()
+    told = studio.store.get("health", FAILURES)
+    assert isinstance(told, HealthRecord)
+    assert told.values["others"].startswith("70, first: ValueError: [31mxxx")
+    assert len(told.values) == len(caplog.messages) == 31
+    assert max(map(len, caplog.messages)) < 400
+    assert "\x1b" not in "".join(caplog.messages)
+
+
+def unexpected(name: str, error: Exception) -> None:
+    raise AssertionError(f"{name} has failed") from error
 
 
 def test_calls_are_delivered_in_order() -> None:
     done: list[int] = []
     woken: list[None] = []
-    handover = Handover(lambda: woken.append(None))
+    handover = Handover(lambda: woken.append(None), unexpected)
     post = handover.to(done.append)
     for number in range(3):
         post(number)
@@ -151,7 +198,7 @@ def test_calls_are_delivered_in_order() -> None:
 
 
 def test_handover_accepts_no_more_calls_when_full() -> None:
-    handover = Handover()
+    handover = Handover(lambda: None, unexpected)
     post = handover.to(lambda _value: None)
     for _ in range(node.MOST_HANDED_OVER):
         assert handover.wait_for_room(0.0)
@@ -162,7 +209,7 @@ def test_handover_accepts_no_more_calls_when_full() -> None:
 
 
 def test_two_large_messages_fill_the_handover() -> None:
-    handover = Handover()
+    handover = Handover(lambda: None, unexpected)
     post = handover.to(lambda _message: None)
     post(HostCard())
     assert handover.wait_for_room(0.0)
@@ -172,18 +219,22 @@ def test_two_large_messages_fill_the_handover() -> None:
 
 def test_failed_call_does_not_block_others() -> None:
     done: list[int] = []
-    handover = Handover()
-    handover.to(lambda: 1 / 0)()
-    handover.to(done.append)(1)
-    with pytest.raises(ZeroDivisionError):
-        handover.deliver(60.0)
-    assert handover.waits
+    failed: list[tuple[str, Exception]] = []
+    handover = Handover(lambda: None, lambda name, error: failed.append((name, error)))
+
+    def divide(number: int) -> None:
+        done.append(1 // number)
+
+    handover.to(divide)(0)
+    handover.to(divide)(1)
     handover.deliver(60.0)
     assert done == [1]
+    [(name, error)] = failed
+    assert (name, type(error)) == ("divide", ZeroDivisionError)
 
 
 def test_delivery_ends_within_its_time_limit() -> None:
-    handover = Handover()
+    handover = Handover(lambda: None, unexpected)
     for _ in range(1000):
         handover.to(lambda: time.sleep(0.001))()
     handover.deliver(0.001)

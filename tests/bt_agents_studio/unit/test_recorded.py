@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Looking into a recording: also what the journal has received and not written yet is shown."""
+"""Looking into a recording: what is not written yet is waited for, and what grows is read on."""
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import RecordingStatus
 from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_studio.recordings import Recordings
 from bt_agents_studio.studio import Studio
 from journal_fixture import recorded
 from studio_harness import SPACE
@@ -18,16 +23,15 @@ NEWEST_S = 2.0**40
 
 
 class Recording:
-    """A file that a journal writes, and a studio whose waits are counted."""
+    """A file that a journal writes, and recordings whose waits are counted."""
 
     def __init__(self, folder: Path) -> None:
         self.file = JournalFile(folder / "journal-2026-03-01_001.mcap")
-        self.name = self.file.path.name
+        self.path = self.file.path
         self.waits: list[float] = []
         self.writes_after = 0
-        self.studio = Studio(
-            "studio", space=SPACE, journal=folder, clock=lambda: NOW_S, sleep=self._sleep
-        )
+        self.recordings = Recordings("mood", sleep=self._sleep)
+        self.studio = Studio("studio", space=SPACE, journal=folder, clock=lambda: NOW_S)
         self._status(recording=True)
         self.write(1)
 
@@ -37,7 +41,7 @@ class Recording:
             self.write(2)
 
     def _status(self, *, recording: bool) -> None:
-        status = RecordingStatus(recording=recording, file=self.name)
+        status = RecordingStatus(recording=recording, file=self.path.name)
         kind = "bt_agents_interfaces/msg/RecordingStatus"
         self.studio.receive(kind, status, NOW_S, False)
 
@@ -48,6 +52,11 @@ class Recording:
         self.file.add(recorded(number), number)
         self.file.flush()
 
+    def tick(self) -> int:
+        """Return the tick of the run at the end of the recording."""
+        runs = self.recordings.moment(self.path, NEWEST_S).entries["runs"]
+        return int(next(iter(runs.values())).tick)  # type: ignore[attr-defined]
+
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Recording:
@@ -55,24 +64,69 @@ def recording(tmp_path: Path) -> Recording:
 
 
 def test_newest_moment_of_active_recording_waits_for_flush(recording: Recording) -> None:
+    assert recording.studio.is_awaited(recording.path.name, NEWEST_S)
     recording.writes_after = 3
-    size = recording.file.path.stat().st_size
-    recording.studio.recorded(recording.name, NEWEST_S)
+    size = recording.path.stat().st_size
+    recording.recordings.moment(recording.path, NEWEST_S, waits=True)
     assert len(recording.waits) == 3
-    assert recording.file.path.stat().st_size > size
+    assert recording.path.stat().st_size > size
 
 
 def test_quiet_system_waits_only_briefly(recording: Recording) -> None:
-    recording.studio.recorded(recording.name, NEWEST_S)
+    recording.recordings.moment(recording.path, NEWEST_S, waits=True)
     assert 1.0 < sum(recording.waits) < 1.5
 
 
-def test_earlier_moment_is_shown_at_once(recording: Recording) -> None:
-    recording.studio.recorded(recording.name, NOW_S - 1.0)
-    assert recording.waits == []
+def test_earlier_moment_is_not_awaited(recording: Recording) -> None:
+    assert not recording.studio.is_awaited(recording.path.name, NOW_S - 1.0)
 
 
-def test_finished_recording_is_shown_at_once(recording: Recording) -> None:
+def test_finished_recording_is_not_awaited(recording: Recording) -> None:
     recording.stop()
-    recording.studio.recorded(recording.name, NEWEST_S)
-    assert recording.waits == []
+    assert not recording.studio.is_awaited(recording.path.name, NEWEST_S)
+
+
+def test_growing_recording_is_read_on(recording: Recording) -> None:
+    assert recording.tick() == 1
+    read = recording.path.stat().st_size
+    recording.write(2)
+    # What has been read is not read again: it is gone.
+    with recording.path.open("r+b") as file:
+        file.write(bytes(read))
+    assert recording.tick() == 2
+
+
+def test_replaced_recording_is_read_from_its_beginning(recording: Recording) -> None:
+    assert recording.tick() == 1
+    other = JournalFile(recording.path.with_name("other"))
+    for number in (7, 8):
+        other.add(recorded(number), number)
+    other.close()
+    other.path.rename(recording.path)
+    assert recording.tick() == 8
+
+
+def test_recording_that_is_gone_is_refused(recording: Recording) -> None:
+    recording.tick()
+    recording.path.unlink()
+    with pytest.raises(Refused, match="cannot be read: No such file"):
+        recording.tick()
+
+
+def test_worker_answers_and_ends_with_its_input(recording: Recording) -> None:
+    command = [sys.executable, "-m", "bt_agents_studio.journal_worker", "mood", ""]
+    request = {"file": str(recording.path), "at_s": NEWEST_S, "waits": False}
+    missing = request | {"file": f"{recording.path}.gone"}
+    done = subprocess.run(
+        command,
+        input="".join(f"{json.dumps(one)}\n" for one in (request, missing)).encode(),
+        capture_output=True,
+        timeout=60,
+        check=True,
+    )
+    head, _, rest = done.stdout.partition(b"\n")
+    kind, length = head.split()
+    assert (kind, json.loads(rest[: int(length)])["type"]) == (b"moment", "snapshot")
+    kind, length, failure = rest[int(length) :].split(maxsplit=2)
+    assert (kind, json.loads(failure)["code"]) == (b"failure", "NO_JOURNAL")
+    assert len(failure) == int(length)

@@ -6,6 +6,9 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,12 +21,14 @@ from aiohttp import (
     WSMsgType,
 )
 
+from bt_agents_lab.recorder.file import JournalFile
 from bt_agents_studio import server
 from bt_agents_studio.access import LARGEST_BODY, SessionRole, cookie_name
 from bt_agents_studio.connections import MOST_CONNECTIONS
 from bt_agents_studio.protocol import VERSION
 from bt_agents_studio.records import MoodRecord, PartRecord, RobotActRecord, RobotRecord
 from bt_agents_studio.server import MOST_CLIENTS
+from journal_fixture import recorded
 from studio_harness import ServedStudio, served, serving
 
 _Connection = tuple[asyncio.StreamReader, asyncio.StreamWriter]
@@ -196,6 +201,81 @@ def test_missing_journal_is_reported_and_page_continues() -> None:
     served(test)
 
 
+async def _open(client: ClientSession) -> ClientWebSocketResponse:
+    """Open a page, and return its socket after the first snapshot."""
+    socket = await client.ws_connect("/api/socket")
+    await _next(socket)
+    await socket.send_json(RESUME)
+    await _next(socket)
+    return socket
+
+
+async def _until(condition: Callable[[], object]) -> None:
+    """Wait until a condition holds; the limit is that of the whole test."""
+    while not condition():
+        await asyncio.sleep(0.01)
+
+
+def _journal(folder: Path) -> JournalFile:
+    file = JournalFile(folder / "journal-2026-03-01_001.mcap")
+    for number in (1, 2):
+        file.add(recorded(number), number)
+    file.flush()
+    return file
+
+
+def test_reading_recording_does_not_delay_other_pages(tmp_path: Path) -> None:
+    seek = {"type": "seek", "source": _journal(tmp_path).path.name, "at_s": 2.0**40}
+
+    async def test(one: ServedStudio) -> None:
+        one.put("moods", "1", MoodRecord(at_s=1.0, mood=1.0))
+        async with one.client(SessionRole.VIEW) as client:
+            reading, other = await _open(client), await _open(client)
+            await reading.send_json(seek)
+            moment = await _next(reading)
+            assert moment["source"] == seek["source"]
+            [run] = moment["entries"]["runs"].values()
+            assert run["tick"] == 2
+            worker = one.server._recordings._process
+            assert worker is not None
+            os.kill(worker.pid, signal.SIGSTOP)
+            await reading.send_json(seek | {"at_s": 2.5})
+            await _until(lambda: one.server._reading)
+            one.put("moods", "1", MoodRecord(at_s=1.0, mood=2.0))
+            assert (await _next(other))["changes"][0][2]["mood"] == 2.0
+            await reading.send_json({"type": "follow"})
+            assert (await _next(reading))["at_s"] is None
+            # A process that has ended is replaced.
+            os.kill(worker.pid, signal.SIGKILL)
+            await _until(lambda: not one.server._reading)
+            await reading.send_json(seek)
+            assert (await _next(reading))["entries"]["runs"] == moment["entries"]["runs"]
+
+    served(test, journal=tmp_path)
+
+
+def test_worker_killed_while_reading_is_reported(tmp_path: Path) -> None:
+    seek = {"type": "seek", "source": _journal(tmp_path).path.name, "at_s": 2.0**40}
+
+    async def test(one: ServedStudio) -> None:
+        one.put("moods", "1", MoodRecord(at_s=1.0, mood=1.0))
+        async with one.client(SessionRole.VIEW) as client:
+            page = await _open(client)
+            await page.send_json(seek)
+            await _next(page)
+            worker = one.server._recordings._process
+            assert worker is not None
+            os.kill(worker.pid, signal.SIGSTOP)
+            await page.send_json(seek | {"at_s": 2.5})
+            await _until(lambda: one.server._reading)
+            os.kill(worker.pid, signal.SIGKILL)
+            failure = await _next(page)
+            assert (failure["type"], failure["code"]) == ("failure", "UNREADABLE")
+            assert (await _next(page))["at_s"] is None
+
+    served(test, journal=tmp_path)
+
+
 def test_operation_is_forwarded_to_service_and_answer_returned() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client(SessionRole.OPERATE) as client:
@@ -285,7 +365,7 @@ def test_cookie_without_key_allows_only_viewing() -> None:
 def test_every_response_forbids_foreign_content_and_frames() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client() as client:
-            for path in ("/", "/live", "/studio.js", "/api/state", "/nothing.html"):
+            for path in ("/", "/live", "/person", "/studio.js", "/api/state", "/nothing.html"):
                 headers = (await client.get(path)).headers
                 policy = headers["Content-Security-Policy"]
                 assert "default-src 'none'" in policy
@@ -297,17 +377,35 @@ def test_every_response_forbids_foreign_content_and_frames() -> None:
     served(test)
 
 
+def test_page_person_has_a_document_of_its_own() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client() as client:
+            documents = {}
+            for path in ("/", "/live", "/live/guide", "/unknown", "/person", "/person/"):
+                async with client.get(path) as answer:
+                    assert answer.content_type == "text/html"
+                    documents[path] = await answer.text()
+        assert "/person.js" in documents["/person"]
+        assert documents["/person"] == documents["/person/"]
+        others = {text for path, text in documents.items() if not path.startswith("/person")}
+        assert len(others) == 1
+        assert "/person.js" not in others.pop()
+
+    served(test)
+
+
 def test_compressed_page_is_sent_to_supporting_clients() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client() as client:
-            bodies = {}
+            bodies, lengths = {}, {}
             for coding in ("gzip, br", "identity"):
                 headers = {"Accept-Encoding": coding}
                 async with client.get("/application.js", headers=headers) as answer:
-                    bodies[answer.headers.get("Content-Encoding", "")] = await answer.read()
-                    length = int(answer.headers["Content-Length"])
+                    packed = answer.headers.get("Content-Encoding", "")
+                    bodies[packed] = await answer.read()
+                    lengths[packed] = int(answer.headers["Content-Length"])
                     assert answer.headers["Vary"] == "Accept-Encoding"
-                    assert (length < 150_000) == (coding != "identity")
+            assert lengths["gzip"] < lengths[""] / 2
             assert bodies["gzip"] == bodies[""]  # the client has unpacked it
 
     served(test)

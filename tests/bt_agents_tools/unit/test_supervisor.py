@@ -20,6 +20,8 @@ from bt_agents_tools.launcher.supervisor import (
     LOOPBACK_PROFILE,
     Backoff,
     Component,
+    ProcessState,
+    SupervisedProcess,
     Supervisor,
     discovery_text,
     set_discovery,
@@ -130,6 +132,35 @@ def test_killed_component_restarts_with_doubling_delay(watched: Watched) -> None
         "--- start 3",
         "--- start 4",
     ]
+
+
+def test_process_states_follow_end_restart_and_leaving(watched: Watched) -> None:
+    supervisor = watched.supervisor
+
+    def agents() -> SupervisedProcess:
+        [one] = supervisor.processes()
+        return one
+
+    supervisor.start(watched.write("agents", UP_FOR_EVER))
+    assert (agents().state, agents().restarts) == (ProcessState.STARTING, 0)
+    pid = watched.up("agents")
+    watched.until(lambda _events: agents().state is ProcessState.UP)
+    assert (agents().pid, agents().last_exit) == (pid, "")
+    watched.now += 3
+    supervisor.on_state("agents", "inactive")
+    assert (agents().state, agents().since) == (ProcessState.INACTIVE, 103.0)
+    supervisor.on_state("agents", "active")
+    assert agents().state is ProcessState.UP
+    watched.now += 3
+    os.kill(pid, signal.SIGKILL)
+    watched.until(lambda _events: agents().state is not ProcessState.UP)
+    ended = agents()
+    assert (ended.state, ended.since) == (ProcessState.ENDED, 106.0)
+    assert ended.last_exit == "killed by signal 9"
+    watched.now += 0.5
+    watched.until(lambda _events: agents().state is ProcessState.UP)
+    assert (agents().restarts, agents().since) == (1, 106.5)
+    assert agents().pid != pid
 
 
 def test_restart_delay_resets_after_ten_seconds_of_uptime(watched: Watched) -> None:

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Start of the page: it loads the application, and says so in words when that fails.
+// Start of a document: it loads its part of the page, and says so in words when that fails.
 
 import "./language";
 import "./style.css";
 import { texts } from "./texts";
 
-const root = document.getElementById("root");
-if (root !== null) {
-  import("./application").then(({ start }) => start(root)).catch((error: unknown) => report(root, error));
+interface Part {
+  start: (root: HTMLElement) => void;
+}
+
+export function load(part: () => Promise<Part>): void {
+  const root = document.getElementById("root");
+  if (root !== null) part().then(({ start }) => start(root)).catch((error: unknown) => report(root, error));
 }
 
 function report(root: HTMLElement, error: unknown): void {

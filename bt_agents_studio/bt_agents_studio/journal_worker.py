@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Process that reads recordings for the pages of a studio, and its client in the studio.
+
+Reading takes long, so that a thread of the studio would hold up what happens now. The process gets
+a line of JSON for each moment. It answers with a line that says whether it could be read, and how
+long the message for the page is, and with that message. It ends with its standard input.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_studio.protocol import Failure, Snapshot, encode
+from bt_agents_studio.recordings import Recordings
+
+LIMIT_S = 1800.0
+"""Longest time for one answer; a large recording takes minutes [s]."""
+
+_MOMENT, _FAILURE = b"moment", b"failure"
+_END_S = 2.0
+_NICENESS = 5
+_LARGEST_ANSWER = 256 * 1024 * 1024
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedMoment:
+    """Encoded message with a moment of a recording, or with why it cannot be shown."""
+
+    text: str
+    is_failure: bool
+
+
+class JournalWorker:
+    """Client of the process, which starts with the first request and answers one at a time.
+
+    Args:
+        mood: The scene parameter that is the mood; empty for none.
+        namespace: Namespace of the system.
+    """
+
+    def __init__(self, mood: str, namespace: str) -> None:
+        self._arguments = (mood, namespace)
+        self._turn = asyncio.Lock()
+        self._process: asyncio.subprocess.Process | None = None
+        self._is_closed = False
+
+    async def moment(self, file: Path, at_s: float, *, waits: bool) -> RecordedMoment:
+        """Return a moment, or why it cannot be shown; see :meth:`Recordings.moment`."""
+        request = {"file": str(file), "at_s": at_s, "waits": waits}
+        async with self._turn:
+            try:
+                async with asyncio.timeout(LIMIT_S):
+                    return await self._answer(json.dumps(request))
+            except TimeoutError:
+                reason = f"'{file.name}' was not read within {LIMIT_S:g} s"
+            except (OSError, ValueError, asyncio.IncompleteReadError):
+                reason = f"'{file.name}' cannot be read: the process that reads it has ended"
+            except asyncio.CancelledError:
+                await self._end()
+                raise
+            await self._end()
+            failure = Failure(code=RefusalCode.UNREADABLE, message=reason)
+            return RecordedMoment(text=encode(failure), is_failure=True)
+
+    async def close(self) -> None:
+        """End the process, and answer nothing more."""
+        self._is_closed = True
+        await self._end()
+
+    async def _answer(self, request: str) -> RecordedMoment:
+        if self._is_closed:
+            raise OSError("the studio ends")
+        if self._process is None:
+            # In a session of its own, a Ctrl-C reaches only the studio.
+            self._process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-m", __name__, *self._arguments),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                start_new_session=True,
+            )
+        process = self._process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(request.encode() + b"\n")
+        await process.stdin.drain()
+        kind, length = (await process.stdout.readline()).split()
+        if int(length) > _LARGEST_ANSWER:
+            raise ValueError(f"an answer of {int(length)} bytes")
+        text = (await process.stdout.readexactly(int(length))).decode()
+        return RecordedMoment(text=text, is_failure=kind == _FAILURE)
+
+    async def _end(self) -> None:
+        process, self._process = self._process, None
+        if process is None:
+            return
+        if process.returncode is None:
+            process.kill()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_END_S):
+                await process.wait()
+
+
+def main() -> None:
+    """Answer requests until the standard input ends."""
+    os.nice(_NICENESS)
+    # Whatever prints something must not disturb the answers.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    mood, namespace = sys.argv[1:]
+    recordings = Recordings(mood, namespace)
+    for line in sys.stdin:
+        message = _message(recordings, json.loads(line))
+        kind = _FAILURE if isinstance(message, Failure) else _MOMENT
+        text = encode(message).encode()
+        answers.write(b"%s %d\n%s" % (kind, len(text), text))
+        answers.flush()
+
+
+def _message(recordings: Recordings, request: Mapping[str, Any]) -> Snapshot | Failure:
+    try:
+        file = Path(request["file"])
+        return recordings.moment(file, request["at_s"], waits=request["waits"])
+    except Refused as refused:
+        return Failure(code=refused.code, message=refused.reason)
+
+
+if __name__ == "__main__":
+    main()

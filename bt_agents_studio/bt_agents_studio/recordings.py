@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings to look back into: journal files and bags, each read on from where it was read."""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.optional_packages import journal_needs
+from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_studio.history import History
+from bt_agents_studio.projection import Projection, is_in_use
+from bt_agents_studio.protocol import Snapshot
+from bt_agents_studio.records import MOST_ENTRIES, BookmarkRecord
+from bt_agents_studio.store import Change, Store
+
+if TYPE_CHECKING:
+    from bt_agents_lab.recorder.reading import JournalReader
+
+MOST_HELD = 2
+"""Recordings that are held in memory."""
+
+_LARGEST = 512 * 1024 * 1024
+_MOST_BYTES = 256 * 1024 * 1024
+_WRITTEN_S = 1.2
+"""The journal writes once a second what it has received [s]."""
+
+_LOOK_S = 0.05
+
+
+class Recordings:
+    """Moments of recordings; the last ones that were looked into are held.
+
+    Args:
+        mood: The scene parameter that is the mood; empty for none.
+        namespace: Namespace of the system, for bags of several systems.
+        sleep: Waits [s].
+    """
+
+    def __init__(
+        self, mood: str, namespace: str = "", sleep: Callable[[float], None] = time.sleep
+    ) -> None:
+        self._mood = mood
+        self._namespace = namespace
+        self._sleep = sleep
+        self._held: OrderedDict[Path, _Recording] = OrderedDict()
+
+    def moment(self, file: Path, at_s: float, *, waits: bool = False) -> Snapshot:
+        """Return what a journal file or a bag shows at a moment [s since 1970].
+
+        Args:
+            file: Its path.
+            at_s: The moment.
+            waits: Whether to wait until the journal has written what it has received so far.
+
+        Raises:
+            Refused: ``NO_JOURNAL``, ``TOO_LARGE`` or ``UNREADABLE``.
+        """
+        try:
+            if waits:
+                self._wait_until_written(file)
+            history = self._read(file).history
+        except OSError as error:
+            raise Refused(
+                RefusalCode.NO_JOURNAL, f"'{file.name}' cannot be read: {error.strerror}"
+            ) from None
+        marks = history.newest("bookmarks")
+        return Snapshot(
+            sequence=0,
+            at_s=at_s,
+            source=file.name,
+            first_s=history.first_s,
+            last_s=history.last_s,
+            bookmarks=tuple(one for one in marks if isinstance(one, BookmarkRecord)),
+            entries=history.at(at_s),
+        )
+
+    def _read(self, file: Path) -> _Recording:
+        size = recording_size(file)
+        if size > _LARGEST:
+            raise Refused(
+                RefusalCode.TOO_LARGE,
+                f"'{file.name}' has {size} bytes, at most {_LARGEST} are shown",
+            )
+        held = self._held.pop(file, None)
+        if held is None or not held.read_on(size):
+            held = _Recording(file, self._mood, self._namespace)
+            held.read_on(size)
+        self._held[file] = held
+        while len(self._held) > MOST_HELD:
+            self._held.popitem(last=False)
+        return held
+
+    def _wait_until_written(self, file: Path) -> None:
+        """Wait for a change of a file, which does not come while the system is quiet."""
+        before = file.stat().st_mtime_ns
+        for _ in range(round(_WRITTEN_S / _LOOK_S)):
+            if file.stat().st_mtime_ns != before:
+                return
+            self._sleep(_LOOK_S)
+
+
+class _Recording:
+    """History of a recording as far as it has been read."""
+
+    def __init__(self, file: Path, mood: str, namespace: str) -> None:
+        self._file = file
+        self._namespace = namespace
+        self._reader: JournalReader | None = None
+        self._identity = (0, 0)
+        self._size = 0
+        self._moment = 0.0
+        self.history = History(span_s=float("inf"), most_bytes=_MOST_BYTES)
+        store = Store(MOST_ENTRIES, self._record, is_in_use=is_in_use)
+        self._projection = Projection(store, mood)
+
+    def read_on(self, size: int) -> bool:
+        """Read what has been written since the last call; return False if it is another file now.
+
+        A bag is another one after each change.
+
+        Raises:
+            OSError: It is gone.
+            Refused: ``UNREADABLE``.
+        """
+        stat = self._file.stat()
+        identity = (stat.st_dev, stat.st_ino)
+        if self._reader is None:
+            self._reader = _reader(self._file, self._namespace)
+        elif identity != self._identity or size < self._size:
+            return False
+        elif size == self._size:
+            return True
+        elif self._file.is_dir():
+            return False
+        self._identity, self._size = identity, size
+        self._take(self._reader)
+        return True
+
+    def _take(self, reader: JournalReader) -> None:
+        try:
+            entries = reader.further_entries(frozenset(self._projection.types))
+        except BtAgentsError as error:
+            raise Refused(RefusalCode.UNREADABLE, str(error)) from None
+        for entry in entries:
+            self._moment = entry.sent_ns * 1e-9
+            live = entry.topic.endswith("/live")
+            try:
+                self._projection.handle(entry.type, entry.decode(), self._moment, live=live)
+            except Exception:
+                # Of an earlier format, of other types, or damaged: what can be read is shown.
+                continue
+
+    def _record(self, change: Change) -> None:
+        self.history.record(self._moment, change)
+
+
+def _reader(file: Path, namespace: str) -> JournalReader:
+    try:
+        from bt_agents_lab.recorder.reading import JournalReader
+
+        return JournalReader([file], namespace)
+    except ModuleNotFoundError as error:
+        raise Refused(RefusalCode.UNREADABLE, journal_needs(error.name)) from None
+    except BtAgentsError as error:
+        raise Refused(RefusalCode.UNREADABLE, str(error)) from None
+
+
+def recording_size(path: Path) -> int:
+    """Return the bytes of a journal file, or of all files of a bag.
+
+    Raises:
+        OSError: It is gone.
+    """
+    files = path.iterdir() if path.is_dir() else (path,)
+    return sum(one.stat().st_size for one in files)

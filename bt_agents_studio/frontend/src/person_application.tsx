@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// The application of the page Person: the robot, and links to the other pages for whoever may open them.
+
+import { StrictMode } from "react";
+import { createRoot } from "react-dom/client";
+import { connect, useConnection } from "./connection";
+import { PanelBoundary } from "./panel_boundary";
+import { Person } from "./person";
+import { Phase } from "./phase";
+import { texts } from "./texts";
+import { startTheme } from "./theme";
+
+function PersonApplication() {
+  const { hello, phase } = useConnection();
+  const isStale = phase !== "open" && phase !== "connecting";
+  return (
+    <>
+      <header className={isStale ? "stale" : ""}>
+        <h1>bt-agents</h1>
+        {hello !== null && hello.role !== "person" && (
+          <nav>
+            {Object.entries(texts.pages).map(([name, title]) => (
+              <a key={name} href={`/${name}`} {...(name === "person" ? { "aria-current": "page" as const } : {})}>
+                {title}
+              </a>
+            ))}
+          </nav>
+        )}
+        <Phase />
+      </header>
+      <main className={isStale ? "stale" : ""}>
+        <PanelBoundary label={texts.pages.person}>
+          <Person />
+        </PanelBoundary>
+      </main>
+    </>
+  );
+}
+
+/** Draw the page and connect it to its studio. */
+export function start(root: HTMLElement): void {
+  createRoot(root).render(
+    <StrictMode>
+      <PersonApplication />
+    </StrictMode>,
+  );
+  startTheme();
+  connect();
+}

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether the page is connected to its studio.
+
+import { useConnection } from "./connection";
+import { formatTime } from "./formatting";
+import { texts } from "./texts";
+
+export function Phase() {
+  const { phase, heardS } = useConnection();
+  return (
+    <>
+      <p className={`phase ${phase}`} role="status">
+        {phase === "lost" && heardS !== null
+          ? `${texts.connection.stale} ${formatTime(heardS)}, ${texts.connection.again}`
+          : texts.connection[phase]}
+      </p>
+      {phase === "outdated" && (
+        <button type="button" onClick={() => location.reload()}>
+          {texts.connection.reload}
+        </button>
+      )}
+    </>
+  );
+}

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Report about the processes of a supervisor, as the health of parts for ``/diagnostics``."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from bt_agents_core.health import Health, PartHealth
+from bt_agents_core.text import ellipsize
+from bt_agents_tools.launcher.supervisor import ProcessState, SupervisedProcess
+
+PERIOD_S = 1.0
+"""Time between two looks at processor time, memory and logs [s]."""
+
+_LEVELS = {
+    ProcessState.UP: Health.OK,
+    ProcessState.STARTING: Health.WARN,
+    ProcessState.INACTIVE: Health.WARN,
+    ProcessState.ENDED: Health.ERROR,
+}
+_LONGEST_LINE = 200
+_TICKS = os.sysconf("SC_CLK_TCK")
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+_UTIME, _STIME, _RSS = 11, 12, 21
+"""Fields of ``/proc/PID/stat`` after the name, as in :manpage:`proc(5)`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Usage:
+    """What a process uses.
+
+    Attributes:
+        cpu_s: Processor time since its start [s].
+        memory_bytes: Resident memory, including what it shares with others.
+    """
+
+    cpu_s: float
+    memory_bytes: int
+
+
+def read_usage(pid: int) -> Usage | None:
+    """Return what a process uses; None if it has ended."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as file:
+            fields = file.read().rpartition(b")")[2].split()
+        ticks = int(fields[_UTIME]) + int(fields[_STIME])
+        return Usage(cpu_s=ticks / _TICKS, memory_bytes=int(fields[_RSS]) * _PAGE_BYTES)
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+class ProcessReport:
+    """Report about supervised processes.
+
+    A change of a state is in the next report; processor time, memory and the end of the log are
+    read at most once in :data:`PERIOD_S`.
+
+    Args:
+        processes: Returns them as they are now.
+        clock: Steady time, as that of the supervisor [s].
+        wall_clock: Time of day [s since 1970].
+        usage: Returns what the process with an id uses.
+    """
+
+    def __init__(
+        self,
+        processes: Callable[[], Sequence[SupervisedProcess]],
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        wall_clock: Callable[[], float] = time.time,
+        usage: Callable[[int], Usage | None] = read_usage,
+    ) -> None:
+        self._processes = processes
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._usage = usage
+        self._looked_at = float("-inf")
+        # Name → since when its state holds: on the steady clock, and for people.
+        self._since: dict[str, tuple[float, str]] = {}
+        # Name → process and its processor time at the last look.
+        self._spent: dict[str, tuple[int, float]] = {}
+        self._measured: dict[str, dict[str, str]] = {}
+
+    def parts(self) -> tuple[PartHealth, ...]:
+        """Return one part for each process."""
+        processes = self._processes()
+        now = self._clock()
+        if now - self._looked_at >= PERIOD_S:
+            spent_s = now - self._looked_at
+            self._looked_at = now
+            self._measured = {one.name: self._look(one, spent_s) for one in processes}
+        return tuple(self._part(one) for one in processes)
+
+    def _part(self, one: SupervisedProcess) -> PartHealth:
+        if self._since.get(one.name, (None,))[0] != one.since:
+            began_s = self._wall_clock() - (self._clock() - one.since)
+            moment = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(began_s))
+            self._since[one.name] = (one.since, moment)
+        is_there = one.state is not ProcessState.ENDED
+        return PartHealth(
+            part=one.name,
+            level=_LEVELS[one.state],
+            message=one.state,
+            values={
+                "pid": str(one.pid) if is_there else "",
+                "since": self._since[one.name][1],
+                "restarts": str(one.restarts),
+                "last exit": one.last_exit,
+                **self._measured.get(one.name, {}),
+            },
+        )
+
+    def _look(self, one: SupervisedProcess, spent_s: float) -> dict[str, str]:
+        usage = self._usage(one.pid) if one.state is not ProcessState.ENDED else None
+        line = ellipsize(one.log.last_line(), _LONGEST_LINE)
+        if usage is None:
+            self._spent.pop(one.name, None)
+            return {"cpu": "", "memory": "", "log": line}
+        pid, before_s = self._spent.get(one.name, (0, 0.0))
+        self._spent[one.name] = (one.pid, usage.cpu_s)
+        share = (usage.cpu_s - before_s) / spent_s if pid == one.pid else None
+        return {
+            "cpu": f"{100 * share:.0f} %" if share is not None else "",
+            "memory": f"{usage.memory_bytes / 1e6:.0f} MB",
+            "log": line,
+        }

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Earlier moments in the page of the studio: of a quick drag, the last one counts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+
+from studio_browser import LIMIT_MS
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+DRAG = """
+(bar, steps) => {
+  const { set } = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value");
+  const [first, last] = [Number(bar.min), Number(bar.max)];
+  for (let step = 1; step <= steps; step += 1) {
+    set.call(bar, String(first + ((last - first) * step) / (steps + 1)));
+    bar.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+  return Number(bar.value);
+}
+"""
+STEPS = 5
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    with background_studio() as studio:
+        yield studio
+
+
+class Held:
+    """WebSocket of a page on which the answers about earlier moments are held back."""
+
+    def __init__(self) -> None:
+        self.asked: list[float] = []
+        self._answers: list[Callable[[], None]] = []
+
+    def route(self, page: WebSocketRoute) -> None:
+        server = page.connect_to_server()
+
+        def ask(message: str | bytes) -> None:
+            found = json.loads(message)
+            if found["type"] == "seek":
+                self.asked.append(found["at_s"])
+            server.send(message)
+
+        def answer(message: str | bytes) -> None:
+            if json.loads(message).get("at_s") is None:
+                page.send(message)
+            else:
+                self._answers.append(lambda: page.send(message))
+
+        page.on_message(ask)
+        server.on_message(answer)
+
+    def until(self, page: Page, answers: int) -> None:
+        """Wait until so many answers are held back."""
+        for _ in range(LIMIT_MS // 20):
+            if len(self._answers) == answers:
+                return
+            page.wait_for_timeout(20)
+        raise AssertionError(f"{len(self._answers)} answers")
+
+    def release(self) -> None:
+        self._answers.pop()()
+
+
+def test_dragged_bar_asks_for_one_moment_at_a_time(
+    browser: Browser, studio: BackgroundStudio
+) -> None:
+    held = Held()
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    page = context.new_page()
+    page.route_web_socket("**/api/socket", held.route)
+    page.goto(studio.address)
+    bar = page.get_by_label("Moment that is shown")
+    page.wait_for_function(
+        "() => { const bar = document.querySelector('.time input'); "
+        "return Number(bar.max) - Number(bar.min) > 2; }"
+    )
+    first, last = (bar.evaluate(DRAG, STEPS) for _ in range(2))
+    held.until(page, 1)
+    assert len(held.asked) == 1
+    held.release()
+    held.until(page, 1)
+    assert len(held.asked) == 2
+    assert held.asked[1] == pytest.approx(last, abs=0.01)
+    assert held.asked[0] < min(first, last)
+    held.release()
+    page.get_by_role("button", name="Back to now").click()
+    expect(page.get_by_role("button", name="Back to now")).to_have_count(0)
+    context.close()
