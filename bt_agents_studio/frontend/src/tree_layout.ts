@@ -128,7 +128,7 @@ export function layOut(roots: readonly Shown[], folded: ReadonlySet<string>): La
 }
 
 /** Whether a node is below another one, as its path says. */
-export const isBelow = (path: string, other: string): boolean => path.startsWith(`${other}/`);
+const isBelow = (path: string, other: string): boolean => path.startsWith(`${other}/`);
 
 /** Path of the node that a modifier belongs to; the same path for any other node. */
 export const withoutModifier = (path: string): string => path.replace(/@[^/]*$/, "");
