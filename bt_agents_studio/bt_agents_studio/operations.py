@@ -133,6 +133,7 @@ OPERATIONS: Mapping[str, Operation] = {
             "names": "texts",
             "values": "numbers",
             "person": {"AS_MEASURED": 0, "PRESENT": 1, "ABSENT": 2},
+            "name": "text",
             "urgent": "bool",
             "announce": "bool",
         },

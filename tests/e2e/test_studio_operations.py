@@ -44,6 +44,20 @@ def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
         yield opened
 
 
+def test_only_announced_scene_names_its_person(page: Page, studio: BackgroundStudio) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Play the world")
+    panel.get_by_label("Known as").fill("Anna")
+    for button, name in (("Only change what is sensed now", None), ("Announce the scene", "Anna")):
+        studio.caller.calls.clear()
+        panel.get_by_role("button", name=button).click()
+        expect(panel.locator("output")).to_have_text("done")
+        expect(panel.get_by_role("button", name=button)).to_be_enabled()
+        [(_, service, fields)] = studio.caller.calls
+        assert service == "scene_layer/analyze"
+        assert fields.get("name") == name
+
+
 def test_operation_is_sent_once_while_it_waits(page: Page, studio: BackgroundStudio) -> None:
     asked: list[Future[Any]] = []
 

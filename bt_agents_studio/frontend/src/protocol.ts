@@ -511,7 +511,7 @@ export interface Operations {
   operate: { action?: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD"; agent?: string; author?: string; reason?: string };
   record: { action?: "START" | "STOP" | "BOOKMARK"; author?: string; label?: string; notes?: string };
   profiles: { action?: "UNDO" | "RESET"; agent?: string; layer?: string; author?: string; reason?: string };
-  scene: { label?: string; names?: string[]; values?: (number | null)[]; person?: "AS_MEASURED" | "PRESENT" | "ABSENT"; urgent?: boolean; announce?: boolean };
+  scene: { label?: string; names?: string[]; values?: (number | null)[]; person?: "AS_MEASURED" | "PRESENT" | "ABSENT"; name?: string; urgent?: boolean; announce?: boolean };
   tune: { host: string; action?: "SET" | "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET"; author?: string; reason?: string; names?: string[]; values?: string[]; compare?: boolean; seen?: number; preset?: string; agents?: string[] };
   answer: { text?: string };
   dry_run: { names?: string[]; values?: (number | null)[]; across?: string; up?: string };

@@ -256,6 +256,7 @@ export const texts = {
     announce: "Announce the scene",
     sense: "Only change what is sensed now",
     announcedPerson: "Person in the scene",
+    knownAs: "Known as",
     questions: "Open questions",
     noQuestions: "The robot asks nothing now.",
     ownAnswer: "Another answer",

@@ -178,6 +178,7 @@ function Play() {
   const live = useEntry("live");
   const [given, setGiven] = useState<Record<string, number>>({});
   const [person, setPerson] = useState<Person>("AS_MEASURED");
+  const [name, setName] = useState("");
   const [label, setLabel] = useState("");
   const [urgent, setUrgent] = useState(false);
   const scene = useOperation("scene");
@@ -192,7 +193,8 @@ function Play() {
   const give = async (announce: boolean): Promise<void> => {
     const names = Object.keys(given);
     const values = Object.values(given);
-    const done = await scene.ask({ label, names, values, person, urgent, announce });
+    // Only a scene that is announced may name its person.
+    const done = await scene.ask({ label, names, values, person, urgent, announce, ...(announce ? { name } : {}) });
     // The scene has them now; the next one begins with what is measured.
     if (announce && done?.accepted) setGiven({});
   };
@@ -260,6 +262,9 @@ function Play() {
             <option value="PRESENT">{words.present}</option>
             <option value="ABSENT">{words.absent}</option>
           </select>
+        </label>
+        <label>
+          {words.knownAs} <input value={name} onChange={(event) => setName(event.target.value)} />
         </label>
         <label>
           {words.label} <input value={label} onChange={(event) => setLabel(event.target.value)} />
