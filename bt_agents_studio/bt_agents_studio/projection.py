@@ -354,7 +354,8 @@ class Projection:
 
     def _stopped(self, message: Any) -> set[str]:
         """Return the paths of the nodes that a tick has stopped while they were running."""
-        stopped, statuses = set(), dict[str, str]()
+        stopped = set[str]()
+        statuses = dict[str, str]()
         for change in message.changes:
             before = self._store.get("nodes", f"{message.agent}|{change.path}")
             was = before.status if isinstance(before, NodeRecord) else ""

@@ -377,7 +377,7 @@ def test_quiet_connection_stays_connected(page: Page) -> None:
             look();
         }"""
     )
-    page.wait_for_timeout(7000)
+    page.wait_for_timeout(4000)
     expect(shown).to_have_text("connected")
     assert page.evaluate("[...window.phases]") == ["connected"]
 

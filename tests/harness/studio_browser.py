@@ -127,7 +127,13 @@ def box(found: Locator) -> dict[str, float]:
     """Return where something is seen: x, y, width, height and bottom [px]."""
     measured = found.bounding_box()
     assert measured is not None
-    return {**measured, "bottom": measured["y"] + measured["height"]}
+    return {
+        "x": measured["x"],
+        "y": measured["y"],
+        "width": measured["width"],
+        "height": measured["height"],
+        "bottom": measured["y"] + measured["height"],
+    }
 
 
 def style(found: Locator, name: str) -> str:
