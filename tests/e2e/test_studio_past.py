@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Earlier moments in the page of the studio: however quickly the bar is dragged, the last counts."""
+"""Earlier moments in the page of the studio: however quickly the bar moves, the last counts."""
 
 from __future__ import annotations
 
