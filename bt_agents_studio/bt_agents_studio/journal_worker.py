@@ -80,7 +80,7 @@ class JournalWorker:
     async def _answer(self, request: str) -> RecordedMoment:
         if self._is_closed:
             raise OSError("the studio ends")
-        if self._process is None:
+        if self._process is None or self._process.returncode is not None:
             # In a session of its own, a Ctrl-C reaches only the studio.
             self._process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", __name__, *self._arguments),

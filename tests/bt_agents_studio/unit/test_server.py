@@ -276,6 +276,25 @@ def test_worker_killed_while_reading_is_reported(tmp_path: Path) -> None:
     served(test, journal=tmp_path)
 
 
+def test_worker_that_ended_between_moments_is_replaced(tmp_path: Path) -> None:
+    seek = {"type": "seek", "source": _journal(tmp_path).path.name, "at_s": 2.0**40}
+
+    async def test(one: ServedStudio) -> None:
+        one.put("moods", "1", MoodRecord(at_s=1.0, mood=1.0))
+        async with one.client(SessionRole.VIEW) as client:
+            page = await _open(client)
+            await page.send_json(seek)
+            first = await _next(page)
+            worker = one.server._recordings._process
+            assert worker is not None
+            worker.kill()
+            await worker.wait()
+            await page.send_json(seek)
+            assert (await _next(page))["entries"] == first["entries"]
+
+    served(test, journal=tmp_path)
+
+
 def test_operation_is_forwarded_to_service_and_answer_returned() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client(SessionRole.OPERATE) as client:
