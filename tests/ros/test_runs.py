@@ -342,7 +342,7 @@ def test_refused_host_accepts_no_goal_while_run_ends(
     market.open()
     ros.until(lambda: not host._registration.accepted)
     assert host._runs.busy
-    assert market.refusal(market.goal(host, agent="quick", round=2)) == "REFUSED"
+    assert market.refusal(market.goal(host, agent="quick", round=2)) == "UNREGISTERED"
     answer = results(ros, handle)
     assert answer.result.message.startswith("the market refuses this host: OTHER_PARAMETERS")
     assert list(answer.result.orphans) == ["tree"]

@@ -28,7 +28,6 @@ from bt_agents.host.tuning.tunable import (
 from bt_agents.host.tuning.tune_service import TuneServer
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import FieldType
-from bt_agents_core.file_watch import PERIOD_S
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.model.specs import AgentSpec
@@ -39,6 +38,8 @@ ROS_PARAMETER = "ros parameter"
 """Author of a change without a name."""
 
 _PUBLISHED_AFTER_S = 0.05
+
+_PRESETS_S = 2.0  # a person edits a preset, and no tree waits for it
 
 
 class TunableParameters:
@@ -83,7 +84,7 @@ class TunableParameters:
         self._flush_due = False
         self._publish_timer = steady_timer(node, _PUBLISHED_AFTER_S, self._publish)
         self._report_presets({})
-        steady_timer(node, PERIOD_S, self._poll_presets)
+        steady_timer(node, _PRESETS_S, self._poll_presets)
         self._declare_together((TICK_RATE,))
         self._set_rate(float(self._store.value(TICK_RATE.name)))
         for member in registry.members.values():
