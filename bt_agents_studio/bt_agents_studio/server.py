@@ -73,8 +73,6 @@ BEAT_S = 1.0
 _PING_S = 10.0
 _END_S = 1.0
 _SOCKET = "/api/socket"
-_SENT = "sent"
-"""Key of a WebSocket's own entry: when a message to it was sent last [s]."""
 _PAGE = Path(__file__).parent / "page"
 _STATUSES = {
     RefusalCode.NO_SESSION: 401,
@@ -124,6 +122,8 @@ class Server:
         self._secure = secure
         # Socket → role and id of the session that has opened it.
         self._clients: dict[web.WebSocketResponse, tuple[SessionRole, str]] = {}
+        # When a message was sent last, steady time [s].
+        self._sent_s: dict[web.WebSocketResponse, float] = {}
         self._changed = asyncio.Event()
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
@@ -310,7 +310,7 @@ class Server:
         feed = Feed(
             self._studio.store, self._studio.history, self._studio.name, _collections_of(role)
         )
-        socket[_SENT] = time.monotonic()
+        self._sent_s[socket] = time.monotonic()
         tasks = [
             asyncio.create_task(one)
             for one in (self._pump(socket, feed, role), self._beat(socket))
@@ -326,6 +326,7 @@ class Server:
                 self.changed()
         finally:
             self._clients.pop(socket, None)
+            self._sent_s.pop(socket, None)
             self._watch(bool(self._clients))
             for task in tasks:
                 task.cancel()
@@ -361,7 +362,7 @@ class Server:
     async def _beat(self, socket: web.WebSocketResponse) -> None:
         """Tell one client that the studio is there whenever nothing else has for a while."""
         while not socket.closed:
-            rest_s = socket[_SENT] + BEAT_S - time.monotonic()
+            rest_s = self._sent_s.get(socket, 0.0) + BEAT_S - time.monotonic()
             if rest_s > 0:
                 await asyncio.sleep(rest_s)
             else:
@@ -385,7 +386,8 @@ class Server:
         began = time.monotonic()
         text = message if isinstance(message, str) else encode(message)
         encoded_s = time.monotonic() - began
-        socket[_SENT] = time.monotonic()
+        if socket in self._clients:
+            self._sent_s[socket] = time.monotonic()
         try:
             await socket.send_str(text)
         except (ConnectionError, RuntimeError):
