@@ -246,7 +246,7 @@ def test_concurrent_edits_warn_page_and_lose_nothing(
     page.locator(name).fill("30")
     other.locator(name).fill("40")
     other.locator(name).press("Enter")
-    told = page.get_by_role("alert")
+    told = page.get_by_role("main").get_by_role("alert")
     expect(told).to_contain_text("Meanwhile it was changed: 60 → 40 by studio")
     page.locator(name).press("Enter")
     expect(page.locator(name)).to_have_value("30")

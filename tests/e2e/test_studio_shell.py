@@ -234,6 +234,8 @@ def test_escape_twice_stops_from_any_page(
     page: Page, running: BackgroundStudio, name: str
 ) -> None:
     open_page(page, name)
+    # Person is a document of its own, which has to load.
+    expect(page.get_by_role("button", name="Stop", exact=True).first).to_be_enabled()
     page.keyboard.press("Escape")
     page.keyboard.press("Escape")
     until_stopped(page, running)

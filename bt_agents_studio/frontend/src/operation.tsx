@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Operations as people meet them: whether this tab may do one, that it is under way, and what came of it.
 
-import { useCallback, useRef, useState, type ReactNode } from "react";
+import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
 import { isSignedIn, operate, useConnection, type Answer } from "./connection";
 import { OPERATION_ROLES, type Operations } from "./protocol";
 import { texts } from "./texts";
@@ -105,8 +105,16 @@ export function WhyNot({ of }: { of: Asked }) {
   return of.whyNot === "" ? null : <p className="why-not">{of.whyNot}</p>;
 }
 
-/** What came of the newest of some operations. */
+/** What came of the newest of some operations; a failure comes into view. */
 export function Outcome({ of }: { of: readonly Asked[] }) {
   const [newest] = of.flatMap((one) => one.answer ?? []).sort((one, other) => other.number - one.number);
-  return <output className={newest?.accepted === false ? "answer failure" : "answer"}>{newest?.message}</output>;
+  const box = useRef<HTMLOutputElement>(null);
+  useEffect(() => {
+    if (newest?.accepted === false) box.current?.scrollIntoView({ block: "nearest" });
+  }, [newest]);
+  return (
+    <output ref={box} className={newest?.accepted === false ? "answer failure" : "answer"}>
+      {newest?.message}
+    </output>
+  );
 }
