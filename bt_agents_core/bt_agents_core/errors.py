@@ -20,34 +20,31 @@ LONGEST_REASON = 500
 """Longest reason in characters; texts from outside may have any length."""
 
 
-class Refused(BtAgentsError):
-    """Refusal of an input; nothing has changed.
+class Refusal(BtAgentsError):
+    """Refusal with a code.
 
     Attributes:
         code: Kind of the refusal, for programs.
         reason: The same in words: what was found, what was expected, how to fix it.
     """
 
-    def __init__(self, code: RefusalCode, reason: str) -> None:
-        reason = ellipsize(reason, LONGEST_REASON)
-        super().__init__(f"{code}: {reason}")
-        self.code = code
-        self.reason = reason
-
-
-class RefusedElsewhere(BtAgentsError):
-    """Refusal by another process, passed on as it was received.
-
-    Attributes:
-        code: As received; a process of another version may have codes of its own.
-        reason: As received, shortened.
-    """
-
     def __init__(self, code: str, reason: str) -> None:
-        reason = ellipsize(reason, LONGEST_REASON)
-        super().__init__(f"{code}: {reason}")
         self.code = code
-        self.reason = reason
+        self.reason = ellipsize(reason, LONGEST_REASON)
+        super().__init__(f"{code}: {self.reason}")
+
+
+class Refused(Refusal):
+    """Refusal of an input; nothing has changed."""
+
+    code: RefusalCode
+
+    def __init__(self, code: RefusalCode, reason: str) -> None:
+        super().__init__(code, reason)
+
+
+class RefusedElsewhere(Refusal):
+    """Refusal by another process, passed on as received; its version may have other codes."""
 
 
 class ReadError(BtAgentsError):

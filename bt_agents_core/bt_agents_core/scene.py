@@ -287,6 +287,16 @@ class SceneSpace:
         """Parameter names in order."""
         return tuple(parameter.name for parameter in self.parameters)
 
+    @cached_property
+    def widths(self) -> tuple[float, ...]:
+        """Maximum minus minimum of each parameter, in order."""
+        return tuple(parameter.maximum - parameter.minimum for parameter in self.parameters)
+
+    @cached_property
+    def weights(self) -> tuple[float, ...]:
+        """Weight of each parameter in ``scene.yaml``, in order."""
+        return tuple(parameter.weight for parameter in self.parameters)
+
     def __len__(self) -> int:
         return len(self.parameters)
 

@@ -10,7 +10,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
 
-from bt_agents_core.errors import BtAgentsError, Refused, RefusedElsewhere
+from bt_agents_core.errors import BtAgentsError, Refusal, Refused, RefusedElsewhere
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.projection import round_record
 from bt_agents_studio.records import DryRunRecord, KeepRecord, SceneMapRecord
@@ -74,7 +74,7 @@ class OwnOperations:
         try:
             async with asyncio.timeout(LIMIT_S):
                 return await self._done[name](**fields)
-        except (Refused, RefusedElsewhere) as refused:
+        except Refusal as refused:
             return _answer(False, refused.code, refused.reason)
         except BtAgentsError as error:
             return _answer(False, "", str(error))

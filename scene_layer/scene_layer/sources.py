@@ -327,8 +327,9 @@ def _number(source: SourceSpec, raw: object) -> float:
 
 def _in_table(source: SourceSpec, raw: object) -> float:
     word = _table_key(raw)
+    wanted = None if word is None else folded(word)
     for known, value in source.table:
-        if word is not None and folded(known) == folded(word):
+        if folded(known) == wanted:
             return value
     if word == "":
         raise _NotMeasuredError

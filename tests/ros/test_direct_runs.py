@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import runpy
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -203,18 +201,6 @@ def test_documented_goals_can_be_sent() -> None:
         goal = RunAgent.Goal()
         fill(goal, yaml.safe_load(text))
         assert goal.agent == "attentive_guide"
-
-
-@pytest.fixture
-def py_trees_ros(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The installed py_trees_ros, or a stand-in for what the example needs."""
-    if importlib.util.find_spec("py_trees_ros") is None:
-        monkeypatch.syspath_prepend(ROOT / "tests" / "harness" / "stand_ins")
-    before = set(sys.modules)
-    yield
-    for name in set(sys.modules) - before:
-        if name.partition(".")[0] == "py_trees_ros":
-            del sys.modules[name]
 
 
 @pytest.mark.usefixtures("py_trees_ros")

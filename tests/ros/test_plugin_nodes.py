@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import sys
 import time
@@ -37,10 +36,8 @@ def block(language: str) -> str:
 
 
 @pytest.fixture(autouse=True)
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def package(py_trees_ros: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The package of the page, installed as pip would leave it."""
-    if importlib.util.find_spec("py_trees_ros") is None:
-        monkeypatch.syspath_prepend(ROOT / "tests" / "harness" / "stand_ins")
     place = tmp_path / "installed"
     info = place / "their_nodes-1.0.dist-info"
     info.mkdir(parents=True)
@@ -54,7 +51,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
     installed_plugins.cache_clear()
     for name in set(sys.modules) - before:
-        if name.partition(".")[0] in ("their_nodes", "py_trees_ros"):
+        if name == "their_nodes":
             del sys.modules[name]
 
 

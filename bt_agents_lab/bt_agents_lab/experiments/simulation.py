@@ -96,8 +96,6 @@ class _Run:
         self._spec = STRATEGIES[arm.strategy]
         self._options = self._spec.values(arm.options)
         self._rule = updates.in_order(arm.rule, world.space)
-        self._weights = tuple(one.weight for one in world.space.parameters)
-        self._widths = tuple(one.maximum - one.minimum for one in world.space.parameters)
         self._starts = _vectors(world.starts)
         self._rates: list[float] = world.rates.tolist()
         self._profiles = _vectors(world.starts)
@@ -153,13 +151,13 @@ class _Run:
         given = RoundBids(
             scene=scene,
             std=(0.0,) * len(scene),
-            widths=self._widths,
+            widths=self._world.space.widths,
             rounds=sum(self._runs),
             bids=[
                 Bid(
                     self._world.agents[agent],
                     self._profiles[agent],
-                    self._weights,
+                    self._world.space.weights,
                     self._runs[agent],
                     self._last_run[agent],
                 )

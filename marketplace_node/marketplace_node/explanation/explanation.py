@@ -207,9 +207,8 @@ def _exploration(decision: Decision, winner: RankedBid, space: SceneSpace) -> It
 def _bound(decision: Decision, space: SceneSpace, share: float) -> str:
     """Return how much farther than the nearest bid exploration lets a winner be."""
     profiles = space.profiles
-    widths = tuple(one.maximum - one.minimum for one in profiles.parameters)
     scene = profiles.compared(decision.terms.scene)
-    limit = distance(ranges_share(scene.vector, widths, share), FEW)
+    limit = distance(ranges_share(scene.vector, profiles.widths, share), FEW)
     return f"An agent more than {limit} farther away than the nearest one cannot win."
 
 

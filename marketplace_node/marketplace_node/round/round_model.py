@@ -102,28 +102,22 @@ class RoundModel:
 def round_bids(space: SceneSpace, terms: Terms, accepted: Sequence[AcceptedBid]) -> RoundBids:
     """Return the input of a strategy; ``accepted`` is sorted by the agents' names."""
     scene = space.compared(terms.scene)
-    common = weights_of(space)
     return RoundBids(
         scene=scene.vector,
         std=tuple(0.0 if math.isnan(std) else std for std in scene.std),
-        widths=tuple(one.maximum - one.minimum for one in space.parameters),
+        widths=space.widths,
         rounds=terms.rounds_run,
         bids=tuple(
             Bid(
                 agent=bid.agent,
                 profile=bid.vector,
-                weights=bid.weights or common,
+                weights=bid.weights or space.weights,
                 runs=terms.runs.get(bid.agent, 0),
                 last_run=terms.last_run.get(bid.agent, 0),
             )
             for bid in accepted
         ),
     )
-
-
-def weights_of(space: SceneSpace) -> tuple[float, ...]:
-    """Return the weights of the parameters in ``scene.yaml``."""
-    return tuple(parameter.weight for parameter in space.parameters)
 
 
 def scored(

@@ -61,7 +61,7 @@ class CardDiff:
         self._last: dict[str, CardContent] = {}
 
     def update(self, card: CardContent) -> list[CardDifference]:
-        """Return what has changed on a card; of the first card of a later start, new problems."""
+        """Return what has changed on a card; after a restart of its host, only new problems."""
         before = self._last.get(card.host)
         self._last[card.host] = card
         if before is None:
