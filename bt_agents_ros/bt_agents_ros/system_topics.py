@@ -65,7 +65,7 @@ _SHOWN = "journal studio watch"
 TOPICS = (
     _topic(
         *("/diagnostics", "diagnostic_msgs/DiagnosticArray", "EVENTS"),
-        f"{HOST} feedback journal marketplace scene_layer up",
+        f"{HOST} feedback journal marketplace operate scene_layer",
         "journal studio watch",
     ),
     _topic("answers", _TEXT, "EVENTS", "operate studio visitors", "robot"),

@@ -33,6 +33,7 @@ class Host:
         self._revision = 0
         self.tunables = {one.name: one for one in (PATIENCE, FINE, VOLUME)}
         self.sent: list[tuple[float, str, str]] = []
+        self.authors: list[str] = []
         self.other: list[Mapping[str, Any]] = []
         studio.caller.call = self.call  # type: ignore[method-assign]
         for one in self.tunables.values():
@@ -53,6 +54,7 @@ class Host:
         accepted = True
         if kind == "Tune" and fields["action"] == 0:
             accepted = fields["seen"] == self._revision
+            self.authors.append(fields["author"])
             if accepted:
                 self._set(fields["names"][0], fields["values"][0])
         else:
@@ -137,6 +139,16 @@ def test_profile_value_is_shown_unrounded(page: Page, host: Host) -> None:
     expect(page.locator("details details output")).to_have_text("done")
     [given] = host.other
     assert given["values"][0] == 1.87654321
+
+
+def test_half_typed_profile_value_is_not_sent(page: Page, host: Host) -> None:
+    page.get_by_text("Profile", exact=True).click()
+    shown = page.locator("#profile-guide-age-value")
+    shown.fill("4")
+    press(page, page.locator("#profile-guide-age"), 0.5)
+    expect(shown).to_have_value("3")
+    expect(page.locator("details details output")).to_have_text("done")
+    assert [one["values"][0] for one in host.other] == [3.0]
 
 
 def test_half_typed_value_is_not_sent(page: Page, host: Host) -> None:
@@ -264,3 +276,17 @@ def test_preset_shows_its_changes_and_is_deleted(page: Page, host: Host) -> None
     expect(page.get_by_label("Changes").locator("output")).to_have_text("done")
     [asked] = host.other
     assert (asked["action"], asked["preset"]) == (5, "evening")
+
+
+def test_changes_carry_the_name_of_their_author(page: Page, host: Host) -> None:
+    page.get_by_label("Your name").fill("Anna")
+    for text in ("12", "13"):
+        field(page).fill(text)
+        field(page).press("Enter")
+        expect(field(page)).to_have_value(text)
+        expect(page.locator(".control input.draft")).to_have_count(0)
+        page.reload()
+    page.get_by_label("Your name").fill("")
+    page.locator(".control", has=field(page)).get_by_role("button", name="As in the file").click()
+    expect(field(page)).to_have_value("15")
+    assert host.authors == ["Anna", "Anna", "studio"]

@@ -254,6 +254,7 @@ function Mood({ parameter, report }: MoodProps) {
           parameter={parameter}
           value={value}
           choose={move}
+          disabled={disabled}
           aria-labelledby="mood-question"
         />
         <button type="button" disabled={disabled} onClick={() => move(value + 1)}>
@@ -269,6 +270,7 @@ interface SliderProps {
   parameter: ParameterRecord;
   value: number;
   choose: (value: number) => void;
+  disabled?: boolean;
   "aria-label"?: string;
   "aria-labelledby"?: string;
 }
