@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
@@ -34,6 +34,8 @@ class Host:
         self.tunables = {one.name: one for one in (PATIENCE, FINE, VOLUME)}
         self.sent: list[tuple[float, str, str]] = []
         self.authors: list[str] = []
+        self.is_slow = False
+        self._late: list[Callable[[], None]] = []
         self.other: list[Mapping[str, Any]] = []
         studio.caller.call = self.call  # type: ignore[method-assign]
         for one in self.tunables.values():
@@ -60,10 +62,20 @@ class Host:
         else:
             self.other.append({"service": service, **fields})
         code = "" if accepted else "CHANGED_MEANWHILE"
-        done.set_result(
-            SimpleNamespace(accepted=accepted, code=code, message="done", revision=self._revision)
+        answer = SimpleNamespace(
+            accepted=accepted, code=code, message="done", revision=self._revision
         )
+        if self.is_slow:
+            self._late.append(lambda: done.set_result(answer))
+        else:
+            done.set_result(answer)
         return done
+
+    def answer_late(self) -> None:
+        """Answer what has come while this host was slow; it is quick again."""
+        self.is_slow = False
+        for answer in self._late:
+            answer()
 
     def _set(self, name: str, text: str) -> None:
         self._revision += 1
@@ -149,6 +161,19 @@ def test_half_typed_profile_value_is_not_sent(page: Page, host: Host) -> None:
     expect(shown).to_have_value("3")
     expect(page.locator("details details output")).to_have_text("done")
     assert [one["values"][0] for one in host.other] == [3.0]
+
+
+def test_reset_profile_forgets_waiting_values(page: Page, host: Host) -> None:
+    page.get_by_text("Profile", exact=True).click()
+    profile = page.locator("details details")
+    host.is_slow = True
+    press(page, page.locator("#profile-guide-age"), 0.25)
+    press(page, page.locator("#profile-guide-age"), 0.75)
+    profile.get_by_role("button", name="As in the file").click()
+    host.answer_late()
+    expect(profile.locator("output")).to_have_text("done")
+    page.wait_for_timeout(300)  # nothing is sent any more
+    assert [one["service"] for one in host.other] == ["feedback/give", "feedback/manage"]
 
 
 def test_half_typed_value_is_not_sent(page: Page, host: Host) -> None:

@@ -179,7 +179,7 @@ def test_current_values_are_given_by_checkbox_or_keyboard(page: Page) -> None:
     open_page(page, "World")
     panel = page.get_by_label("Play the world")
     given = panel.locator(".give").get_by_role("checkbox")
-    every = panel.get_by_label("Give all values as they stand")
+    every = panel.get_by_label("Give all values")
     for one in given.all():
         expect(one).not_to_be_checked()
     every.focus()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the badge of a decorator says: a symbol or its key, and its value.
+// Names of nodes, and badges of decorators: a symbol or key, and the value.
 
 import type { TreeNodeRecord } from "./protocol";
 import { texts } from "./texts";
@@ -7,10 +7,16 @@ import { texts } from "./texts";
 /** Symbols that the common fonts have, as text: coloured ones would hide the colour of the status. */
 const SYMBOLS: Record<string, string> = { cooldown: "❄\uFE0E", retry: "↻" };
 
+/** The name of a node without the kind that it may begin with. */
+export function nameWithoutKind(node: TreeNodeRecord): string {
+  const [kind, ...rest] = node.name.split(" ");
+  return kind === node.kind ? rest.join(" ") : node.name;
+}
+
 /** The value that an author has written for a decorator; empty for none, or one of several parts. */
 function written(node: TreeNodeRecord): string {
-  const value = node.name.startsWith(`${node.kind} `) ? node.name.slice(node.kind.length + 1) : node.name;
-  return value === node.kind || value === "…" ? "" : value;
+  const value = nameWithoutKind(node);
+  return value === "…" ? "" : value;
 }
 
 /** Text of a badge; with the attempts or rounds that remain, it says which one runs. */

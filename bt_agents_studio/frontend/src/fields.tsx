@@ -199,27 +199,19 @@ interface NumberPairProps {
   mark?: number | undefined;
   /** Called with each value on the way of the slider. */
   move?: (value: number) => void;
-  /** Called with what is written, and where the slider is let go. */
-  set?: (value: number) => void;
-  /** The same for a value that is sent; it returns whether that was taken. */
-  send?: (value: number) => Promise<boolean>;
+  /** Called with what is written, and where the slider is let go; `drop` shows the value in force again. */
+  set?: (value: number, drop: () => void) => void;
   press?: () => void;
 }
 
 /** Slider and field of a number that is not sent at once, or only where the slider is let go. */
-export function NumberPair({ id, name, scale, value, disabled, mark, move, set, send, press }: NumberPairProps) {
+export function NumberPair({ id, name, scale, value, disabled, mark, move, set, press }: NumberPairProps) {
   const sliding = useSliding(value);
   const drafting = useDraft(exactNumber(value));
   const isSliding = useRef(false);
-  const [push] = useNewest(async (next: number): Promise<boolean> => {
-    const isTaken = (await send?.(next)) ?? true;
-    if (!isTaken) sliding.drop();
-    return isTaken;
-  });
   const settle = (next: number): void => {
     isSliding.current = false;
-    set?.(next);
-    if (send) push(next);
+    set?.(next, sliding.drop);
   };
   const commit = (): void => {
     const written = drafting.draft?.text.trim() ?? "";
@@ -263,32 +255,44 @@ export function NumberPair({ id, name, scale, value, disabled, mark, move, set, 
   );
 }
 
+export interface Newest {
+  /** Send the value of a key; it takes the place of one that waits. `send` returns whether it was taken. */
+  push: (key: string, send: () => Promise<boolean>) => void;
+  /** Forget what waits; resolves when nothing is on its way. */
+  stop: () => Promise<void>;
+  isBusy: boolean;
+}
+
 /**
- * Send the newest of many values: one at a time, at most ten a second, and the last one in any case.
+ * Send the newest value of each key: one at a time, at most ten a second, and the last one in any case.
  *
- * What waits is left out when one is not taken. Returns what takes a value, and whether any is on its way.
+ * What waits for a key is left out when a value of it is not taken.
  */
-export function useNewest<T>(send: (value: T) => Promise<boolean>): [(value: T) => void, boolean] {
-  const waiting = useRef<T[]>([]);
-  const sends = useRef(false);
-  const sender = useRef(send);
-  sender.current = send;
+export function useNewest(): Newest {
+  const waiting = useRef(new Map<string, () => Promise<boolean>>());
+  const sending = useRef<Promise<void> | null>(null);
   const [isBusy, setBusy] = useState(false);
-  const push = useCallback((value: T): void => {
-    waiting.current = [value];
-    if (sends.current) return;
-    sends.current = true;
+  const push = useCallback((key: string, send: () => Promise<boolean>): void => {
+    waiting.current.set(key, send);
+    if (sending.current !== null) return;
     setBusy(true);
-    void (async () => {
-      for (let next = waiting.current.shift(); next !== undefined; next = waiting.current.shift()) {
-        const [isTaken] = await Promise.all([sender.current(next), later(PERIOD_MS)]);
-        if (!isTaken) waiting.current = [];
+    const sendAll = async (): Promise<void> => {
+      for (let [next] = waiting.current; next !== undefined; [next] = waiting.current) {
+        const [name, ask] = next;
+        waiting.current.delete(name);
+        const [isTaken] = await Promise.all([ask(), later(PERIOD_MS)]);
+        if (!isTaken) waiting.current.delete(name);
       }
-      sends.current = false;
+      sending.current = null;
       setBusy(false);
-    })();
+    };
+    sending.current = sendAll();
   }, []);
-  return [push, isBusy];
+  const stop = useCallback(async (): Promise<void> => {
+    waiting.current.clear();
+    await sending.current;
+  }, []);
+  return { push, stop, isBusy };
 }
 
 const later = (ms: number): Promise<void> => new Promise((resolve) => window.setTimeout(resolve, ms));

@@ -4,6 +4,7 @@
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
+import { nameWithoutKind } from "./badges";
 import { BusyTime, Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
 import { Empty } from "./empty";
 import { formatNumber, formatSeconds } from "./formatting";
@@ -138,7 +139,7 @@ function NodeDetails({ agent, path, panel }: NodeDetailsProps) {
       ) : (
         <>
           <h2>
-            {node.kind} <span>{node.name}</span>
+            {node.kind} <span>{nameWithoutKind(node)}</span>
           </h2>
           <p className={`status ${(record?.status ?? "invalid").toLowerCase()}`}>
             {texts.live.statuses[record?.status ?? "INVALID"] ?? record?.status}

@@ -2,7 +2,7 @@
 // Outline of a behaviour tree: a row a node, of which only those near the frame are drawn.
 
 import { memo, useCallback, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
-import { badgeText } from "./badges";
+import { badgeText, nameWithoutKind } from "./badges";
 import { BusyTime, TimeLeft } from "./control";
 import { drawnAt, heldPx, ROW_PX, rowsOf, type Row } from "./outline_rows";
 import type { TreeNodeRecord } from "./protocol";
@@ -178,7 +178,7 @@ const OutlineRow = memo(function OutlineRow(props: OutlineRowProps) {
   const status = statusOf(record);
   const branch = row.shown.handles && `${branchOf(row.shown)}: `;
   // Most names begin with the kind.
-  const name = `${node.name} `.startsWith(`${node.kind} `) ? node.name.slice(node.kind.length) : ` ${node.name}`;
+  const name = ` ${nameWithoutKind(node)}`;
   const message = status === "INVALID" ? "" : (record?.message ?? "");
   const isCut = status === "STOPPED" || status === "UNKNOWN";
   const note = isCut ? statusWords(record) : message;

@@ -232,16 +232,17 @@ function Mood({ parameter, report }: MoodProps) {
   const [chosen, setChosen] = useState<number | null>(null);
   const scene = useOperation("scene");
   const value = chosen ?? measured ?? parameter.default;
-  const [push] = useNewest(async (next: number): Promise<boolean> => {
+  const newest = useNewest();
+  const sense = async (next: number): Promise<boolean> => {
     const done = await scene.ask({ names: [parameter.name], values: [next], person: "PRESENT", announce: false });
     if (done?.accepted === false) report(done);
     return done?.accepted === true;
-  });
+  };
   const disabled = scene.whyNot !== "";
   const move = (next: number): void => {
     const bounded = Math.min(parameter.maximum, Math.max(parameter.minimum, next));
     setChosen(bounded);
-    push(bounded);
+    newest.push(parameter.name, () => sense(bounded));
   };
   return (
     <section className="panel mood" aria-label={words.mood}>

@@ -243,10 +243,10 @@ export const texts = {
   },
   world: {
     scene: "Play the world",
-    explain: "What is not ticked is left as it is measured. Announced values are a new scene, for which agents bid.",
+    explain: "Values without a tick stay as measured. Announcing values makes a new scene, and agents bid for it.",
     give: "give",
     noParameters: "This trees folder has no scene parameters.",
-    giveAll: "Give all values as they stand",
+    giveAll: "Give all values",
     label: "Label",
     person: "Somebody is there",
     measured: "as measured",

@@ -183,7 +183,10 @@ function Control({ tunable, latest, revision }: ControlProps) {
   const note = (done: Answer): void => {
     if (done.accepted) confirmed.current = done.revision ?? 0;
   };
-  const commit = async (text: string, seen = seenNow.current): Promise<void> => {
+  const newest = useNewest();
+  const commit = async (text: string, seenBefore?: number): Promise<void> => {
+    await newest.stop();
+    const seen = seenBefore ?? seenNow.current;
     const done = await set.ask(fields(text, seen));
     if (done === null) return;
     note(done);
@@ -198,16 +201,16 @@ function Control({ tunable, latest, revision }: ControlProps) {
     else await commit(draft.text, draft.seen);
   };
   const moved = useRef(0);
-  const [push, isSliding] = useNewest(async (value: number) => {
+  const slideTo = async (value: number): Promise<boolean> => {
     const done = await slide.ask(fields(exactNumber(value), seenNow.current));
     if (done !== null) note(done);
     if (done?.accepted) return true;
     if (done !== null && isUnheard(done)) drafting.write(exactNumber(moved.current));
     sliding.drop();
     return false;
-  });
+  };
   const number = typeof tunable.value === "number" ? tunable.value : (tunable.minimum ?? 0);
-  const sliding = useSliding(number, isSliding);
+  const sliding = useSliding(number, newest.isBusy);
   const id = `tunable-${tunable.name.replaceAll(".", "-")}`;
   const hasRange = tunable.minimum !== null && tunable.maximum !== null;
   const disabled = set.whyNot !== "";
@@ -237,7 +240,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
               move={(value) => {
                 moved.current = value;
                 drafting.drop();
-                push(value);
+                newest.push(tunable.name, () => slideTo(value));
               }}
             />
           )}
@@ -294,7 +297,8 @@ function Profile({ agent }: { agent: AgentRecord }) {
   const order = useEntry("profiles", `${agent.name}|`);
   const give = useOperation("feedback");
   const manage = useOperation("profiles");
-  const set = async (name: string, value: number): Promise<boolean> => {
+  const newest = useNewest();
+  const set = async (name: string, value: number, drop: () => void): Promise<boolean> => {
     const done = await give.ask({
       feedback_id: `tuning/${crypto.randomUUID()}`,
       agent: agent.name,
@@ -303,7 +307,12 @@ function Profile({ agent }: { agent: AgentRecord }) {
       source: "tuning",
       reason: words.tunedBy,
     });
+    if (!done?.accepted) drop();
     return done?.accepted === true;
+  };
+  const reset = async (): Promise<void> => {
+    await newest.stop();
+    await manage.ask({ action: "RESET", agent: agent.name, author: author() });
   };
   return (
     <details>
@@ -322,7 +331,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
               value={value ?? 0}
               mark={inFile ?? undefined}
               disabled={give.whyNot !== ""}
-              send={(next) => set(name, next)}
+              set={(next, drop) => newest.push(name, () => set(name, next, drop))}
             />
             <small className="range">
               {words.default} {exact(inFile)}
@@ -330,10 +339,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
           </div>
         );
       })}
-      <OperationButton
-        of={manage}
-        ask={() => manage.ask({ action: "RESET", agent: agent.name, author: author() })}
-      >
+      <OperationButton of={manage} ask={reset}>
         {words.reset}
       </OperationButton>
       <Outcome of={[give, manage]} />

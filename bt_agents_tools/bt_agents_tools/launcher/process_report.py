@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,6 +23,9 @@ _LEVELS = {
     ProcessState.ENDED: Health.ERROR,
 }
 _LONGEST_LINE = 200
+_STAMP = re.compile(r"(?<=\] )\[[\d.]+\] \[[^\]]*\]: ")
+"""Time and logger's name in a line of a ROS log."""
+
 _TICKS = os.sysconf("SC_CLK_TCK")
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 _UTIME, _STIME, _RSS = 11, 12, 21
@@ -115,7 +119,7 @@ class ProcessReport:
 
     def _look(self, one: SupervisedProcess, spent_s: float) -> dict[str, str]:
         usage = self._usage(one.pid) if one.state is not ProcessState.ENDED else None
-        line = ellipsize(one.log.last_line(), _LONGEST_LINE)
+        line = ellipsize(_STAMP.sub("", one.log.last_line(), 1), _LONGEST_LINE)
         if usage is None:
             self._spent.pop(one.name, None)
             return {"cpu": "", "memory": "", "log": line}

@@ -115,6 +115,12 @@ def test_last_log_line_is_bounded_and_printable(reported: Reported) -> None:
     assert len(line) == 200
 
 
+def test_log_line_has_no_stamp(reported: Reported) -> None:
+    with reported.process.log.open(1) as log:
+        log.write(b"[WARN] [1795757361.910022878] [robot]: [12] [a]: nobody answers\n")
+    assert reported.values()["log"] == "[WARN] [12] [a]: nobody answers"
+
+
 def test_usage_comes_from_proc() -> None:
     usage = read_usage(os.getpid())
     assert usage is not None
