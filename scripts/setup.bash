@@ -178,7 +178,7 @@ find_python_and_compiler() {
   fi
 
   python=''
-  for candidate in python3.13 python3.12 python3.11 python3; do
+  for candidate in python3.13 python3.12 python3.11 python3.14 python3; do
     read -r version lacks < <("$candidate" -I -c '
 import importlib.util, pathlib, sys, sysconfig
 if (3, 11) <= sys.version_info < (3, 15):  # the versions that the ROS 2 wheels exist for

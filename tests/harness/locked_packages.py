@@ -35,8 +35,8 @@ def build_wheel(source: Path, folder: Path, limit_s: float, *options: str) -> Pa
     return wheel
 
 
-def uv(*arguments: str, limit_s: float | None = None, **variables: str) -> None:
-    """Run uv without the paths that a process on ROS wheels hands down.
+def uv(*arguments: str, limit_s: float | None = None, **variables: str) -> str:
+    """Return what uv prints, run without the paths that a process on ROS wheels hands down.
 
     Raises:
         CalledProcessError: It fails; a note says why.
@@ -44,7 +44,7 @@ def uv(*arguments: str, limit_s: float | None = None, **variables: str) -> None:
     handed_down = {name: value for name, value in os.environ.items() if name not in _OWN}
     own = {"UV_SYSTEM_CERTS": "1", "UV_PYTHON_DOWNLOADS": "never", **variables}
     try:
-        subprocess.run(
+        done = subprocess.run(
             [str(UV), *arguments],
             env=handed_down | own,
             capture_output=True,
@@ -55,3 +55,4 @@ def uv(*arguments: str, limit_s: float | None = None, **variables: str) -> None:
     except subprocess.CalledProcessError as error:
         error.add_note(error.stderr[-2000:])
         raise
+    return done.stdout

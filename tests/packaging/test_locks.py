@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lock files: they hold what ``pyproject.toml`` names, and nothing else is installed."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from changed_versions import changes, versions
+
+from checkout import ROOT
+from locked_packages import uv
+
+pytestmark = pytest.mark.packaging
+
+
+def test_lock_matches_project():
+    uv("lock", "--check", "--offline", "--project", str(ROOT))
+
+
+def test_bootstrap_file_matches_lock():
+    exported = ["export", "--project", str(ROOT), "--frozen", "--only-group", "bootstrap"]
+    printed = uv(*exported, "--no-annotate", "--no-header", "--quiet")
+    assert (ROOT / "scripts" / "uv.txt").read_text() == printed
+
+
+def test_environment_has_only_locked_versions(requirements: Path, tools: Path):
+    lock = tomllib.loads((ROOT / "uv.lock").read_text())
+    locked = {f"{one['name']}=={one['version']}" for one in lock["package"]}
+    for python in (requirements / "bin" / "python", tools / "python"):
+        installed = uv("pip", "freeze", "--python", str(python)).split()
+        assert len(installed) > 50
+        assert set(installed) <= locked
+
+
+def test_update_names_changed_versions():
+    before = '[[package]]\nname = "gone"\nversion = "1"\n[[package]]\nname = "kept"\nversion = "2"'
+    after = '{"packages": {"": {}, "node_modules/a/node_modules/kept": {"version": "3"}}}'
+    found = changes(versions("uv.lock", before), versions("package-lock.json", after))
+    assert found == ["gone 1 → none", "kept 2 → 3"]
