@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -37,6 +37,9 @@ _IDLE_LIMIT = 2.2
 
 _MEMORY_LIMIT_MIB = 90.0
 """Of the same, with its share of what it has with others [MiB]."""
+
+_READY_LIMIT_S = 1.2
+"""From the start of ``bt-agents up`` until it says that the system is ready [s]."""
 
 _WINDOW_S = 4.0
 _LISTEN_S = 2.0
@@ -69,6 +72,7 @@ def measure(effort: Effort) -> Iterator[Row]:
     yield from _one_process(effort)
     yield from _memory(effort)
     yield from _joining(effort)
+    yield from _starting(effort)
 
 
 def _start(graph: Graph, trees: Path, *components: Component) -> list[Running]:
@@ -349,3 +353,27 @@ def _join(environment: dict[str, str]) -> float:
         [*_ECHO, "late"], env=environment, capture_output=True, check=True, timeout=60.0
     )
     return float(late.stdout)
+
+
+# Starting
+
+
+def _starting(effort: Effort) -> Iterator[Row]:
+    """Yield how long ``bt-agents up`` takes until the system is ready, in both layouts."""
+    layouts = {"a process each": (), "one process": ("--one-process",)}
+    ways = {name: partial(_up, options) for name, options in layouts.items()}
+    for name, values in in_turn(ways, effort).items():
+        yield Row.within(
+            _READY_LIMIT_S, case=f"up until ready, {name}", side="bt-agents", values=values
+        )
+
+
+def _up(options: Sequence[str]) -> float:
+    with graphs() as make:
+        graph = make("up")
+        trees = write_trees(graph.folder / "trees", {"agent": NODES_20})
+        began = time.perf_counter()
+        state = ("--state", graph.folder / "state")
+        up = graph.command("bt-agents", "up", trees, "--no-studio", "--no-voice", *state, *options)
+        graph.until(lambda: "ready after" in up.said, "up is ready")
+        return time.perf_counter() - began

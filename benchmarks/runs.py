@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -42,11 +43,14 @@ RATES = (1, 100)
 AGENTS = 3
 ROLES = ("scene", "market", "agents", "feedback")
 REPLICAS = {
-    "plain": ("paper's flow, rclpy.spin", 0.4),
-    "quick": ("the same, our executor", None),
-    "one": ("the same, one process", None),
+    "plain": "paper's flow, rclpy.spin",
+    "quick": "the same, our executor",
+    "one": "the same, one process",
 }
-"""The paper's flow as bare nodes: what it is called, and the ratio that is wanted."""
+"""The paper's flow as bare nodes."""
+
+GOALS = {("ours", "plain"): 1.5, ("together", "ours"): 0.45, ("together", "plain"): 0.7}
+"""Ratios of cycles that are wanted."""
 
 
 def cancels(runs: Runs, agent: str, number: int, pause_s: float) -> Way:
@@ -214,24 +218,20 @@ def _cycle(effort: Effort, make: Callable[[str], Graph]) -> Iterator[Row]:
         found = in_turn(
             {side: median_of(partial(c.once, pause), number) for side, c in sides.items()}, effort
         )
-        yield Row(
-            case="trigger to the winner's new profile",
-            side="bt-agents, one process",
-            values=found["together"],
-            floor="bt-agents, 4 processes",
-            floor_values=found["ours"],
-            goal=0.45,
-            pace=pace,
-        )
-        for floor, (words, goal) in REPLICAS.items():
-            if floor in found:
+        called = {
+            "together": "bt-agents, one process",
+            "ours": "bt-agents, 4 processes",
+            **REPLICAS,
+        }
+        for side, floor in itertools.combinations(called, 2):
+            if side in ("together", "ours") and floor in found:
                 yield Row(
                     case="trigger to the winner's new profile",
-                    side="bt-agents, 4 processes",
-                    values=found["ours"],
-                    floor=words,
+                    side=called[side],
+                    values=found[side],
+                    floor=called[floor],
                     floor_values=found[floor],
-                    goal=goal,
+                    goal=GOALS.get((side, floor)),
                     pace=pace,
                 )
 

@@ -111,9 +111,14 @@ def test_demo_plays_whole_script_and_its_journal_replays(start: Start, tmp_path:
     assert (last["path"], last["status"]) == ("tree", "success")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_during_run_ends_all_processes_without_kill(start: Start, number: int) -> None:
-    demo = start("demo", "--no-voice")
+@pytest.mark.parametrize(
+    ("number", "options"),
+    [(signal.SIGINT, ()), (signal.SIGTERM, ()), (signal.SIGINT, ("--one-process",))],
+)
+def test_signal_during_run_ends_all_processes_without_kill(
+    start: Start, number: int, options: tuple[str, ...]
+) -> None:
+    demo = start("demo", "--no-voice", *options)
     demo.until("says|asks")
     pids = children(demo.process.pid)
     shared = shared_memory([demo.process.pid, *pids])

@@ -51,6 +51,12 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 
+one_process_option = click.option(
+    "--one-process",
+    is_flag=True,
+    help="Run all nodes in one process, for a small robot: less memory and time, no isolation.",
+)
+
 journal_option = click.option(
     "--journal",
     is_flag=False,

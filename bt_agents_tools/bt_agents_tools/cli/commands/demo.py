@@ -16,6 +16,7 @@ from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.run_system import (
     journal_components,
     journal_option,
+    one_process_option,
     run_system,
     studio_plan,
 )
@@ -35,8 +36,16 @@ _MORNING = Path("scripts") / "airport_morning.yaml"
 )
 @click.option("--tags", default="airport", show_default=True, help="Agents with these tags.")
 @click.option("--browser", is_flag=True, help="Be the visitor yourself, in a browser.")
+@one_process_option
 @journal_option
-def demo(voice: bool, script: Path | None, tags: str, browser: bool, journal: str | None) -> None:
+def demo(
+    voice: bool,
+    script: Path | None,
+    tags: str,
+    browser: bool,
+    one_process: bool,
+    journal: str | None,
+) -> None:
     """Show a morning at an airport, in a minute; or the visits of another script, to its end.
 
     With --browser you are the visitor, until Ctrl-C.
@@ -57,8 +66,10 @@ def demo(voice: bool, script: Path | None, tags: str, browser: bool, journal: st
             components.scene_layer(trees),
             components.host(trees, tags),
             components.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
-            *journal_components(journal, state),
         ]
+        if one_process:
+            processes = [components.one_process(processes)]
+        processes += journal_components(journal, state)
         if browser:
             recordings = Path(journal).resolve() if journal else state.journal
             plan = studio_plan(

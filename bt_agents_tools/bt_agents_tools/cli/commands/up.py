@@ -16,6 +16,7 @@ from bt_agents_tools.cli.run_parts import PARTS, join_network, lan_options, name
 from bt_agents_tools.cli.run_system import (
     journal_components,
     journal_option,
+    one_process_option,
     run_system,
     studio_plan,
 )
@@ -67,11 +68,7 @@ from bt_agents_tools.launcher.log_files import new_log_folder
     "--key-variable", default="", help="Environment variable with the key of that server."
 )
 @params_option
-@click.option(
-    "--one-process",
-    is_flag=True,
-    help="Run all nodes in one process, for a small robot: less memory and time, no isolation.",
-)
+@one_process_option
 @click.option(
     "--only",
     default="",
