@@ -18,9 +18,9 @@ import psycopg
 from psycopg.conninfo import conninfo_to_dict, make_conninfo
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Share
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import printable_line
-from bt_agents_fleet.shares import SharedLayers
 from feedback_node.learning.fleet_steps import FleetStep, StepEvent
 
 CHANNEL = "bt_agents_fleet"
@@ -69,7 +69,7 @@ class Wanted:
     """
 
     agent: str
-    share: SharedLayers
+    share: Share
     base: str
     after: int = 0
 
@@ -349,11 +349,11 @@ WHERE robot = %s
 """
 
 _OF_WANTED = """
-FROM step AS s JOIN unnest(%s::text[], %s::text[], %s::bool[], %s::bool[], %s::bigint[])
-    AS w (agent, base, places, persons, after)
+FROM step AS s JOIN unnest(%s::text[], %s::text[], %s::bool[], %s::bigint[])
+    AS w (agent, base, places, after)
     ON s.agent = w.agent AND (s.base = w.base OR s.event = 'forget') AND s.arrival > w.after
 WHERE (NOT w.places OR s.layer LIKE 'place/%%')
-    AND (w.persons OR s.layer NOT LIKE 'person/%%') AND s.robot <> %s
+    AND s.layer NOT LIKE 'person/%%' AND s.robot <> %s
 """
 
 _PULL = f"""
@@ -382,8 +382,7 @@ def _columns(wanted: Sequence[Wanted]) -> tuple[list[Any], ...]:
     return (
         [one.agent for one in wanted],
         [one.base for one in wanted],
-        [one.share is SharedLayers.PLACES for one in wanted],
-        [one.share is SharedLayers.ALL for one in wanted],
+        [one.share is Share.PLACE for one in wanted],
         [one.after for one in wanted],
     )
 

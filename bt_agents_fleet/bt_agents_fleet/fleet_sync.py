@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.feedback import Share
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_fleet.database import BATCH, FleetDatabase, PushPosition, Wanted
-from bt_agents_fleet.shares import SharedLayers
+from bt_agents_fleet.shares import includes
 from feedback_node.learning.fleet_steps import (
     FleetStep,
     StepEvent,
@@ -124,7 +125,7 @@ class FleetSync:
         ledger: Path,
         database: FleetDatabase,
         deliver: Deliver,
-        shares: Callable[[], Mapping[str, SharedLayers]],
+        shares: Callable[[], Mapping[str, Share]],
         *,
         wall: Callable[[], float],
     ) -> None:
@@ -138,7 +139,7 @@ class FleetSync:
         self._wall = wall
         self._index = _LedgerIndex()
         self._refused: dict[tuple[str, int], tuple[str, str]] = {}
-        self._shared: Mapping[str, SharedLayers] = {}
+        self._shared: Mapping[str, Share] = {}
         self._agrees = False
 
     def cycle(self) -> None:
@@ -242,7 +243,7 @@ class FleetSync:
 
     # To the database
 
-    def _push(self, ledger: LedgerReader, shares: Mapping[str, SharedLayers]) -> None:
+    def _push(self, ledger: LedgerReader, shares: Mapping[str, Share]) -> None:
         declared = {agent: share.value for agent, share in sorted(shares.items())}
         before = self._database.position()
         # Layers shared now may not have been shared before; existing steps are not added again.
@@ -269,7 +270,7 @@ class FleetSync:
 
     # From the database
 
-    def _wanted(self, shares: Mapping[str, SharedLayers]) -> list[Wanted]:
+    def _wanted(self, shares: Mapping[str, Share]) -> list[Wanted]:
         bases, arrivals = self._index.bases, self._index.arrivals
         return [
             Wanted(
@@ -295,7 +296,7 @@ class FleetSync:
             if there.get(one.agent, 0) != known:
                 self._index.arrivals[pair] = 0
 
-    def _pull(self, shares: Mapping[str, SharedLayers]) -> None:
+    def _pull(self, shares: Mapping[str, Share]) -> None:
         waiting: set[str] = set()
         for _ in range(MOST_BATCHES):
             wanted = [one for one in self._wanted(shares) if one.agent not in waiting]
@@ -309,9 +310,7 @@ class FleetSync:
             self._hand_over(unordered, [])
         self._index.unordered.clear()
 
-    def _take(
-        self, rows: Sequence[Mapping[str, Any]], shares: Mapping[str, SharedLayers]
-    ) -> set[str]:
+    def _take(self, rows: Sequence[Mapping[str, Any]], shares: Mapping[str, Share]) -> set[str]:
         """Deliver rows; return the agents whose steps the feedback node does not accept yet."""
         steps: list[FleetStep] = []
         for row in rows:
@@ -342,11 +341,7 @@ class FleetSync:
 
     def _hand_over(self, agents: Sequence[str], steps: Sequence[FleetStep]) -> set[str]:
         """Deliver steps; return the agents for which some are too early."""
-        answer = self._deliver(
-            to_fleet_document(
-                self._robot, agents, steps, persons=SharedLayers.ALL in self._shared.values()
-            )
-        )
+        answer = self._deliver(to_fleet_document(self._robot, agents, steps))
         refused = {(one["robot"], one["number"]): one for one in refusals_of(answer)}
         waiting = set()
         for step in steps:
@@ -370,9 +365,9 @@ class FleetSync:
         self.status.aside.append(RefusedStep(robot=robot, number=number, code=code, reason=reason))
 
 
-def is_shared(step: FleetStep, shares: Mapping[str, SharedLayers]) -> bool:
+def is_shared(step: FleetStep, shares: Mapping[str, Share]) -> bool:
     """Return whether a step may leave its robot and may be accepted."""
-    return step.agent in shares and shares[step.agent].includes(step.layer)
+    return step.agent in shares and includes(shares[step.agent], step.layer)
 
 
 def _bases_at(ledger: LedgerReader, number: int) -> dict[str, str]:

@@ -1,66 +1,52 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Layers that a robot may share according to its trees folder, read again after changes."""
+"""What each agent of a trees folder shares with other robots, read again after changes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import StrEnum
 from pathlib import Path
 
 from bt_agents_core.feedback import Share
 from bt_agents_core.file_watch import Stamp, poll
-from bt_agents_core.profile_layers import EVERYBODY, PERSON, PLACE
+from bt_agents_core.profile_layers import EVERYBODY, PLACE
 from bt_agents_language.files.folder_reader import read_trees
 
 _SUFFIXES = (".yaml", ".yml")
 
 
-class SharedLayers(StrEnum):
-    """Layers of an agent that the robot shares with others."""
+def includes(share: Share, layer: str) -> bool:
+    """Return whether a layer is shared; the profile for everybody is a layer, too.
 
-    PLACES = "place"
-    ALL_BUT_PERSONS = "everything"
-    ALL = "everything, persons"
-
-    def includes(self, layer: str) -> bool:
-        """Return whether a layer is shared; the profile for everybody is a layer, too."""
-        if layer == EVERYBODY:
-            return self is not SharedLayers.PLACES
-        if layer.startswith(f"{PERSON}/"):
-            return self is SharedLayers.ALL
-        return layer.startswith(f"{PLACE}/")
+    Layers of persons never leave a robot.
+    """
+    if layer == EVERYBODY:
+        return share is Share.EVERYTHING
+    return share is not Share.NOTHING and layer.startswith(f"{PLACE}/")
 
 
 class Shares:
-    """Shared layers of each agent in a trees folder.
+    """What each agent of a trees folder shares.
 
-    Layers of persons are shared only if ``scene.yaml`` also allows it. An agent with a broken or
-    missing file shares nothing meanwhile.
+    An agent with a broken or missing file shares nothing meanwhile.
     """
 
     def __init__(self, trees: Path) -> None:
         self._trees = trees
         self._stamps: Mapping[str, Stamp] | None = None
-        self._shares: dict[str, SharedLayers] = {}
+        self._shares: dict[str, Share] = {}
 
-    def read(self) -> Mapping[str, SharedLayers]:
-        """Return the shared layers of each agent that shares any.
+    def read(self) -> Mapping[str, Share]:
+        """Return what each agent shares that shares anything.
 
         Raises:
             BtAgentsError: No agent can be read, because ``scene.yaml`` is broken.
         """
         stamps = poll([self._trees], _SUFFIXES)
         if stamps != self._stamps:
-            trees = read_trees(self._trees)
-            persons = trees.scene.shares_persons
-            layers = {
-                Share.PLACE: SharedLayers.PLACES,
-                Share.EVERYTHING: SharedLayers.ALL if persons else SharedLayers.ALL_BUT_PERSONS,
-            }
             self._shares = {
-                agent.name: layers[agent.learning.share]
-                for agent in trees.agents
-                if agent.learning.share in layers
+                agent.name: agent.learning.share
+                for agent in read_trees(self._trees).agents
+                if agent.learning.share is not Share.NOTHING
             }
             self._stamps = stamps
         return self._shares

@@ -18,10 +18,9 @@ import pytest
 import yaml
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.feedback import FeedbackKind, Share
 from bt_agents_fleet.database import FleetDatabase, FleetError, checked_address
 from bt_agents_fleet.fleet_sync import FleetSync
-from bt_agents_fleet.shares import SharedLayers
 from feedback_node.learning.fleet_steps import base_of
 from feedback_node.ledger.check import check
 from feedback_node.ledger.file import connect
@@ -132,7 +131,7 @@ def test_twenty_robots_converge_after_three_were_offline(make, clock):
     ]
 
 
-def test_person_layers_stay_on_robot_by_default(make, server, database):
+def test_person_layers_stay_on_robot(make, server, database):
     anna = make("anna", rule=learning(layers=("person", "place")))
     ben = make("ben")
     anna.robot.teach(person="Anna Smith", reason="Anna Smith said so", source="Anna Smith")
@@ -142,56 +141,31 @@ def test_person_layers_stay_on_robot_by_default(make, server, database):
     assert not any("anna smith" in str(row).lower() for row in found)
 
 
-def test_person_layers_are_shared_without_reasons_or_sources(make, server, database):
-    rule = learning(layers=("person", "place"))
-    anna = make("anna", rule=rule, share=SharedLayers.ALL)
-    ben = make("ben", rule=rule, share=SharedLayers.ALL)
-    anna.robot.teach(person="zoe", reason="zoe said so loudly", source="her phone")
-    ben.robot.teach(FeedbackKind.POSITIVE, (1.0, 4.0), person="zoe")
+def test_reasons_and_sources_stay_on_robot(make, server, database):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach(place="lobby", reason="zoe said so loudly", source="her phone")
     synchronise(anna, ben)
-    assert "person/zoe" in ben.robot.current()
-    assert largest_difference([anna.robot, ben.robot]) == 0.0
+    assert "place/lobby" in ben.robot.current()
     found = str(rows(server, database, "SELECT row_to_json(step)::text FROM step"))
     assert "loudly" not in found
     assert "phone" not in found
 
 
-def test_robot_without_person_sharing_ignores_foreign_person_layers(make):
-    rule = learning(layers=("person", "place"))
-    anna = make("anna", rule=rule, share=SharedLayers.ALL)
-    ben = make("ben", rule=rule)
-    ben.robot.teach(person="zoe", values=(1.0, NAN))
-    own = ben.robot.profiles.profile("guide", "person/zoe")
-    anna.robot.teach(person="zoe")
-    synchronise(anna, ben)
-    assert ben.robot.profiles.profile("guide", "person/zoe") == own
-    assert (ben.sync.status.taken, ben.sync.status.refused) == (1, 0)
-    synchronise(ben, anna)
-    assert anna.sync.status.taken == 1
-    ben.shares = {"guide": SharedLayers.ALL}
-    synchronise(anna, ben)
-    ben.robot.shares_persons = True
-    assert largest_difference([anna.robot, ben.robot]) == 0.0
-
-
 def test_unrequested_rows_from_database_are_refused_by_name(make):
-    rule = learning(layers=("person", "place"))
-    anna = make("anna", rule=rule, share=SharedLayers.ALL)
-    ben = make("ben", rule=rule)
-    anna.robot.teach(person="zoe")
+    anna, ben = make("anna"), make("ben", share=Share.PLACE)
+    anna.robot.teach()
     anna.sync.cycle()
     pull = ben.database.pull
     ben.database.pull = lambda wanted: pull(
-        [replace(one, share=SharedLayers.ALL) for one in wanted]
+        [replace(one, share=Share.EVERYTHING) for one in wanted]
     )
     ben.sync.cycle()
-    assert [one.code for one in ben.sync.status.aside] == ["NOT_SHARED"] * 2
-    assert "person/zoe" not in {layer for _, layer, _, _ in ben.robot.profiles.table()}
+    assert [one.code for one in ben.sync.status.aside] == ["NOT_SHARED"]
+    assert ben.robot.current() == {"": (3.0, 3.0)}
 
 
 @pytest.mark.parametrize(
-    ("share", "layers"),
-    [(SharedLayers.ALL_BUT_PERSONS, {"", "place/lobby"}), (SharedLayers.PLACES, {"place/lobby"})],
+    ("share", "layers"), [(Share.EVERYTHING, {"", "place/lobby"}), (Share.PLACE, {"place/lobby"})]
 )
 def test_robot_shares_layers_named_in_agent_file(make, share, layers):
     anna, ben = make("anna", share=share), make("ben")
@@ -213,23 +187,23 @@ def test_robot_sharing_nothing_sends_nothing(make, server, database):
 
 
 def test_enabling_sharing_later_shares_earlier_learning(make):
-    anna, ben = make("anna", share=SharedLayers.PLACES), make("ben")
+    anna, ben = make("anna", share=Share.PLACE), make("ben")
     anna.robot.teach()
     anna.robot.teach(place="lobby")
     synchronise(anna, ben)
     assert ben.robot.current()[""] == (3.0, 3.0)
-    anna.shares = {"guide": SharedLayers.ALL_BUT_PERSONS}
+    anna.shares = {"guide": Share.EVERYTHING}
     synchronise(anna, ben)
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
 def test_enabling_sharing_later_imports_skipped_steps(make):
-    anna, ben = make("anna"), make("ben", share=SharedLayers.PLACES)
+    anna, ben = make("anna"), make("ben", share=Share.PLACE)
     anna.robot.teach()
     anna.robot.teach(place="lobby")
     synchronise(anna, ben)
     assert ben.robot.current()[""] == (3.0, 3.0)
-    ben.shares = {"guide": SharedLayers.ALL_BUT_PERSONS}
+    ben.shares = {"guide": Share.EVERYTHING}
     synchronise(anna, ben)
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
@@ -702,26 +676,11 @@ def test_step_pushed_before_known_forgetting_is_not_doubled(make, clock, server,
     ben.robot.teach(place="lobby", values=(4.0, NAN))
     ben.sync.cycle()
     synchronise(anna, ben)
-    ben.shares = {"guide": SharedLayers.PLACES}
+    ben.shares = {"guide": Share.PLACE}
     synchronise(ben, anna)
     feedback = "SELECT count(*) FROM step WHERE event = 'feedback' AND robot = 'ben'"
     assert rows(server, database, feedback) == [(2,)]  # the place and everybody, once each
     assert anna.robot.current()["place/lobby"] == ben.robot.current()["place/lobby"]
-
-
-def test_forgotten_shared_person_leaves_no_trace(make, server, database):
-    rule = learning(layers=("person", "place"))
-    anna, ben = (make(name, rule=rule, share=SharedLayers.ALL) for name in ("anna", "ben"))
-    anna.robot.teach(person="zoe")
-    synchronise(anna, ben)
-    assert "person/zoe" in ben.robot.current()
-    ben.robot.forget("person/zoe")
-    synchronise(anna, ben)
-    assert "person/zoe" not in anna.robot.current()
-    assert "zoe" not in str(rows(server, database, "SELECT row_to_json(step)::text FROM step"))
-    for one in (anna, ben):
-        one.robot.ledger.close()
-        assert b"zoe" not in one.path.read_bytes()
 
 
 def test_robot_with_different_agent_file_still_forgets(make):

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import Share
 from bt_agents_fleet.database import FleetDatabase, FleetError
 from bt_agents_fleet.fleet_sync import FleetSync
-from bt_agents_fleet.shares import SharedLayers
 from feedback_node.management.management import ManagementAction
 from ledger_fixture import SPACE
 from simulated_fleet import Clock, Robot
@@ -28,13 +28,12 @@ class FleetRobot:
         clock: Clock,
         address: str,
         *,
-        share: SharedLayers = SharedLayers.ALL_BUT_PERSONS,
+        share: Share = Share.EVERYTHING,
         **fields: Any,
     ) -> None:
         self.path = folder / f"{name}.sqlite"
         clock.now += 0.001  # No two ledgers begin at the same time.
-        persons = share is SharedLayers.ALL
-        self.robot = Robot(name, clock, path=str(self.path), shares_persons=persons, **fields)
+        self.robot = Robot(name, clock, path=str(self.path), **fields)
         self.shares = {"guide": share}
         self.address = address
         self.feedback_node_is_there = True

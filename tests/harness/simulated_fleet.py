@@ -63,10 +63,8 @@ class Robot:
         rule: LearningEntry | None = None,
         path: str = ":memory:",
         space: SceneSpace = SPACE,
-        shares_persons: bool = False,
     ) -> None:
         self.name = name
-        self.shares_persons = shares_persons
         self.clock = clock
         self.space = space
         self.rule = rule or learning()
@@ -132,10 +130,7 @@ class Robot:
     def steps(self) -> list[FleetStep]:
         """Return its own steps that may leave it."""
         found = own_steps(self.ledger.entries(), self.name, {})
-        return [one for one in found if self._is_shared(one.layer)]
-
-    def _is_shared(self, layer: str) -> bool:
-        return self.shares_persons or not layer.startswith("person/")
+        return [one for one in found if not _is_of_person(one.layer)]
 
     def forget(self, layer: str) -> None:
         """Forget a layer of the agent."""
@@ -147,18 +142,22 @@ class Robot:
         refused: list[dict[str, Any]] = []
         for start in range(0, max(1, len(given)), MOST_STEPS):
             part = given[start : start + MOST_STEPS]
-            document = to_fleet_document(self.name, ["guide"], part, persons=self.shares_persons)
+            document = to_fleet_document(self.name, ["guide"], part)
             answer = self.manage(ManagementAction.IMPORT, document=document)
             refused += json.loads(answer.document)["refused"]
         return refused
 
     def current(self) -> dict[str, tuple[float, ...]]:
-        """Return the profiles by layer, without those of persons unless they are shared."""
+        """Return the profiles by layer, without those of persons."""
         return {
             layer: vector
             for _, layer, _, vector in self.profiles.table()
-            if self._is_shared(layer)
+            if not _is_of_person(layer)
         }
+
+
+def _is_of_person(layer: str) -> bool:
+    return layer.startswith("person/")
 
 
 def largest_difference(robots: Iterable[Robot]) -> float:

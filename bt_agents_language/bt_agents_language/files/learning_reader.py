@@ -96,8 +96,8 @@ LEARNING = KeyTable(
         FieldDecl(
             "share",
             WordChoice(tuple(one.value for one in Share)),
-            "What the robots of a fleet learn together: everything (of persons where scene.yaml "
-            "says so), place: only what is learned for places, or nothing.",
+            "What the robots of a fleet learn together: everything except what belongs to "
+            "persons, place: only what is learned for places, or nothing.",
         ),
     ),
 )

@@ -122,13 +122,6 @@ SCENE = FileKind(
         ),
         FieldDecl("persons", PERSONS, "Who is tracked, and whom a scene is about."),
         FieldDecl(
-            "share_persons",
-            BOOLEAN,
-            "Whether the robots of a fleet share what agents that share everything have learned "
-            "for single persons, by their ids.",
-            default=False,
-        ),
-        FieldDecl(
             "sources",
             Entries(
                 Either((Shared("source"), Items(Shared("source"), filled=True))),
@@ -195,7 +188,6 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
             missing=missing,
             language=fields.name("language") or "",
             personal=frozenset(personal),
-            shares_persons=fields.boolean("share_persons") or False,
         )
         _check_types(reading, spec)
         _check_whose(reading, fields, spec)

@@ -210,7 +210,6 @@ class SceneSpec:
         missing: Rules for parameters that are not measured; others are left out.
         language: Default language of the agents' texts; may be empty.
         personal: Parameters whose given and told values belong to the person, not the interaction.
-        shares_persons: Whether layers of persons may leave the robot, and come from others.
         warnings: Warnings of its reader about legal but rarely intended content.
     """
 
@@ -222,7 +221,6 @@ class SceneSpec:
     missing: Mapping[str, MissingRule] = field(default_factory=dict)
     language: str = ""
     personal: frozenset[str] = frozenset()
-    shares_persons: bool = False
     warnings: tuple[Diagnostic, ...] = ()
 
     @cached_property

@@ -120,7 +120,6 @@ class FleetDocuments:
             Refused: ``BAD_DOCUMENT``, or as in :class:`Ledger`.
         """
         robot, agents, steps = _checked(document)
-        persons = document.get("persons") is True
         refusals: list[dict[str, Any]] = []
         new: dict[str, list[FleetStep]] = {}
         forgotten: list[FleetStep] = []
@@ -128,7 +127,7 @@ class FleetDocuments:
         for index, fields in enumerate(steps):
             try:
                 step = read_step(fields, self._profiles.space, now=self._wall())
-                self._check(step, robot, persons)
+                self._check(step, robot)
                 if (step.robot, step.number) in names or self._ledger.find_all(step.feedback_id):
                     continue
                 names.add((step.robot, step.number))
@@ -204,17 +203,16 @@ class FleetDocuments:
         begin = self._profiles.first_layer_entry(name, layer)
         return replace(begin, cause=replace(begin.cause, source=FLEET_SOURCE))
 
-    def _check(self, step: FleetStep, robot: str, persons: bool) -> None:
+    def _check(self, step: FleetStep, robot: str) -> None:
         what = f"step {step.robot}/{step.number}"
         if step.robot == robot:
             raise Refused(
                 RefusalCode.OWN_STEP, f"{what}: it is of this robot, whose ledger has it"
             )
-        if step.layer.startswith(f"{PERSON}/") and not persons:
+        if step.layer.startswith(f"{PERSON}/"):
             raise Refused(
                 RefusalCode.NOT_SHARED,
-                f"{what}: what is learned for persons stays at its robot, unless the scene.yaml "
-                "of this one says 'share_persons: true'",
+                f"{what}: what a robot learns for a person stays on that robot",
             )
         self._profiles.agent(step.agent)
         if step.event is StepEvent.FORGET:
@@ -343,16 +341,13 @@ def read_document(text: str) -> Mapping[str, Any] | None:
     return None
 
 
-def to_fleet_document(
-    robot: str, agents: Iterable[str], steps: Iterable[FleetStep], *, persons: bool = False
-) -> str:
+def to_fleet_document(robot: str, agents: Iterable[str], steps: Iterable[FleetStep]) -> str:
     """Return the document with which a robot takes in steps of others.
 
     Args:
         robot: Name of the robot.
         agents: Agents to update in addition to those of the steps.
         steps: Steps of other robots.
-        persons: Whether to take in layers of persons.
     """
     return json.dumps(
         {
@@ -360,7 +355,6 @@ def to_fleet_document(
             "kind": KIND,
             "robot": robot,
             "agents": list(agents),
-            "persons": persons,
             "steps": [step.fields() for step in steps],
         },
         allow_nan=False,

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Share
 from bt_agents_core.state_folder import FLEET_SETTINGS
 from bt_agents_fleet.fleet_settings import (
     FleetSettings,
@@ -21,7 +22,7 @@ from bt_agents_fleet.fleet_settings import (
     read_status,
     write_settings,
 )
-from bt_agents_fleet.shares import SharedLayers, Shares
+from bt_agents_fleet.shares import Shares, includes
 
 ROOT = Path(__file__).parents[3]
 ANNA = FleetSettings(robot="anna", address="host=db.example sslmode=verify-full")
@@ -91,23 +92,16 @@ def test_changed_agent_file_changes_shared_layers(tmp_path):
     agent = trees / "agents" / "attentive_guide.yaml"
     text = agent.read_text()
     agent.write_text(text.replace("update: huber}", "update: huber, share: place}"))
-    assert shares.read() == {"attentive_guide": SharedLayers.PLACES}
+    assert shares.read() == {"attentive_guide": Share.PLACE}
     agent.write_text("broken: [")
     assert shares.read() == {}
 
 
-@pytest.mark.parametrize(
-    ("share", "layers"),
-    [("place", SharedLayers.PLACES), ("everything", SharedLayers.ALL), ("nothing", None)],
-)
-def test_person_layers_require_scene_and_agent_consent(tmp_path, share, layers):
-    trees = Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))
-    with (trees / "scene.yaml").open("a") as scene:
-        scene.write("\nshare_persons: true\n")
-    agent = trees / "agents" / "attentive_guide.yaml"
-    written = agent.read_text().replace("update: huber}", f"update: huber, share: {share}}}")
-    agent.write_text(written)
-    assert Shares(trees).read().get("attentive_guide") is layers
+@pytest.mark.parametrize("share", Share)
+def test_persons_are_never_shared(share):
+    assert not includes(share, "person/anna")
+    assert includes(share, "place/lobby") is (share is not Share.NOTHING)
+    assert includes(share, "") is (share is Share.EVERYTHING)
 
 
 def test_missing_database_client_is_named_by_command():
