@@ -13,6 +13,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from markdown_table import markdown_table
+
 from bt_agents_core.errors import ReadError
 from bt_agents_groot.agent_export import export_agent
 from bt_agents_groot.agent_import import import_agent, skills_file
@@ -23,7 +25,6 @@ from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.source import Source
-from markdown_table import markdown_table
 
 ROOT = Path(__file__).parents[1]
 RAW = re.compile(r'R"(\w*)\((.*?)\)\1"', re.DOTALL)

@@ -6,8 +6,11 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
+import rclpy
+from rclpy.signals import SignalHandlerOptions
 
 from checkout import ROOT
 from graph import Ros, fresh_graph
@@ -18,6 +21,17 @@ def ros() -> Iterator[Ros]:
     """A fresh ROS context of this test."""
     with fresh_graph() as graph:
         yield graph
+
+
+@pytest.fixture
+def stranger() -> Iterator[Any]:
+    """Node with a participant of its own; one participant has one type under each name."""
+    context = rclpy.Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("stranger", context=context)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
 
 
 @pytest.fixture

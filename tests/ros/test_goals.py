@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 import rclpy
 from rclpy.action import ActionServer
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, ByteMultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -562,17 +561,6 @@ def test_latched_inbox_receives_from_volatile_publishers(
     message = inbox.take()
     assert message is not None
     assert (message["data"], inbox.take()) == (True, None)
-
-
-@pytest.fixture
-def stranger() -> Iterator[Any]:
-    """Node with a participant of its own; one participant has one type under each name."""
-    context = rclpy.Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("stranger", context=context)
-    yield node
-    node.destroy_node()
-    rclpy.try_shutdown(context=context)
 
 
 def test_topic_type_mismatch_is_a_problem(ros: Any, host: Host, stranger: Any) -> None:

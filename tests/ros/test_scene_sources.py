@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Bool, Float64, String
 
 from active_nodes import active_scene_layer
@@ -253,3 +254,23 @@ def test_fields_missing_from_installed_types_are_reported(old, new, words):
     with pytest.raises(ReadError) as found:
         read_scene_text(text.replace(old, new), "scene.yaml", InstalledInterfaces())
     assert words in found.value.diagnostics[0].message
+
+
+def test_latched_source_hears_volatile_publisher(ros):
+    robot = Robot(ros, ros4hri())
+    robot.senses("/humans/persons/p1/anonymous", Bool(data=True))
+    robot.senses("/humans/persons/tracked", PersonIds(ids=["p1"]))
+    robot.until(lambda scene: "familiarity" in measured(scene))
+
+
+def test_publisher_of_other_type_is_named(ros, stranger):
+    robot = Robot(ros, read_scene(TREES / "scene.yaml"))
+    heard = []
+    ros.node.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda one: heard.extend(one.status), qos.EVENTS
+    )
+    stranger.create_publisher(String, "person/age", 1)
+    message = "person/age is published as std_msgs/msg/String, expected std_msgs/msg/Float64"
+    ros.until(lambda: heard and heard[-1].message == message)
+    assert (heard[-1].name, heard[-1].level) == ("scene_layer: sources", DiagnosticStatus.ERROR)
+    assert robot.scene().values

@@ -167,8 +167,10 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             )
 
     def _judge(self) -> tuple[PartHealth, ...]:
-        standings = self._sources.standings(time.monotonic())
-        return (sources_health(standings, self._sources.refusals),)
+        assert self._source_subscriptions is not None, "a script needs no sources"
+        now = time.monotonic()
+        found = self._source_subscriptions.look(now)
+        return (sources_health(self._sources.standings(now), self._sources.refusals, found),)
 
     def begin_stop(self) -> None:
         self._store.request_stop()

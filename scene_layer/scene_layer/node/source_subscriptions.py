@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import InvalidTopicNameException
@@ -18,9 +18,10 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_path import NoSuchItem, value_at
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.ros_names import other_types
 from bt_agents_language.model.scene_specs import MESSAGE, SceneSpec, SourceSpec, TrackedSpec
-from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.topic_subscription import LatchedSubscription, TopicSubscription
 from bt_agents_ros.types import load_type, message_field, read_field
 from scene_layer.persons import Persons, check_id
 from scene_layer.sources import Sources
@@ -28,6 +29,8 @@ from scene_layer.sources import Sources
 _LONGEST = 300
 _SHOWN = 100
 _MOST_UNNAMED = 1000
+
+_Subscribed: TypeAlias = TopicSubscription | LatchedSubscription
 
 
 @dataclass(frozen=True)
@@ -61,19 +64,20 @@ class SourceSubscriptions:
         self._sources = sources
         self._persons = persons
         self._changed = changed
-        self._dynamic: dict[_Key, tuple[Any, set[SourceSpec]]] = {}
+        self._fixed: dict[_Key, tuple[_Subscribed, set[SourceSpec]]] = {}
+        self._dynamic: dict[_Key, tuple[_Subscribed, set[SourceSpec]]] = {}
+        self._other_types: dict[str, str] = {}
         self._unnamed: dict[str, None] = {}
         self._of_item = [source for source in spec.every_source if source.of_item]
         for source in spec.every_source:
             self._check(source.type, source.position, self._paths(source))
-        fixed: dict[_Key, list[SourceSpec]] = {}
+        fixed: dict[_Key, set[SourceSpec]] = {}
         for source in spec.every_source:
             if not source.per_person:
-                fixed.setdefault(_Key(source.topic, source.type, source.latched), []).append(
-                    source
-                )
+                key = _Key(source.topic, source.type, source.latched)
+                fixed.setdefault(key, set()).add(source)
         for key, read in fixed.items():
-            self._subscribe(key, read)
+            self._fixed[key] = self._subscribe(key, read), read
         if spec.persons is not None:
             self._track(spec.persons.tracked)
 
@@ -86,7 +90,7 @@ class SourceSubscriptions:
             found.setdefault(key, set()).add(source)
         for key, (subscription, read) in list(self._dynamic.items()):
             if found.get(key) != read:
-                self._node.destroy_subscription(subscription)
+                subscription.close()
                 del self._dynamic[key]
         for key, new in found.items():
             if key not in self._dynamic and key.topic not in self._unnamed:
@@ -94,7 +98,7 @@ class SourceSubscriptions:
 
     def _subscribe_to(self, key: _Key, read: set[SourceSpec]) -> None:
         try:
-            subscription = self._subscribe(key, sorted(read, key=lambda s: str(s.position)))
+            subscription = self._subscribe(key, read)
         except Refused as refused:
             # The name contains an id; without this entry each look would try it again.
             self._unnamed[key.topic] = None
@@ -106,17 +110,39 @@ class SourceSubscriptions:
         else:
             self._dynamic[key] = subscription, read
 
-    def _subscribe(self, key: _Key, read: Iterable[SourceSpec]) -> Any:
-        take = partial(self._on_reading, tuple(read), key.person)
-        return self._create_subscription(key.topic, key.type, take, key.latched)
+    def look(self, now: float) -> Mapping[str, str]:
+        """Look on the graph for the publishers of topics without a reading that holds.
 
-    def _create_subscription(
-        self, topic: str, type_name: str, take: Callable[[Any], None], latched: bool
-    ) -> Any:
+        Args:
+            now: Steady time [s].
+
+        Returns:
+            Topic that is published as another type → that type, and the expected one.
+        """
+        found = {}
+        for key, (subscription, read) in (*self._fixed.items(), *self._dynamic.items()):
+            if any(self._sources.reading(one, now, key.person) for one in read):
+                continue
+            if types := other_types(key.type, subscription.look()):
+                found[key.topic] = types
+        for topic in found.keys() - self._other_types.keys():
+            self._node.get_logger().warning(
+                f"nothing is heard on {topic}: it is published as {found[topic]}"
+            )
+        self._other_types = found
+        return found
+
+    def _subscribe(self, key: _Key, read: Iterable[SourceSpec]) -> _Subscribed:
+        ordered = sorted(read, key=lambda source: str(source.position))
+        take = partial(self._on_reading, tuple(ordered), key.person)
+        return self._create_subscription(key, take)
+
+    def _create_subscription(self, key: _Key, take: Callable[[Any], None]) -> _Subscribed:
+        topic, type_name = key.topic, key.type
         kind = load_type(type_name, BindingKind.TOPIC)
-        profile = qos.FACT if latched else qos.SENSOR
+        subscription = LatchedSubscription if key.latched else TopicSubscription
         try:
-            return self._node.create_subscription(kind, topic, take, profile)
+            return subscription(self._node, kind, topic, take)
         except InvalidTopicNameException as error:
             raise Refused(
                 RefusalCode.UNUSABLE_TOPIC,
@@ -172,7 +198,8 @@ class SourceSubscriptions:
         item = [f"{tracked.field}.0.{tracked.id}"] if tracked.id else []
         self._check(tracked.type, tracked.position, [tracked.field, *item])
         take = partial(self._on_items if tracked.id else self._on_ids, tracked)
-        self._create_subscription(tracked.topic, tracked.type, take, tracked.latched)
+        key = _Key(tracked.topic, tracked.type, tracked.latched)
+        self._fixed[key] = self._create_subscription(key, take), set()
 
     def _on_ids(self, tracked: TrackedSpec, message: Any) -> None:
         self._receive_ids(_raw(message, tracked.field, ()))

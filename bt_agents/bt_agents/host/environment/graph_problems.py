@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence, Set
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_core.text import join_first
+from bt_agents_core.ros_names import other_types
 
 MOST_PROBLEMS = 200
 
@@ -76,13 +76,6 @@ class GraphProblems:
             self.messages = others
             self.on_change()
         return message
-
-
-def other_types(expected: str, shown: Collection[str]) -> str:
-    """Return the types on the graph and the expected one; empty if that is among them, or none."""
-    if not shown or expected in shown:
-        return ""
-    return f"{join_first(sorted(shown))}, expected {expected}"
 
 
 def topic_problem(topic: str, expected: str, published: Collection[str], *, kept: bool) -> str:

@@ -25,7 +25,7 @@ from bt_agents.host.environment.goal import (
     RosRequest,
     Servers,
 )
-from bt_agents.host.environment.graph_problems import GraphProblems, other_types, topic_problem
+from bt_agents.host.environment.graph_problems import GraphProblems, topic_problem
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.plugin_node import PluginGoal, RosPluginNode
 from bt_agents.host.environment.silent_servers import SilentServers
@@ -34,6 +34,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.local_time import LocalTime, local_time
 from bt_agents_core.open_goals import OpenGoal
+from bt_agents_core.ros_names import other_types
 from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import RunKey as RunKeyMsg

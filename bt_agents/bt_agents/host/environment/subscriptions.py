@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
@@ -21,6 +20,7 @@ from bt_agents_language.model.specs import HeartbeatSpec
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.parameters import declare_live_lease
+from bt_agents_ros.topic_subscription import LatchedSubscription
 from bt_agents_ros.types import MessageView, load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 
@@ -76,23 +76,18 @@ def open_inbox(
 
 
 class LatchedTopic:
-    """Subscription to a topic whose last message counts, too, until it is closed.
+    """Topic whose last message counts, too, until it is closed.
 
-    A message that arrives while an inbox is open wakes the leaf. Volatile or best-effort
-    publishers do not match a latched subscription; while the graph shows one, a second
-    subscription receives them. Messages that arrive through both are dropped once.
+    A message that arrives while an inbox is open wakes the leaf.
     """
 
     def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:
-        self._node = node
         self._wake = wake
         self._last: Any = None
         self._inboxes: list[TopicInbox] = []
-        self._received: deque[int] = deque(maxlen=DEPTH)
-        self._kind = kind
-        self._topic = topic
-        self._subscription = node.create_subscription(kind, topic, self._receive, qos.FACTS)
-        self._second: Any = None
+        self._subscription = LatchedSubscription(node, kind, topic, self._receive)
+        self.look = self._subscription.look
+        self.close = self._subscription.close
 
     @property
     def keeps_message(self) -> bool:
@@ -108,38 +103,7 @@ class LatchedTopic:
         self._inboxes.append(inbox)
         return inbox
 
-    def close(self) -> None:
-        """Unsubscribe."""
-        self._node.destroy_subscription(self._subscription)
-        if self._second is not None:
-            self._node.destroy_subscription(self._second)
-
-    def look(self) -> frozenset[str]:
-        """Check on the graph whether a publisher needs the second subscription.
-
-        Returns:
-            Types of the publishers, ``package/msg/Name``.
-        """
-        endpoints = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
-        needed = any(
-            one.qos_profile.durability is not DurabilityPolicy.TRANSIENT_LOCAL
-            or one.qos_profile.reliability is not ReliabilityPolicy.RELIABLE
-            for one in endpoints
-        )
-        if needed and self._second is None:
-            self._second = self._node.create_subscription(
-                self._kind, self._topic, self._receive, qos.SENSOR
-            )
-        elif not needed and self._second is not None:
-            self._node.destroy_subscription(self._second)
-            self._second = None
-        return frozenset(one.topic_type for one in endpoints)
-
-    def _receive(self, message: Any, info: Mapping[str, Any]) -> None:
-        sent_ns = int(info["source_timestamp"])
-        if sent_ns in self._received:
-            return
-        self._received.append(sent_ns)
+    def _receive(self, message: Any) -> None:
         self._last = message
         for inbox in self._inboxes:
             inbox.put(message)

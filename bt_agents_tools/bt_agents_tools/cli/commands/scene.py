@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _COLLECT_S = 0.3
+_HEALTH_S = 1.2  # the scene layer publishes the health of its sources once a second
 _PERIOD_S = 0.5
 
 _STYLES = {
@@ -62,7 +63,10 @@ def scene(watch: bool, as_json: bool, directory: str) -> None:
         labels = labels or _labels_of(observer)
         polls = _poll(observer)
         if not watch:
-            _print(*next(polls), labels, as_json)
+            message, persons = next(polls)
+            _print(message, persons, labels, as_json)
+            if not as_json:
+                _print_missing(observer, message)
             return
         try:
             if as_json or not Console().is_terminal:
@@ -80,6 +84,21 @@ def _print(message: Any, persons: Any, labels: Labels, as_json: bool) -> None:
         click.echo(json.dumps(as_document(message, persons)))
     else:
         fitted_console().print(page(message, persons, labels))
+
+
+def _print_missing(observer: Observer, message: Any) -> None:
+    """Print why values are missing, as far as the scene layer knows."""
+    if not any(one.origin == Origin.MISSING for one in message.values):
+        return
+    received = observer.received("/diagnostics")
+
+    def health() -> list[Any]:
+        every = (status for one in received for status in one.status)
+        return [status for status in every if status.name.endswith("scene_layer: sources")]
+
+    observer.spin_until(lambda: bool(health()), _HEALTH_S)
+    for status in health()[-1:]:
+        click.echo(f"sources: {status.message}")
 
 
 def _labels_of(observer: Observer) -> Labels:
