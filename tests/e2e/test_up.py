@@ -27,6 +27,7 @@ def test_system_runs_explains_learns_cancels_and_remembers(
 ) -> None:
     up = start("up", "--no-voice", *layout)
     up.until("ready")
+    assert "sources: no reading so far: person/age" in ask("scene")
     decision = ask("trigger", "age=4.5", "familiarity=1", "mood=3", "--label", "Mrs Smith")
     assert "attentive_guide" in decision
     up.until("attentive_guide starts")
