@@ -89,7 +89,7 @@ def enclosing_folder(path: Path) -> Path:
         if (folder / "scene.yaml").is_file():
             return folder.relative_to(here) if folder.is_relative_to(here) else folder
     raise BtAgentsError(
-        f"'{path}' lies in no trees folder: no folder above it has a scene.yaml; put agents and "
+        f"'{path}' is in no trees folder: no folder above it has a scene.yaml; put agents and "
         "their tests into trees/agents, skills into trees/skills"
     )
 

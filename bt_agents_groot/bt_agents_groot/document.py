@@ -303,7 +303,7 @@ class _DocumentReader:
                 "unknown-subtree",
                 named,
                 f"there is no <BehaviorTree> {quote(named.value)}",
-                hint or "where it stands in another file, name that, too",
+                hint or "if it is in another file, name that, too",
             )
 
     def _builtin(self, element: Element, builtin: Builtin) -> None:

@@ -60,7 +60,7 @@ def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Calle
     if callee is None:
         tree.lost(
             element,
-            f"tree '{tree_id}' stands in no file that was named; name that file, too, or declare "
+            f"tree '{tree_id}' is in none of the named files; name its file, too, or declare "
             f"a skill '{snake(tree_id)}'",
         )
         return tree.skill(element)

@@ -106,7 +106,7 @@ class TreeImport:
 
     def _statements(self, attribute: Attribute) -> list[Statement]:
         if pointed_at(attribute.value) is not None:
-            raise Untranslatable("the script stands in a blackboard entry")
+            raise Untranslatable("the script is in a blackboard entry")
         return parse_script(attribute.value, self.names.rename)
 
     def port(self, where: Element | Attribute, text: str, field_type: FieldType) -> Data:

@@ -61,7 +61,7 @@ class JournalNode(BaseNode):
     ) -> None:
         super().__init__("journal", **node_kwargs)
         limits = describe(
-            "days of which files are kept; 0 keeps all",
+            "days to keep files; 0 keeps all",
             minimum=0,
             maximum=36_500,
             integer=True,

@@ -29,7 +29,7 @@ FACT = _profile(1, DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
 """State: late joiners get the last message (latched)."""
 
 FACTS = _profile(QUEUE, DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
-"""State on a topic of several publishers, or state of which no message may be missed."""
+"""State on a topic of several publishers, or state whose every message counts."""
 
 HISTORY = _profile(50, DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
 """Last decisions and runs: late joiners can ask why."""

@@ -68,7 +68,7 @@ _DETAILS = f"{HOST}/details"
 _GRAPH_S = 1.0
 _HOSTS_S = 2.0
 _MOST_ABSENT = 50
-"""Hosts that are not watched of which the card is kept."""
+"""Unwatched hosts whose card is kept."""
 
 _LARGEST_ABSENT = 256 * KIB
 """Characters and entries of such a card."""

@@ -15,7 +15,7 @@ from bt_agents_studio.records import BookmarkRecord, ParameterRecord
 from bt_agents_studio.store import Change
 
 VERSION = 1
-"""Version of the protocol; a client of another one is told so, and loads the page anew."""
+"""Version of the protocol; a client of another version gets an error, and loads the page anew."""
 
 LARGEST_MESSAGE = 4096
 """Bytes of a message from a client."""

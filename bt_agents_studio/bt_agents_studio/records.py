@@ -677,4 +677,4 @@ OF_A_PERSON = frozenset({"live", "parts", "robot"})
 """Collections that a session of a person is shown."""
 
 OF_THE_PRESENT = frozenset({"agents", "live", "market", "parts", "runs", "trees"})
-"""Collections of which a page shows the present even while it shows an earlier moment."""
+"""Collections that a page shows as they are now, even while it shows an earlier moment."""

@@ -13,13 +13,13 @@ from json.encoder import encode_basestring
 from operator import attrgetter
 
 MOST_ENTRIES = 20_000
-"""Entries of a collection of which nothing else is said."""
+"""Entries of a collection without a bound of its own."""
 
 MOST_BYTES = 32 * 1024 * 1024
 """Bytes of all entries, by :func:`size_of`."""
 
 MOST_REMOVALS = 5000
-"""Removals that are remembered; whoever has missed an older one needs a snapshot."""
+"""Removals that are remembered; a page that has missed an older one needs a snapshot."""
 
 _MOST_REMOVED_BYTES = 4 * 1024 * 1024
 _LOOKS = 100

@@ -34,7 +34,7 @@ SILENT_S = 1.0
 """Time without a heartbeat after which a part counts as gone [s]."""
 
 MOST_LABELS = 200
-"""Journal files of which labels are read, the newest first."""
+"""Journal files whose labels are read, the newest first."""
 
 _LONGEST_REASON = 200
 _LOGGER = logging.getLogger(__name__)

@@ -338,7 +338,7 @@ def test_unreadable_folder_is_problem_until_mended(
 
     with monkeypatch.context() as patch:
         patch.setattr(FolderWatch, "poll", broken)
-        words = "changed files are not taken over: RuntimeError: cogwheel"
+        words = "changed files are not applied: RuntimeError: cogwheel"
         ros.until(lambda: [one.message for one in host.cards[-1].problems] == [words])
     ros.until(lambda: not host.cards[-1].problems)
 

@@ -52,7 +52,7 @@ class Leaf(LightBehaviour):
             self.note_change(name, value)
 
     def tell(self, values: Mapping[str, Plain]) -> None:
-        """Assign values to names of the scene or the person, which others have taken over."""
+        """Assign values to names of the scene or the person, that others read from now on."""
         for name, value in values.items():
             if self.context.scope.tell(name, value):
                 self.note_change(name, value)

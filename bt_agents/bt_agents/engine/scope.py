@@ -52,7 +52,7 @@ class ValueSource(Protocol):
 
 
 class Scope(ValueSource, Protocol):
-    """Names of a tree, some of which its nodes write."""
+    """Names of a tree, some written by its nodes."""
 
     def declare(self, names: Iterable[str]) -> None:
         """Declare names that a node of the tree writes; called while the tree is built."""

@@ -35,7 +35,7 @@ from marketplace_node.strategies import STRATEGIES
 
 ASSUMED = (
     "The same scenes come in the same order, also those that follow a stopped run.",
-    "Whoever is chosen runs; how people react to another agent is not known.",
+    "The chosen agent runs; how people react to another agent is unknown.",
     "Feedback about a run is given only where the same agent runs; all other feedback is.",
 )
 """Assumptions, for people."""

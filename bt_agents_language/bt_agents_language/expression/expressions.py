@@ -554,7 +554,7 @@ class _Parser:
         inner = self._expression(0)
         if self._token.text == ",":
             raise opening.error(
-                "a list stands in square brackets, not in parentheses", "write [ … ]"
+                "a list needs square brackets, not parentheses", "write [ … ]"
             )
         self._close(opening, ")")
         return inner

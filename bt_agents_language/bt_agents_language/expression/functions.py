@@ -381,7 +381,7 @@ FUNCTIONS: dict[str, Function] = {
         Function(
             name="contains",
             usage="contains(text, 'a', 'b')",
-            means="true where one of the texts behind it stands in the first, as whole words",
+            means="true if the first text contains one of the others, as whole words",
             check_kinds=_check_contains,
             compile=_compile_contains,
             least=2,

@@ -81,7 +81,7 @@ def _read_one(
     offset = match.start(1) + len(match[1]) - len(match[1].lstrip())
     problem, hint = "", ""
     if not match[2] and node.text.startswith("${", match.end()):
-        problem, hint = "a ${…} stands inside of another one", "write one ${ } around the whole"
+        problem, hint = "a ${…} is inside another one", "write one ${ } around the whole"
     elif not match[2]:
         problem = "this '${' is not closed"
         hint = "close it: ${name}; for the plain text ${ write $${"

@@ -65,7 +65,7 @@ MOOD_RULE = KeyTable(
             "What makes a rule that has fired ready again.",
         ),
         FieldDecl("cooldown", DURATION, "A rule that has fired is ready again after so long."),
-        FieldDecl("confidence", SHARE, "A mood of which the source is less sure is not known."),
+        FieldDecl("confidence", SHARE, "A mood that its source is less sure of is not known."),
     ),
 )
 

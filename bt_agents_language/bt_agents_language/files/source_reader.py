@@ -302,7 +302,7 @@ class SourceReader:
                 "wrong-value",
                 node,
                 f"{wanted.what} has the same topic for everybody",
-                f"write <{PERSON}> where the id of the person stands in the topic",
+                f"write <{PERSON}> where the topic has the id of the person",
             )
             return None
         return topic if all(self._is_known(node, name, wanted) for name in named) else None

@@ -38,7 +38,7 @@ _VARIANTS = KeyTable(
         FieldDecl(
             "one_of",
             Items(TEXT, filled=True),
-            "Several texts, of which the main text of a skill takes another one each time.",
+            "Several texts; the main text of a skill takes another one each time.",
             required=True,
         ),
     ),

@@ -273,7 +273,7 @@ class NodeSpec:
 
     @property
     def variants(self) -> tuple[Variants, ...]:
-        """Its variants, if any, of which it takes another one each time."""
+        """Its variants, if any; it takes another one each time."""
         found: list[Variants] = []
         for value in self.fields.values():
             parts = value.parts if isinstance(value, Text) else (value,)

@@ -92,7 +92,7 @@ def _expressions(_: SceneSpace) -> ReferenceTopic:
     functions = tuple((one.usage, one.means) for one in FUNCTIONS.values())
     return ReferenceTopic(
         key="expressions",
-        description="A condition is an expression; in any other value one stands in ${ }.",
+        description="A condition is an expression; any other value takes one in ${ }.",
         tables={
             "Operators, the one that binds least first": operators,
             "Functions": functions,

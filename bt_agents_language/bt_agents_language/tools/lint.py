@@ -163,7 +163,7 @@ def _endless_speech(tree: _Tree) -> Found:
                 says = "the robot may say this for ever"
             else:
                 end, fewer = f"of {rounds} {key}", "a smaller number"
-                says = f"{rounds} {key} are for ever for whoever stands there"
+                says = f"{rounds} {key} seem endless to a person who waits"
             yield _at(
                 spec,
                 "endless-speech",

@@ -150,7 +150,7 @@ class CallReader:
                 self._reading.error(
                     "contradiction",
                     fields.keys[ONE_OF],
-                    f"'{skill.name}' has '{skill.main}' and '{ONE_OF}', which stands in its place",
+                    f"'{skill.name}' has '{skill.main}' and '{ONE_OF}', which replaces it",
                     "keep one of them",
                 )
             return fields.nodes if fields is not None else None

@@ -78,7 +78,7 @@ def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
         quoted = _quoted_value(source, start, line)
         return SyntaxHint(
             index=index,
-            message="a second ':' stands in this line",
+            message="this line has a second ':'",
             hint="quote a text with ': ' in it: \"…: …\"",
             fix=quoted,
         )
@@ -152,7 +152,7 @@ def _no_item(source: Source, index: int, begun: int) -> SyntaxHint:
         return SyntaxHint(
             index=index,
             width=len(line.strip().partition(":")[0]) or 1,
-            message="this line stands in a list of '-' items, but does not start with '- '",
+            message="this line is in a list of '-' items, but does not start with '- '",
             hint="put '- ' in front of it, or indent it if it belongs to the item above",
         )
     return _misfit(source, index, begun)

@@ -114,7 +114,7 @@ _MEANT: Mapping[str, str] = {
     "lint": "'check'",
     "continue": "'resume' for a paused run",
     "break": "'breakpoint' for a node, 'pause' for the run under way",
-    "say": "'answer' plays the person; what an agent says stands in its file",
+    "say": "'answer' plays the person; what an agent says is in its file",
 }
 """Word that is not a command → the commands that do what it says."""
 

@@ -274,7 +274,7 @@ class Observer:
             )
 
     def watch_states(self, on_state: Callable[[str, str], None], names: Collection[str]) -> None:
-        """Call back when a managed node becomes active or is told to leave.
+        """Call back when a managed node becomes active, or has to leave.
 
         Args:
             on_state: Takes the node's name and the label of its state.

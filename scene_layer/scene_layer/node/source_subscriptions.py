@@ -153,7 +153,7 @@ class SourceSubscriptions:
             raise Refused(
                 RefusalCode.UNUSABLE_TOPIC,
                 f"the topic {topic[:_SHOWN]} cannot be heard with the type {type_name}, expected "
-                "the same type wherever it stands in scene.yaml",
+                "the same type everywhere in scene.yaml",
             ) from None
 
     def _paths(self, source: SourceSpec) -> list[str]:

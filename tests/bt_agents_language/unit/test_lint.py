@@ -72,7 +72,7 @@ def test_speech_in_very_long_loop_is_warned_about(loop, warned):
 def test_long_loop_warning_states_maximum_attempts():
     (warning,) = lint(agent("say: Mind the robot.\nretry: 500"))
     assert "of 500 attempts (line" in warning.message
-    assert "500 attempts are for ever for whoever stands there" in warning.message
+    assert "500 attempts seem endless to a person who waits" in warning.message
     assert "{attempts: 3, …}" in warning.hint
 
 

@@ -180,7 +180,7 @@ def test_case_holds_positioned_expectations() -> None:
         ("picks: tree/0.say", "[unknown-path]: no child of a 'random' has the path 'tree/0.say'"),
         ("during: [{after: 2 s, cancel: {reason: a, by: boss}}]", "[bad-choice]: 'by' is 'boss'"),
         ("during: [{after: 2 s, cancel: {by: host}}]", "[missing-key]: 'cancel' needs the key"),
-        ("replace: {tree/0.say: skip}", "[bad-choice]: what stands in for it is 'skip'"),
+        ("replace: {tree/0.say: skip}", "[bad-choice]: its replacement is 'skip'"),
         ("replace: {tree/0.say: {sya: a}}", "a.test.yaml:5:28: error[unknown-node]: there is no"),
         ("replace: {tree/0.say: {wait: 3 m}}", "[bad-duration]"),
         ("replace: {tree/0.say: {say: '${nobody}'}}", "[unknown-name]: there is no name 'nobody'"),

@@ -69,7 +69,7 @@ def tree(text: str) -> str:
         (
             "say: Hello: you.",
             "5:13",
-            "a second ':' stands in this line",
+            "this line has a second ':'",
             "quote a text with ': ' in it: \"…: …\"",
         ),
         (
@@ -81,7 +81,7 @@ def tree(text: str) -> str:
         (
             "sequence:\n  - say: A.\n  say: B.",
             "7:5",
-            "this line stands in a list of '-' items, but does not start with '- '",
+            "this line is in a list of '-' items, but does not start with '- '",
             "put '- ' in front of it, or indent it if it belongs to the item above",
         ),
         ("say: @home", "5:8", "a text cannot start with '@'", 'quote it: "…"'),

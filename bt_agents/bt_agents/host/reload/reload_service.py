@@ -219,7 +219,7 @@ class ReloadService:
             if reading.request is not None:
                 reading.request.error = message
             # The next poll meets the same error half a second later.
-            if self._report((f"changed files are not taken over: {message}",)):
+            if self._report((f"changed files are not applied: {message}",)):
                 log = self._node.get_logger()
                 log.error(f"the agents could not be read again:\n{traceback.format_exc()}")
 

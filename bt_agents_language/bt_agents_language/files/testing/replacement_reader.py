@@ -62,7 +62,7 @@ class ReplacementReader:
         if not isinstance(node, Mapping):
             return self._at_once(node)
         before = len(self._reading.problems)
-        raw = self._structure.read(node, "what stands in for it")
+        raw = self._structure.read(node, "its replacement")
         if raw is None:
             return None
         taken = dict.fromkeys(self._tunables, "a tunable")
@@ -84,14 +84,14 @@ class ReplacementReader:
         return spec
 
     def _at_once(self, node: Node) -> NodeSpec | None:
-        text = self._reading.text(node, "what stands in for it")
+        text = self._reading.text(node, "its replacement")
         if text is None:
             return None
         if text not in AT_ONCE:
             self._reading.error(
                 "bad-choice",
                 node,
-                f"what stands in for it is '{text[:40]}', expected succeed, fail or a node",
+                f"its replacement is '{text[:40]}', expected succeed, fail or a node",
                 "write succeed, fail, or a node such as {log: would drive} or {wait: 3 s}",
             )
             return None

@@ -170,7 +170,7 @@ SCENARIO = KeyTable(
         FieldDecl(
             "replace",
             Entries(Either((WordChoice(tuple(AT_ONCE)), FIELDS)), "paths and nodes", keys=Key.ANY),
-            "Path of a node → what stands in for it.",
+            "Path of a node → its replacement.",
         ),
         FieldDecl("during", Items(_HAPPENING), "What happens during the run."),
     ),

@@ -68,7 +68,7 @@ def allow(agent: str, reason: str) -> None:
 @_person
 @_reason
 def award(agent: str, values: Assignments, label: str, person: bool | None, reason: str) -> None:
-    """Give AGENT the run for a scene, whoever else is nearer.
+    """Give AGENT the run for a scene, even if another agent is nearer.
 
     Without values it is the last scene. With values, what is not named is as in the last scene,
     or as scene.yaml says of what is missing.

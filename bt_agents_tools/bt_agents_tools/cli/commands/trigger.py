@@ -27,7 +27,7 @@ _REFUSED = (RefusalCode.BUSY, RefusalCode.QUEUE_FULL, RefusalCode.SHUTTING_DOWN)
 @click.option(
     "--name", default="", help="Who it is, for person.name; each time is one more visit."
 )
-@click.option("--urgent", is_flag=True, help="Stop whoever runs, where new scenes preempt.")
+@click.option("--urgent", is_flag=True, help="Stop the running agent, where new scenes preempt.")
 def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bool) -> None:
     """Put a scene on the market.
 
