@@ -183,7 +183,7 @@ class RefusalCode(StrEnum):
     CANNOT_WRITE = "CANNOT_WRITE"
     """A file cannot be written, and nothing is changed; make room, or check its rights."""
     FILE_TAKEN = "FILE_TAKEN"
-    """Another preset, or a broken one, has the file; choose another name or mend the file."""
+    """Another preset, or a broken one, has the file; choose another name or fix the file."""
     NOT_TOGETHER = "NOT_TOGETHER"
     """One request sets tunables and other parameters; set them one after the other."""
     UNKNOWN_PRESET = "UNKNOWN_PRESET"

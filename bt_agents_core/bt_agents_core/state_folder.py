@@ -243,4 +243,6 @@ def _read(file: Path) -> str | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise BtAgentsError(f"{file} cannot be read: {error.strerror}; mend its rights") from None
+        raise BtAgentsError(
+            f"{file} cannot be read: {error.strerror}; fix its permissions"
+        ) from None

@@ -74,7 +74,7 @@ def import_groot(files: tuple[str, ...], out: str, agent: str, tree: str, direct
         try:
             read_agent(Source(out or "(the agent)", imported.text), symbols)
         except ReadError as error:
-            click.echo(f"before it can run, mend this:\n{error.report}", err=True)
+            click.echo(f"fix this before it can run:\n{error.report}", err=True)
 
 
 @export.command("groot")

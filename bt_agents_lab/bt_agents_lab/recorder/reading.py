@@ -273,9 +273,7 @@ class JournalReader:
                     case Message():
                         unknown += 1
             if unknown:
-                self.problems.append(
-                    f"{path} holds {unknown} messages of which the topic cannot be read"
-                )
+                self.problems.append(f"{path} holds {unknown} messages of unreadable topics")
 
     def _of_file(self, path: Path) -> Iterator[JournalEntry]:
         at = self._positions.setdefault(path, _Position())

@@ -553,9 +553,7 @@ class _Parser:
     def _parentheses(self, opening: Token) -> Part:
         inner = self._expression(0)
         if self._token.text == ",":
-            raise opening.error(
-                "a list needs square brackets, not parentheses", "write [ … ]"
-            )
+            raise opening.error("a list needs square brackets, not parentheses", "write [ … ]")
         self._close(opening, ")")
         return inner
 

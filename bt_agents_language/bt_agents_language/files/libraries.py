@@ -113,7 +113,7 @@ class FolderLibraries:
         raise ImportProblem(
             "broken-import",
             f"{quote(path)} has errors itself: {first.code} in line {first.position.line}{more}",
-            "mend it first",
+            "fix it first",
         )
 
     def behind(self, paths: Iterable[str]) -> frozenset[str]:

@@ -171,7 +171,7 @@ class FolderTexts:
             first = self.broken.diagnostics[0]
             return (
                 f"'{self._shown}' has errors itself: {first.code} in line {first.position.line}",
-                "mend it first",
+                "fix it first",
             )
         languages = self.languages()
         if not languages:

@@ -257,7 +257,7 @@ def _bad_plugin(folder: Path, words: str) -> Diagnostic:
         code="bad-plugin",
         position=Position(file=str(folder), line=1, column=1),
         message=words,
-        hint="trees cannot use this node; mend its package, or remove it",
+        hint="trees cannot use this node; fix its package, or remove it",
         severity=Severity.WARNING,
     )
 

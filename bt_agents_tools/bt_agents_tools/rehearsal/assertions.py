@@ -69,7 +69,7 @@ def failed_assertions(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[Assert
     told = [folded(one.words) for one in case.expectations if isinstance(one, Because)]
     for reason in rehearsed.undecided:
         if not any(words in folded(reason) for words in told):
-            message = f"{reason}; mend it, or expect 'because: cannot be decided'"
+            message = f"{reason}; fix it, or expect 'because: cannot be decided'"
             found.append(AssertionFailure(position=case.position, message=message))
     for one in case.expectations:
         failure = _check(one, rehearsed)

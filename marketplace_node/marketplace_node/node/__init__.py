@@ -244,7 +244,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         if RULES in (settings.strategy, settings.shadow_strategy):
             raise unread
         self.get_logger().warning(
-            f"{unread}\nno rule counts until it is mended and the market is restarted"
+            f"{unread}\nno rule counts until you fix it and restart the market"
         )
 
     def begin_stop(self) -> None:

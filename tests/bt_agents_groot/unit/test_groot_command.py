@@ -61,7 +61,7 @@ def test_untranslated_nodes_and_missing_skills_are_listed(run, tmp_path):
 def test_remaining_agent_errors_are_reported(run, tmp_path):
     (tmp_path / "patrol.xml").write_text(XML.format(more="<Say rate='1.2'/>"))
     _, err = run("import", "groot", "patrol.xml", "-o", "patrol.yaml")
-    assert err.startswith("before it can run, mend this:\npatrol.yaml:")
+    assert err.startswith("fix this before it can run:\npatrol.yaml:")
     assert "error[missing-key]" in err
 
 

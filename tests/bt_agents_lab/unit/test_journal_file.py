@@ -112,7 +112,7 @@ def test_messages_of_undeclared_topic_are_counted(tmp_path: Path) -> None:
     reader = JournalReader([path])
     assert reader.entries() == []
     assert "cannot be read" in reader.problems[0]
-    assert "3 messages of which the topic cannot be read" in reader.problems[1]
+    assert "3 messages of unreadable topics" in reader.problems[1]
 
 
 def test_failed_partial_write_leaves_file_unchanged(tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ LEVEL = "subtrees: {level_of_pain: {outputs: {level: any}, tree: {set: {level: f
 def test_unexpected_undecidable_condition_fails_test() -> None:
     [finding] = found(UNDECIDED, "ends: succeeded", head=LEVEL)
     assert finding.message.startswith("cannot be decided: level >= 4 (")
-    assert finding.message.endswith("; mend it, or expect 'because: cannot be decided'")
+    assert finding.message.endswith("; fix it, or expect 'because: cannot be decided'")
     assert found(UNDECIDED, "because: cannot be decided", head=LEVEL) == []
 
 

@@ -133,7 +133,7 @@ class Presets:
         if name not in self._files and path in self._read:
             raise Refused(
                 RefusalCode.FILE_TAKEN,
-                f"{path} holds another preset, or is broken; choose another name, or mend, rename "
+                f"{path} holds another preset, or is broken; choose another name, or fix, rename "
                 "or delete the file",
             )
         self._check_writable()

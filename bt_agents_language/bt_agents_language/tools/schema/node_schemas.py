@@ -189,8 +189,7 @@ def _skill(skill: SkillSpec) -> Schema:
     if variants:
         properties[ONE_OF] = described(
             {"type": "array", "minItems": 2, "items": value_schemas.TEXT},
-            f"Several texts in the place of '{skill.main}', of which it takes another one each "
-            "time.",
+            f"Several texts instead of '{skill.main}'; it takes another one each time.",
         )
     schema = _leaf(skill.name, properties, required, main, empty=True)
     if variants and skill.main in required:
