@@ -26,6 +26,9 @@ class Crowd:
     def poll(self) -> list[str]:
         return []
 
+    def publish_health(self) -> None:
+        """Publish nothing."""
+
     def spin_until(self, _done: Any, _limit_s: float) -> None:
         self.looks += 1
         self.visits_done = self.looks == 1000
