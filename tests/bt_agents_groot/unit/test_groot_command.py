@@ -139,7 +139,7 @@ def test_tree_of_unnamed_file_becomes_skill(run, tmp_path):
     (tmp_path / "round.xml").write_text(ROUND.format(more='<include path="round.xml"/>'))
     out, err = run("import", "groot", "round.xml")
     assert "\n    - visit:\n        place: kitchen\n" in out
-    assert "round.xml:2:1: not translated: tree 'Visit' stands in no file that was named" in err
+    assert "round.xml:2:1: not translated: tree 'Visit' is in none of the named files" in err
     assert "skills that nobody declares yet: visit" in err
 
 

@@ -218,7 +218,7 @@ def test_small_difference_becomes_note_in_file(inner, note):
         (f"<Decorator ID='Rate' hz='2'>{S}</Decorator>", '<Rate hz="2"> has no equivalent'),
         (f"<Control ID='Pick'>{S}{F}</Control>", "its children stand behind a node that fails"),
         ("<Script code='k := k &amp; 4'/>", "no operator '&'"),
-        ("<Script code='{t}'/>", "stands in a blackboard entry"),
+        ("<Script code='{t}'/>", "is in a blackboard entry"),
         ("<ScriptCondition code='~k &gt; 2'/>", "no operator '~'"),
         ("<AlwaysSuccess _skipIf='k ^ 2'/>", '_skipIf="k ^ 2" is left out'),
         ("<AlwaysSuccess _onHalted='k := 1'/>", "_onHalted"),

@@ -250,7 +250,7 @@ def test_source_errors_are_reported(keys, code, words):
         (persons(addressee="{rule: first, source: " + source(topic="p/<person>") + "}"),
          "unknown-key", "without a source"),
         (persons(addressee="{rule: engaged, source: " + SOURCE + "}"),
-         "wrong-value", "write <person> where the id"),
+         "wrong-value", "write <person> where the topic has the id"),
         (persons(known=source(topic="p/<persn>/x")), "unknown-name", "did you mean 'person'?"),
         (persons(known="{from: tracked, field: good_word}"), "bad-expression", "compare it"),
         (persons(parts="{person: " + source(topic="p/<person>") + "}"), "name-taken", ""),

@@ -197,7 +197,7 @@ def test_a_folder_without_agents_is_an_error(trees):
     ("path", "words"),
     [
         ("nowhere.yaml", "there is no file or folder 'nowhere.yaml'"),
-        ("loose.yaml", "'loose.yaml' lies in no trees folder"),
+        ("loose.yaml", "'loose.yaml' is in no trees folder"),
         ("trees/notes.txt", "'trees/notes.txt' is no file that the robot reads"),
     ],
 )

@@ -178,7 +178,7 @@ def test_invalid_arguments_are_named(words: tuple[str, ...], message: str) -> No
 
 def test_agent_outside_trees_folder_is_refused_with_hint(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text("format: 1")
-    assert "lies in no trees folder" in str(rehearse(os.fspath(tmp_path / "a.yaml")).exception)
+    assert "is in no trees folder" in str(rehearse(os.fspath(tmp_path / "a.yaml")).exception)
 
 
 @pytest.mark.parametrize(
