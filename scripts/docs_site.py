@@ -73,7 +73,7 @@ def files_page() -> str:
     parts = [
         "# Keys of every file",
         "Made from the tables by which the files are read. `bt-agents explain KEY` says the same, "
-        "and an [editor](../editor.md) shows it. What stands in a tree has pages of its own: "
+        "and an [editor](../folders.md#writing-in-an-editor) shows it. What stands in a tree has pages of its own: "
         "[the nodes](../nodes.md).",
     ]
     for kind in installed_kinds().values():

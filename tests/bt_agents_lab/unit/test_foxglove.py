@@ -21,7 +21,7 @@ from checkout import ROOT
 TEXT = (files("bt_agents_lab") / "foxglove" / "bt_agents.json").read_text()
 LAYOUT: dict[str, Any] = json.loads(TEXT)
 PANELS: dict[str, dict[str, Any]] = LAYOUT["configById"]
-PAGE = (ROOT / "docs" / "foxglove.md").read_text()
+PAGE = (ROOT / "docs" / "journal.md").read_text()
 
 TOPIC = re.compile(r"(?:/[A-Za-z0-9_]+)+")
 STEP = re.compile(

@@ -176,7 +176,7 @@ def _check_test(text: str, document: str) -> None:
     ("document", "kind"),
     [
         ("scene", SCENE),
-        ("visitors", SCRIPT),
+        ("testing", SCRIPT),
         ("tuning", PRESET),
         ("experiments", EXPERIMENT),
         ("experiments", SWEEP),

@@ -27,7 +27,7 @@ from marketplace_node.strategies.plugins import GROUP, read_plugins
 from ranked_rounds import bids, decided, terms
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "strategies.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "market.md").read_text(encoding="utf-8")
 CODE, ENTRY = re.search(r"```python\n(.+?)```.*?```toml\n(.+?)```", PAGE, re.DOTALL).groups()
 BROKEN = '\nbroken = "their_strategies:nothing"\nmanhattan = "their_strategies:SPEC"\n'
 
