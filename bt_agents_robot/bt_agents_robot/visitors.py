@@ -33,6 +33,7 @@ from bt_agents_language.model.scene_specs import (
 )
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.button_presses import ButtonPresses
+from bt_agents_robot.change_effects import ChangeEffects, unmade_text
 from bt_agents_robot.people import (
     REACTION_S,
     check_visitors,
@@ -48,6 +49,7 @@ from bt_agents_robot.people import (
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.messages import seconds
 from bt_agents_ros.parameters import TREES, StartParameter, declare, describe, make_from_parameters
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import steady_timer
@@ -62,6 +64,9 @@ MEASURED_S = 2.0
 
 A publisher can discover a subscription before that receives its messages.
 """
+
+LATEST_S = 10.0
+"""Longest believed delay of the message that a run has started [s]."""
 
 WARNING_PERIOD_S = 5.0
 """Time between two warnings about missing subscribers [s]."""
@@ -206,6 +211,7 @@ class VisitorsNode(BaseNode):
         self._is_asking = False
         self._said: list[tuple[float, String]] = []
         self._presses = ButtonPresses()
+        self._effects = ChangeEffects()
         self._host = ""
         self._label = ""
         self._publish_and_subscribe()
@@ -238,9 +244,11 @@ class VisitorsNode(BaseNode):
         self._calls = Calls(self)
         self._answers = self.create_publisher(String, "answers", qos.EVENTS)
         self._current = self.create_publisher(String, "visitors/current", qos.FACT)
+        self._remarks = self.create_publisher(String, "visitors/remarks", qos.FACTS)
         self._done = self.create_publisher(Bool, "visitors/done", qos.FACT)
         self.create_subscription(MarketStatus, "bt_agents/market", self._on_market, qos.FACT)
         self.create_subscription(SceneMsg, "bt_agents/scene", self._on_scene, qos.EVENTS)
+        self.create_subscription(SceneMsg, "bt_agents/scene/live", self._on_live, qos.SENSOR)
         self.create_subscription(Run, "bt_agents/runs", self._on_run, qos.EVENTS)
         self.create_subscription(String, "robot/questions", self._on_question, qos.EVENTS)
         self.create_subscription(String, "robot/transcript", self._on_act, qos.EVENTS)
@@ -272,7 +280,14 @@ class VisitorsNode(BaseNode):
     def _on_run(self, message: Any) -> None:
         if message.event == Run.STARTED:
             self._host = message.host
-            self._performance.started(message.scene.scene_id, time.monotonic())
+            # On a busy machine the message may be late.
+            age_s = seconds(self.get_clock().now().to_msg()) - seconds(message.header.stamp)
+            late_s = age_s if 0.0 < age_s < LATEST_S else 0.0
+            self._performance.started(message.scene.scene_id, time.monotonic() - late_s)
+
+    def _on_live(self, message: Any) -> None:
+        known = {one.name: one.value for one in message.values if one.origin != one.MISSING}
+        self._effects.live(known, message.person)
 
     def _on_question(self, message: Any) -> None:
         visit = self._performance.visit
@@ -309,11 +324,16 @@ class VisitorsNode(BaseNode):
     def _tick(self) -> None:
         now = time.monotonic()
         if self._performance.over():
+            for change in self._performance.unmade:
+                started = self._performance.has_started
+                self._remark(unmade_text(change, self._label, started=started))
             self._leave(now)
         elif self._performance.not_taken(now):
             self.get_logger().warning("nobody took the scene of the visit; it is begun again")
             self._leave(now)
-        if self._performance.done:
+        for remark in self._effects.missing(now):
+            self._remark(remark)
+        if self._performance.done and not self._effects.pending:
             self._timer.cancel()
             self._done.publish(Bool(data=True))
             self.get_logger().info("all visits are over")
@@ -451,7 +471,12 @@ class VisitorsNode(BaseNode):
         self._seen.update(change.values)
         if change.person is not None:
             self._person = change.person
+        self._effects.made(change, self._label, time.monotonic())
         self._sense()
+
+    def _remark(self, text: str) -> None:
+        self.get_logger().warning(text)
+        self._remarks.publish(String(data=text))
 
     def _leave(self, now: float) -> None:
         visits = self._script.visits

@@ -42,6 +42,9 @@ class ScriptPerformance:
         The owner reports events and asks for actions: ``market`` and ``over`` at every status,
         ``next`` between visits, ``announced`` with the id of the visit's scene, ``started`` and
         ``due`` during its run.
+
+    Attributes:
+        unmade: Changes of the current or last visit that have not been due yet.
     """
 
     def __init__(self, script: Script, *, wait_for_agents: int = 1, pace: float = 1.0) -> None:
@@ -58,6 +61,7 @@ class ScriptPerformance:
         self._started_at: float | None = None
         self._early_start: tuple[str, float] | None = None
         self._changes: list[SceneChange] = []
+        self.unmade: tuple[SceneChange, ...] = ()
         self._under_way = False
 
     @property
@@ -74,6 +78,11 @@ class ScriptPerformance:
     def visit(self) -> Visit | None:
         """The current visit."""
         return self._script.visits[self._index] if self._under_way else None
+
+    @property
+    def has_started(self) -> bool:
+        """True once a run of the current or last visit has started."""
+        return self._started_at is not None
 
     def market(self, market: MarketView, now: float) -> None:
         """Handle the latest status of the market at steady time ``now`` [s]."""
@@ -115,6 +124,7 @@ class ScriptPerformance:
         self._limit_s = TAKEN_WITHIN_S
         self._scene_id = ""
         self._started_at = self._early_start = None
+        self.unmade = self._script.visits[self._index].changes
         return self.visit
 
     def announced(self, scene_id: str) -> None:
@@ -145,6 +155,7 @@ class ScriptPerformance:
         elapsed = (now - self._started_at) * self._pace
         changes = [change for change in self._changes if change.after_s <= elapsed]
         self._changes = self._changes[len(changes) :]
+        self.unmade = tuple(one for one in self.unmade if one not in changes)
         return changes
 
     def _is_of_visit(self, scene_id: str) -> bool:

@@ -156,6 +156,35 @@ def test_changes_during_run_are_sensed(ros):
     ros.until(lambda: not street.live[-1].person)
 
 
+def test_change_without_effect_is_reported(ros):
+    changes = (
+        SceneChange(after_s=0.2, values={"mood": 1.0}),
+        SceneChange(after_s=60.0, values={"mood": 2.0}),
+    )
+    street = Street(ros, Visit(label="a", person=True, values={"mood": 4.0}, changes=changes))
+    remarks = ros.collect(String, "visitors/remarks", qos.FACTS)
+    street.idle()
+    ros.until(lambda: street.scenes)
+    street.start(1)
+    ros.until(lambda: street.live and measured(street.live[-1]) == {"mood": 1.0})
+    street.finish(1)
+    ros.until(lambda: street.done)
+    said = "a: mood 2 after 60 s had no effect: the visit was over by then"
+    assert [one.data for one in remarks] == [said]
+
+
+def test_change_that_no_live_scene_shows_is_reported(ros):
+    change = SceneChange(after_s=0.2, values={"mood": 1.0})
+    street = Street(ros, Visit(label="a", person=True, values={"mood": 4.0}, changes=(change,)))
+    remarks = ros.collect(String, "visitors/remarks", qos.FACTS)
+    street.idle()
+    ros.until(lambda: street.scenes)
+    ros.executor.remove_node(street.layer)
+    street.start(1)
+    ros.until(lambda: remarks)
+    assert "has not shown it within 2 s" in remarks[0].data
+
+
 def test_visitor_answers_question_by_keyword(ros):
     polite = Visit(label="a", person=True, values={"mood": 4.0}, answers={"go": "yes"})
     street = Street(ros, polite)

@@ -80,6 +80,7 @@ class EventPrinter:
         self.feedbacks: deque[tuple[str, str]] = deque(maxlen=MOST_COUNTED)
         self.takeovers = 0
         self.preemptions = 0
+        self.remarks = 0
 
     def profiles(self, profiles: Mapping[str, Sequence[float]]) -> None:
         """Store the profiles before the first event, for the summary."""
@@ -91,6 +92,10 @@ class EventPrinter:
         if label and (allowed := self._budget.line(ellipsize(label, LONGEST_TEXT))):
             self._console.print()
             self._console.rule(f"[bold]{escape(allowed)}", align="left", style="cyan")
+
+    def remark(self, text: str) -> None:
+        self.remarks += 1
+        self._line("visitor", f"[yellow]{escape(text)}[/]")
 
     def scene(self, message: Any) -> None:
         self._scene_id = message.scene_id

@@ -144,11 +144,14 @@ def run_system(
     logs: Path | None = None,
     studio: StudioPlan | None = None,
     fleet: FleetPlan | None = None,
-) -> None:
+) -> bool:
     """Run a system of processes until Ctrl-C, or until its visitors are done.
 
     Visitors, the studio and the fleet start when everything is ready. Without ``logs``, log files
     go to a new folder.
+
+    Returns:
+        False if a change of a visit had no effect.
     """
     start = time.monotonic()
     set_discovery(os.environ)
@@ -207,6 +210,7 @@ def run_system(
         console.print("\nstopped")
     if killed:
         console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
+    return visitors is None or bool(interrupt) or not printer.remarks
 
 
 def _wait_until_ready(

@@ -77,6 +77,9 @@ class Listener(Protocol):
     def visitor(self, label: str) -> None:
         """Handle the label of a new visitor; empty when the visitor leaves."""
 
+    def remark(self, text: str) -> None:
+        """Handle a remark of the visitors, such as a change that had no effect."""
+
     def scene(self, message: Any) -> None:
         """Handle the ``Scene.msg`` of an analysed scene."""
 
@@ -225,6 +228,7 @@ class Observer:
         buffer = _EventBuffer(self.node)
         for kind, topic, deliver, links, profile in (
             (String, "visitors/current", lambda m: listener.visitor(m.data), no_links, qos.FACT),
+            (String, "visitors/remarks", lambda m: listener.remark(m.data), no_links, qos.FACTS),
             (Bool, "visitors/done", self._on_visits_done, no_links, qos.FACT),
             (Scene, "bt_agents/scene", listener.scene, scene_links, qos.EVENTS),
             (MarketStatus, "bt_agents/market", listener.market, no_links, qos.FACT),

@@ -178,6 +178,19 @@ def test_changes_of_finished_visit_are_dropped():
     assert performance.due(9.0) == []
 
 
+def test_changes_that_were_not_due_are_named():
+    early, late = (SceneChange(after_s=after, values={"mood": 1.0}) for after in (1.0, 5.0))
+    performance = play(visit("a", changes=(early, late)))
+    performance.market(market(), 0.0)
+    begin(performance, "s1")
+    assert performance.unmade == (early, late)
+    performance.started("s1", 0.0)
+    assert performance.due(2.0) == [early]
+    performance.market(market("s1"), 3.0)
+    assert performance.over()
+    assert performance.unmade == (late,)
+
+
 def test_script_without_visits_is_done_at_once():
     performance = play()
     performance.market(market(), 0.0)

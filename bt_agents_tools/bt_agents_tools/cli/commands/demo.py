@@ -48,7 +48,8 @@ def demo(
 ) -> None:
     """Show a morning at an airport, in a minute; or the visits of another script, to its end.
 
-    With --browser you are the visitor, until Ctrl-C.
+    With --browser you are the visitor, until Ctrl-C. The exit code is 1 if a change of a visit had
+    no effect.
     """
     if browser and script:
         raise click.UsageError("--browser and --script exclude each other: who is the visitor?")
@@ -78,7 +79,8 @@ def demo(
             run_system("demo", processes, trees, tags, interrupt, studio=plan)
         else:
             visitors = components.visitors(trees, script, pace=1.0)
-            run_system("demo", processes, trees, tags, interrupt, visitors)
+            if not run_system("demo", processes, trees, tags, interrupt, visitors):
+                sys.exit(1)
 
 
 def _has_display() -> bool:

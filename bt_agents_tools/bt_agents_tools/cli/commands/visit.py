@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -26,7 +27,8 @@ _POLL_S = 0.2
 def visit(script: Path) -> None:
     """Have the visitors of a SCRIPT come, one after the other, until its end.
 
-    For example: bt-agents visit trees/scripts/airport_morning.yaml.
+    For example: bt-agents visit trees/scripts/airport_morning.yaml. The exit code is 1 if a change
+    of a visit had no effect.
     """
     with connect() as observer:
         trees = Path(observer.cards[find_hosts(observer)[0]].trees)
@@ -35,12 +37,13 @@ def visit(script: Path) -> None:
         if observer.is_visited():
             raise BtAgentsError("visitors of a script are there already; wait until they are gone")
         visitors, done = observer.received("visitors/current"), observer.received("visitors/done")
+        remarks = observer.received("visitors/remarks")
         ends, auctions = (
             observer.received("bt_agents/scene_ends"),
             observer.received("bt_agents/auctions"),
         )
         observer.spin_until(lambda: False, SOON_S)
-        came, ended = 0, len(ends)
+        came, ended, remarked = 0, len(ends), 0
         supervisor = Supervisor(new_log_folder())
         interrupt = Interrupt()
         try:
@@ -54,7 +57,11 @@ def visit(script: Path) -> None:
                 names = names_of_scenes(auctions)
                 for end in ends[ended:]:
                     click.echo(f"  {end_text(end, names)}")
-                came, ended = len(visitors), len(ends)
+                for remark in remarks[remarked:]:
+                    click.echo(f"  {remark.data}", err=True)
+                came, ended, remarked = len(visitors), len(ends), len(remarks)
         finally:
             supervisor.stop()
     click.echo("stopped" if interrupt else "all visits are over")
+    if remarks and not interrupt:
+        sys.exit(1)

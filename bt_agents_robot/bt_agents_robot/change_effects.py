@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the changes of scripted visits reach a run: they show in its live scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bt_agents_language.model.specs import SceneChange
+
+EFFECT_S = 2.0
+"""Longest time from a change until the live scene shows it [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Made:
+    change: SceneChange
+    label: str
+    before: Mapping[str, float]
+    until: float
+
+
+class ChangeEffects:
+    """Changes that the live scene has not shown yet."""
+
+    def __init__(self) -> None:
+        self._made: list[_Made] = []
+        self._values: Mapping[str, float] = {}
+
+    @property
+    def pending(self) -> bool:
+        """Whether a change may still show."""
+        return bool(self._made)
+
+    def made(self, change: SceneChange, label: str, now: float) -> None:
+        """Expect a change in the visit with a label, from steady time ``now`` [s] on."""
+        until = now + EFFECT_S
+        one = _Made(change=change, label=label, before=dict(self._values), until=until)
+        self._made.append(one)
+
+    def live(self, values: Mapping[str, float], person: bool) -> None:
+        """Take a live scene; a source that smooths its readings follows a change slowly."""
+        self._values = values
+        self._made = [one for one in self._made if not self._shows(one, person)]
+
+    def missing(self, now: float) -> list[str]:
+        """Return in words the changes that had no effect, each once."""
+        late = [one for one in self._made if now >= one.until]
+        self._made = [one for one in self._made if now < one.until]
+        reason = f"the live scene has not shown it within {EFFECT_S:g} s"
+        return [f"{one.label}: {change_text(one.change)} had no effect: {reason}" for one in late]
+
+    def _shows(self, one: _Made, person: bool) -> bool:
+        if one.change.person is not None and person != one.change.person:
+            return False
+        return all(
+            self._values.get(name) == value or self._values.get(name) != one.before.get(name)
+            for name, value in one.change.values.items()
+        )
+
+
+def unmade_text(change: SceneChange, label: str, *, started: bool) -> str:
+    """Return in words that a change was not made, because its visit was over."""
+    reason = "the visit was over by then" if started else "no run of the visit has started"
+    return f"{label}: {change_text(change)} had no effect: {reason}"
+
+
+def change_text(change: SceneChange) -> str:
+    """Return a change in words, as in ``mood 1.5 after 3 s``."""
+    parts = [f"{name} {value:g}" for name, value in change.values.items()]
+    if change.person is not None:
+        parts.append("coming" if change.person else "leaving")
+    return f"{', '.join(parts)} after {change.after_s:g} s"

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Changes of scripted visits: those that the live scene does not show had no effect."""
+
+from __future__ import annotations
+
+from bt_agents_language.model.specs import SceneChange
+from bt_agents_robot.change_effects import EFFECT_S, ChangeEffects, unmade_text
+
+FALL = SceneChange(after_s=3.0, values={"mood": 1.5})
+
+
+def effects(change: SceneChange = FALL) -> ChangeEffects:
+    made = ChangeEffects()
+    made.live({"mood": 4.0, "age": 3.0}, True)
+    made.made(change, "Mrs Smith", 10.0)
+    return made
+
+
+def test_change_in_live_scene_has_effect():
+    found = effects()
+    found.live({"mood": 3.9}, True)
+    assert not found.pending
+    assert found.missing(100.0) == []
+
+
+def test_change_that_does_not_show_is_named_once():
+    found = effects()
+    found.live({"mood": 4.0, "age": 2.0}, True)
+    assert found.missing(10.0 + EFFECT_S - 0.1) == []
+    assert found.pending
+    assert found.missing(10.0 + EFFECT_S) == [
+        "Mrs Smith: mood 1.5 after 3 s had no effect: the live scene has not shown it within 2 s"
+    ]
+    assert not found.pending
+
+
+def test_change_to_same_value_shows_at_once():
+    found = effects(SceneChange(after_s=1.0, values={"mood": 4.0}))
+    found.live({"mood": 4.0}, True)
+    assert not found.pending
+
+
+def test_leaving_shows_when_nobody_is_there():
+    found = effects(SceneChange(after_s=1.0, values={}, person=False))
+    found.live({"mood": 4.0}, True)
+    assert found.pending
+    found.live({}, False)
+    assert not found.pending
+
+
+def test_change_after_visit_says_why_it_had_no_effect():
+    said = unmade_text(FALL, "Mrs Smith", started=True)
+    assert said == "Mrs Smith: mood 1.5 after 3 s had no effect: the visit was over by then"
+    assert unmade_text(FALL, "a", started=False).endswith("no run of the visit has started")
