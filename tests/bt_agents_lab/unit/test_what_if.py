@@ -218,7 +218,7 @@ def test_command_prints_changed_winners_and_its_assumptions(tmp_path: Path) -> N
     result = CliRunner().invoke(command, [str(path), "--agents", str(folder)])
     assert result.exit_code == 0, result.output
     assert "3 of 4 rounds would have had another winner" in result.output
-    assert "Whoever is chosen runs" in result.output
+    assert "The chosen agent runs" in result.output
     data = json.loads(
         CliRunner().invoke(command, [str(path), "--agents", str(folder), "--json"]).output
     )
