@@ -79,7 +79,7 @@ def documented() -> Iterator[tuple[str, str]]:
 
 
 def test_documented_limits_match_code() -> None:
-    page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
     rows = "".join(f"| {what} | {most} |\n" for what, most in documented())
 
     assert f"| what | at most |\n|---|---|\n{rows}\n" in page

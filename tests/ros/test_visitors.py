@@ -168,7 +168,7 @@ def test_change_without_effect_is_reported(ros):
     street.start(1)
     ros.until(lambda: street.live and measured(street.live[-1]) == {"mood": 1.0})
     street.finish(1)
-    ros.until(lambda: street.done)
+    ros.until(lambda: street.done and remarks)
     said = "a: mood 2 after 60 s had no effect: the visit was over by then"
     assert [one.data for one in remarks] == [said]
 
