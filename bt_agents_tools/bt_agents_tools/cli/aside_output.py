@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output written by a thread, so that the program never waits for a blocked terminal."""
+"""Output written by a thread, so that the program never waits for a blocked terminal."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ MOST_BYTES = 1_000_000
 
 END_LIMIT_S = 1.0
 """Longest wait at the end for the rest to be written [s]."""
+
+_ERRORS = 2
+_PIPE_BYTES = 65_536
 
 
 class AsideOutput(io.RawIOBase):
@@ -91,7 +94,10 @@ class AsideOutput(io.RawIOBase):
 
 @contextmanager
 def printing_aside() -> Iterator[None]:
-    """Let a thread write the standard output of this block; see :class:`AsideOutput`."""
+    """Let threads write the standard output and errors of this block; see :class:`AsideOutput`.
+
+    The errors include the log lines of ROS, which are not written with Python.
+    """
     before = sys.stdout
     before.flush()
     output = AsideOutput(before.fileno())
@@ -103,9 +109,39 @@ def printing_aside() -> Iterator[None]:
     )
     sys.stdout = aside
     try:
-        yield
+        with _errors_aside():
+            yield
     finally:
         sys.stdout = before
         aside.flush()
         output.end()
         aside.detach()
+
+
+@contextmanager
+def _errors_aside() -> Iterator[None]:
+    """Replace the descriptor of the standard errors by a pipe that a thread empties."""
+    try:
+        before = os.dup(_ERRORS)
+    except OSError:  # closed by the caller of the command
+        yield
+        return
+    reading, writing = os.pipe()
+    # A log line that does not fit is lost: its writer may keep the emptying thread from running.
+    os.set_blocking(writing, False)
+    output = AsideOutput(before)
+
+    def empty() -> None:
+        while data := os.read(reading, _PIPE_BYTES):
+            output.write(data)
+
+    thread = threading.Thread(target=empty, name="errors", daemon=True)
+    thread.start()
+    os.dup2(writing, _ERRORS)
+    os.close(writing)
+    try:
+        yield
+    finally:
+        os.dup2(before, _ERRORS)
+        thread.join(END_LIMIT_S)
+        output.end()

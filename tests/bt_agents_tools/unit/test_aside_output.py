@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from typing import TextIO
 
 from bt_agents_tools.cli.aside_output import MOST_BYTES, printing_aside
@@ -24,6 +24,38 @@ def piped() -> Iterator[TextIO]:
         redirect_stdout(stream),
     ):
         yield read
+
+
+@contextmanager
+def piped_errors() -> Iterator[TextIO]:
+    """Let the descriptor of errors be a pipe within the block; yield the end that reads it."""
+    before = os.dup(2)
+    reading, writing = os.pipe()
+    os.dup2(writing, 2)
+    os.close(writing)
+    try:
+        with open(reading, encoding="utf-8") as read:
+            yield read
+    finally:
+        os.dup2(before, 2)
+        os.close(before)
+
+
+def test_errors_are_written_in_order() -> None:
+    with piped_errors() as read, piped():
+        with printing_aside():
+            for number in range(100):
+                os.write(2, f"{number}\n".encode())
+        os.write(2, b"after\n")
+        expected = [*(f"{number}\n" for number in range(100)), "after\n"]
+        assert [read.readline() for _ in expected] == expected
+
+
+def test_errors_that_nobody_reads_do_not_block() -> None:
+    with piped_errors(), piped(), printing_aside():
+        for _ in range(LINES):
+            with suppress(BlockingIOError):
+                os.write(2, LINE.encode())
 
 
 def test_output_is_written_in_order() -> None:
