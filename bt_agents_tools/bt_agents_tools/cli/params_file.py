@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -26,15 +27,24 @@ def checked_params(
 ) -> Path | None:
     """Return a parameter file that nodes can read; a click callback.
 
-    It reports node names that look like misspelled parts of the system on standard error.
+    It reports on standard error node names that look like misspelled parts of the system, and
+    those without a namespace if the nodes have one.
 
     Raises:
         BtAgentsError: It is too large, not YAML, or does not have the form that ROS expects.
     """
     if path is not None:
-        for node in _nodes(path, _loaded(path)):
+        namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
+        for name in _nodes(path, _loaded(path)):
+            node = name.rpartition("/")[2]
             near = nearest(node, _NODES)
-            if node not in _NODES and near is not None:
+            if node in _NODES and namespace and name == node:
+                click.echo(
+                    f"{path.name}: '{node}' names no node, as ROS_NAMESPACE is '{namespace}', so "
+                    f"its values count for nothing; write '/**/{node}' or '/{namespace}/{node}'",
+                    err=True,
+                )
+            elif node not in _NODES and near is not None:
                 click.echo(
                     f"{path.name}: no node is called {quote(printable_line(node))}; did you mean "
                     f"'{near}'?",
@@ -59,19 +69,19 @@ def _loaded(path: Path) -> object:
 
 
 def _nodes(path: Path, document: object, name: str = "", depth: int = 0) -> Iterator[str]:
-    """Yield the last part of the name of each node of a document.
+    """Yield the name of each node of a document, without the first slash.
 
     Raises:
         BtAgentsError: A name contains neither ``ros__parameters`` nor another name.
     """
     if not isinstance(document, Mapping) or not document or depth > _MAX_NESTED:
-        place = f"below {quote(printable_line(name))}" if name else "in it"
+        place = f"below {quote(printable_line(name.rpartition('/')[2]))}" if name else "in it"
         raise BtAgentsError(
             f"{path.name}: there is no '{_VALUES}' {place}, expected a ROS parameter file such as "
             f"'marketplace: {{{_VALUES}: {{bid_deadline: 3.0}}}}'"
         )
     if _VALUES in document:
-        yield name.rpartition("/")[2]
+        yield name
         return
     for key, value in document.items():
-        yield from _nodes(path, value, str(key), depth + 1)
+        yield from _nodes(path, value, f"{name}/{key}".strip("/"), depth + 1)

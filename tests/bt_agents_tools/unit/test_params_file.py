@@ -50,6 +50,28 @@ def test_misspelt_node_is_reported(tmp_path: Path, text: str) -> None:
     )
 
 
+@pytest.mark.parametrize("key", ["marketplace", "/marketplace"])
+def test_node_outside_the_namespace_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str
+) -> None:
+    monkeypatch.setenv("ROS_NAMESPACE", "/library")
+    assert told(tmp_path, f"{key}: {{ros__parameters: {{}}}}") == (
+        "params.yaml: 'marketplace' names no node, as ROS_NAMESPACE is 'library', so its values "
+        "count for nothing; write '/**/marketplace' or '/library/marketplace'\n"
+        "started with params.yaml\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "key", ["/**", "/**/marketplace", "/library/marketplace", "library/agents"]
+)
+def test_node_in_the_namespace_is_silent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str
+) -> None:
+    monkeypatch.setenv("ROS_NAMESPACE", "/library")
+    assert told(tmp_path, f"{key}: {{ros__parameters: {{}}}}") == "started with params.yaml\n"
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
