@@ -56,7 +56,7 @@ class Market:
         self._status = node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
         self._calls = node.create_publisher(CallForBids, "bt_agents/calls", qos.EVENTS)
         self.bids = ros.collect(Bids, "bt_agents/bids", qos.EVENTS)
-        node.create_service(
+        self.registration = node.create_service(
             RegisterHost, "marketplace/register", self._register, qos_profile=qos.SERVICE
         )
         self.action = ActionClient(

@@ -26,7 +26,7 @@ from bt_agents_interfaces.msg import (
     Trees,
     TreeStatus,
 )
-from bt_agents_interfaces.srv import GiveFeedback, SetProfile
+from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from fake_market import Market, folder, make_host
@@ -457,6 +457,29 @@ def test_host_notices_restarted_market(ros: Any, host: HostNode, market: Market)
     before = len(market.requests)
     market._status.publish(MarketStatus(epoch="e2"))
     ros.until(lambda: len(market.requests) > before)
+
+
+def test_unanswered_registration_gets_a_new_client(
+    ros: Any, host: HostNode, market: Market, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    created = []
+    create = host.create_client
+
+    def record(*arguments: Any, **options: Any) -> Any:
+        created.append(arguments)
+        return create(*arguments, **options)
+
+    monkeypatch.setattr(host, "create_client", record)
+    ros.node.destroy_service(market.registration)
+    known = len(market.requests)
+    market.epoch = "e2"
+    market.open()
+    ros.until(lambda: created)
+    assert len(market.requests) == known
+    ros.node.create_service(
+        RegisterHost, "marketplace/register", market._register, qos_profile=qos.SERVICE
+    )
+    ros.until(lambda: len(market.requests) > known)
 
 
 def test_hostile_messages_leave_the_host_alive(ros: Any, host: HostNode, market: Market) -> None:

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from rclpy.client import Client
 from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry
@@ -34,6 +35,9 @@ MARKET_LEASE = "market_lease"
 
 _REMEMBERED = 50
 _LIMIT_S = 1.0
+_MOST_UNANSWERED = 2
+"""Requests without an answer in a row after which the client is created anew."""
+
 _RETRY_S = 1.0
 _POLL_S = 0.02
 _ALIVE_S = 0.3
@@ -156,9 +160,8 @@ class MarketRegistration:
         self._slowness = slowness
         self._lease = MarketLease(self._declare_lease())
         self._calls = Calls(node)
-        self._client = node.create_client(
-            RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
-        )
+        self._unanswered = 0
+        self._client = self._create_client()
         node.create_subscription(MarketStatus, "bt_agents/market", self._on_status, qos.FACT)
         create_identified_subscription(
             node,
@@ -200,6 +203,11 @@ class MarketRegistration:
         if self.epoch:
             self._stale = self._registering
             self._register(self.epoch)
+
+    def _create_client(self) -> Client:
+        return self._node.create_client(
+            RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
+        )
 
     def _declare_lease(self) -> float:
         def take(seconds: float) -> None:
@@ -315,6 +323,7 @@ class MarketRegistration:
 
     def _handle_answer(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
         self._registering = False
+        self._unanswered = 0
         self._apply_answer(request, answer)
         if self._stale or (answer.accepted and self._unreported.of_others(answer.epoch)):
             self.refresh()
@@ -347,6 +356,12 @@ class MarketRegistration:
             f"registration at market {epoch}: {reason}; trying again",
             throttle_duration_sec=_LOG_PERIOD_S,
         )
+        self._unanswered += 1
+        if self._unanswered >= _MOST_UNANSWERED:
+            # After a long pause, the middleware may have dropped one side of the connection.
+            self._unanswered = 0
+            self._node.destroy_client(self._client)
+            self._client = self._create_client()
         self._register(epoch)
 
     def _apply_registration(
