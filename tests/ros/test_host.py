@@ -462,7 +462,7 @@ def test_host_notices_restarted_market(ros: Any, host: HostNode, market: Market)
 def test_unanswered_registration_gets_a_new_client(
     ros: Any, host: HostNode, market: Market, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    created = []
+    created: list[Any] = []
     create = host.create_client
 
     def record(*arguments: Any, **options: Any) -> Any:
