@@ -235,15 +235,65 @@ def test_remapped_blackboard_key_is_removed() -> None:
     assert "renamer" not in board.clients.values()
 
 
-def test_unattached_blackboard_client_is_removed() -> None:
+@pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "shutdown"])
+def test_unattached_blackboard_client_is_removed(place: str) -> None:
+    harness = TreeHarness(plugged(registering(place)))
+    assert harness.tick() == "succeeded"
+    assert_nothing_registered()
+
+
+def test_failed_making_removes_blackboard_clients() -> None:
+    class Halfway(registering("init")):  # type: ignore[misc]
+        def __init__(self, name: str) -> None:
+            super().__init__(name)
+            raise RuntimeError("no nerve")
+
+    assert TreeHarness(plugged(Halfway)).tick() == "failed"
+    assert_nothing_registered()
+
+
+def test_clients_of_others_stay() -> None:
+    other = py_trees.blackboard.Client(name="other")
+    other.register_key("/loose", py_trees.common.Access.READ)
+    try:
+        assert TreeHarness(plugged(registering("init"))).tick() == "succeeded"
+        assert other.loose == 5
+        assert "other" in py_trees.blackboard.Blackboard.clients.values()
+    finally:
+        other.unregister()
+
+
+def registering(place: str) -> type:
+    """Return a class whose method keeps a blackboard client in no attribute."""
+
     class Loose(Nod):
         def __init__(self, name: str) -> None:
             super().__init__(name)
-            self.board = py_trees.blackboard.Client(name="loose")
-            self.board.register_key("/loose", py_trees.common.Access.WRITE)
-            self.board.set("/loose", 5)
+            self.use("init")
 
-    assert TreeHarness(plugged(Loose)).tick() == "succeeded"
+        def use(self, here: str) -> None:
+            if here == place:
+                board = py_trees.blackboard.Client(name="loose")
+                board.register_key("/loose", py_trees.common.Access.WRITE)
+                board.set("/loose", 5)
+
+        def setup(self, **kwargs: Any) -> None:
+            self.use("setup")
+
+        def initialise(self) -> None:
+            self.use("initialise")
+
+        def update(self) -> Status:
+            self.use("update")
+            return Status.SUCCESS
+
+        def shutdown(self) -> None:
+            self.use("shutdown")
+
+    return Loose
+
+
+def assert_nothing_registered() -> None:
     board = py_trees.blackboard.Blackboard
     assert "/loose" not in board.storage | board.metadata
     assert "loose" not in board.clients.values()

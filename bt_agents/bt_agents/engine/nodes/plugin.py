@@ -7,9 +7,10 @@ import copy
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from typing import TypeVar
+from uuid import UUID
 
 from py_trees.behaviour import Behaviour
-from py_trees.blackboard import Blackboard, Client
+from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
 from bt_agents.engine.call_limit import bounded
@@ -54,6 +55,7 @@ class PluginLeaf(Leaf):
     def __init__(self, spec: NodeSpec, context: RunContext, scope: Scope) -> None:
         super().__init__(spec, context, scope)
         self._reads: Mapping[str, str] = getattr(spec.plugin, "reads", {})
+        self._clients: set[UUID] = set()
 
     def begin(self) -> None:
         self._limit_s = BLOCKS_S
@@ -102,11 +104,11 @@ class PluginLeaf(Leaf):
                 self._contained(lambda: behaviour.stop(Status.INVALID))
 
     def _set_up(self, fields: Mapping[str, Plain]) -> None:
-        behaviour = self._behaviour = self._contained(lambda: self._made(fields))
-        self._made_of = fields
         if not self._follows_run:
             self._follows_run = True
             self.context.on_close(self._end_run)
+        behaviour = self._behaviour = self._contained(lambda: self._made(fields))
+        self._made_of = fields
         self._node = self.context.open_plugin_node(self.spec.path)
         shared = {} if self._node is None else {"node": self._node.node}
 
@@ -133,28 +135,25 @@ class PluginLeaf(Leaf):
         """Clean up what it has set up, and remove its keys from the blackboard."""
         behaviour, self._behaviour = self._behaviour, None
         plugin_node, self._node = self._node, None
-        if behaviour is None:
-            return
         with ExitStack() as rest:
             if plugin_node is not None:
                 rest.callback(self.context.forget_plugin_node, plugin_node)
                 rest.callback(plugin_node.close)
-            rest.callback(self._remove_keys, behaviour)
-            for node in behaviour.iterate():
+            rest.callback(self._remove_keys)
+            for node in behaviour.iterate() if behaviour is not None else ():
                 rest.callback(self._contained, node.shutdown)
 
-    def _remove_keys(self, behaviour: Behaviour) -> None:
-        """Remove keys that no other node of the run uses."""
-        clients = _clients(behaviour)
-        keys = {key for client in clients for key in client.remappings.values()}
+    def _remove_keys(self) -> None:
+        """Remove its blackboard clients, and the keys that no other node of the run uses."""
+        clients, self._clients = self._clients, set()
         for client in clients:
-            # ``unregister`` fails if two names of a client map to the same key.
-            Blackboard.clients.pop(client.id(), None)
-            for key in client.remappings.values():
-                users = Blackboard.metadata[key]
-                for of_kind in (users.read, users.write, users.exclusive):
-                    of_kind.discard(client.id())
-        keys.update(map(_absolute, (*self._reads, *self.spec.outputs.values())))
+            Blackboard.clients.pop(client, None)
+        keys = {_absolute(key) for key in (*self._reads, *self.spec.outputs.values())}
+        for key, users in Blackboard.metadata.items():
+            for of_kind in (users.read, users.write, users.exclusive):
+                if not clients.isdisjoint(of_kind):
+                    of_kind.difference_update(clients)
+                    keys.add(key)
         for key in keys:
             users = Blackboard.metadata.get(key)
             if users is None or not (users.read or users.write or users.exclusive):
@@ -195,9 +194,12 @@ class PluginLeaf(Leaf):
     def _contained(self, call: Callable[[], T]) -> T:
         """Return the result of a call into the plug-in; it may neither block nor end the program.
 
+        Blackboard clients that appear meanwhile are those of the plug-in, attached or not.
+
         Raises:
             Refused: ``BLOCKED`` or ``EXIT``. Every other error is passed on.
         """
+        before = set(Blackboard.clients)
         try:
             return bounded(call, self._limit_s)
         except Refused as refused:
@@ -214,20 +216,8 @@ class PluginLeaf(Leaf):
             raise Refused(
                 RefusalCode.EXIT, f"the plug-in raised {type(error).__name__}: {error}"
             ) from None
-
-
-def _clients(behaviour: Behaviour) -> list[Client]:
-    """Return the blackboard clients of a behaviour and its children.
-
-    ``ForEach`` of py_trees keeps a client that it has not attached.
-    """
-    found = {
-        client.id(): client
-        for node in behaviour.iterate()
-        for client in (*node.blackboards, *vars(node).values())
-        if isinstance(client, Client)
-    }
-    return list(found.values())
+        finally:
+            self._clients |= Blackboard.clients.keys() - before
 
 
 def _absolute(key: str) -> str:
