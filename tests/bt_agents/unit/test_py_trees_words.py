@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The words that docs/py_trees_ros.md has for classes of py_trees: they tick as these do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import product
+
+import pytest
+from py_trees import decorators, idioms
+from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Failure, Running, StatusQueue, Success, SuccessEveryN, TickCounter
+from py_trees.common import OneShotPolicy, ParallelPolicy, Status
+from py_trees.composites import Parallel, Selector, Sequence
+
+import tree_harness
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.nodes.node_type import NodeField, NodeType
+from tree_harness import TreeHarness
+
+STATUSES = {"R": Status.RUNNING, "S": Status.SUCCESS, "F": Status.FAILURE}
+QUEUES = ("RSFRS", "RFSRS", "FFRS", "SSRF", "RRRR", "S", "F")
+LEAVES: Mapping[str, tuple[Callable[[], Behaviour], str]] = {
+    "success": (lambda: Success("x"), "check: true"),
+    "failure": (lambda: Failure("x"), "check: false"),
+    "running": (lambda: Running("x"), "wait_for: false"),
+    "counter": (lambda: TickCounter("x", 3, Status.SUCCESS), "check: true\nrepeat: 4"),
+    "failing counter": (
+        lambda: TickCounter("x", 3, Status.FAILURE),
+        "check: true\nrepeat: 4\nfail: true",
+    ),
+    "every third": (
+        lambda: decorators.FailureIsRunning("x", SuccessEveryN("y", 3)),
+        "sequence: [set: {n: '${n else 0 + 1}'}, check: n % 3 == 0]\nretry: forever",
+    ),
+}
+COMPOSITES: Mapping[str, tuple[Callable[[list[Behaviour]], Behaviour], str]] = {
+    "sequence": (lambda both: Sequence("x", True, both), "sequence: [{}]"),
+    "sequence without memory": (
+        lambda both: Sequence("x", False, both),
+        "sequence: {{memory: false, children: [{}]}}",
+    ),
+    "selector": (lambda both: Selector("x", True, both), "selector: [{}]"),
+    "selector without memory": (
+        lambda both: Selector("x", False, both),
+        "selector: {{memory: false, children: [{}]}}",
+    ),
+    "all": (
+        lambda both: Parallel("x", ParallelPolicy.SuccessOnAll(synchronise=True), both),
+        "parallel: {{succeed_on: all, children: [{}]}}",
+    ),
+    "selected": (
+        lambda both: Parallel("x", ParallelPolicy.SuccessOnSelected([both[1]]), both),
+        "parallel: {{succeed_on: [second], children: [{}]}}",
+    ),
+}
+DECORATORS: Mapping[str, tuple[Callable[[str, Behaviour], Behaviour], str]] = {
+    "pass through": (decorators.PassThrough, ""),
+    "inverter": (decorators.Inverter, "invert: true"),
+    "failure is success": (decorators.FailureIsSuccess, "succeed: true"),
+    "success is failure": (decorators.SuccessIsFailure, "fail: true"),
+    "failure is running": (decorators.FailureIsRunning, "retry: forever"),
+    "success is running": (decorators.SuccessIsRunning, "repeat: forever"),
+    "running is failure": (decorators.RunningIsFailure, "timeout: 0 s"),
+    "until success": (partial(decorators.Condition, status=Status.SUCCESS), "retry: forever"),
+    "until failure": (
+        partial(decorators.Condition, status=Status.FAILURE),
+        "repeat: forever\nsucceed: true",
+    ),
+    "retry": (partial(decorators.Retry, num_failures=2), "retry: 2"),
+    "repeat": (partial(decorators.Repeat, num_success=2), "repeat: 2"),
+}
+
+
+class Queue(StatusQueue):
+    """Ends its ticks as the letters of its queue say, then always as SUCCESS."""
+
+    def __init__(self, name: str, queue: str) -> None:
+        super().__init__(name, [STATUSES[letter] for letter in queue], Status.SUCCESS)
+
+
+@pytest.fixture(autouse=True)
+def queue_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the queue a node of the language."""
+    field = NodeField(name="queue", type=FieldType.TEXT)
+    queue = NodeType(key="queue", plugin=Queue, main="queue", fields=(field,))
+    symbols = replace(tree_harness.SYMBOLS, plugins={"queue": queue})
+    monkeypatch.setattr(tree_harness, "SYMBOLS", symbols)
+
+
+def ticks_of(root: Behaviour) -> str:
+    """Return the first letters of the statuses up to the first end, in 8 ticks at most."""
+    letters = ""
+    while len(letters) < 8 and not letters.endswith(("S", "F")):
+        root.tick_once()
+        letters += root.status.name[0]
+    return letters
+
+
+def ticks_of_words(harness: TreeHarness) -> str:
+    letters = ""
+    while len(letters) < 8 and harness.outcome == "running":
+        harness.tick()
+        letters += harness.root.status.name[0]
+    return letters
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_words_for_leaves_tick_alike(name: str) -> None:
+    leaf, words = LEAVES[name]
+    assert ticks_of_words(TreeHarness(words)) == ticks_of(leaf())
+
+
+@pytest.mark.parametrize("name", COMPOSITES)
+def test_words_for_composites_tick_alike(name: str) -> None:
+    around, words = COMPOSITES[name]
+    for first, second in product(QUEUES, QUEUES):
+        children = f"{{queue: {first}, name: first}}, {{queue: {second}, name: second}}"
+        harness = TreeHarness(words.format(children))
+        theirs = around([Queue("first", first), Queue("second", second)])
+        assert ticks_of_words(harness) == ticks_of(theirs), (first, second)
+
+
+@pytest.mark.parametrize("queue", QUEUES)
+@pytest.mark.parametrize("name", DECORATORS)
+def test_words_for_decorators_tick_alike(name: str, queue: str) -> None:
+    around, words = DECORATORS[name]
+    harness = TreeHarness(f"queue: {queue}\n{words}")
+    assert ticks_of_words(harness) == ticks_of(around("x", Queue("y", queue)))
+
+
+def test_once_ticks_like_oneshot() -> None:
+    shot = decorators.OneShot("x", Queue("y", "RSFF"), OneShotPolicy.ON_SUCCESSFUL_COMPLETION)
+    harness = TreeHarness("sequence: [{queue: RSFF, once: true}]\nrepeat: 3")
+    assert ticks_of_words(harness) == ticks_of(decorators.Repeat("z", shot, 3))
+
+
+def test_sequence_of_once_picks_up_after_interruption() -> None:
+    tasks: list[Behaviour] = [TickCounter(name, 2, Status.SUCCESS) for name in ("a", "b")]
+    theirs = idioms.pick_up_where_you_left_off("x", tasks)
+    three_ticks = "{check: true, repeat: 3, once: true}"
+    ours = TreeHarness(f"sequence: [{three_ticks}, {three_ticks}]")
+    for _ in range(4):
+        theirs.tick_once()
+        assert ours.tick() == "running"
+    theirs.stop(Status.INVALID)
+    ours.interrupt()
+    assert ticks_of_words(ours) == ticks_of(theirs)
