@@ -49,9 +49,10 @@ values = st.floats(1.0, 5.0) | st.sampled_from([1.0, 2.0, 3.0, 5.0])
 vectors = st.tuples(values, values, values)
 opinions = st.tuples(values | st.just(NAN), values | st.just(NAN), values)
 scenes = st.fixed_dictionaries({}, optional=dict.fromkeys(SPACE.names, values))
+learning_rates = st.just(0.0) | st.floats(1e-9, 1.0)  # the smallest floats round to 0 anywhere
 rules = st.builds(
     LearningRule,
-    rates=st.dictionaries(st.sampled_from(SPACE.names), st.floats(0.0, 1.0), max_size=2),
+    rates=st.dictionaries(st.sampled_from(SPACE.names), learning_rates, max_size=2),
     update=st.sampled_from(Update),
     width=st.dictionaries(st.sampled_from(SPACE.names), st.floats(0.1, 2.0), max_size=2),
     window=st.integers(1, 7),
@@ -77,7 +78,7 @@ feedbacks = st.lists(
 
 
 @settings(max_examples=80, deadline=None, derandomize=True)
-@given(vectors, st.floats(0.0, 1.0), rules, feedbacks)
+@given(vectors, learning_rates, rules, feedbacks)
 def test_replay_repeats_all_learning(
     authored: tuple[float, ...],
     rate: float,
