@@ -73,8 +73,8 @@ def files_page() -> str:
     parts = [
         "# Keys of every file",
         "Made from the tables by which the files are read. `bt-agents explain KEY` says the same, "
-        "and an [editor](../folders.md#writing-in-an-editor) shows it. The contents of trees have a "
-        "page of their own: [the nodes](../nodes.md).",
+        "and an [editor](../folders.md#writing-in-an-editor) shows it. Trees contain "
+        "[nodes](../nodes.md).",
     ]
     for kind in installed_kinds().values():
         parts += [f"## {kind.name}", kind.description]
