@@ -93,6 +93,19 @@ install_wheel() {
   done
 }
 
+# Install the lowest versions that pyproject.toml allows, in place of those of the lock.
+install_lowest() {
+  local lowest=$venv/lowest.txt
+  export UV_SYSTEM_CERTS=1 UV_PYTHON_DOWNLOADS=never
+  rm -f "$venv"/*.stamp
+  # The ROS wheels are built together, so they have no lowest versions of their own.
+  "$venv/bin/uv" export --project "$root" --frozen --all-extras --no-hashes --no-emit-project --quiet |
+    grep '^ros-' >"$lowest.ros"
+  "$venv/bin/uv" pip compile --quiet --python "$venv/bin/python" --all-extras --resolution lowest-direct \
+    --constraints "$lowest.ros" --output-file "$lowest" "$root/pyproject.toml" >/dev/null
+  "$venv/bin/uv" pip install --quiet --python "$venv/bin/python" --requirements "$lowest"
+}
+
 describe_inputs() {
   cd "$root"
   pwd
@@ -178,7 +191,7 @@ find_python_and_compiler() {
   fi
 
   python=''
-  for candidate in python3.13 python3.12 python3.11 python3.14 python3; do
+  for candidate in ${BT_AGENTS_PYTHON:-python3.13 python3.12 python3.11 python3.14 python3}; do
     read -r version lacks < <("$candidate" -I -c '
 import importlib.util, pathlib, sys, sysconfig
 if (3, 11) <= sys.version_info < (3, 15):  # the versions that the ROS 2 wheels exist for
