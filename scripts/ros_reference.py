@@ -12,7 +12,15 @@ from typing import Any
 
 from markdown_table import markdown_table
 
-from bt_agents_ros.system_topics import ACTIONS, HOST, SERVICES, TOPICS
+from bt_agents_ros.system_topics import (
+    ACTIONS,
+    HOST,
+    SERVICES,
+    TOPICS,
+    TREE_STREAM_SERVICES,
+    TREE_STREAMS,
+    SystemTopic,
+)
 
 ROOT = Path(__file__).parents[1]
 
@@ -53,6 +61,10 @@ _ROLES = """\
 `watch`, `operate` and `author` are the roles of the command line. Each may do what the roles
 before it may: [who may do what](security.md). Some nodes subscribe only while they
 need a topic."""
+
+_TOOLS = """\
+A host offers these if `py_trees_ros_interfaces` is installed: [the tools of
+py_trees_ros](py_trees_ros.md#the-tools-of-py_trees_ros)."""
 
 _PARAMETERS = """\
 As the nodes describe them; `ros2 param describe /marketplace bid_deadline` says the same. How to
@@ -127,10 +139,19 @@ def _page(nodes: Mapping[str, Any], given: Collection[str]) -> str:
         _HEAD,
         "## Topics",
         _ROLES,
-        markdown_table(("topic", "type", "QoS", "published by", "heard by"), _topics()),
+        markdown_table(("topic", "type", "QoS", "published by", "heard by"), _topics(TOPICS)),
         "## Services",
         "QoS: reliable, volatile, the last 1000.",
         markdown_table(("service", "type", "served by", "called by"), _services(nodes)),
+        "## For the tools of py_trees_ros",
+        _TOOLS,
+        markdown_table(
+            ("topic", "type", "QoS", "published by", "heard by"), _topics(TREE_STREAMS)
+        ),
+        markdown_table(
+            ("service", "type"),
+            ((_code(one.name), _code(one.type)) for one in TREE_STREAM_SERVICES),
+        ),
         "## Actions",
         markdown_table(("action", "type", "served by", "goals by"), _actions(nodes)),
         "## Parameters",
@@ -146,10 +167,10 @@ def _page(nodes: Mapping[str, Any], given: Collection[str]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _topics() -> Iterator[tuple[str, ...]]:
+def _topics(topics: Iterable[SystemTopic]) -> Iterator[tuple[str, ...]]:
     from bt_agents_ros import qos
 
-    for topic in TOPICS:
+    for topic in topics:
         profile = qos.PROFILES[topic.profile]
         words = (profile.reliability, profile.durability)
         held = [word.name.lower().replace("_", " ") for word in words]
@@ -158,18 +179,19 @@ def _topics() -> Iterator[tuple[str, ...]]:
             _code(topic.type),
             f"{', '.join(held)}, the last {profile.depth}",
             _codes(topic.publishers) or "other programs",
-            _codes(topic.listeners),
+            _codes(topic.listeners) or "other programs",
         )
 
 
 def _services(nodes: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     callers = {one.name: one.callers for one in SERVICES}
+    of_tools = {one.name for one in TREE_STREAM_SERVICES}
     for name, node in nodes.items():
         served = node.get_service_names_and_types_by_node(node.get_name(), node.get_namespace())
         for path, kinds in sorted(served):
             service = _relative(path, node, name)
             last = service.rpartition("/")[2]
-            if last not in _OF_ROS and "/_action/" not in path:
+            if last not in _OF_ROS and "/_action/" not in path and service not in of_tools:
                 yield _code(service), _code(kinds[0]), _code(name), _callers(callers[service])
 
 

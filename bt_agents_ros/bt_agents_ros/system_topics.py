@@ -129,6 +129,15 @@ TOPICS = (
 )
 """All topics of the system; sensors and the topics of skills are in the files of the authors."""
 
+TREE_STREAMS = (
+    _topic(f"{HOST}/blackboard_streams/*", _TEXT, "FACT", HOST, ""),
+    _topic(
+        f"{HOST}/snapshot_streams/*", "py_trees_ros_interfaces/BehaviourTree", "FACT", HOST, ""
+    ),
+    _topic(f"{HOST}/snapshots", "py_trees_ros_interfaces/BehaviourTree", "FACT", HOST, ""),
+)
+"""Topics of a host for the tools of py_trees_ros, if ``py_trees_ros_interfaces`` is installed."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SystemService:
@@ -193,6 +202,19 @@ SERVICES = (
     _service(f"{HOST}/tune", "Tune", HOST, "author studio"),
 )
 """All services of the system except those that every ROS node has."""
+
+TREE_STREAM_SERVICES = tuple(
+    _service(f"{HOST}/{name}", f"py_trees_ros_interfaces/{kind}", HOST)
+    for name, kind in (
+        ("blackboard_streams/close", "CloseBlackboardStream"),
+        ("blackboard_streams/get_variables", "GetBlackboardVariables"),
+        ("blackboard_streams/open", "OpenBlackboardStream"),
+        ("snapshot_streams/close", "CloseSnapshotStream"),
+        ("snapshot_streams/open", "OpenSnapshotStream"),
+        ("snapshot_streams/reconfigure", "ReconfigureSnapshotStream"),
+    )
+)
+"""Services that open and close :data:`TREE_STREAMS`."""
 
 ACTIONS = (
     _action("ask", "Ask", "robot"),

@@ -11,7 +11,15 @@ from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.node_type import Resources
-from bt_agents_ros.system_topics import ACTIONS, HOST, NODES, SERVICES, TOPICS
+from bt_agents_ros.system_topics import (
+    ACTIONS,
+    HOST,
+    NODES,
+    SERVICES,
+    TOPICS,
+    TREE_STREAM_SERVICES,
+    TREE_STREAMS,
+)
 
 OBSERVER = "_bt_agents_observer"
 """Node name of every command of the command line."""
@@ -47,9 +55,8 @@ _MANAGED: Rights = {
     | {"~/change_state", "~/get_available_transitions"}
 }
 _TREE_STREAMS: Rights = {
-    "publish": {"~/blackboard_streams/*", "~/snapshot_streams/*", "~/snapshots"},
-    "reply": {f"~/blackboard_streams/{verb}" for verb in ("open", "close", "get_variables")}
-    | {f"~/snapshot_streams/{verb}" for verb in ("open", "close", "reconfigure")},
+    "publish": {one.name.replace(HOST, "~") for one in TREE_STREAMS},
+    "reply": {one.name.replace(HOST, "~") for one in TREE_STREAM_SERVICES},
 }
 """Rights of a host if the tools of py_trees_ros are installed."""
 

@@ -34,6 +34,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_ros import qos
 from bt_agents_ros.parameters import declare_and_watch, describe
+from bt_agents_ros.system_topics import HOST, TREE_STREAM_SERVICES
 
 DEFAULT_PERIOD = "default_snapshot_period"
 """Parameter for the default period, which may be infinite."""
@@ -79,16 +80,19 @@ class TreeStreams:
         self._run: WatchedRun | None = None
         self._snapshots: dict[str, _SnapshotStream] = {}
         self._blackboards: dict[str, _BlackboardStream] = {}
-        srv = interfaces.srv
-        for name, kind, callback in (
-            ("snapshot_streams/open", srv.OpenSnapshotStream, self._open_snapshots),
-            ("snapshot_streams/close", srv.CloseSnapshotStream, self._close_snapshots),
-            ("snapshot_streams/reconfigure", srv.ReconfigureSnapshotStream, self._reconfigure),
-            ("blackboard_streams/get_variables", srv.GetBlackboardVariables, self._variables),
-            ("blackboard_streams/open", srv.OpenBlackboardStream, self._open_blackboard),
-            ("blackboard_streams/close", srv.CloseBlackboardStream, self._close_blackboard),
-        ):
-            node.create_service(kind, f"~/{name}", callback, qos_profile=qos.SERVICE)
+        callbacks = {
+            "OpenSnapshotStream": self._open_snapshots,
+            "CloseSnapshotStream": self._close_snapshots,
+            "ReconfigureSnapshotStream": self._reconfigure,
+            "GetBlackboardVariables": self._variables,
+            "OpenBlackboardStream": self._open_blackboard,
+            "CloseBlackboardStream": self._close_blackboard,
+        }
+        for service in TREE_STREAM_SERVICES:
+            name, kind = service.name.replace(HOST, "~"), service.type.rpartition("/")[2]
+            node.create_service(
+                getattr(interfaces.srv, kind), name, callbacks[kind], qos_profile=qos.SERVICE
+            )
         self._declare_default_stream()
         runs.on_start(self._on_start)
         runs.on_tick(self._on_tick)
