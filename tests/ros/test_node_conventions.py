@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node offers as ROS users expect it: QoS overrides and levels of loggers."""
+"""What ROS users expect of every node: QoS overrides, levels of loggers, messages with headers."""
 
 from __future__ import annotations
 
@@ -20,11 +20,17 @@ from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.parameters import report_unknown
+from bt_agents_ros.system_topics import TOPICS
+from bt_agents_ros.types import load_type
 from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from programs import ROOT
 from tree_harness import TREES
 
 pytestmark = pytest.mark.ros
+
+
+OWN_TYPES = sorted({one.type for one in TOPICS if one.type.startswith("bt_agents_interfaces/")})
+"""Types of the messages that have a topic of their own."""
 
 
 def node_with(ros: Any, **overrides: Any) -> BaseNode:
@@ -182,3 +188,10 @@ def set_levels(ros: Any, **levels: int) -> list[str]:
         levels=[LoggerLevel(name=name, level=level) for name, level in levels.items()]
     )
     return [one.reason for one in ros.call(client, request).results]
+
+
+@pytest.mark.parametrize("kind", OWN_TYPES)
+def test_message_with_a_time_begins_with_header(kind: str) -> None:
+    fields = list(load_type(kind).get_fields_and_field_types())
+    assert "stamp" not in fields
+    assert "header" not in fields[1:]
