@@ -77,6 +77,9 @@ def test_package_has_matching_readme_and_changelog(package: RosPackage):
     assert log[:3] == ["^" * len(title), title, "^" * len(title)]
     assert log[4] == "Forthcoming" or log[4].startswith(f"{manifest.findtext('version')} (")
     assert log[5] == "-" * len(log[4])
+    assert log[6:] == ["* All packages share CHANGELOG.md in the root of the repository."]
+    version = manifest.findtext("version")
+    assert f"\n## {version}\n" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
 def test_every_source_file_names_its_licence():
