@@ -31,7 +31,19 @@ from hostile_texts import HOSTILE, hostile, texts
 from tree_harness import SPACE
 
 LISTENED = (
-    *("visitor", "scene", "market", "live", "auction", "run", "end", "tree", "act", "feedback"),
+    *(
+        "visitor",
+        "remark",
+        "scene",
+        "market",
+        "live",
+        "auction",
+        "run",
+        "end",
+        "tree",
+        "act",
+        "feedback",
+    ),
     *("tunings", "agents_changed"),
 )
 OF_SEVERAL_LINES = {

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[3]
 
 def documented_tree() -> str:
     """Return the example of the documentation that copes with a stale scene."""
-    text = (ROOT / "docs" / "language.md").read_text()
+    text = (ROOT / "docs" / "expressions.md").read_text()
     examples = re.findall(r"```yaml\ntree:\n(.*?)```", text, re.DOTALL)
     (example,) = [one for one in examples if "live.stale" in one]
     return textwrap.dedent(example)

@@ -412,7 +412,10 @@ def test_refused_registration_changes_nothing(market: MarketHarness) -> None:
 
 def test_market_document_lists_settings_with_defaults_and_ranges() -> None:
     text = (ROOT / "docs" / "market.md").read_text()
-    rows = [line.split("|")[1:-1] for line in text.partition("## Settings")[2].splitlines()]
+    rows = [
+        line.split("|")[1:-1]
+        for line in text.partition("## Settings")[2].partition("\n## ")[0].splitlines()
+    ]
     told = {
         name.strip(" `"): (value.strip(" `"), span.strip())
         for name, value, span, _ in (row for row in rows if row)
