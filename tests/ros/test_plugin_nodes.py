@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
 import re
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -27,6 +30,7 @@ pytestmark = pytest.mark.ros
 
 HEAD = "format: 1\nagent: {0}\ntitle: {0}\ndescription: {0}\n"
 PROFILE = "profile: {age: 3, familiarity: 3, mood: 3}\n"
+EXAMPLE = ROOT / "examples" / "py_trees_ros_nodes"
 PAGE = (ROOT / "docs" / "py_trees_ros.md").read_text(encoding="utf-8")
 
 
@@ -83,6 +87,28 @@ class PluginHarness:
         publisher = self.ros.node.create_publisher(kind, topic, 10)
         self.ros.until(publisher.get_subscription_count)
         publisher.publish(kind(data=data))
+
+
+def test_example_package_is_that_of_the_page() -> None:
+    for file, language in (("pyproject.toml", "toml"), ("their_nodes.py", "py")):
+        _, _, written = (EXAMPLE / file).read_text(encoding="utf-8").partition("\n")
+        assert written == block(language)
+
+
+def test_example_package_passes_its_tests() -> None:
+    stand_ins = ROOT / "tests" / "harness" / "stand_ins"
+    is_there = importlib.util.find_spec("py_trees_ros") is not None
+    path = [] if is_there else [str(stand_ins)]
+    ended = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", "/dev/null", "."],
+        cwd=EXAMPLE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(EXAMPLE), *path])},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert "2 passed" in ended.stdout, ended.stdout + ended.stderr
 
 
 def test_documented_example_runs(ros: Any, tmp_path: Path) -> None:
