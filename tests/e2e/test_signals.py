@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -40,6 +40,9 @@ LATEST_S = 1.5
 
 EARLY = 12
 """Times that each of the six kinds is started, and signalled before or while it comes up."""
+
+TIMES = int(os.environ.get("BT_AGENTS_SIGNALS", "1"))
+"""How many times as often a longer run by hand does so; 42 start each kind 500 times."""
 
 RUNNING = 4
 """Times that a system of seven is signalled while an agent runs: 12 * 6 + 4 * 7 = 100."""
@@ -203,10 +206,16 @@ def test_hundred_randomly_timed_signals_end_node_cleanly(
     request.addfinalizer(fork_server.close)
     problems: list[str] = []
     count = 0
-    for batch in range(EARLY):
+    for batch in range(EARLY * TIMES):
         folder = tmp_path / f"early{batch}"
         folder.mkdir()
-        told = signalled(everything(TREES, folder), folder, random, fork_server)
+        components = everything(TREES, folder)
+        if batch % 2:  # nothing publishes the simulated time
+            components = [
+                replace(one, parameters={**one.parameters, "use_sim_time": True})
+                for one in components
+            ]
+        told = signalled(components, folder, random, fork_server)
         count += len(told)
         try:
             problems += watch(told, lambda: time.sleep(0.005))
@@ -225,7 +234,7 @@ def test_hundred_randomly_timed_signals_end_node_cleanly(
             finally:
                 for one in told:
                     one.close()
-    assert count == 100
+    assert count == 100 + (TIMES - 1) * EARLY * len(everything(TREES, tmp_path))
     assert not problems, "\n".join([f"{len(problems)} of {count}", *problems])
 
 
