@@ -8,10 +8,10 @@ import os
 import re
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Browser, Error, Locator, Page, expect
 
 from programs import Program, children
 
@@ -118,7 +118,8 @@ def stop(page: Page) -> None:
     expect(shown).to_have_attribute("data-state", re.compile("[A-Z]"))
     button = shown.get_by_role("button", name="Stop", exact=True)
     if button.is_enabled():
-        button.click()
+        with suppress(Error):  # the run has ended meanwhile
+            button.click(timeout=2_000)
     expect(shown).to_have_attribute("data-state", "IDLE")
     expect(button).to_be_disabled()
 
