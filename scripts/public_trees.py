@@ -13,6 +13,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "harness"))
+
 from markdown_table import markdown_table
 
 from bt_agents_core.errors import ReadError
@@ -22,9 +24,9 @@ from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_symbols
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.source import Source
+from tree_shape import shape
 
 ROOT = Path(__file__).parents[1]
 RAW = re.compile(r'R"(\w*)\((.*?)\)\1"', re.DOTALL)
@@ -50,14 +52,6 @@ def texts(clone: Path) -> Iterator[tuple[str, str]]:
         for number, text in enumerate(found):
             if "<BehaviorTree" in text and "<root" in text:
                 yield f"{name}:{number}", text
-
-
-def shape(spec: NodeSpec | None) -> object:
-    """Return what a tree does, without the places in its file."""
-    if spec is None:
-        return None
-    children = [shape(one) for one in spec.children]
-    return spec.kind, spec.name, dict(spec.fields), dict(spec.outputs), children
 
 
 def follow(text: str, symbols: SymbolTable) -> Iterator[str]:

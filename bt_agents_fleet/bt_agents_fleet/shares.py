@@ -36,7 +36,7 @@ class Shares:
         self._shares: dict[str, Share] = {}
 
     def read(self) -> Mapping[str, Share]:
-        """Return what each agent shares that shares anything.
+        """Return what each agent shares, without agents that share nothing.
 
         Raises:
             BtAgentsError: No agent can be read, because ``scene.yaml`` is broken.

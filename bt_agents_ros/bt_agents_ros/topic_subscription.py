@@ -18,63 +18,61 @@ _REMEMBERED = 100
 class TopicSubscription:
     """Subscription that hears every publisher of a topic."""
 
-    def __init__(self, node: Node, kind: Any, topic: str, receive: Callable[[Any], None]) -> None:
+    _profile = qos.SENSOR
+
+    def __init__(self, node: Node, kind: Any, topic: str, receive: Callable[..., None]) -> None:
         self._node = node
-        self._subscription = node.create_subscription(kind, topic, receive, qos.SENSOR)
+        self._subscription = node.create_subscription(kind, topic, receive, self._profile)
 
     def look(self) -> frozenset[str]:
         """Return the types of the publishers on the graph, ``package/msg/Name``."""
-        topic = self._subscription.topic_name
-        endpoints = self._node.get_publishers_info_by_topic(topic)
-        return frozenset(one.topic_type for one in endpoints)
+        return frozenset(one.topic_type for one in self._publishers())
 
     def close(self) -> None:
         """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
 
+    def _publishers(self) -> list[Any]:
+        found: list[Any] = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
+        return found
 
-class LatchedSubscription:
+
+class LatchedSubscription(TopicSubscription):
     """Subscription that begins with the last message of each publisher of a topic.
 
     Volatile or best-effort publishers do not match a latched subscription; while the graph shows
-    one, a second subscription receives them. A message that arrives through both counts once.
+    one at a look, a second subscription receives them. A message that arrives through both counts
+    once.
     """
 
+    _profile = qos.FACTS
+
     def __init__(self, node: Node, kind: Any, topic: str, receive: Callable[[Any], None]) -> None:
-        self._node = node
         self._kind = kind
         self._topic = topic
         self._deliver = receive
         self._received: deque[int] = deque(maxlen=_REMEMBERED)
-        self._subscription = node.create_subscription(kind, topic, self._receive, qos.FACTS)
-        self._second: Any = None
+        self._second: TopicSubscription | None = None
+        super().__init__(node, kind, topic, self._receive)
 
     def look(self) -> frozenset[str]:
-        """Check on the graph whether a publisher needs the second subscription.
-
-        Returns:
-            Types of the publishers, ``package/msg/Name``.
-        """
-        endpoints = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
+        publishers = self._publishers()
         needed = any(
             one.qos_profile.durability is not DurabilityPolicy.TRANSIENT_LOCAL
             or one.qos_profile.reliability is not ReliabilityPolicy.RELIABLE
-            for one in endpoints
+            for one in publishers
         )
         if needed and self._second is None:
-            self._second = self._node.create_subscription(
-                self._kind, self._topic, self._receive, qos.SENSOR
-            )
+            self._second = TopicSubscription(self._node, self._kind, self._topic, self._receive)
         elif not needed and self._second is not None:
-            self._node.destroy_subscription(self._second)
+            self._second.close()
             self._second = None
-        return frozenset(one.topic_type for one in endpoints)
+        return frozenset(one.topic_type for one in publishers)
 
     def close(self) -> None:
-        """Unsubscribe."""
-        self._node.destroy_subscription(self._subscription)
+        super().close()
         if self._second is not None:
-            self._node.destroy_subscription(self._second)
+            self._second.close()
 
     def _receive(self, message: Any, info: Mapping[str, Any]) -> None:
         sent_ns = int(info["source_timestamp"])

@@ -52,7 +52,7 @@ class Leaf(LightBehaviour):
             self.note_change(name, value)
 
     def tell(self, values: Mapping[str, Plain]) -> None:
-        """Assign values to names of the scene or the person, that others read from now on."""
+        """Assign values that the scene layer has accepted to names of the scene or the person."""
         for name, value in values.items():
             if self.context.scope.tell(name, value):
                 self.note_change(name, value)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import InvalidTopicNameException
@@ -29,8 +29,6 @@ from scene_layer.sources import Sources
 _LONGEST = 300
 _SHOWN = 100
 _MOST_UNNAMED = 1000
-
-_Subscribed: TypeAlias = TopicSubscription | LatchedSubscription
 
 
 @dataclass(frozen=True)
@@ -64,8 +62,8 @@ class SourceSubscriptions:
         self._sources = sources
         self._persons = persons
         self._changed = changed
-        self._fixed: dict[_Key, tuple[_Subscribed, set[SourceSpec]]] = {}
-        self._dynamic: dict[_Key, tuple[_Subscribed, set[SourceSpec]]] = {}
+        self._fixed: dict[_Key, tuple[TopicSubscription, set[SourceSpec]]] = {}
+        self._dynamic: dict[_Key, tuple[TopicSubscription, set[SourceSpec]]] = {}
         self._other_types: dict[str, str] = {}
         self._unnamed: dict[str, None] = {}
         self._of_item = [source for source in spec.every_source if source.of_item]
@@ -132,12 +130,12 @@ class SourceSubscriptions:
         self._other_types = found
         return found
 
-    def _subscribe(self, key: _Key, read: Iterable[SourceSpec]) -> _Subscribed:
+    def _subscribe(self, key: _Key, read: Iterable[SourceSpec]) -> TopicSubscription:
         ordered = sorted(read, key=lambda source: str(source.position))
         take = partial(self._on_reading, tuple(ordered), key.person)
         return self._create_subscription(key, take)
 
-    def _create_subscription(self, key: _Key, take: Callable[[Any], None]) -> _Subscribed:
+    def _create_subscription(self, key: _Key, take: Callable[[Any], None]) -> TopicSubscription:
         topic, type_name = key.topic, key.type
         kind = load_type(type_name, BindingKind.TOPIC)
         subscription = LatchedSubscription if key.latched else TopicSubscription

@@ -24,10 +24,10 @@ from bt_agents_groot.formulas import (
 from bt_agents_groot.scripts import parse_script
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import Raw, YamlNode, yaml_lines
-from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text
 from tree_harness import SYMBOLS
+from tree_shape import shape
 
 START = YamlNode(key="set", value={"x": 1, "t": "hello", "b": True})
 CONDITIONS = ["x > 2", "b", "not b", "t == 'a'", "scene.age >= 4 and (b or x < 3)", "live.person"]
@@ -129,11 +129,6 @@ def agent_text(tree: YamlNode) -> str:
     whole = YamlNode(key="sequence", children=(START, tree))
     head = {"format": 1, "agent": "a", "profile": {"age": 3, "familiarity": 3, "mood": 3}}
     return "\n".join(yaml_lines({**head, "tree": whole})) + "\n"
-
-
-def shape(spec: NodeSpec) -> object:
-    children = [shape(one) for one in spec.children]
-    return spec.kind, spec.name, dict(spec.fields), dict(spec.outputs), children
 
 
 def elements(element: Element) -> object:

@@ -13,10 +13,10 @@ from bt_agents_core.errors import ReadError
 from bt_agents_groot.agent_export import ExportedAgent, export_agent
 from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.files.agent_reader import read_agent
-from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source, read_source
 from file_texts import read_agent_text, read_skills_text
 from tree_harness import SYMBOLS, TREES
+from tree_shape import shape
 
 HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
@@ -164,14 +164,6 @@ def test_conflicting_names_are_renamed():
 def test_invalid_agent_is_rejected_with_its_errors():
     with pytest.raises(ReadError, match="unknown-node"):
         exported("sya: Hello")
-
-
-def shape(spec: NodeSpec | None) -> object:
-    """Return what a tree does, without the places where it stands."""
-    if spec is None:
-        return None
-    children = [shape(one) for one in spec.children]
-    return spec.kind, spec.name, dict(spec.fields), dict(spec.outputs), children
 
 
 AGENTS = sorted(

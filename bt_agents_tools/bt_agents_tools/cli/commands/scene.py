@@ -91,10 +91,11 @@ def _print_missing(observer: Observer, message: Any) -> None:
     if not any(one.origin == Origin.MISSING for one in message.values):
         return
     received = observer.received("/diagnostics")
+    name = f"{observer.namespace}/scene_layer: sources".lstrip("/")
 
     def health() -> list[Any]:
         every = (status for one in received for status in one.status)
-        return [status for status in every if status.name.endswith("scene_layer: sources")]
+        return [status for status in every if status.name == name]
 
     observer.spin_until(lambda: bool(health()), _HEALTH_S)
     for status in health()[-1:]:
