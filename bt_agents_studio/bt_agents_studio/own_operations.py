@@ -104,41 +104,44 @@ class OwnOperations:
             one.name: Axis(name=one.name, minimum=one.minimum, maximum=one.maximum)
             for one in self._studio.parameters
         }
-        for name in (*given, across, up):
+        shown = (across, up) if across or up else ()
+        for name in (*given, *shown):
             if name not in sides:
                 raise Refused(
                     RefusalCode.UNKNOWN_PARAMETER,
                     f"no scene parameter '{name[:40]}'; there are {', '.join(sides)}",
                 )
         scene = {name: given.get(name, math.nan) for name in sides}
-        if math.isnan(scene[across]) or math.isnan(scene[up]):
+        if any(math.isnan(scene[name]) for name in shown):
             raise Refused(
                 RefusalCode.BAD_FIELD,
                 f"'{across}' and '{up}' are the sides of the map, and need a value",
             )
         auction = await self._preview(scene)
-        if is_computed(auction.strategy) and auction.ranking:
-            bids = [
-                MapBid(
-                    agent=one.agent,
-                    vector=tuple(one.vector),
-                    weights=tuple(one.weights),
-                    bonus=float(one.bonus),
-                    last_run=int(one.last_run),
-                )
-                for one in auction.ranking
-            ]
-            loop = asyncio.get_running_loop()
-            found = await loop.run_in_executor(
-                self._worker,
-                lambda: computed_map(
-                    auction.strategy, bids, scene, sides[across], sides[up], auction.tie_break
-                ),
-            )
-        else:
-            found = await self._asked_map(scene, sides[across], sides[up])
+        found = await self._map(auction, scene, sides[across], sides[up]) if shown else None
         record = DryRunRecord(round=round_record(auction), map=found)
         return _answer(True, "", auction.reason) | {"record": record}
+
+    async def _map(
+        self, auction: Any, scene: Mapping[str, float], across: Axis, up: Axis
+    ) -> SceneMapRecord:
+        if not (is_computed(auction.strategy) and auction.ranking):
+            return await self._asked_map(scene, across, up)
+        bids = [
+            MapBid(
+                agent=one.agent,
+                vector=tuple(one.vector),
+                weights=tuple(one.weights),
+                bonus=float(one.bonus),
+                last_run=int(one.last_run),
+            )
+            for one in auction.ranking
+        ]
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(
+            self._worker,
+            lambda: computed_map(auction.strategy, bids, scene, across, up, auction.tie_break),
+        )
 
     async def _asked_map(
         self, scene: Mapping[str, float], across: Axis, up: Axis

@@ -591,10 +591,10 @@ class SceneMapRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class DryRunRecord:
-    """What would be decided for a scene, and for scenes around it."""
+    """What would be decided for a scene, and, if asked for, for scenes around it."""
 
     round: RoundRecord
-    map: SceneMapRecord
+    map: SceneMapRecord | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -209,13 +209,14 @@ def test_dry_run_names_winner_and_its_tipping_point(page: Page) -> None:
     open_page(page, "Market")
     panel = page.get_by_label("Who would win?")
     panel.locator("#dry-run-age").fill("1")
-    panel.get_by_role("button", name="Try").click()
     expect(panel.locator(".would-win")).to_contain_text("asker would win")
+    panel.get_by_role("button", name="Draw the map").click()
     expect(panel).to_contain_text("Computed from these bids")
     expect(panel.locator(".map title", has_text="listener").first).to_be_attached()
     panel.locator("#dry-run-age").fill("5")
-    panel.get_by_role("button", name="Try").click()
     expect(panel.locator(".would-win")).to_contain_text("listener would win")
+    panel.get_by_role("button", name="Move the scene there").click()
+    expect(panel.locator(".would-win")).to_contain_text("asker would win")
 
 
 def test_profile_history_shows_causes_of_changes(page: Page) -> None:

@@ -401,7 +401,7 @@ export interface SceneMapRecord {
 
 export interface DryRunRecord {
   round: RoundRecord;
-  map: SceneMapRecord;
+  map: SceneMapRecord | null;
 }
 
 export interface KeepRecord {

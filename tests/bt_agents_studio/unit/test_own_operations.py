@@ -125,6 +125,17 @@ def test_dry_run_samples_bounded_points_for_other_strategies() -> None:
     served(test)
 
 
+def test_dry_run_without_sides_draws_no_map() -> None:
+    async def test(one: ServedStudio) -> None:
+        one.caller.previewed = previewed("softmax")
+        scene = {name: DRY_RUN[name] for name in ("names", "values")}
+        record = (await ask(one, "dry_run", **scene))["record"]
+        assert len(one.caller.calls) == 1
+        assert (record["round"]["winner"], record["map"]) == ("young", None)
+
+    served(test)
+
+
 @pytest.fixture
 def trees(tmp_path: Path) -> Path:
     folder = tmp_path / "trees"
