@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Own operations: answers, messages for trees, dry runs and kept values, asked by a page."""
+"""Own operations of pages: answers, messages for trees, dry runs, strategies, kept values."""
 
 from __future__ import annotations
 
@@ -13,16 +13,30 @@ from typing import Any, Protocol
 from bt_agents_core.errors import BtAgentsError, Refusal, Refused, RefusedElsewhere
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.projection import round_record
-from bt_agents_studio.records import DryRunRecord, KeepRecord, SceneMapRecord
+from bt_agents_studio.records import (
+    DryRunRecord,
+    KeepRecord,
+    MarketRecord,
+    SceneMapRecord,
+    StrategiesRecord,
+    StrategyOptionRecord,
+)
 from bt_agents_studio.scene_map import ASKED, Axis, MapBid, computed_map, is_computed, map_record
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.client.file_edits import FileEdit, compare_tests, digest_of, edits_of
+from bt_agents_tools.client.strategies import (
+    Strategies,
+    changed_parameters,
+    parameter_names,
+    strategies_of,
+)
 from bt_agents_tools.client.write_back import ParameterState
 
 LIMIT_S = 60.0
 """Longest time of one operation, tests of agents included [s]."""
 
 _PREVIEW_S = 5.0
+_STRATEGY_S = 5.0
 
 TunedHosts = Mapping[str, tuple[Path, Sequence[ParameterState]]]
 """Host → its trees folder, and its parameters and profile values."""
@@ -44,6 +58,16 @@ class Caller(Protocol):
 
     def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
         """See :meth:`StudioNode.preview`."""
+
+    def market_parameters(
+        self, names: Sequence[str], limit_s: float
+    ) -> Future[tuple[Sequence[Any], Sequence[Any]]]:
+        """See :meth:`StudioNode.market_parameters`."""
+
+    def set_market_parameters(
+        self, changes: Mapping[str, str | float], limit_s: float
+    ) -> Future[str]:
+        """See :meth:`StudioNode.set_market_parameters`."""
 
     def tuned(self) -> Future[TunedHosts]:
         """See :meth:`StudioNode.tuned`."""
@@ -67,6 +91,7 @@ class OwnOperations:
             "dry_run": self._dry_run,
             "keep": self._keep,
             "publish": self._publish,
+            "strategy": self._strategy,
         }
 
     async def do(self, name: str, fields: Mapping[str, Any]) -> Mapping[str, object]:
@@ -162,6 +187,29 @@ class OwnOperations:
             raise RefusedElsewhere(str(answer.code), str(answer.message))
         return answer.auction
 
+    async def _strategy(
+        self, name: str = "", options: Sequence[str] = (), values: Sequence[float] = ()
+    ) -> Mapping[str, object]:
+        """Answer with the strategies of the market; a name or options change them before that."""
+        if len(options) != len(values):
+            raise Refused(RefusalCode.BAD_FIELD, "'values' needs one value for each of 'options'")
+        found = await self._strategies()
+        changes = changed_parameters(found, name, zip(options, values, strict=True))
+        message = ""
+        if changes:
+            setting = self._caller.set_market_parameters(changes, _STRATEGY_S)
+            if reason := await asyncio.wrap_future(setting):
+                return _answer(False, "", reason)
+            found = await self._strategies()
+            message = f"{found.current} ranks the bids from the next round on"
+        return _answer(True, "", message) | {"record": _strategies_record(found)}
+
+    async def _strategies(self) -> Strategies:
+        market = self._studio.store.get("market")
+        infos = market.strategies if isinstance(market, MarketRecord) else ()
+        asked = self._caller.market_parameters(parameter_names(infos), _STRATEGY_S)
+        return strategies_of(infos, *await asyncio.wrap_future(asked))
+
     async def _keep(self, profile: bool = False, digest: str = "") -> Mapping[str, object]:
         hosts = await asyncio.wrap_future(self._caller.tuned())
         loop = asyncio.get_running_loop()
@@ -196,6 +244,24 @@ def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]
         digest=found,
     )
     return _answer(True, "", "this would change") | {"record": record}
+
+
+def _strategies_record(found: Strategies) -> StrategiesRecord:
+    return StrategiesRecord(
+        options={
+            name: tuple(
+                StrategyOptionRecord(
+                    name=key,
+                    value=one.value,
+                    minimum=one.minimum,
+                    maximum=one.maximum,
+                    description=one.description,
+                )
+                for key, one in options.items()
+            )
+            for name, options in found.options.items()
+        }
+    )
 
 
 def _answer(accepted: bool, code: str, message: str) -> dict[str, object]:

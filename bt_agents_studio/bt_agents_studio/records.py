@@ -598,6 +598,24 @@ class DryRunRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StrategyOptionRecord:
+    """What can be set about a strategy, and its value in force."""
+
+    name: str
+    value: float
+    minimum: float
+    maximum: float
+    description: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrategiesRecord:
+    """The options of each strategy of the market."""
+
+    options: Mapping[str, tuple[StrategyOptionRecord, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
 class KeepRecord:
     """What keeping tuned values changes in the agents' files.
 

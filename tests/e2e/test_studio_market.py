@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Market of the studio as a race: a dragged scene, and the bids that follow."""
+"""Market of the studio as a race: a dragged scene, the bids that follow, and the strategy."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,8 +16,9 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from bt_agents_interfaces.msg import Auction, RankedBid, Scene, SceneValue
 from bt_agents_studio.access import SessionRole
+from bt_agents_studio.records import StrategyRecord
 from studio_browser import LIMIT_MS, box, opened_page
-from studio_entries import part
+from studio_entries import market, part
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -82,6 +84,8 @@ def decision(values: Mapping[str, float]) -> Any:
 def studio() -> Iterator[BackgroundStudio]:
     with background_studio() as served:
         served.put("parts", "marketplace", part())
+        infos = (StrategyRecord(name="manhattan", description="the nearest", options=()),)
+        served.put("market", "", replace(market(), strategies=infos))
         yield served
 
 
@@ -205,3 +209,13 @@ def test_map_of_other_scene_says_so(page: Page) -> None:
     expect(note).to_have_count(0)
     slider(page, "mood").fill("4")
     expect(note).to_be_visible()
+
+
+def test_viewer_sees_strategy_but_cannot_switch(
+    browser: Browser, studio: BackgroundStudio
+) -> None:
+    with opened_page(browser, studio.address_of(SessionRole.VIEW, "market")) as page:
+        shown = page.get_by_label("Strategy", exact=True)
+        expect(shown).to_contain_text("the nearest")
+        expect(shown).to_contain_text("This link is for viewing only")
+        expect(shown.get_by_label("Ranks the bids")).to_be_disabled()

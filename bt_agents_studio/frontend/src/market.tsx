@@ -13,6 +13,7 @@ import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { RoundRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
+import { Strategy } from "./strategy";
 import { texts } from "./texts";
 
 const words = texts.market;
@@ -33,6 +34,9 @@ export function Market() {
             <Round round={round} />
           </PanelBoundary>
         )}
+        <PanelBoundary label={words.strategy}>
+          <Strategy />
+        </PanelBoundary>
         <PanelBoundary label={words.dryRun}>
           <DryRun />
         </PanelBoundary>
