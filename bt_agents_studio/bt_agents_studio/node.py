@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException
-from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
@@ -210,6 +210,59 @@ class StudioNode(BaseNode):
         )
         return self.call("PreviewAuction", "marketplace/preview", {"scene": scene}, limit_s)
 
+    def market_parameters(
+        self, names: Sequence[str], limit_s: float
+    ) -> Future[tuple[Sequence[Any], Sequence[Any]]]:
+        """Return descriptors and values of parameters of the market; as :meth:`call`.
+
+        Args:
+            names: Of the parameters.
+            limit_s: Longest time for each of the two answers [s].
+        """
+        answer: Future[tuple[Sequence[Any], Sequence[Any]]] = Future()
+        fields = {"names": names}
+
+        def read(described: Any, got: Any) -> None:
+            try:
+                values = [parameter_value_to_python(one) for one in got.values]
+            except RuntimeError as error:
+                answer.set_exception(Refused(RefusalCode.NO_ANSWER, str(error)))
+            else:
+                answer.set_result((described.descriptors, values))
+
+        def get(described: Any) -> None:
+            taken = partial(read, described)
+            service = "marketplace/get_parameters"
+            self._call(answer, GetParameters, service, fields, limit_s, taken)
+
+        service = "marketplace/describe_parameters"
+        self.executor.create_task(
+            partial(self._call, answer, DescribeParameters, service, fields, limit_s, get)
+        )
+        return answer
+
+    def set_market_parameters(
+        self, changes: Mapping[str, str | float], limit_s: float
+    ) -> Future[str]:
+        """Set parameters of the market together; as :meth:`call`.
+
+        The future has the reason why they are not set, empty if they are.
+        """
+        answer: Future[str] = Future()
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in changes.items()
+        ]
+
+        def read(done: Any) -> None:
+            refused = str(done.result.reason or "it gives no reason")
+            answer.set_result("" if done.result.successful else refused)
+
+        service, fields = "marketplace/set_parameters_atomically", {"parameters": parameters}
+        self.executor.create_task(
+            partial(self._call, answer, SetParametersAtomically, service, fields, limit_s, read)
+        )
+        return answer
+
     def tuned(self) -> Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]]:
         """Return trees folder, parameters and profile values of each host; from any thread."""
         answer: Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]] = Future()
@@ -358,18 +411,21 @@ class StudioNode(BaseNode):
             limit_s: Longest time for discovery and answer [s].
         """
         answer: Future[Any] = Future()
-        self.executor.create_task(partial(self._call, answer, kind, service, fields, limit_s))
+        type_ = getattr(services, kind)
+        self.executor.create_task(
+            partial(self._call, answer, type_, service, fields, limit_s, answer.set_result)
+        )
         return answer
 
     def _call(
         self,
         answer: Future[Any],
-        kind: str,
+        type_: Any,
         service: str,
         fields: Mapping[str, Any],
         limit_s: float,
+        on_answer: Callable[[Any], None],
     ) -> None:
-        type_ = getattr(services, kind)
         try:
             request = type_.Request(**fields)
         except (AssertionError, AttributeError, OverflowError) as error:
@@ -386,7 +442,7 @@ class StudioNode(BaseNode):
             clients[service],
             request,
             deadline_s=limit_s,
-            on_answer=answer.set_result,
+            on_answer=on_answer,
             on_failure=lambda reason: answer.set_exception(Refused(RefusalCode.NO_ANSWER, reason)),
             discovery_s=_DISCOVERY_S,
         )

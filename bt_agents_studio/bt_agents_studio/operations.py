@@ -186,6 +186,7 @@ OWN_OPERATIONS: Mapping[str, OwnOperation] = {
         roles=frozenset({SessionRole.AUTHOR}), fields={"profile": "bool", "digest": "text"}
     ),
     "publish": OwnOperation(fields={"topic": "text", "values": "texts"}),
+    "strategy": OwnOperation(fields={"name": "text", "options": "texts", "values": "numbers"}),
 }
 """Name in the address ``/api/do/<name>`` → operation of the studio itself."""
 

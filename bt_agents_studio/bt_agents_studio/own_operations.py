@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Own operations: answers, messages for trees, dry runs and kept values, asked by a page."""
+"""Own operations of pages: answers, messages for trees, dry runs, strategies, kept values."""
 
 from __future__ import annotations
 
@@ -13,16 +13,30 @@ from typing import Any, Protocol
 from bt_agents_core.errors import BtAgentsError, Refusal, Refused, RefusedElsewhere
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.projection import round_record
-from bt_agents_studio.records import DryRunRecord, KeepRecord, SceneMapRecord
+from bt_agents_studio.records import (
+    DryRunRecord,
+    KeepRecord,
+    MarketRecord,
+    SceneMapRecord,
+    StrategiesRecord,
+    StrategyOptionRecord,
+)
 from bt_agents_studio.scene_map import ASKED, Axis, MapBid, computed_map, is_computed, map_record
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.client.file_edits import FileEdit, compare_tests, digest_of, edits_of
+from bt_agents_tools.client.strategies import (
+    Strategies,
+    changed_parameters,
+    parameter_names,
+    strategies_of,
+)
 from bt_agents_tools.client.write_back import ParameterState
 
 LIMIT_S = 60.0
 """Longest time of one operation, tests of agents included [s]."""
 
 _PREVIEW_S = 5.0
+_STRATEGY_S = 5.0
 
 TunedHosts = Mapping[str, tuple[Path, Sequence[ParameterState]]]
 """Host → its trees folder, and its parameters and profile values."""
@@ -44,6 +58,16 @@ class Caller(Protocol):
 
     def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
         """See :meth:`StudioNode.preview`."""
+
+    def market_parameters(
+        self, names: Sequence[str], limit_s: float
+    ) -> Future[tuple[Sequence[Any], Sequence[Any]]]:
+        """See :meth:`StudioNode.market_parameters`."""
+
+    def set_market_parameters(
+        self, changes: Mapping[str, str | float], limit_s: float
+    ) -> Future[str]:
+        """See :meth:`StudioNode.set_market_parameters`."""
 
     def tuned(self) -> Future[TunedHosts]:
         """See :meth:`StudioNode.tuned`."""
@@ -67,6 +91,7 @@ class OwnOperations:
             "dry_run": self._dry_run,
             "keep": self._keep,
             "publish": self._publish,
+            "strategy": self._strategy,
         }
 
     async def do(self, name: str, fields: Mapping[str, Any]) -> Mapping[str, object]:
@@ -104,41 +129,44 @@ class OwnOperations:
             one.name: Axis(name=one.name, minimum=one.minimum, maximum=one.maximum)
             for one in self._studio.parameters
         }
-        for name in (*given, across, up):
+        shown = (across, up) if across or up else ()
+        for name in (*given, *shown):
             if name not in sides:
                 raise Refused(
                     RefusalCode.UNKNOWN_PARAMETER,
                     f"no scene parameter '{name[:40]}'; there are {', '.join(sides)}",
                 )
         scene = {name: given.get(name, math.nan) for name in sides}
-        if math.isnan(scene[across]) or math.isnan(scene[up]):
+        if any(math.isnan(scene[name]) for name in shown):
             raise Refused(
                 RefusalCode.BAD_FIELD,
                 f"'{across}' and '{up}' are the sides of the map, and need a value",
             )
         auction = await self._preview(scene)
-        if is_computed(auction.strategy) and auction.ranking:
-            bids = [
-                MapBid(
-                    agent=one.agent,
-                    vector=tuple(one.vector),
-                    weights=tuple(one.weights),
-                    bonus=float(one.bonus),
-                    last_run=int(one.last_run),
-                )
-                for one in auction.ranking
-            ]
-            loop = asyncio.get_running_loop()
-            found = await loop.run_in_executor(
-                self._worker,
-                lambda: computed_map(
-                    auction.strategy, bids, scene, sides[across], sides[up], auction.tie_break
-                ),
-            )
-        else:
-            found = await self._asked_map(scene, sides[across], sides[up])
+        found = await self._map(auction, scene, sides[across], sides[up]) if shown else None
         record = DryRunRecord(round=round_record(auction), map=found)
         return _answer(True, "", auction.reason) | {"record": record}
+
+    async def _map(
+        self, auction: Any, scene: Mapping[str, float], across: Axis, up: Axis
+    ) -> SceneMapRecord:
+        if not (is_computed(auction.strategy) and auction.ranking):
+            return await self._asked_map(scene, across, up)
+        bids = [
+            MapBid(
+                agent=one.agent,
+                vector=tuple(one.vector),
+                weights=tuple(one.weights),
+                bonus=float(one.bonus),
+                last_run=int(one.last_run),
+            )
+            for one in auction.ranking
+        ]
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(
+            self._worker,
+            lambda: computed_map(auction.strategy, bids, scene, across, up, auction.tie_break),
+        )
 
     async def _asked_map(
         self, scene: Mapping[str, float], across: Axis, up: Axis
@@ -158,6 +186,29 @@ class OwnOperations:
         if not answer.accepted:
             raise RefusedElsewhere(str(answer.code), str(answer.message))
         return answer.auction
+
+    async def _strategy(
+        self, name: str = "", options: Sequence[str] = (), values: Sequence[float] = ()
+    ) -> Mapping[str, object]:
+        """Answer with the strategies of the market; a name or options change them before that."""
+        if len(options) != len(values):
+            raise Refused(RefusalCode.BAD_FIELD, "'values' needs one value for each of 'options'")
+        found = await self._strategies()
+        changes = changed_parameters(found, name, zip(options, values, strict=True))
+        message = ""
+        if changes:
+            setting = self._caller.set_market_parameters(changes, _STRATEGY_S)
+            if reason := await asyncio.wrap_future(setting):
+                return _answer(False, "", reason)
+            found = await self._strategies()
+            message = f"{found.current} ranks the bids from the next round on"
+        return _answer(True, "", message) | {"record": _strategies_record(found)}
+
+    async def _strategies(self) -> Strategies:
+        market = self._studio.store.get("market")
+        infos = market.strategies if isinstance(market, MarketRecord) else ()
+        asked = self._caller.market_parameters(parameter_names(infos), _STRATEGY_S)
+        return strategies_of(infos, *await asyncio.wrap_future(asked))
 
     async def _keep(self, profile: bool = False, digest: str = "") -> Mapping[str, object]:
         hosts = await asyncio.wrap_future(self._caller.tuned())
@@ -193,6 +244,24 @@ def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]
         digest=found,
     )
     return _answer(True, "", "this would change") | {"record": record}
+
+
+def _strategies_record(found: Strategies) -> StrategiesRecord:
+    return StrategiesRecord(
+        options={
+            name: tuple(
+                StrategyOptionRecord(
+                    name=key,
+                    value=one.value,
+                    minimum=one.minimum,
+                    maximum=one.maximum,
+                    description=one.description,
+                )
+                for key, one in options.items()
+            )
+            for name, options in found.options.items()
+        }
+    )
 
 
 def _answer(accepted: bool, code: str, message: str) -> dict[str, object]:

@@ -591,10 +591,28 @@ class SceneMapRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class DryRunRecord:
-    """What would be decided for a scene, and for scenes around it."""
+    """What would be decided for a scene, and, if asked for, for scenes around it."""
 
     round: RoundRecord
-    map: SceneMapRecord
+    map: SceneMapRecord | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrategyOptionRecord:
+    """What can be set about a strategy, and its value in force."""
+
+    name: str
+    value: float
+    minimum: float
+    maximum: float
+    description: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrategiesRecord:
+    """The options of each strategy of the market."""
+
+    options: Mapping[str, tuple[StrategyOptionRecord, ...]]
 
 
 @dataclass(frozen=True, kw_only=True)

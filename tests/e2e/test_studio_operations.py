@@ -19,7 +19,7 @@ from studio_harness import BackgroundStudio, background_studio
 pytestmark = pytest.mark.e2e
 
 CHANGING = {
-    "market": ("Pin", "Veto", "Award", "Good", "Bad", "Try"),
+    "market": ("Pin", "Veto", "Award", "Good", "Bad", "Draw the map"),
     "tune": ("As in the file", "Show what would be written"),
     "world": ("Announce the scene", "Only change what is sensed now"),
     "person": ("Begin", "I leave", "Good", "worse"),

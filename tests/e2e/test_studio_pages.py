@@ -209,13 +209,32 @@ def test_dry_run_names_winner_and_its_tipping_point(page: Page) -> None:
     open_page(page, "Market")
     panel = page.get_by_label("Who would win?")
     panel.locator("#dry-run-age").fill("1")
-    panel.get_by_role("button", name="Try").click()
     expect(panel.locator(".would-win")).to_contain_text("asker would win")
+    panel.get_by_role("button", name="Draw the map").click()
     expect(panel).to_contain_text("Computed from these bids")
     expect(panel.locator(".map title", has_text="listener").first).to_be_attached()
     panel.locator("#dry-run-age").fill("5")
-    panel.get_by_role("button", name="Try").click()
     expect(panel.locator(".would-win")).to_contain_text("listener would win")
+    panel.get_by_role("button", name="Move the scene there").click()
+    expect(panel.locator(".would-win")).to_contain_text("asker would win")
+
+
+def test_page_switches_strategy_as_command_does(page: Page, system: System) -> None:
+    open_page(page, "Market")
+    panel = page.get_by_label("Strategy", exact=True)
+    panel.get_by_label("Ranks the bids").select_option("ucb")
+    panel.locator("#strategy-c-value").fill("101")
+    panel.get_by_role("button", name="Set from the next round on").click()
+    expect(panel.locator("output")).to_have_text("ucb.c: 101, expected 0 to 100")
+    panel.locator("#strategy-c-value").fill("0.5")
+    panel.get_by_role("button", name="Set from the next round on").click()
+    expect(panel.locator("output")).to_have_text("ucb ranks the bids from the next round on")
+    shown = system.start_program("strategy")
+    shown.until("^> ucb ")
+    shown.until("c = 0.5 ")
+    system.start_program("strategy", "bounded_ucb").until("> ranks: bounded_ucb")
+    expect(panel.get_by_label("Ranks the bids")).to_have_value("bounded_ucb")
+    expect(panel.locator("#strategy-margin-value")).to_have_value("0.3")
 
 
 def test_profile_history_shows_causes_of_changes(page: Page) -> None:

@@ -44,6 +44,9 @@ class RecordingCaller:
         self.answered = SimpleNamespace(accepted=True, code="", message="done")
         self.previewed: Any = None
         self.hosts: Any = {}
+        # Parameter of the market → its descriptor and its value.
+        self.parameters: dict[str, tuple[Any, Any]] = {}
+        self.not_set = ""
 
     def call(
         self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
@@ -64,6 +67,23 @@ class RecordingCaller:
         del limit_s
         self.calls.append(("", "preview", dict(values)))
         return _done(self.previewed)
+
+    def market_parameters(
+        self, names: Sequence[str], limit_s: float
+    ) -> Future[tuple[Sequence[Any], Sequence[Any]]]:
+        del limit_s
+        found = [self.parameters[name] for name in names if name in self.parameters]
+        return _done(([one for one, _ in found], [value for _, value in found]))
+
+    def set_market_parameters(
+        self, changes: Mapping[str, str | float], limit_s: float
+    ) -> Future[str]:
+        del limit_s
+        self.calls.append(("", "set", dict(changes)))
+        if not self.not_set:
+            for name, value in changes.items():
+                self.parameters[name] = (self.parameters[name][0], value)
+        return _done(self.not_set)
 
     def tuned(self) -> Future[Any]:
         return _done(self.hosts)

@@ -2,9 +2,10 @@
 // Page "Market": rounds with their bids, profiles, and what moved them.
 
 import { useState } from "react";
-import { causeOf, Legend, ProfileCourse, Shares, total } from "./course";
-import { DryRun } from "./dry_run";
 import { author } from "./author";
+import { Bids, smallestChange } from "./bids";
+import { causeOf, ProfileCourse, Shares } from "./course";
+import { DryRun } from "./dry_run";
 import { Empty } from "./empty";
 import { formatNumber, formatTime } from "./formatting";
 import { go, useAddress } from "./navigation";
@@ -12,6 +13,7 @@ import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { RoundRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
+import { Strategy } from "./strategy";
 import { texts } from "./texts";
 
 const words = texts.market;
@@ -32,6 +34,9 @@ export function Market() {
             <Round round={round} />
           </PanelBoundary>
         )}
+        <PanelBoundary label={words.strategy}>
+          <Strategy />
+        </PanelBoundary>
         <PanelBoundary label={words.dryRun}>
           <DryRun />
         </PanelBoundary>
@@ -74,9 +79,6 @@ function Rounds({ shown, show }: { shown: string; show: (key: string) => void })
 }
 
 function Round({ round }: { round: RoundRecord }) {
-  const names = round.scene.values.map((one) => one.name);
-  const longest = Math.max(...round.ranking.map((one) => total(one.contributions)), 1e-9);
-  const change = Object.entries(round.change);
   return (
     <section className="panel" aria-label={words.bids}>
       <h2>
@@ -91,42 +93,12 @@ function Round({ round }: { round: RoundRecord }) {
           <b>{words.intervention}:</b> {round.intervention}
         </p>
       )}
-      <Legend names={names} />
-      <table className="bids">
-        <tbody>
-          {round.ranking.map((bid) => (
-            <tr key={bid.agent} className={bid.agent === round.winner ? "winner" : ""}>
-              <th scope="row">{bid.agent}</th>
-              <td className="number">{bid.score === null ? "–" : formatNumber(bid.score)}</td>
-              <td className="stack">
-                <svg viewBox="0 0 100 6" preserveAspectRatio="none" role="img" aria-label={bid.calculation}>
-                  {bid.contributions.map((value, index) => (
-                    <rect
-                      key={names[index]}
-                      className={`series-${index % 6}`}
-                      x={(total(bid.contributions.slice(0, index)) / longest) * 100}
-                      width={(value / longest) * 100}
-                      height={6}
-                    />
-                  ))}
-                </svg>
-              </td>
-              <td>
-                <small>{bid.calculation}</small>
-              </td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
+      <Bids round={round} />
       <h3>{words.why}</h3>
       {round.explanation.split("\n").map((line) => (
         <p key={line}>{line}</p>
       ))}
-      <p>
-        {change.length > 0
-          ? `${words.change} ${change.map(([name, value]) => `${name} ${formatNumber(value)}`).join(", ")}.`
-          : words.noChange}
-      </p>
+      <p>{smallestChange(round)}</p>
       {round.refused.length > 0 && (
         <>
           <h3>{words.refused}</h3>

@@ -401,7 +401,19 @@ export interface SceneMapRecord {
 
 export interface DryRunRecord {
   round: RoundRecord;
-  map: SceneMapRecord;
+  map: SceneMapRecord | null;
+}
+
+export interface StrategyOptionRecord {
+  name: string;
+  value: number;
+  minimum: number;
+  maximum: number;
+  description: string;
+}
+
+export interface StrategiesRecord {
+  options: Record<string, StrategyOptionRecord[]>;
 }
 
 export interface KeepRecord {
@@ -517,6 +529,7 @@ export interface Operations {
   dry_run: { names?: string[]; values?: (number | null)[]; across?: string; up?: string };
   keep: { profile?: boolean; digest?: string };
   publish: { topic?: string; values?: string[] };
+  strategy: { name?: string; options?: string[]; values?: (number | null)[] };
 }
 
 /** Roles whose sessions may do an operation. */
@@ -533,4 +546,5 @@ export const OPERATION_ROLES: Record<keyof Operations, readonly string[]> = {
   dry_run: ["author", "operate"],
   keep: ["author"],
   publish: ["author", "operate"],
+  strategy: ["author", "operate"],
 };

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -14,27 +13,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from bt_agents_interfaces.msg import Scene, SceneValue
 from bt_agents_ros.messages import header_at
 from bt_agents_tools.client.observer import Observer
-
-
-@dataclass(frozen=True, kw_only=True)
-class StrategyOption:
-    """Option of a strategy with its current value and its range."""
-
-    value: float
-    minimum: float
-    maximum: float
-    description: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Strategies:
-    """Strategies of a running market by name: the current one, and perhaps a shadow strategy."""
-
-    descriptions: Mapping[str, str]
-    options: Mapping[str, Mapping[str, StrategyOption]]
-    current: str
-    shadow: str
-
+from bt_agents_tools.client.strategies import Strategies, parameter_names, strategies_of
 
 _OF_LAST_SCENE = ("person_id", "place", "persons", "visits", "remembered")
 """Fields that a scene with given values takes from the last scene."""
@@ -94,33 +73,19 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
 
 
 def strategies(observer: Observer) -> Strategies | None:
-    """Return the strategies of the market with their current values; None without an answer."""
-    found = {info.name: info for info in observer.market.strategies}
-    dotted = [f"{name}.{option}" for name, info in found.items() for option in info.options]
-    names = ["strategy", "shadow_strategy", *dotted]
+    """Return the strategies of the market with their current values; None without an answer.
+
+    Raises:
+        Refused: ``NO_ANSWER``: the answer lacks a part.
+    """
+    infos = observer.market.strategies
+    names = parameter_names(infos)
     described = observer.ask("marketplace/describe_parameters", names=names)
     got = observer.ask("marketplace/get_parameters", names=names)
     if described is None or got is None:
         return None
-    if not len(described.descriptors) == len(got.values) == len(names):
-        return None
-    current, shadow, *values = map(parameter_value_to_python, got.values)
-    options: dict[str, dict[str, StrategyOption]] = {name: {} for name in found}
-    for name, value, descriptor in zip(dotted, values, described.descriptors[2:], strict=True):
-        strategy, _, option = name.rpartition(".")
-        span = descriptor.floating_point_range[0]
-        options[strategy][option] = StrategyOption(
-            value=float(value),
-            minimum=span.from_value,
-            maximum=span.to_value,
-            description=descriptor.description,
-        )
-    return Strategies(
-        descriptions={name: info.description for name, info in found.items()},
-        options=options,
-        current=str(current),
-        shadow=str(shadow),
-    )
+    values = [parameter_value_to_python(one) for one in got.values]
+    return strategies_of(infos, described.descriptors, values)
 
 
 def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> str | None:

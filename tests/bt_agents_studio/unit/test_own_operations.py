@@ -5,20 +5,23 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 
 from bt_agents.host.tuning.tunable import parameters_of
 from bt_agents_interfaces.msg import Auction, Bookmark, RankedBid, RecordingStatus
 from bt_agents_lab.recorder.file import JournalFile
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_studio.access import SessionRole
-from bt_agents_studio.records import ListeningRecord
+from bt_agents_studio.records import ListeningRecord, StrategyRecord
 from bt_agents_tools.client.write_back import ParameterState
 from checkout import ROOT
 from journal_fixture import recorded
+from studio_entries import market
 from studio_harness import ServedStudio, served
 
 AGENT = """\
@@ -35,10 +38,10 @@ TYPES = "bt_agents_interfaces/msg/"
 
 
 async def ask(
-    one: ServedStudio, name: str, role: SessionRole = SessionRole.AUTHOR, **fields: Any
+    one: ServedStudio, operation: str, role: SessionRole = SessionRole.AUTHOR, /, **fields: Any
 ) -> dict[str, Any]:
     async with one.client(role) as client:
-        answer = await client.post(f"/api/do/{name}", json=fields)
+        answer = await client.post(f"/api/do/{operation}", json=fields)
         return dict(await answer.json())
 
 
@@ -56,7 +59,7 @@ def test_answers_and_messages_are_forwarded() -> None:
     served(test)
 
 
-@pytest.mark.parametrize("name", ["answer", "dry_run", "keep", "publish"])
+@pytest.mark.parametrize("name", ["answer", "dry_run", "keep", "publish", "strategy"])
 def test_viewer_may_use_no_own_operation(name: str) -> None:
     async def test(one: ServedStudio) -> None:
         assert (await ask(one, name, SessionRole.VIEW))["code"] == "FORBIDDEN"
@@ -73,6 +76,7 @@ def test_viewer_may_use_no_own_operation(name: str) -> None:
         ("publish", {"topic": "a" * 1001}, "BAD_FIELD"),
         ("publish", {"values": "data=1"}, "BAD_FIELD"),
         ("keep", {"profile": "yes"}, "BAD_FIELD"),
+        ("strategy", {"options": ["c"]}, "BAD_FIELD"),
         ("dry_run", {"across": "age", "up": "height"}, "UNKNOWN_PARAMETER"),
         ("dry_run", {"names": ["weight"], "values": [1]}, "UNKNOWN_PARAMETER"),
         ("dry_run", {"across": "age", "up": "mood", "names": ["age"], "values": [1]}, "BAD_FIELD"),
@@ -121,6 +125,107 @@ def test_dry_run_samples_bounded_points_for_other_strategies() -> None:
         assert len(one.caller.calls) == 1 + 7 * 7
         assert record["map"]["is_asked"]
         assert record["map"]["winners"] == [0] * 49
+
+    served(test)
+
+
+def test_dry_run_without_sides_draws_no_map() -> None:
+    async def test(one: ServedStudio) -> None:
+        one.caller.previewed = previewed("softmax")
+        scene = {name: DRY_RUN[name] for name in ("names", "values")}
+        record = (await ask(one, "dry_run", **scene))["record"]
+        assert len(one.caller.calls) == 1
+        assert (record["round"]["winner"], record["map"]) == ("young", None)
+
+    served(test)
+
+
+def add_strategies(one: ServedStudio) -> None:
+    """Have a market whose strategy in force is manhattan, and that has ucb."""
+    infos = (
+        StrategyRecord(name="manhattan", description="nearest", options=()),
+        StrategyRecord(name="ucb", description="tries", options=("c",)),
+    )
+    one.put("market", "", replace(market(), strategies=infos))
+    plain = ParameterDescriptor()
+    span = FloatingPointRange(from_value=0.0, to_value=100.0)
+    ranged = ParameterDescriptor(description="how much", floating_point_range=[span])
+    one.caller.parameters = {
+        "strategy": (plain, "manhattan"),
+        "shadow_strategy": (plain, ""),
+        "ucb.c": (ranged, 1.0),
+    }
+
+
+def test_strategy_and_options_are_set_together() -> None:
+    async def test(one: ServedStudio) -> None:
+        add_strategies(one)
+        option = {"name": "c", "minimum": 0.0, "maximum": 100.0, "description": "how much"}
+        read = await ask(one, "strategy")
+        assert read["record"]["options"] == {"manhattan": [], "ucb": [option | {"value": 1.0}]}
+        assert one.caller.calls == []
+        done = await ask(
+            one, "strategy", SessionRole.OPERATE, name="ucb", options=["c"], values=[0.5]
+        )
+        assert one.caller.calls == [("", "set", {"strategy": "ucb", "ucb.c": 0.5})]
+        assert done["message"] == "ucb ranks the bids from the next round on"
+        assert done["record"]["options"]["ucb"] == [option | {"value": 0.5}]
+
+    served(test)
+
+
+@pytest.mark.parametrize(
+    ("fields", "code", "words"),
+    [
+        ({"name": "ucbb"}, "UNKNOWN_STRATEGY", "no strategy 'ucbb'; did you mean 'ucb'?"),
+        (
+            {"options": ["c"], "values": [1]},
+            "UNKNOWN_OPTION",
+            "strategy 'manhattan' has no option 'c'; there are none",
+        ),
+        (
+            {"name": "ucb", "options": ["c"], "values": [101]},
+            "OUT_OF_RANGE",
+            "ucb.c: 101, expected 0 to 100",
+        ),
+        (
+            {"name": "ucb", "options": ["c"], "values": [None]},
+            "OUT_OF_RANGE",
+            "ucb.c: nan, expected 0 to 100",
+        ),
+    ],
+)
+def test_invalid_strategy_is_refused_in_words(
+    fields: dict[str, Any], code: str, words: str
+) -> None:
+    async def test(one: ServedStudio) -> None:
+        add_strategies(one)
+        done = await ask(one, "strategy", **fields)
+        assert done == {"accepted": False, "code": code, "message": words}
+        assert one.caller.calls == []
+
+    served(test)
+
+
+def test_refusal_of_market_is_passed_on() -> None:
+    async def test(one: ServedStudio) -> None:
+        add_strategies(one)
+        one.caller.not_set = "not during the show"
+        done = await ask(one, "strategy", name="ucb")
+        assert done == {"accepted": False, "code": "", "message": "not during the show"}
+
+    served(test)
+
+
+def test_incomplete_answer_about_strategies_is_refused() -> None:
+    async def test(one: ServedStudio) -> None:
+        add_strategies(one)
+        for rest in ({"ucb.c": (ParameterDescriptor(), 1.0)}, {}):
+            del one.caller.parameters["ucb.c"]
+            one.caller.parameters |= rest
+            done = await ask(one, "strategy", name="ucb")
+            assert (done["accepted"], done["code"]) == (False, "NO_ANSWER")
+        assert one.caller.calls == []
 
     served(test)
 

@@ -58,6 +58,7 @@ def test_watch_role_changes_nothing(table: dict[str, Rights]) -> None:
         ("publish", "agents/heartbeat", {"agents"}),
         ("reply", "agents/tune", {"agents"}),
         ("request", "marketplace/cancel", {"feedback", "operate", "author", "studio"}),
+        ("request", "marketplace/set_parameters_atomically", {"operate", "author", "studio"}),
         ("publish", "marketplace/heartbeat", {"marketplace"}),
         ("subscribe", "more/heartbeat", {"marketplace", "robot", "studio", *ROLES}),
     ],

@@ -11,15 +11,14 @@ from rich.console import Console
 from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_tools.cli.assignments import Assignments, assignments
+from bt_agents_tools.cli.assignments import assignments
 from bt_agents_tools.cli.connection import connect
 from bt_agents_tools.cli.decisions import disagreements, last_decisions
 from bt_agents_tools.cli.formatting import print_line
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 if TYPE_CHECKING:
-    from bt_agents_tools.client.market import Strategies
+    from bt_agents_tools.client.strategies import Strategies
 
 _INDENT = 6
 _NO_ANSWER = "the marketplace does not answer; look at 'bt-agents status'"
@@ -48,11 +47,13 @@ def strategy(
     values = assignments(context, context.command.params[1], options)
     with connect() as observer:
         from bt_agents_tools.client import market
+        from bt_agents_tools.client.strategies import changed_parameters
 
         found = market.strategies(observer)
         if found is None:
             raise BtAgentsError(_NO_ANSWER)
-        changes = _changes(found, name, values, shadow)
+        observing = "" if shadow == "none" else shadow
+        changes = changed_parameters(found, name, values, observing)
         if changes:
             refusal = market.set_parameters(observer, changes)
             if refusal is None:
@@ -70,36 +71,6 @@ def strategy(
         elif name or shadow is None:
             click.echo(_with_options(found))
         click.echo(_ranking_text(found, last))
-
-
-def _changes(
-    found: Strategies, name: str, values: Assignments, shadow: str | None
-) -> dict[str, str | float]:
-    changes: dict[str, str | float] = {}
-    if name:
-        changes["strategy"] = _known(name, found)
-    if shadow is not None:
-        changes["shadow_strategy"] = "" if shadow == "none" else _known(shadow, found)
-    about = name or found.current
-    known = found.options.get(about, {})
-    for option, value in values:
-        if option not in known:
-            hint = did_you_mean(option, sorted(known)) or "there are none"
-            raise BtAgentsError(f"strategy '{about}' has no option '{option}'; {hint}")
-        least, most = known[option].minimum, known[option].maximum
-        if not least <= value <= most:
-            raise BtAgentsError(f"{about}.{option}: {value:g}, expected {least:g} to {most:g}")
-        changes[f"{about}.{option}"] = value
-    return changes
-
-
-def _known(name: str, found: Strategies) -> str:
-    if name not in found.descriptions:
-        hint = did_you_mean(name, found.descriptions)
-        raise BtAgentsError(
-            f"no strategy '{name}'; {hint}\nthere are {', '.join(found.descriptions)}"
-        )
-    return name
 
 
 _KEYS = ("strategy", "ranks", "scores", "option", "value", "minimum", "maximum", "description")

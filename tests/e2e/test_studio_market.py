@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Market of the studio as a race: a dragged scene, the bids that follow, and the strategy."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from bt_agents_interfaces.msg import Auction, RankedBid, Scene, SceneValue
+from bt_agents_studio.access import SessionRole
+from bt_agents_studio.records import StrategyRecord
+from studio_browser import LIMIT_MS, box, opened_page
+from studio_entries import market, part
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+AGES = {"young": 1.0, "old": 5.0}
+"""Agent → the age that it is for."""
+
+
+class PreviewingMarket:
+    """A market with an agent for the young and one for the old; it notes each scene."""
+
+    def __init__(self, studio: BackgroundStudio) -> None:
+        self.asked: list[tuple[float, Mapping[str, float]]] = []
+        self.held: list[Future[Any]] | None = None
+        self.refuses = False
+        studio.caller.preview = self.preview  # type: ignore[method-assign]
+
+    def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
+        del limit_s
+        self.asked.append((time.monotonic(), dict(values)))
+        done: Future[Any] = Future()
+        if self.held is not None:
+            self.held.append(done)
+        elif self.refuses:
+            done.set_result(refusal())
+        else:
+            done.set_result(decision(values))
+        return done
+
+    @property
+    def ages(self) -> list[float]:
+        return [values["age"] for _, values in self.asked]
+
+
+def refusal() -> Any:
+    return SimpleNamespace(accepted=False, code="BUSY", message="too many previews")
+
+
+def decision(values: Mapping[str, float]) -> Any:
+    age = values["age"]
+    ranking = [
+        RankedBid(
+            agent=name,
+            vector=[own, 3.0],
+            contributions=[abs(age - own), abs(values["mood"] - 3.0)],
+            score=abs(age - own) + abs(values["mood"] - 3.0),
+        )
+        for name, own in sorted(AGES.items(), key=lambda one: abs(age - one[1]))
+    ]
+    auction = Auction(
+        strategy="manhattan",
+        tie_break="name",
+        scene=Scene(values=[SceneValue(name=name, value=one) for name, one in values.items()]),
+        ranking=ranking,
+        winner=ranking[0].agent,
+        change_names=["age"],
+        change_values=[3.05 if age < 3.0 else 2.95],
+    )
+    return SimpleNamespace(accepted=True, code="", message="", auction=auction)
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    with background_studio() as served:
+        served.put("parts", "marketplace", part())
+        infos = (StrategyRecord(name="manhattan", description="the nearest", options=()),)
+        served.put("market", "", replace(market(), strategies=infos))
+        yield served
+
+
+@pytest.fixture
+def previews(studio: BackgroundStudio) -> PreviewingMarket:
+    return PreviewingMarket(studio)
+
+
+@pytest.fixture
+def page(browser: Browser, studio: BackgroundStudio, previews: PreviewingMarket) -> Iterator[Page]:
+    del previews
+    with opened_page(browser, studio.address_of(SessionRole.OPERATE, "market")) as opened:
+        expect(opened.locator(".phase")).to_have_text("connected")
+        panel(opened).scroll_into_view_if_needed()
+        yield opened
+
+
+def panel(page: Page) -> Locator:
+    return page.get_by_label("Who would win?")
+
+
+def slider(page: Page, name: str = "age") -> Locator:
+    return page.locator(f"#dry-run-{name}")
+
+
+def drag(page: Page, *parts: float) -> None:
+    """Move the pointer over the slider of the age: 0 is its left end, 1 its right."""
+    measured = box(slider(page))
+    for part_ in parts:
+        x = measured["x"] + 8 + part_ * (measured["width"] - 16)
+        page.mouse.move(x, measured["y"] + measured["height"] / 2)
+
+
+def row(page: Page, agent: str) -> Locator:
+    return panel(page).get_by_role("row").filter(has_text=agent)
+
+
+def test_bids_reorder_while_scene_is_dragged(page: Page) -> None:
+    drag(page, 0.5)
+    page.mouse.down()
+    for part_, first, last in ((0.1, "young", "old"), (0.9, "old", "young")):
+        drag(page, part_)
+        expect(panel(page).locator(".would-win")).to_contain_text(f"{first} would win")
+        expect(row(page, first).locator(".number")).to_have_text("0.4")
+        expect(row(page, last).locator(".number")).to_have_text("3.6")
+        for agent in AGES:
+            expect(row(page, agent)).to_be_in_viewport()
+        assert box(row(page, first))["y"] < box(row(page, last))["y"]
+        expect(slider(page)).to_be_enabled()
+    page.mouse.up()
+    expect(slider(page)).to_have_value("4.6")
+
+
+def test_race_sends_last_scene_within_rate(page: Page, previews: PreviewingMarket) -> None:
+    sent: list[str] = []
+    page.on("request", lambda one: sent.append(one.post_data or "{}"))
+    drag(page, 0.1)
+    page.mouse.down()
+    drag(page, *(0.1 + step * 0.02 for step in range(40)), 0.9)
+    page.mouse.up()
+    expect(slider(page)).to_have_value("4.6")
+    expect(row(page, "old").locator(".number")).to_have_text("0.4")
+    page.wait_for_timeout(300)  # nothing is sent any more
+    assert previews.ages[-1] == 4.6
+    assert len(set(previews.ages)) == len(previews.ages)
+    seconds = previews.asked[-1][0] - previews.asked[0][0]
+    assert 1 < len(previews.asked) <= seconds * 10 + 2
+    assert {*map(tuple, map(json.loads, sent))} == {("names", "values")}
+
+
+def test_waiting_scene_is_asked_after_refusal(page: Page, previews: PreviewingMarket) -> None:
+    previews.held = []
+    drag(page, 0.1)
+    page.mouse.down()
+    wait_for(page, lambda: previews.held)
+    drag(page, 0.9)
+    expect(slider(page)).to_be_enabled()
+    expect(slider(page)).to_have_value("4.6")
+    [first], previews.held = previews.held, None
+    first.set_result(refusal())
+    expect(panel(page).locator(".would-win")).to_contain_text("old would win")
+    page.mouse.up()
+    assert previews.ages == [1.4, 4.6]
+
+
+def wait_for(page: Page, is_so: Callable[[], object]) -> None:
+    end = time.monotonic() + LIMIT_MS / 1000
+    while not is_so():
+        assert time.monotonic() < end
+        page.wait_for_timeout(10)
+
+
+def test_refusal_replaces_bids_of_other_scene(page: Page, previews: PreviewingMarket) -> None:
+    slider(page).fill("2")
+    expect(row(page, "young")).to_be_in_viewport()
+    previews.refuses = True
+    slider(page).fill("4")
+    told = panel(page).locator("output")
+    expect(told).to_have_text("too many previews")
+    expect(told).to_be_in_viewport()
+    expect(row(page, "young")).to_have_count(0)
+    expect(slider(page)).to_be_enabled()
+
+
+def test_button_moves_scene_to_tipping_point(page: Page, previews: PreviewingMarket) -> None:
+    slider(page).fill("2")
+    expect(panel(page).locator(".would-win")).to_contain_text("young would win")
+    panel(page).get_by_role("button", name="Move the scene there").click()
+    expect(panel(page).locator(".would-win")).to_contain_text("old would win")
+    expect(page.locator("#dry-run-age-value")).to_have_value("3.05")
+    assert previews.ages == [2.0, 3.05]
+
+
+def test_map_of_other_scene_says_so(page: Page) -> None:
+    panel(page).get_by_label("up").select_option("age")
+    panel(page).get_by_role("button", name="Draw the map").click()
+    expect(panel(page).locator(".map")).to_be_visible()
+    slider(page).fill("2")
+    expect(row(page, "young")).to_be_visible()
+    note = panel(page).get_by_text("Draw the map again")
+    expect(note).to_have_count(0)
+    slider(page, "mood").fill("4")
+    expect(note).to_be_visible()
+
+
+def test_viewer_sees_strategy_but_cannot_switch(
+    browser: Browser, studio: BackgroundStudio
+) -> None:
+    with opened_page(browser, studio.address_of(SessionRole.VIEW, "market")) as page:
+        shown = page.get_by_label("Strategy", exact=True)
+        expect(shown).to_contain_text("the nearest")
+        expect(shown).to_contain_text("This link is for viewing only")
+        expect(shown.get_by_label("Ranks the bids")).to_be_disabled()
