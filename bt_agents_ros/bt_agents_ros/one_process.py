@@ -29,6 +29,7 @@ from bt_agents_ros.discovery import participants
 from bt_agents_ros.fastdds_profile import PROFILE, FastDdsProfile
 from bt_agents_ros.local_bus import LocalBus
 from bt_agents_ros.spinner import run_together
+from bt_agents_ros.workarounds.bounded_end import ending_in_time
 from bt_agents_ros.workarounds.local_endpoints import handing_over
 
 _IGNORED = "fastdds.ignore_local_endpoints"
@@ -73,7 +74,8 @@ def bus() -> Iterator[LocalBus | None]:
             with handing_over(get_default_context(), made):
                 yield made
     finally:
-        anchor.destroy_node()
+        with ending_in_time():
+            anchor.destroy_node()
 
 
 def _participant_that_ignores_itself(node: Node) -> str | None:

@@ -25,6 +25,7 @@ from bt_agents_ros.local_bus import LocalBus
 from bt_agents_ros.node_main import READY, RESTARTED, SUPERVISED
 from bt_agents_ros.parameters import report_unknown
 from bt_agents_ros.signals import Interrupt, Interrupted
+from bt_agents_ros.workarounds.bounded_end import ending_in_time
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 _POLL_S = 0.2
@@ -94,9 +95,10 @@ class Spinner:
 
     def close(self) -> None:
         """Stop the executor and destroy the nodes, in the order that Fast DDS survives."""
-        self.executor.shutdown(timeout_sec=0.5)
-        for node in self.nodes:
-            node.destroy_node()
+        with ending_in_time():
+            self.executor.shutdown(timeout_sec=0.5)
+            for node in self.nodes:
+                node.destroy_node()
 
 
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
@@ -140,8 +142,9 @@ def run_together(
                         if getattr(node, "is_active", True):
                             report_unknown(node, *nodes)
             except BaseException as error:
-                for node in nodes:
-                    node.destroy_node()
+                with ending_in_time():
+                    for node in nodes:
+                        node.destroy_node()
                 if isinstance(error, Interrupted):
                     return 0
                 if not isinstance(error, Exception):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signals while a node is being made: it is closed as a whole, and soon."""
+"""Starts and ends of a node: signals while it is made, and a middleware that hangs."""
 
 from __future__ import annotations
 
@@ -39,11 +39,36 @@ def make():
 sys.exit(run(make))
 """
 
+HANGING = """
+import ctypes, os, signal
+from bt_agents_ros.base_node import BaseNode
+from bt_agents_ros.spinner import run
+from bt_agents_ros.workarounds import bounded_end
+
+class Hanging(BaseNode):
+    def destroy_node(self):
+        ctypes.PyDLL(None).pause()  # with the GIL, as rclpy ends a participant
+
+bounded_end.END_LIMIT_S = 0.5
+
+def make():
+    node = Hanging("hanging")
+    os.kill(os.getpid(), signal.SIGTERM)
+    return node
+
+run(make)
+"""
+
 
 def ended(number: signal.Signals, *, before: int = 0, inside: int = 0) -> tuple[int, str]:
     """Run a node that signals itself; return its exit code and what it has printed."""
+    return printed(PROGRAM.format(signal=number.name, before=before, inside=inside))
+
+
+def printed(program: str) -> tuple[int, str]:
+    """Run a program; return its exit code and what it has printed."""
     process = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(signal=number.name, before=before, inside=inside)],
+        [sys.executable, "-c", program],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -66,3 +91,9 @@ def test_signal_before_reading_files_prevents_construction(number: signal.Signal
 
 def test_second_signal_ends_construction_immediately() -> None:
     assert ended(signal.SIGTERM, inside=2) == (-signal.SIGTERM, "")
+
+
+def test_hanging_middleware_does_not_keep_process() -> None:
+    code, text = printed(HANGING)
+    assert code == 1
+    assert "in destroy_node" in text
