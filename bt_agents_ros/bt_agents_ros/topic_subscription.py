@@ -18,11 +18,9 @@ _REMEMBERED = 100
 class TopicSubscription:
     """Subscription that hears every publisher of a topic."""
 
-    _profile = qos.SENSOR
-
     def __init__(self, node: Node, kind: Any, topic: str, receive: Callable[..., None]) -> None:
         self._node = node
-        self._subscription = node.create_subscription(kind, topic, receive, self._profile)
+        self._subscription = self._subscribe(kind, topic, receive)
 
     def look(self) -> frozenset[str]:
         """Return the types of the publishers on the graph, ``package/msg/Name``."""
@@ -31,6 +29,9 @@ class TopicSubscription:
     def close(self) -> None:
         """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
+
+    def _subscribe(self, kind: Any, topic: str, receive: Callable[..., None]) -> Any:
+        return self._node.create_subscription(kind, topic, receive, qos.SENSOR)
 
     def _publishers(self) -> list[Any]:
         found: list[Any] = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
@@ -44,8 +45,6 @@ class LatchedSubscription(TopicSubscription):
     one at a look, a second subscription receives them. A message that arrives through both counts
     once.
     """
-
-    _profile = qos.FACTS
 
     def __init__(self, node: Node, kind: Any, topic: str, receive: Callable[[Any], None]) -> None:
         self._kind = kind
@@ -73,6 +72,9 @@ class LatchedSubscription(TopicSubscription):
         super().close()
         if self._second is not None:
             self._second.close()
+
+    def _subscribe(self, kind: Any, topic: str, receive: Callable[..., None]) -> Any:
+        return self._node.create_subscription(kind, topic, receive, qos.FACTS)
 
     def _receive(self, message: Any, info: Mapping[str, Any]) -> None:
         sent_ns = int(info["source_timestamp"])
