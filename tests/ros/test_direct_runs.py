@@ -209,15 +209,16 @@ def test_documented_client_runs_agent(ros: Any, tmp_path: Path) -> None:
     page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
     [code] = re.findall(r"```py\n(import rclpy.*?)```", page, re.DOTALL)
     ros.add(make_host(folder(tmp_path, agent("attentive_guide", "wait: 0.1 s")), market=False))
-    program = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    try:
-        ros.until(lambda: program.poll() is not None)
-        assert program.stdout is not None
-        *_, last = program.stdout.read().splitlines()
-        assert (program.returncode, last) == (0, "succeeded")
-    finally:
-        program.kill()
-        program.wait()
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
+    ) as program:
+        try:
+            ros.until(lambda: program.poll() is not None)
+            assert program.stdout is not None
+            *_, last = program.stdout.read().splitlines()
+            assert (program.returncode, last) == (0, "succeeded")
+        finally:
+            program.kill()
 
 
 @pytest.mark.usefixtures("py_trees_ros")
