@@ -173,7 +173,9 @@ def test_falling_visitor_mood_changes_market_winner(page: Page, tablet: Page) ->
     newest = page.get_by_label("Feedback").locator("li").first
     expect(newest).to_contain_text("negative · mood rule")
     expect(rounds).to_have_count(before + 1)
-    expect(page.get_by_label("Bids", exact=True).locator("tr.winner")).not_to_contain_text("attentive_guide")
+    expect(page.get_by_label("Bids", exact=True).locator("tr.winner")).not_to_contain_text(
+        "attentive_guide"
+    )
     stop(page)
 
 
