@@ -51,7 +51,7 @@ def test_played_scene_shows_tree_round_and_reasons(page: Page) -> None:
     page.locator(".node").first.click()
     expect(page.get_by_label("Node", exact=True)).to_contain_text("trees/agents/")
     open_page(page, "Market")
-    shown = page.get_by_label("Bids")
+    shown = page.get_by_label("Bids", exact=True)
     expect(shown.locator("tr.winner")).to_have_count(1)
     expect(shown).to_contain_text("an evening guest")
     stop(page)
@@ -155,7 +155,7 @@ def test_visitor_converses_with_robot_and_appears_in_market(page: Page, tablet: 
     question.get_by_role("button").first.click()
     expect(tablet.locator(".told")).to_contain_text("answered")
     open_page(page, "Market")
-    expect(page.get_by_label("Bids")).to_contain_text("a visitor at the screen")
+    expect(page.get_by_label("Bids", exact=True)).to_contain_text("a visitor at the screen")
     stop(page)
 
 
@@ -173,7 +173,9 @@ def test_falling_visitor_mood_changes_market_winner(page: Page, tablet: Page) ->
     newest = page.get_by_label("Feedback").locator("li").first
     expect(newest).to_contain_text("negative · mood rule")
     expect(rounds).to_have_count(before + 1)
-    expect(page.get_by_label("Bids").locator("tr.winner")).not_to_contain_text("attentive_guide")
+    expect(page.get_by_label("Bids", exact=True).locator("tr.winner")).not_to_contain_text(
+        "attentive_guide"
+    )
     stop(page)
 
 

@@ -198,7 +198,7 @@ def test_current_values_are_given_by_checkbox_or_keyboard(page: Page) -> None:
     panel.get_by_label("Label").fill("somebody as the sliders stand")
     panel.get_by_role("button", name="Announce the scene").click()
     open_page(page, "Market")
-    bids = page.get_by_label("Bids")
+    bids = page.get_by_label("Bids", exact=True)
     expect(bids).to_contain_text("somebody as the sliders stand")
     open_page(page, "Live")
     expect(strip(page)).to_have_attribute("data-state", "RUNNING")

@@ -434,7 +434,7 @@ def test_back_returns_through_pages_and_choices(page: Page, running: BackgroundS
         running.put("rounds", f"x/{number}", held_round(number))
     page.get_by_label("Agent").select_option("carrier")
     open_page(page, "Market")
-    bids = page.get_by_label("Bids")
+    bids = page.get_by_label("Bids", exact=True)
     expect(bids).to_contain_text("because of 2")
     page.get_by_label("Rounds").get_by_role("button", name="scene 1").click()
     expect(bids).to_contain_text("because of 1")
