@@ -18,6 +18,7 @@ from bt_agents_studio.protocol import (
     ServerMessage,
     Snapshot,
 )
+from bt_agents_studio.recordings import moment_snapshot
 from bt_agents_studio.records import OF_THE_PRESENT, BookmarkRecord
 from bt_agents_studio.store import Change, Entries, Store
 
@@ -135,7 +136,9 @@ class Feed:
             source="",
             first_s=self._history.first_s,
             last_s=self._history.last_s,
-            bookmarks=_bookmarks(self._history) if self._shows("bookmarks") else (),
+            bookmarks=self._history.newest("bookmarks", BookmarkRecord)
+            if self._shows("bookmarks")
+            else (),
             entries=shown_entries(self._store.snapshot(), self._collections),
         )
 
@@ -159,15 +162,7 @@ class Feed:
 
     def _moment(self, seek: Seek) -> ServerMessage:
         self._is_moment_due = False
-        return Snapshot(
-            sequence=0,
-            at_s=seek.at_s,
-            source="",
-            first_s=self._history.first_s,
-            last_s=self._history.last_s,
-            bookmarks=_bookmarks(self._history),
-            entries=self._history.at(seek.at_s),
-        )
+        return moment_snapshot(self._history, seek.at_s)
 
 
 def shown_entries(entries: Entries, collections: Collection[str] | None) -> Entries:
@@ -175,7 +170,3 @@ def shown_entries(entries: Entries, collections: Collection[str] | None) -> Entr
     if collections is None:
         return entries
     return {name: found for name, found in entries.items() if name in collections}
-
-
-def _bookmarks(history: History) -> tuple[BookmarkRecord, ...]:
-    return tuple(one for one in history.newest("bookmarks") if isinstance(one, BookmarkRecord))

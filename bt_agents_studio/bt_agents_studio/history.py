@@ -6,8 +6,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from itertools import islice
+from typing import TypeVar
 
 from bt_agents_studio.store import Change
+
+_Value = TypeVar("_Value")
 
 SPAN_S = 600.0
 """Time that a running system can be looked back over [s]."""
@@ -98,9 +101,13 @@ class History:
             found.setdefault(collection, {})[key] = value
         return found
 
-    def newest(self, collection: str) -> tuple[object, ...]:
-        """Return the values of a collection after the last change."""
-        return tuple(value for (name, _), value in self._newest.items() if name == collection)
+    def newest(self, collection: str, kind: type[_Value]) -> tuple[_Value, ...]:
+        """Return the values of a collection, all of a type, after the last change."""
+        return tuple(
+            value
+            for (name, _), value in self._newest.items()
+            if name == collection and isinstance(value, kind)
+        )
 
     def _drop(self) -> None:
         self._base_s, change = self._changes.popleft()

@@ -2,8 +2,9 @@
 """Process that reads recordings for the pages of a studio, and its client in the studio.
 
 Reading takes long, so that a thread of the studio would hold up what happens now. The process gets
-a line of JSON for each moment. It answers with a line that says whether it could be read, and how
-long the message for the page is, and with that message. It ends with its standard input.
+a line of JSON for each moment or timeline. It answers with a line that says whether it could be
+read, and how long the message for the page is, and with that message. It ends with its standard
+input.
 """
 
 from __future__ import annotations
@@ -20,21 +21,21 @@ from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
-from bt_agents_studio.protocol import Failure, Snapshot, encode
+from bt_agents_studio.protocol import Events, Failure, Snapshot, encode
 from bt_agents_studio.recordings import Recordings
 
 LIMIT_S = 1800.0
 """Longest time for one answer; a large recording takes minutes [s]."""
 
-_MOMENT, _FAILURE = b"moment", b"failure"
+_FOUND, _FAILURE = b"found", b"failure"
 _END_S = 2.0
 _NICENESS = 5
 _LARGEST_ANSWER = 256 * 1024 * 1024
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordedMoment:
-    """Encoded message with a moment of a recording, or with why it cannot be shown."""
+class RecordedAnswer:
+    """Encoded message with what was read of a recording, or with why it cannot be read."""
 
     text: str
     is_failure: bool
@@ -54,9 +55,16 @@ class JournalWorker:
         self._process: asyncio.subprocess.Process | None = None
         self._is_closed = False
 
-    async def moment(self, file: Path, at_s: float, *, waits: bool) -> RecordedMoment:
+    async def moment(self, file: Path, at_s: float, *, waits: bool) -> RecordedAnswer:
         """Return a moment, or why it cannot be shown; see :meth:`Recordings.moment`."""
-        request = {"file": str(file), "at_s": at_s, "waits": waits}
+        return await self._ask(file, at_s=at_s, waits=waits)
+
+    async def events(self, file: Path) -> RecordedAnswer:
+        """Return the timeline, or why it cannot be shown; see :meth:`Recordings.events`."""
+        return await self._ask(file, at_s=None)
+
+    async def _ask(self, file: Path, **fields: float | None) -> RecordedAnswer:
+        request = {"file": str(file), **fields}
         async with self._turn:
             try:
                 async with asyncio.timeout(LIMIT_S):
@@ -70,14 +78,14 @@ class JournalWorker:
                 raise
             await self._end()
             failure = Failure(code=RefusalCode.UNREADABLE, message=reason)
-            return RecordedMoment(text=encode(failure), is_failure=True)
+            return RecordedAnswer(text=encode(failure), is_failure=True)
 
     async def close(self) -> None:
         """End the process, and answer nothing more."""
         self._is_closed = True
         await self._end()
 
-    async def _answer(self, request: str) -> RecordedMoment:
+    async def _answer(self, request: str) -> RecordedAnswer:
         if self._is_closed:
             raise OSError("the studio ends")
         if self._process is None or self._process.returncode is not None:
@@ -97,7 +105,7 @@ class JournalWorker:
         if int(length) > _LARGEST_ANSWER:
             raise ValueError(f"an answer of {int(length)} bytes")
         text = (await process.stdout.readexactly(int(length))).decode()
-        return RecordedMoment(text=text, is_failure=kind == _FAILURE)
+        return RecordedAnswer(text=text, is_failure=kind == _FAILURE)
 
     async def _end(self) -> None:
         process, self._process = self._process, None
@@ -120,15 +128,17 @@ def main() -> None:
     recordings = Recordings(mood, namespace)
     for line in sys.stdin:
         message = _message(recordings, json.loads(line))
-        kind = _FAILURE if isinstance(message, Failure) else _MOMENT
+        kind = _FAILURE if isinstance(message, Failure) else _FOUND
         text = encode(message).encode()
         answers.write(b"%s %d\n%s" % (kind, len(text), text))
         answers.flush()
 
 
-def _message(recordings: Recordings, request: Mapping[str, Any]) -> Snapshot | Failure:
+def _message(recordings: Recordings, request: Mapping[str, Any]) -> Snapshot | Events | Failure:
     try:
         file = Path(request["file"])
+        if request["at_s"] is None:
+            return recordings.events(file)
         return recordings.moment(file, request["at_s"], waits=request["waits"])
     except Refused as refused:
         return Failure(code=refused.code, message=refused.reason)

@@ -30,6 +30,7 @@ from bt_agents_studio.records import (
     BookmarkRecord,
     ControlRecord,
     CountdownRecord,
+    EventRecord,
     FileRecord,
     HealthRecord,
     HostRecord,
@@ -95,6 +96,7 @@ _MOST_FAILURES = 30
 """Types of messages that could not be shown, at most."""
 
 _LONGEST_LINE = 1000
+_LONGEST_EVENT = 200
 _MOST_STATUSES = 500
 _LONGEST_NAME = 200
 _LONGEST_HEALTH = 500
@@ -254,6 +256,14 @@ class Projection:
         self._store.put("rounds", f"{record.epoch}/{record.round}", record)
         if not record.preview:
             self._log(at_s, "market", agent=record.winner, text=record.reason)
+            self._event(
+                f"round {record.epoch}/{record.round}",
+                "MARKET",
+                record.outcome,
+                (record.at_s, record.at_s),
+                agent=record.winner,
+                text=record.reason,
+            )
 
     def _run(self, message: Any, at_s: float) -> None:
         event = _name(_EVENTS, message.event)
@@ -291,6 +301,14 @@ class Projection:
             duration_s=float(message.duration_s),
         )
         self._store.put("runs", message.agent, record)
+        self._event(
+            f"run {record.epoch}/{record.round}/{record.agent}",
+            "AGENT",
+            _kind_of_run(record),
+            (record.began_s, record.ended_s),
+            agent=record.agent,
+            text=record.message or record.scene_label,
+        )
         if record.ended_s is not None:
             self._store.clear("countdowns", f"{message.agent}|")
         if record.outcome == "LOST":
@@ -569,6 +587,10 @@ class Projection:
         text = f"{record.kind.lower()} by {record.source}"
         text += f": {record.reason}" if record.reason else ""
         self._log(at_s, "feedback", agent=message.agent, path=message.leaf, text=text)
+        moment = (record.at_s, record.at_s)
+        self._event(
+            f"feedback {key}", "FEEDBACK", record.kind, moment, agent=record.agent, text=text
+        )
 
     def _scene_end(self, message: Any, at_s: float) -> None:
         text = f"'{message.scene_id}' {message.code}: {message.message}"
@@ -586,7 +608,6 @@ class Projection:
         self._store.put("questions", "", QuestionsRecord(questions=questions))
 
     def _robot(self, message: Any, at_s: float) -> None:
-        del at_s
         acts = tuple(
             RobotActRecord(
                 at_s=_seconds(one.stamp),
@@ -607,6 +628,19 @@ class Projection:
             sound=message.sound,
             sounds=int(message.sounds),
         )
+        before = self._store.get("robot")
+        known = before.acts if isinstance(before, RobotRecord) else ()
+        going_on = {(act.at_s, act.number) for act in acts}
+        for act in (*known, *acts):
+            place = (act.at_s, act.number)
+            ended_s = None if place in going_on else _seconds(message.header.stamp) or at_s
+            self._event(
+                f"act {act.at_s}/{act.number}",
+                "ROBOT",
+                act.kind,
+                (act.at_s, ended_s),
+                text=act.text or act.clip,
+            )
         self._store.put("robot", "", record)
 
     def _recording(self, message: Any, at_s: float) -> None:
@@ -749,6 +783,14 @@ class Projection:
         before = self._store.get("health", name)
         if isinstance(before, HealthRecord) and before.level == record.level:
             record = replace(record, since_s=before.since_s)
+        elif record.level in (Health.ERROR.name, Health.STALE.name):
+            self._event(
+                f"fault {name}/{record.since_s}",
+                "FAULT",
+                record.level,
+                (record.since_s, record.since_s),
+                text=f"{name}: {record.message}",
+            )
         if record != before:
             self._store.put("health", name, record)
 
@@ -793,6 +835,27 @@ class Projection:
             if one.revision > newest:
                 text = f"{one.name}: {one.before} → {one.after} by {one.author}"
                 self._log(at_s, "tuning", text=text)
+
+    def _event(
+        self,
+        key: str,
+        lane: str,
+        kind: str,
+        span: tuple[float, float | None],
+        *,
+        text: str,
+        agent: str = "",
+    ) -> None:
+        began_s, ended_s = span
+        record = EventRecord(
+            lane=lane,
+            kind=kind,
+            agent=agent,
+            text=ellipsize(printable_line(self._names.with_names(text)), _LONGEST_EVENT),
+            began_s=began_s,
+            ended_s=ended_s,
+        )
+        self._store.put("events", key, record)
 
     def _log(self, at_s: float, kind: str, *, text: str, agent: str = "", path: str = "") -> None:
         self._lines += 1
@@ -869,6 +932,12 @@ _NEW = NodeRecord(
     busy_s=0.0,
     reason="",
 )
+
+
+def _kind_of_run(run: RunRecord) -> str:
+    if run.outcome != "NONE":
+        return run.outcome
+    return "RUNNING" if run.event == "STARTED" else run.event
 
 
 def _unannounced(message: Any, stamp: float) -> RunRecord:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
-from bt_agents_studio.records import BookmarkRecord, ParameterRecord
+from bt_agents_studio.records import BookmarkRecord, EventRecord, ParameterRecord
 from bt_agents_studio.store import Change
 
 VERSION = 1
@@ -121,6 +121,14 @@ class Failure:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Events:
+    """Timeline of a recording, the answer to ``GET /api/journals/NAME/events``."""
+
+    type: ClassVar[str] = "events"
+    events: tuple[EventRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Resume:
     """First message of a client: what it has already.
 
@@ -165,7 +173,7 @@ _CLIENT_MESSAGES: Mapping[str, type[Resume] | type[Seek] | type[Follow]] = {
 }
 
 
-def encode(message: ServerMessage) -> str:
+def encode(message: ServerMessage | Events) -> str:
     """Return a message as JSON; records become objects with the names of their fields.
 
     Raises:

@@ -14,8 +14,8 @@ from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.history import History
 from bt_agents_studio.projection import Projection, is_in_use
-from bt_agents_studio.protocol import Snapshot
-from bt_agents_studio.records import MOST_ENTRIES, BookmarkRecord
+from bt_agents_studio.protocol import Events, Snapshot
+from bt_agents_studio.records import MOST_ENTRIES, BookmarkRecord, EventRecord
 from bt_agents_studio.store import Change, Store
 
 if TYPE_CHECKING:
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 MOST_HELD = 2
 """Recordings that are held in memory."""
+
+_MOST_EVENTS = 10_000
+"""Events of a recording; the oldest are left out first."""
 
 _LARGEST = 512 * 1024 * 1024
 _MOST_BYTES = 256 * 1024 * 1024
@@ -60,24 +63,25 @@ class Recordings:
         Raises:
             Refused: ``NO_JOURNAL``, ``TOO_LARGE`` or ``UNREADABLE``.
         """
+        return moment_snapshot(self._history(file, waits=waits), at_s, file.name)
+
+    def events(self, file: Path) -> Events:
+        """Return the timeline of a journal file or a bag.
+
+        Raises:
+            Refused: As in :meth:`moment`.
+        """
+        return Events(events=self._history(file).newest("events", EventRecord))
+
+    def _history(self, file: Path, *, waits: bool = False) -> History:
         try:
             if waits:
                 self._wait_until_written(file)
-            history = self._read(file).history
+            return self._read(file).history
         except OSError as error:
             raise Refused(
                 RefusalCode.NO_JOURNAL, f"'{file.name}' cannot be read: {error.strerror}"
             ) from None
-        marks = history.newest("bookmarks")
-        return Snapshot(
-            sequence=0,
-            at_s=at_s,
-            source=file.name,
-            first_s=history.first_s,
-            last_s=history.last_s,
-            bookmarks=tuple(one for one in marks if isinstance(one, BookmarkRecord)),
-            entries=history.at(at_s),
-        )
 
     def _read(self, file: Path) -> _Recording:
         size = recording_size(file)
@@ -115,7 +119,8 @@ class _Recording:
         self._size = 0
         self._moment = 0.0
         self.history = History(span_s=float("inf"), most_bytes=_MOST_BYTES)
-        store = Store(MOST_ENTRIES, self._record, is_in_use=is_in_use)
+        most = {**MOST_ENTRIES, "events": _MOST_EVENTS}
+        store = Store(most, self._record, is_in_use=is_in_use)
         self._projection = Projection(store, mood)
 
     def read_on(self, size: int) -> bool:
@@ -157,6 +162,24 @@ class _Recording:
 
     def _record(self, change: Change) -> None:
         self.history.record(self._moment, change)
+
+
+def moment_snapshot(history: History, at_s: float, source: str = "") -> Snapshot:
+    """Return what a history shows at a moment [s since 1970], without events.
+
+    Those are shown all the time, not only those up to the moment.
+    """
+    entries = history.at(at_s)
+    entries.pop("events", None)
+    return Snapshot(
+        sequence=0,
+        at_s=at_s,
+        source=source,
+        first_s=history.first_s,
+        last_s=history.last_s,
+        bookmarks=history.newest("bookmarks", BookmarkRecord),
+        entries=entries,
+    )
 
 
 def _reader(file: Path, namespace: str) -> JournalReader:

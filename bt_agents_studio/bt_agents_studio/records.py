@@ -257,6 +257,25 @@ class LogRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EventRecord:
+    """A moment or a span on the timeline.
+
+    Attributes:
+        lane: ``AGENT``, ``ROBOT``, ``MARKET``, ``FEEDBACK`` or ``FAULT``.
+        kind: How a run ended, or ``RUNNING`` or ``CANCELLING``; what the robot does; the outcome
+            of a round; the kind of a feedback; the level of a part's health.
+        ended_s: ``began_s`` for a moment; None while a span goes on.
+    """
+
+    lane: str
+    kind: str
+    agent: str
+    text: str
+    began_s: float
+    ended_s: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class BidRecord:
     """One accepted bid, as it was ranked."""
 
@@ -637,6 +656,7 @@ COLLECTIONS: Mapping[str, type] = {
     "controls": ControlRecord,
     "countdowns": CountdownRecord,
     "bookmarks": BookmarkRecord,
+    "events": EventRecord,
     "feedback": ProfileStepRecord,
     "files": FileRecord,
     "health": HealthRecord,
@@ -665,11 +685,13 @@ COLLECTIONS: Mapping[str, type] = {
 Keys: agents, runs and trees by agent; feedback by agent, layer and revision; files by path;
 controls, health, hosts, tunings and parts by name; log and moods by number; countdowns, nodes and
 values by ``agent|path``; profiles by ``agent|layer``; rounds by ``epoch/round``; listening by
-topic; bookmarks by their time; tunables by name; the others have one entry, of key "".
+topic; bookmarks by their time; events by what they tell of; tunables by name; the others have one
+entry, of key "".
 """
 
 MOST_ENTRIES: Mapping[str, int] = {
     "bookmarks": 1000,
+    "events": 1000,
     "feedback": 500,
     "files": 500,
     "health": 500,
@@ -679,7 +701,7 @@ MOST_ENTRIES: Mapping[str, int] = {
 }
 """Collection → entries that are held, where that is not as many as in any other."""
 
-ROLLING = frozenset({"bookmarks", "feedback", "log", "moods", "rounds"})
+ROLLING = frozenset({"bookmarks", "events", "feedback", "log", "moods", "rounds"})
 """Collections that always lose their oldest entries."""
 
 OF_AN_AGENT = frozenset({"agents", "profiles", "runs", "trees"})
@@ -694,5 +716,5 @@ OF_A_HOST = frozenset({"controls", "hosts", "parts", "tunables", "tunings"})
 OF_A_PERSON = frozenset({"live", "parts", "robot"})
 """Collections that a session of a person is shown."""
 
-OF_THE_PRESENT = frozenset({"agents", "live", "market", "parts", "runs", "trees"})
+OF_THE_PRESENT = frozenset({"agents", "events", "live", "market", "parts", "runs", "trees"})
 """Collections that a page shows as they are now, even while it shows an earlier moment."""

@@ -38,7 +38,7 @@ from bt_agents_studio.connections import (
     server_logger,
 )
 from bt_agents_studio.feed import Feed, shown_entries
-from bt_agents_studio.journal_worker import JournalWorker, RecordedMoment
+from bt_agents_studio.journal_worker import JournalWorker, RecordedAnswer
 from bt_agents_studio.operations import (
     LIMIT_S,
     OPERATIONS,
@@ -143,6 +143,7 @@ class Server:
                 web.get("/api/state", self._state),
                 web.get("/api/journals", self._journals),
                 web.get("/api/journals/{name}", self._journal),
+                web.get("/api/journals/{name}/events", self._events),
                 web.post("/api/do/{operation}", self._do),
                 web.get("/{path:.*}", self._page),
             ]
@@ -252,6 +253,16 @@ class Server:
             "Content-Disposition": f'attachment; filename="{quote(file.name)}"',
         }
         return web.FileResponse(file, headers=headers)
+
+    async def _events(self, request: web.Request) -> web.Response:
+        self._access.check(_described(request), OBSERVERS)
+        file = self._studio.journal_file(request.match_info["name"])
+        answer = await self._recordings.events(file)
+        return web.Response(
+            text=answer.text,
+            status=_BAD_REQUEST if answer.is_failure else 200,
+            content_type="application/json",
+        )
 
     async def _do(self, request: web.Request) -> web.Response:
         name = request.match_info["operation"]
@@ -375,7 +386,7 @@ class Server:
             waits = self._studio.is_awaited(seek.source, seek.at_s)
             answer = await self._recordings.moment(file, seek.at_s, waits=waits)
         except Refused as refused:
-            answer = RecordedMoment(
+            answer = RecordedAnswer(
                 text=encode(Failure(code=refused.code, message=refused.reason)), is_failure=True
             )
         feed.give(answer.text, is_failure=answer.is_failure)

@@ -20,6 +20,7 @@ from studio_browser import (
     LIMIT_MS,
     System,
     announce,
+    look_back,
     open_page,
     open_values,
     opened_page,
@@ -382,8 +383,7 @@ def test_run_is_stopped_while_page_shows_earlier_moment(page: Page) -> None:
     serve(page, "the last guest", age=4.5, mood=2)
     scene = page.get_by_label("Scene", exact=True)
     expect(scene).to_contain_text("the last guest")
-    bar = page.get_by_label("Moment that is shown")
-    bar.fill(bar.get_attribute("min") or "")
+    look_back(page)
     expect(scene).not_to_contain_text("the last guest")
     stop(page)
     expect(scene).not_to_contain_text("the last guest")

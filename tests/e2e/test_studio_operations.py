@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.access import SessionRole
-from studio_browser import open_page, opened_page
+from studio_browser import look_back, open_page, opened_page
 from studio_entries import HOST, agent, part, tunable, tunings
 from studio_harness import BackgroundStudio, background_studio
 
@@ -111,9 +111,7 @@ def test_tab_without_key_is_told_so(page: Page, studio: BackgroundStudio) -> Non
 
 
 def test_earlier_moment_cannot_be_changed(page: Page, studio: BackgroundStudio) -> None:
-    bar = page.get_by_label("Moment that is shown")
-    expect(bar).to_be_enabled()
-    bar.fill(bar.get_attribute("min") or "")
+    look_back(page)
     open_page(page, "World")
     button = page.get_by_role("button", name="Announce the scene")
     expect(page.get_by_text("This is an earlier moment").first).to_be_in_viewport()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Earlier moments in the page of the studio: of a quick drag, the last one counts."""
+"""Earlier moments in the page of the studio: of quick clicks, the last one counts."""
 
 from __future__ import annotations
 
@@ -9,22 +9,11 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
-from studio_browser import LIMIT_MS
+from studio_browser import LIMIT_MS, box
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
 
-DRAG = """
-(bar, steps) => {
-  const { set } = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value");
-  const [first, last] = [Number(bar.min), Number(bar.max)];
-  for (let step = 1; step <= steps; step += 1) {
-    set.call(bar, String(first + ((last - first) * step) / (steps + 1)));
-    bar.dispatchEvent(new Event("input", { bubbles: true }));
-  }
-  return Number(bar.value);
-}
-"""
 STEPS = 5
 
 
@@ -71,7 +60,16 @@ class Held:
         self._answers.pop()()
 
 
-def test_dragged_bar_asks_for_one_moment_at_a_time(
+def click_along(page: Page) -> float:
+    """Click along the timeline; return the moment that the page wants to show at last."""
+    timeline = page.get_by_label("Moment that is shown")
+    seen = box(timeline)
+    for step in range(STEPS):
+        page.mouse.click(seen["x"] + seen["width"] * (step + 3) / (STEPS + 4), seen["y"] + 8)
+    return float(timeline.get_attribute("aria-valuenow") or "")
+
+
+def test_quick_clicks_ask_for_one_moment_at_once(
     browser: Browser, studio: BackgroundStudio
 ) -> None:
     held = Held()
@@ -79,12 +77,11 @@ def test_dragged_bar_asks_for_one_moment_at_a_time(
     page = context.new_page()
     page.route_web_socket("**/api/socket", held.route)
     page.goto(studio.address)
-    bar = page.get_by_label("Moment that is shown")
     page.wait_for_function(
-        "() => { const bar = document.querySelector('.time input'); "
-        "return Number(bar.max) - Number(bar.min) > 2; }"
+        "() => { const lanes = document.querySelector('.lanes'); "
+        "return Number(lanes?.ariaValueMax) - Number(lanes?.ariaValueMin) > 2; }"
     )
-    first, last = (bar.evaluate(DRAG, STEPS) for _ in range(2))
+    first, last = (click_along(page) for _ in range(2))
     held.until(page, 1)
     assert len(held.asked) == 1
     held.release()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,6 +19,7 @@ from studio_entries import (
     agent,
     auction,
     awaited,
+    event,
     market,
     part,
     profile_step,
@@ -85,6 +87,9 @@ def fill(studio: BackgroundStudio) -> None:
     studio.put("questions", "", question(LONG, "yes", LONG))
     studio.put("listening", f"door/{LONG.lower()}", awaited())
     studio.put("recording", "", recording())
+    now = time.time()
+    for lane in ("AGENT", "ROBOT", "MARKET", "FEEDBACK", "FAULT"):
+        studio.put("events", lane, event(lane, LONG.upper(), now, None, LONG))
 
 
 @contextmanager

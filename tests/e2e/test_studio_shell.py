@@ -27,7 +27,7 @@ from bt_agents_studio.records import (
     ValueRecord,
 )
 from programs import Program
-from studio_browser import open_page, opened_page, strip
+from studio_browser import look_back, open_page, opened_page, strip
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -178,13 +178,6 @@ def until_stopped(page: Page, studio: BackgroundStudio) -> None:
             return
         page.wait_for_timeout(100)
     pytest.fail("nobody was told to stop")
-
-
-def look_back(page: Page) -> None:
-    bar = page.get_by_label("Moment that is shown")
-    expect(bar).to_be_enabled()
-    bar.fill(bar.get_attribute("min") or "")
-    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
 
 
 def test_strip_tells_agent_node_time_and_mood(page: Page) -> None:

@@ -124,6 +124,14 @@ def stop(page: Page) -> None:
     expect(button).to_be_disabled()
 
 
+def look_back(page: Page) -> None:
+    """Show the oldest moment that is kept."""
+    timeline = page.get_by_label("Moment that is shown")
+    expect(timeline).to_have_attribute("aria-disabled", "false")
+    timeline.press("Home")
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+
+
 def box(found: Locator) -> dict[str, float]:
     """Return where something is seen: x, y, width, height and bottom [px]."""
     measured = found.bounding_box()

@@ -9,6 +9,7 @@ from typing import Any
 from bt_agents_studio.records import (
     AgentRecord,
     BidRecord,
+    EventRecord,
     Json,
     ListeningRecord,
     MarketRecord,
@@ -235,4 +236,11 @@ def recording() -> RecordingRecord:
         notes="",
         author="",
         bookmarks=0,
+    )
+
+
+def event(lane: str, kind: str, began_s: float, ended_s: float | None, text: str) -> EventRecord:
+    """Return an event of the timeline, about the guide."""
+    return EventRecord(
+        lane=lane, kind=kind, agent="guide", text=text, began_s=began_s, ended_s=ended_s
     )

@@ -21,6 +21,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, cookie_name
 from bt_agents_studio.records import PartRecord
 from bt_agents_studio.server import Server
+from bt_agents_studio.store import Change
 from bt_agents_studio.studio import Studio
 
 LIMIT_S = 30.0
@@ -195,9 +196,14 @@ class BackgroundStudio:
         """Change an entry, as a message of the system does."""
         self._loop.call_soon_threadsafe(self._one.put, collection, key, value)
 
+    def put_past(self, at_s: float, collection: str, key: str, value: object) -> None:
+        """Note what was changed at an earlier moment [s since 1970], before any other change."""
+        change = Change(collection=collection, key=key, value=value)
+        self._loop.call_soon_threadsafe(self._one.studio.history.record, at_s, change)
+
 
 @contextmanager
-def background_studio() -> Iterator[BackgroundStudio]:
+def background_studio(journal: Path | None = None) -> Iterator[BackgroundStudio]:
     """Serve a studio in a thread until the end of the block."""
     made: Future[tuple[ServedStudio, asyncio.AbstractEventLoop, asyncio.Event]] = Future()
 
@@ -206,7 +212,7 @@ def background_studio() -> Iterator[BackgroundStudio]:
         made.set_result((one, asyncio.get_running_loop(), ended))
         await ended.wait()
 
-    thread = threading.Thread(target=served, args=(wait, HANG_S), daemon=True)
+    thread = threading.Thread(target=served, args=(wait, HANG_S, journal), daemon=True)
     thread.start()
     one, loop, ended = made.result(LIMIT_S)
     try:

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The application: its pages, each with an address, its connection and its time bar.
+// The application: its pages, each with an address, its connection and its timeline.
 
-import { StrictMode, useEffect, useState } from "react";
+import { StrictMode, useEffect } from "react";
 import { createRoot } from "react-dom/client";
-import { connect, follow, seek, useConnection } from "./connection";
-import { formatTime } from "./formatting";
-import { Bookmarks, Marks } from "./recording";
+import { connect, useConnection } from "./connection";
 import { PAGES, writeAddress, type Page } from "./address";
 import { Keys } from "./keys";
 import { Live } from "./live";
@@ -18,6 +16,7 @@ import { System } from "./system";
 import { usePresent } from "./store";
 import { texts } from "./texts";
 import { startTheme } from "./theme";
+import { Timeline } from "./timeline";
 import { Tune } from "./tune";
 import { World } from "./world";
 
@@ -58,15 +57,15 @@ function App() {
               {/* It is a document of its own. */}
               <a href="/person">{texts.pages.person}</a>
             </nav>
-            <PanelBoundary label={texts.time.bar}>
-              <TimeBar />
-            </PanelBoundary>
           </>
         )}
         <Phase />
         {!isPerson && (
           <>
             <Keys />
+            <PanelBoundary label={texts.time.bar}>
+              <Timeline />
+            </PanelBoundary>
             <PanelBoundary label={texts.strip.label}>
               <StatusStrip />
             </PanelBoundary>
@@ -105,47 +104,6 @@ function Title({ page, chosen }: { page: Page | null; chosen: string }) {
     document.title = title;
   }, [title]);
   return null;
-}
-
-function TimeBar() {
-  const { atS, source, firstS, lastS, offsetS, failure } = useConnection();
-  const [nowS, setNowS] = useState(Date.now() / 1000);
-  useEffect(() => {
-    const timer = window.setInterval(() => setNowS(Date.now() / 1000), 1000);
-    return () => window.clearInterval(timer);
-  }, []);
-  const last = source ? (lastS ?? 0) : nowS + offsetS;
-  const first = firstS ?? last;
-  const shown = Math.min(atS ?? last, last);
-  return (
-    <div className="time">
-      <span className="track">
-        <input
-          type="range"
-          aria-label={texts.time.bar}
-          aria-valuetext={formatTime(shown)}
-          min={first}
-          max={last}
-          step={0.1}
-          value={shown}
-          disabled={first >= last}
-          onChange={(event) => seek(source, Number(event.target.value))}
-        />
-        <Marks firstS={first} lastS={last} />
-      </span>
-      <Bookmarks firstS={first} lastS={last} />
-      <time>{formatTime(shown)}</time>
-      {atS === null ? (
-        <span>{texts.time.now}</span>
-      ) : (
-        <button type="button" onClick={follow}>
-          {texts.time.back}
-        </button>
-      )}
-      {source && <span>{source}</span>}
-      {failure && <span className="failure">{failure}</span>}
-    </div>
-  );
 }
 
 /** Draw the page and connect it to its studio. */

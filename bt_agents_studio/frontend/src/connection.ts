@@ -2,7 +2,7 @@
 // Connection of the page to its studio: it comes back by itself, and goes on where it was.
 
 import { useSyncExternalStore } from "react";
-import { VERSION, type BookmarkRecord, type ClientMessage, type Hello, type Operations, type ServerMessage } from "./protocol";
+import { VERSION, type BookmarkRecord, type ClientMessage, type EventRecord, type Hello, type Operations, type ServerMessage } from "./protocol";
 import { apply, replaceAll, setPresent } from "./store";
 
 export interface ConnectionState {
@@ -291,6 +291,16 @@ export interface Answer {
   key?: string;
   /** Of what the service has changed, where it counts that. */
   revision?: number;
+}
+
+/** Return the events of a recording; none while it cannot be read. */
+export async function fetchEvents(source: string, signal: AbortSignal): Promise<EventRecord[]> {
+  try {
+    const answer = await fetch(`/api/journals/${encodeURIComponent(source)}/events`, { signal });
+    return answer.ok ? ((await answer.json()) as { events: EventRecord[] }).events : [];
+  } catch {
+    return [];
+  }
 }
 
 async function post(path: string, body: unknown, limitMs = LIMIT_MS): Promise<Answer> {

@@ -164,6 +164,15 @@ export interface LogRecord {
   text: string;
 }
 
+export interface EventRecord {
+  lane: string;
+  kind: string;
+  agent: string;
+  text: string;
+  began_s: number;
+  ended_s: number | null;
+}
+
 export interface BidRecord {
   agent: string;
   host: string;
@@ -488,6 +497,7 @@ export interface Collections {
   controls: ControlRecord;
   countdowns: CountdownRecord;
   bookmarks: BookmarkRecord;
+  events: EventRecord;
   feedback: ProfileStepRecord;
   files: FileRecord;
   health: HealthRecord;

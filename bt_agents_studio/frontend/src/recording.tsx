@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recording: its start, its end, its bookmarks, and their marks on the time bar.
+// The recording: its start, its end and its bookmarks.
 
 import { useState } from "react";
 import { seek, useConnection } from "./connection";
@@ -10,6 +10,7 @@ import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import type { BookmarkRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
+import type { Span } from "./timeline_lanes";
 
 const words = texts.world;
 
@@ -76,35 +77,18 @@ export function Recording() {
   );
 }
 
-interface SpanProps {
-  firstS: number;
-  lastS: number;
-}
-
-function useMoments({ firstS, lastS }: SpanProps): BookmarkRecord[] {
+/** Marked moments of what is shown, from the first one that can be shown to the last. */
+export function useBookmarks({ fromS, toS }: Span): BookmarkRecord[] {
   const { atS, bookmarks } = useConnection();
   const live = useCollection("bookmarks");
   const all = atS === null ? live.map(([, one]) => one) : bookmarks;
-  return all.filter((one) => one.at_s >= firstS && one.at_s <= lastS);
-}
-
-/** Marks of the bookmarks on the time bar. */
-export function Marks(span: SpanProps) {
-  const shown = useMoments(span);
-  return (
-    <svg className="marks" viewBox="0 0 1000 1" preserveAspectRatio="none" aria-hidden="true">
-      {shown.map((one) => (
-        <rect key={one.at_s} x={((one.at_s - span.firstS) / Math.max(span.lastS - span.firstS, 1e-9)) * 996} width={4} height={1} />
-      ))}
-    </svg>
-  );
+  return all.filter((one) => one.at_s >= fromS && one.at_s <= toS);
 }
 
 /** List to jump to a bookmark. */
-export function Bookmarks(span: SpanProps) {
+export function Bookmarks({ bookmarks }: { bookmarks: readonly BookmarkRecord[] }) {
   const { source } = useConnection();
-  const shown = useMoments(span);
-  if (shown.length === 0) return null;
+  if (bookmarks.length === 0) return null;
   return (
     <select
       aria-label={texts.time.bookmarks}
@@ -112,7 +96,7 @@ export function Bookmarks(span: SpanProps) {
       onChange={(event) => event.target.value && seek(source, Number(event.target.value))}
     >
       <option value="">{texts.time.bookmarks}</option>
-      {shown.map((one) => (
+      {bookmarks.map((one) => (
         <option key={one.at_s} value={one.at_s}>
           {formatTime(one.at_s)} {one.label}
         </option>

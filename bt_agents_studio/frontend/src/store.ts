@@ -6,17 +6,19 @@ import type { Collections, Delta, Present, Snapshot } from "./protocol";
 
 type Name = keyof Collections;
 /** Collections of which the present is known while the page shows an earlier moment. */
-type PresentName = "agents" | "live" | "market" | "parts" | "runs" | "trees";
+type PresentName = "agents" | "events" | "live" | "market" | "parts" | "runs" | "trees";
 type Listener = () => void;
 
 const collections = new Map<string, Map<string, unknown>>();
 /** The same entries, except while the page shows an earlier moment: then these are still those of the present. */
 const present = new Map<string, Map<string, unknown>>();
+/** Topic of a collection → its entries as a list, until they change. */
 const lists = new Map<string, readonly [string, unknown][]>();
 const listeners = new Map<string, Set<Listener>>();
 
 const entryTopic = (name: string, key: string): string => `${name}\u0000${key}`;
 const presentTopic = (name: string, key: string): string => `\u0000${name}\u0000${key}`;
+const presentListTopic = (name: string): string => `\u0000${name}`;
 
 function subscribe(topic: string, listener: Listener): () => void {
   let all = listeners.get(topic);
@@ -28,7 +30,8 @@ function subscribe(topic: string, listener: Listener): () => void {
   };
 }
 
-function notify(topics: Iterable<string>): void {
+function notify(topics: ReadonlySet<string>): void {
+  for (const topic of topics) lists.delete(topic);
   for (const topic of topics) for (const listener of listeners.get(topic) ?? []) listener();
 }
 
@@ -49,7 +52,6 @@ export function replaceAll(snapshot: Snapshot): void {
     const after = new Map(Object.entries(snapshot.entries[name] ?? {}));
     for (const key of new Set([...before.keys(), ...after.keys()])) topics.add(entryTopic(name, key));
     collections.set(name, after);
-    lists.delete(name);
     topics.add(name);
   }
   notify(topics);
@@ -65,6 +67,7 @@ export function setPresent(snapshot: Snapshot): void {
 function replacePresent(entries: ReadonlyMap<string, Map<string, unknown>>): void {
   const topics = new Set<string>();
   for (const [name, values] of [...present, ...entries]) {
+    topics.add(presentListTopic(name));
     for (const key of values.keys()) topics.add(presentTopic(name, key));
   }
   present.clear();
@@ -95,12 +98,11 @@ function applyWaiting(): void {
     for (const [name, key, value] of message.changes) {
       if (message.type === "delta") {
         change(collections, name, key, value);
-        lists.delete(name);
         topics.add(entryTopic(name, key)).add(name);
         const entries = collections.get(name);
         if (entries) present.set(name, entries);
       } else change(present, name, key, value);
-      topics.add(presentTopic(name, key));
+      topics.add(presentTopic(name, key)).add(presentListTopic(name));
     }
   }
   notify(topics);
@@ -144,18 +146,31 @@ const EMPTY: readonly [string, never][] = [];
  * With a period the component is rendered again at most that often, for what changes quicker than it is read.
  */
 export function useCollection<N extends Name>(name: N, periodMs = 0): readonly [string, Collections[N]][] {
+  return useList(name, () => collections.get(name), periodMs) as readonly [string, Collections[N]][];
+}
+
+/** The same as it is now, also while the page shows an earlier moment. */
+export function usePresentCollection<N extends PresentName>(name: N, periodMs = 0): readonly [string, Collections[N]][] {
+  return useList(presentListTopic(name), () => present.get(name), periodMs) as readonly [string, Collections[N]][];
+}
+
+function useList(
+  topic: string,
+  read: () => ReadonlyMap<string, unknown> | undefined,
+  periodMs: number,
+): readonly [string, unknown][] {
   const subscribeTo = useCallback(
-    (listener: Listener) => subscribe(name, periodMs > 0 ? later(listener, periodMs) : listener),
-    [name, periodMs],
+    (listener: Listener) => subscribe(topic, periodMs > 0 ? later(listener, periodMs) : listener),
+    [topic, periodMs],
   );
   return useSyncExternalStore(subscribeTo, () => {
-    let list = lists.get(name);
+    let list = lists.get(topic);
     if (list === undefined) {
-      const entries = collections.get(name);
+      const entries = read();
       list = entries === undefined ? EMPTY : [...entries];
-      lists.set(name, list);
+      lists.set(topic, list);
     }
-    return list as readonly [string, Collections[N]][];
+    return list;
   });
 }
 

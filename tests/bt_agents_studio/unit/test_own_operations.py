@@ -17,7 +17,7 @@ from bt_agents_interfaces.msg import Auction, Bookmark, RankedBid, RecordingStat
 from bt_agents_lab.recorder.file import JournalFile
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_studio.access import SessionRole
-from bt_agents_studio.records import ListeningRecord, StrategyRecord
+from bt_agents_studio.records import BookmarkRecord, ListeningRecord, StrategyRecord
 from bt_agents_tools.client.write_back import ParameterState
 from checkout import ROOT
 from journal_fixture import recorded
@@ -346,7 +346,7 @@ def test_recording_and_bookmarks_are_shown_while_journal_exists() -> None:
         studio.graph({}, False)
         assert studio.store.get("recording") is None
         assert studio.store.keys("listening") == ()
-        [mark] = studio.history.newest("bookmarks")
+        [mark] = studio.history.newest("bookmarks", BookmarkRecord)
         assert mark.label == "odd"
 
     served(test)

@@ -12,12 +12,16 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from bt_agents_interfaces.msg import (
     AgentFiles,
+    Auction,
     Breakpoint,
     ChangedValue,
     Countdown,
+    Feedback,
     NodeDetails,
     NodeValue,
     Preset,
+    RobotAct,
+    RobotState,
     Run,
     RunControl,
     Scene,
@@ -303,6 +307,46 @@ def test_running_agent_is_shown_with_its_awarded_scene(shown: Shown) -> None:
     assert shown.get("scene", "").label == "somebody in line"
 
 
+def events(shown: Shown) -> list[tuple[str, str, float, float | None]]:
+    found = [shown.get("events", key) for key in shown.store.keys("events")]
+    return [(one.lane, one.kind, one.began_s, one.ended_s) for one in found]
+
+
+def test_run_is_one_event_until_its_end(shown: Shown) -> None:
+    assert events(shown) == [("AGENT", "RUNNING", 1001.0, None)]
+    shown.take(Run(**RUN, event=Run.ENDED, outcome=Run.FAILED, duration_s=1.0, message="no"))
+    assert events(shown) == [("AGENT", "FAILED", 1001.0, 1002.0)]
+    shown.take(Run(**RUN | {"round": 4}, event=Run.REFUSED))
+    assert events(shown)[1:] == [("AGENT", "REFUSED", 1003.0, 1003.0)]
+
+
+def test_act_of_robot_ends_when_untold(shown: Shown) -> None:
+    acts = [
+        RobotAct(stamp=to_time(1000.0 + number), number=number, kind=kind, text="Hello")
+        for number, kind in ((1, RobotAct.SAY), (2, RobotAct.SHOW))
+    ]
+    shown.take(RobotState(acts=acts))
+    shown.take(RobotState(acts=acts[1:]))
+    assert events(shown)[1:] == [("ROBOT", "SAY", 1001.0, 1003.0), ("ROBOT", "SHOW", 1002.0, None)]
+
+
+def test_round_and_feedback_are_moments(shown: Shown) -> None:
+    shown.take(Auction(epoch="e1", round=3, outcome=Auction.AWARDED, winner="guide"))
+    shown.take(Auction(epoch="e1", round=4, outcome=Auction.AWARDED, preview=True))
+    shown.take(Feedback(agent="guide", kind=Feedback.NEGATIVE, source="button"))
+    assert events(shown)[1:] == [
+        ("MARKET", "AWARDED", 1002.0, 1002.0),
+        ("FEEDBACK", "NEGATIVE", 1004.0, 1004.0),
+    ]
+
+
+def test_text_of_event_is_short_and_printable(shown: Shown) -> None:
+    shown.take(Run(**RUN, event=Run.ENDED, message="\x1b[31m\n" + "x" * 10_000))
+    [record] = [shown.get("events", key) for key in shown.store.keys("events")]
+    assert record.text.isprintable()
+    assert len(record.text) <= 200
+
+
 class Told:
     """Health that a node tells, and what the studio shows of it."""
 
@@ -338,6 +382,17 @@ def test_health_states_since_when_its_level_holds() -> None:
         12.0,
     )
     assert told.shown.values == {"file": "a.yaml"}
+
+
+def test_each_new_error_of_health_is_an_event() -> None:
+    told = Told()
+    for at_s, level in ((10.0, 2), (11.0, 2), (12.0, 0), (13.0, 1), (14.0, 2)):
+        told.take(at_s, level, "two files")
+    found = [told.store.get("events", key) for key in told.store.keys("events")]
+    assert [(one.kind, one.began_s, one.text) for one in found] == [  # type: ignore[union-attr]
+        ("ERROR", 10.0, "agents: files: two files"),
+        ("ERROR", 14.0, "agents: files: two files"),
+    ]
 
 
 def test_recorded_health_with_numeric_level_is_shown() -> None:

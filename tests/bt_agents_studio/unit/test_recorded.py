@@ -9,13 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from rclpy.serialization import serialize_message
 
 from bt_agents_core.errors import Refused
-from bt_agents_interfaces.msg import RecordingStatus
-from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_interfaces.msg import RecordingStatus, Run
+from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
 from bt_agents_studio.recordings import Recordings
 from bt_agents_studio.studio import Studio
-from journal_fixture import recorded
+from journal_fixture import recorded, topic_of
 from studio_harness import SPACE
 
 NOW_S = 1000.0
@@ -113,20 +114,41 @@ def test_recording_that_is_gone_is_refused(recording: Recording) -> None:
         recording.tick()
 
 
+def test_timeline_of_recording_is_told_apart_from_moments(recording: Recording) -> None:
+    told = Run(epoch="e", round=1, agent="guide", event=Run.STARTED)
+    message = RecordedMessage(
+        topic=topic_of(Run, "/bt_agents/runs"),
+        data=serialize_message(told),
+        sent_ns=3,
+        received_ns=3,
+    )
+    recording.file.add(message, 3)
+    recording.file.flush()
+    moment = recording.recordings.moment(recording.path, NEWEST_S)
+    assert "events" not in moment.entries
+    [event] = recording.recordings.events(recording.path).events
+    assert (event.lane, event.kind, event.agent) == ("AGENT", "RUNNING", "guide")
+    assert event.ended_s is None
+
+
 def test_worker_answers_and_ends_with_its_input(recording: Recording) -> None:
     command = [sys.executable, "-m", "bt_agents_studio.journal_worker", "mood", ""]
     request = {"file": str(recording.path), "at_s": NEWEST_S, "waits": False}
-    missing = request | {"file": f"{recording.path}.gone"}
+    timeline = {"file": str(recording.path), "at_s": None}
+    missing = timeline | {"file": f"{recording.path}.gone"}
     done = subprocess.run(
         command,
-        input="".join(f"{json.dumps(one)}\n" for one in (request, missing)).encode(),
+        input="".join(f"{json.dumps(one)}\n" for one in (request, timeline, missing)).encode(),
         capture_output=True,
         timeout=60,
         check=True,
     )
     head, _, rest = done.stdout.partition(b"\n")
     kind, length = head.split()
-    assert (kind, json.loads(rest[: int(length)])["type"]) == (b"moment", "snapshot")
+    assert (kind, json.loads(rest[: int(length)])["type"]) == (b"found", "snapshot")
+    head, _, rest = rest[int(length) :].partition(b"\n")
+    kind, length = head.split()
+    assert (kind, json.loads(rest[: int(length)])) == (b"found", {"type": "events", "events": []})
     kind, length, failure = rest[int(length) :].split(maxsplit=2)
     assert (kind, json.loads(failure)["code"]) == (b"failure", "NO_JOURNAL")
     assert len(failure) == int(length)

@@ -254,6 +254,21 @@ def test_reading_recording_does_not_delay_other_pages(tmp_path: Path) -> None:
     served(test, journal=tmp_path)
 
 
+def test_timeline_of_recording_is_served_to_observers(tmp_path: Path) -> None:
+    address = f"/api/journals/{_journal(tmp_path).path.name}/events"
+
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.VIEW) as client:
+            answer = await client.get(address)
+            assert (answer.status, await answer.json()) == (200, {"type": "events", "events": []})
+            (tmp_path / "torn").mkdir()
+            (tmp_path / "torn" / "metadata.yaml").write_text("torn")
+            torn = await client.get("/api/journals/torn/events")
+            assert (torn.status, (await torn.json())["code"]) == (400, "UNREADABLE")
+
+    served(test, journal=tmp_path)
+
+
 def test_worker_killed_while_reading_is_reported(tmp_path: Path) -> None:
     seek = {"type": "seek", "source": _journal(tmp_path).path.name, "at_s": 2.0**40}
 
@@ -722,6 +737,9 @@ _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
     ("person of another name", "POST /api/do/feedback", _PERSON, '{"source":"operator"}'),
     ("person is urgent", "POST /api/do/scene", _PERSON, '{"urgent":true}'),
     ("person looks back", "GET /api/journals", _PERSON, ""),
+    ("person sees a timeline", "GET /api/journals/a.mcap/events", _PERSON, ""),
+    ("timeline of no recording", "GET /api/journals/a.mcap/events", {}, ""),
+    ("timeline of another file", "GET /api/journals/..%2Fa.mcap/events", {}, ""),
     ("answer of a viewer", "POST /api/do/answer", _VIEWER, '{"text":"yes"}'),
     ("answer that is no text", "POST /api/do/answer", _PERSON, '{"text":["yes"]}'),
     ("huge answer", "POST /api/do/answer", _PERSON, '{"text":"' + "a" * 2000 + '"}'),

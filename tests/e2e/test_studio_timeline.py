@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The timeline of the studio: where events are drawn, live and recorded, and how to reach them."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+from rclpy.serialization import serialize_message
+
+from bt_agents_interfaces.msg import Run
+from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
+from bt_agents_ros.messages import header_at, to_time
+from bt_agents_studio.records import LogRecord
+from journal_fixture import topic_of
+from studio_browser import LIMIT_MS, box, opened_page, strip
+from studio_entries import agent, event, market, scene
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+FILE = "journal-2026-03-01_001.mcap"
+DAY_S, BEGAN_S, RUNS = 8 * 3600.0, 1_000_000.0, 120
+SEEN = """() => {
+  const lanes = document.querySelector(".lanes");
+  const edge = lanes.querySelector("svg").getBoundingClientRect();
+  const of = (name) => Number(lanes.getAttribute(`aria-value${name}`));
+  return {
+    first: of("min"), last: of("max"), now: of("now"), left: edge.left + 64, right: edge.right,
+    cursor: lanes.querySelector(".cursor")?.getBoundingClientRect().left ?? null,
+    blocks: [...lanes.querySelectorAll(".block")].map((one) => {
+      const { left, right, top, bottom } = one.querySelector("rect").getBoundingClientRect();
+      return { ...one.dataset, left, right, top, bottom };
+    }),
+  };
+}"""
+
+
+class Seen:
+    """What the timeline shows at one instant."""
+
+    def __init__(self, page: Page) -> None:
+        found = page.evaluate(SEEN)
+        self.first, self.last, self.now = found["first"], found["last"], found["now"]
+        self.left, self.right, self.cursor = found["left"], found["right"], found["cursor"]
+        self.blocks: list[dict[str, Any]] = found["blocks"]
+
+    def place(self, at_s: float) -> float:
+        """Return where a moment is while the whole time is shown [px]."""
+        share = (at_s - self.first) / (self.last - self.first)
+        return float(self.left + share * (self.right - self.left))
+
+    def block(self, lane: str, kind: str) -> dict[str, Any]:
+        [found] = [one for one in self.blocks if (one["lane"], one["kind"]) == (lane, kind)]
+        return found
+
+
+@pytest.fixture
+def began_s() -> float:
+    """When the history of the studio begins: a good while ago."""
+    return time.time() - 100.0
+
+
+@pytest.fixture
+def studio(began_s: float) -> Iterator[BackgroundStudio]:
+    with background_studio() as served:
+        line = LogRecord(at_s=began_s, kind="run", agent="guide", path="", text="long ago")
+        served.put_past(began_s, "log", "0", line)
+        served.put("log", "0", line)
+        served.put("log", "1", replace(line, text="just now"))
+        served.put("market", "", market())
+        served.put("live", "", scene())
+        served.put("agents", "guide", agent("guide", "The guide"))
+        for number, one in enumerate(
+            (
+                event("AGENT", "FAILED", began_s + 10, began_s + 30, "no answer"),
+                event("AGENT", "RUNNING", began_s + 60, None, "started"),
+                event("ROBOT", "SAY", began_s + 12, began_s + 20, "Good morning"),
+                event("MARKET", "AWARDED", began_s + 9, began_s + 9, "it is the nearest"),
+                event("FEEDBACK", "NEGATIVE", began_s + 40, began_s + 40, "by button"),
+                event("FAULT", "ERROR", began_s + 50, began_s + 50, "camera: no picture"),
+            )
+        ):
+            served.put("events", str(number), one)
+        yield served
+
+
+@pytest.fixture
+def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
+    with opened_page(browser, studio.address) as opened:
+        expect(opened.locator(".block")).to_have_count(6)
+        yield opened
+
+
+def timeline(page: Page) -> Locator:
+    return page.get_by_label("Moment that is shown")
+
+
+def test_events_are_drawn_where_they_happened(page: Page, began_s: float) -> None:
+    expect(page.locator(".lanes svg")).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    assert seen.first == pytest.approx(began_s, abs=0.01)
+    said = seen.block("ROBOT", "SAY")
+    failed, running = seen.block("AGENT", "FAILED"), seen.block("AGENT", "RUNNING")
+    for one, from_s, to_s in ((failed, 10, 30), (said, 12, 20)):
+        assert one["left"] == pytest.approx(seen.place(began_s + from_s), abs=2)
+        assert one["right"] == pytest.approx(seen.place(began_s + to_s), abs=2)
+    assert running["left"] == pytest.approx(seen.place(began_s + 60), abs=2)
+    assert running["right"] == pytest.approx(seen.right, abs=2)
+    moments = (("MARKET", "AWARDED", 9), ("FEEDBACK", "NEGATIVE", 40), ("FAULT", "ERROR", 50))
+    for lane, kind, at_s in moments:
+        one = seen.block(lane, kind)
+        assert one["left"] == pytest.approx(seen.place(began_s + at_s), abs=2)
+        assert one["right"] - one["left"] < 6
+    # Each lane has a line of its own.
+    tops = sorted((one["top"], one["bottom"]) for one in seen.blocks if one is not running)
+    assert all(one[1] <= other[0] for one, other in pairwise(tops))
+
+
+def test_click_shows_moment_it_points_at(page: Page, began_s: float) -> None:
+    log = page.get_by_label("What happened")
+    expect(log).to_contain_text("just now")
+    page.mouse.click(Seen(page).place(began_s + 45), box(timeline(page))["y"] + 5)
+    expect(page.get_by_role("button", name="Back to now")).to_be_in_viewport()
+    seen = Seen(page)
+    assert seen.now == pytest.approx(began_s + 45, abs=0.5)
+    assert seen.cursor == pytest.approx(seen.place(seen.now), abs=2)
+    expect(log).to_contain_text("long ago")
+    expect(log).not_to_contain_text("just now")
+    expect(page).to_have_url(re.compile(rf"at={int(seen.now)}"))
+    # What happened later is still there.
+    assert len(seen.blocks) == 6
+
+
+def test_arrow_keys_go_from_event_to_event(page: Page, began_s: float) -> None:
+    bar = timeline(page)
+    bar.focus()
+    for at_s, told in (
+        (60, r"Agent: guide · running · started"),
+        (50, r"Faults: .*camera: no picture"),
+        (40, r"Feedback: .*by button"),
+        (12, r"Robot: .*Good morning"),
+    ):
+        page.keyboard.press("ArrowLeft")
+        expect(bar).to_have_attribute("aria-valuetext", re.compile(told))
+        assert Seen(page).now == pytest.approx(began_s + at_s, abs=0.2)
+    page.keyboard.press("ArrowRight")
+    assert Seen(page).now == pytest.approx(began_s + 40, abs=0.2)
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    expect(page.get_by_role("button", name="Back to now")).to_have_count(0)
+    expect(bar).to_have_attribute("aria-valuetext", re.compile("^Now; "))
+
+
+def test_wheel_zooms_at_the_pointer(page: Page, began_s: float) -> None:
+    before = Seen(page)
+    said = before.block("ROBOT", "SAY")
+    page.mouse.move((said["left"] + said["right"]) / 2, said["top"] + 3)
+    for _ in range(4):
+        page.mouse.wheel(0, -100)
+    page.wait_for_function(
+        "wide => document.querySelector('.block[data-lane=ROBOT] rect')"
+        ".getBoundingClientRect().width > 2 * wide",
+        arg=said["right"] - said["left"],
+    )
+    after = Seen(page).block("ROBOT", "SAY")
+    middles = [(one["left"] + one["right"]) / 2 for one in (said, after)]
+    assert middles[1] == pytest.approx(middles[0], abs=15)
+    assert page.evaluate("scrollY") == 0
+    timeline(page).press("0")
+    expect(page.locator(".block")).to_have_count(6)
+
+
+def test_drag_pans_without_leaving_now(page: Page) -> None:
+    bar = timeline(page)
+    for _ in range(2):
+        bar.press("+")
+    expect(page.locator(".block[data-lane=FAULT]")).to_have_count(1)
+    before = Seen(page).block("FAULT", "ERROR")
+    seen = box(bar)
+    page.mouse.move(seen["x"] + 300, seen["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(seen["x"] + 500, seen["y"] + 20, steps=4)
+    page.mouse.up()
+    after = Seen(page).block("FAULT", "ERROR")
+    assert after["left"] - before["left"] == pytest.approx(200, abs=30)
+    assert "at=" not in page.url
+    page.get_by_role("button", name="Back to now").click()
+    expect(page.get_by_role("button", name="Back to now")).to_have_count(0)
+
+
+def test_live_timeline_follows_now(page: Page, studio: BackgroundStudio) -> None:
+    bar = timeline(page)
+    for _ in range(8):
+        bar.press("+")
+    studio.put("events", "new", event("FAULT", "STALE", time.time(), time.time(), "door"))
+    fault = page.locator(".block[data-kind=STALE] rect")
+    expect(fault).to_be_in_viewport(ratio=1)
+    first = box(fault)["x"]
+    assert first > Seen(page).right - 300
+    page.wait_for_function(
+        "from => document.querySelector('.block[data-kind=STALE] rect')"
+        ".getBoundingClientRect().left < from - 40",
+        arg=first,
+        timeout=LIMIT_MS,
+    )
+    seen = Seen(page)
+    assert seen.cursor == pytest.approx(seen.right, abs=4)
+    expect(page.locator(".moment")).to_contain_text("Now")
+
+
+def test_hover_says_what_and_when(page: Page) -> None:
+    failed = Seen(page).block("AGENT", "FAILED")
+    page.mouse.move((failed["left"] + failed["right"]) / 2, failed["top"] + 3)
+    hover = page.locator(".hover")
+    expect(hover).to_have_text(
+        re.compile(r"^\d\d:\d\d:\d\d, 20 s · Agent: The guide · failed · no answer$")
+    )
+    expect(hover).to_be_in_viewport(ratio=1)
+    page.mouse.move(5, 5)
+    expect(hover).to_have_count(0)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "lanes"), [(1024, 600, 6), (390, 844, 2)], ids=["small laptop", "phone"]
+)
+def test_timeline_leaves_room_for_the_page(
+    page: Page, width: int, height: int, lanes: int
+) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+    expect(page.locator(".lane text")).to_have_count(lanes)
+    expect(page.locator(".lane text").first).to_have_text("Agent")
+    expect(page.locator(".lanes svg")).to_be_in_viewport(ratio=1)
+    expect(strip(page)).to_be_in_viewport(ratio=1)
+    assert box(page.locator("header"))["height"] < 0.4 * height
+    seen = Seen(page)
+    assert seen.right <= width
+    assert {one["lane"] for one in seen.blocks} >= {"AGENT", "MARKET"}
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BackgroundStudio]:
+    """A studio with the journal of a day, in which every tenth run has failed."""
+    folder = tmp_path_factory.mktemp("day")
+    file = JournalFile(folder / FILE)
+    for number in range(RUNS):
+        began_s = BEGAN_S + number * DAY_S / RUNS
+        outcome = Run.FAILED if number % 10 == 9 else Run.SUCCEEDED
+        told = {"epoch": "e", "round": number + 1, "agent": "guide"}
+        for at_s, fields in (
+            (began_s, {"event": Run.STARTED}),
+            (began_s + 120, {"event": Run.ENDED, "outcome": outcome, "duration_s": 120.0}),
+        ):
+            message = Run(header=header_at(to_time(at_s)), **told, **fields)
+            sent_ns = int(at_s * 1e9)
+            file.add(
+                RecordedMessage(
+                    topic=topic_of(Run, "/bt_agents/runs"),
+                    data=serialize_message(message),
+                    sent_ns=sent_ns,
+                    received_ns=sent_ns,
+                ),
+                number,
+            )
+    file.close()
+    with background_studio(folder) as served:
+        served.put("market", "", market())
+        yield served
+
+
+def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: BackgroundStudio) -> None:
+    address = recorded.address.replace("/#", f"/live?from={FILE}#")
+    with opened_page(browser, address) as page:
+        expect(page.locator(".block")).to_have_count(RUNS)
+        expect(page.locator(".block.failed")).to_have_count(RUNS // 10)
+        seen = Seen(page)
+        assert (seen.first, seen.now) == (pytest.approx(BEGAN_S), pytest.approx(seen.last))
+        for number, one in enumerate(seen.blocks):
+            at_s = BEGAN_S + number * DAY_S / RUNS
+            assert one["left"] == pytest.approx(seen.place(at_s), abs=2)
+        failed = seen.blocks[59]
+        page.mouse.click((failed["left"] + failed["right"]) / 2, failed["top"] + 3)
+        bar = timeline(page)
+        expect(bar).to_have_attribute("aria-valuetext", re.compile("guide · failed"))
+        bar.press("ArrowRight")
+        expect(bar).to_have_attribute("aria-valuetext", re.compile("guide · succeeded"))
+        assert Seen(page).now == pytest.approx(BEGAN_S + 60 * DAY_S / RUNS, abs=0.2)
+        expect(page.locator(".moment")).to_contain_text(FILE)
