@@ -55,6 +55,7 @@ class Act:
         text: Text that it says, asks or shows, or its destination.
         line: One line for people, for example ``says: Hello``.
         uses_mouth: Whether it must wait until no other act speaks.
+        uses_screen: Whether a page shows it, if the robot appears in a browser.
         clip: Name of the clip that it shows; empty for none.
         choices: Valid answers; none means any.
         rate: Speed of its speech relative to normal.
@@ -63,6 +64,7 @@ class Act:
 
     kind: ActKind
     uses_mouth = False
+    uses_screen = False
     clip = ""
     choices: tuple[str, ...] = ()
     rate = 1.0
@@ -113,6 +115,7 @@ class Say(Act):
 
     kind = ActKind.SAY
     uses_mouth = True
+    uses_screen = True
 
     def __init__(
         self, text: str, rate: float, *, pace: float, voice: Voice | None, verb: str = "says"
@@ -220,6 +223,7 @@ class Show(Act):
     """
 
     kind = ActKind.SHOW
+    uses_screen = True
 
     def __init__(self, clip: str, text: str, duration_s: float, *, pace: float) -> None:
         parts = [part for part in (clip.strip(), text.strip()) if part]

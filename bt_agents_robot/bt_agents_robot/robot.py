@@ -36,6 +36,7 @@ from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.acts import Act, Ask, Drive, Say, Show
 from bt_agents_robot.host_watch import HostWatch
 from bt_agents_robot.run_fence import RunFence
+from bt_agents_robot.screen_watch import ScreenWatch
 from bt_agents_robot.speech import Voice, check_text
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
@@ -57,6 +58,9 @@ MOST_WAITING = 5
 RESULT_TIMEOUT_S = 5
 """Time to store results [s]; the rclpy default of 900 s slows every further goal."""
 
+NO_PAGE = "no page Person is open"
+"""Why a goal that needs the screen ends."""
+
 _SLOWEST_TICK_S, _FASTEST_TICK_S = 0.02, 0.005
 _FEEDBACK_STEP = 0.1
 
@@ -77,7 +81,8 @@ class RobotNode(BaseNode):
     """Simulated robot; a given voice overrides the parameter ``voice``.
 
     Goals of a host end when the host falls silent. Late goals of runs that the market has left
-    behind are refused.
+    behind are refused. With the parameter ``needs_screen``, goals that a page shows end when no
+    page is open.
     """
 
     def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
@@ -113,6 +118,7 @@ class RobotNode(BaseNode):
         self._publish_state()
         self._heartbeat = self.create_publisher(Empty, "robot/heartbeat", qos.SENSOR)
         self._watch = HostWatch(self._declare_host_lease(), time.monotonic())
+        self._screen = self._watch_screen()
         self._heartbeats: dict[str, Subscription[Heartbeat]] = {}
         self.create_subscription(OpenGoals, "bt_agents/open_goals", self._on_open_goals, qos.FACTS)
         self._fence = RunFence()
@@ -144,9 +150,13 @@ class RobotNode(BaseNode):
 
     def _beat(self) -> None:
         self._heartbeat.publish(Empty())
-        lost = self._watch.lost(time.monotonic())
+        now = time.monotonic()
+        lost = self._watch.lost(now)
+        is_screen_gone = self._screen is not None and self._screen.is_gone(now)
         for performed in list(self._performed):
             reason = lost.get(bytes(performed.goal.goal_id.uuid))
+            if reason is None and is_screen_gone and performed.act.uses_screen:
+                reason = NO_PAGE
             if reason is not None:
                 self.get_logger().warning(f"given up: {performed.act.line}: {reason}")
                 self._end(performed, reason)
@@ -193,6 +203,31 @@ class RobotNode(BaseNode):
                 f"{run.round}, from which the market has gone on; it was held up on its way",
             )
 
+    # Screen
+
+    def _watch_screen(self) -> ScreenWatch | None:
+        meaning = "whether what it says, asks and shows needs an open page Person"
+        if not declare(self, "needs_screen", False, describe(meaning, read_only=True)):
+            return None
+        screen = ScreenWatch(time.monotonic())
+
+        def hear(_message: Empty) -> None:
+            screen.on_heartbeat(time.monotonic())
+
+        self.create_subscription(Empty, "studio/person/heartbeat", hear, qos.SENSOR)
+        return screen
+
+    def _check_screen(self, act: Act) -> None:
+        if self._screen is None or not act.uses_screen:
+            return
+        now = time.monotonic()
+        self._screen.on_goal(now)
+        if self._screen.is_gone(now):
+            raise Refused(RefusalCode.UNREACHABLE, NO_PAGE)
+
+    def _awaits_screen(self, act: Act) -> bool:
+        return self._screen is not None and act.uses_screen and not self._screen.was_seen
+
     # Ending
 
     def request_stop(self) -> None:
@@ -235,6 +270,7 @@ class RobotNode(BaseNode):
                 )
             self._check_run(goal.request.run)
             act = make_act(goal.request)
+            self._check_screen(act)
         except Refused as refused:
             self.get_logger().warning(f"goal refused: {refused}")
             goal.abort()
@@ -315,11 +351,14 @@ class RobotNode(BaseNode):
             performed.goal.publish_feedback(_feedback(act, now))
 
     def _begin_waiting(self) -> None:
-        """Begin waiting acts: a text as soon as no other is spoken, others at once."""
+        """Begin waiting acts: a text as soon as no other is spoken, others at once.
+
+        Those that need the screen wait for the first page.
+        """
         now = time.monotonic()
         for performed in self._performed:
             act = performed.act
-            if act.begun_at is not None:
+            if act.begun_at is not None or self._awaits_screen(act):
                 continue
             if act.uses_mouth and any(other.act.is_speaking(now) for other in self._performed):
                 continue

@@ -114,6 +114,7 @@ TOPICS = (
     _topic("scene_layer/trigger", _BEAT, "EVENTS", "operate visitors", "scene_layer"),
     _topic("scene_layer/transition_event", _STATE, "EVENTS", "scene_layer", "watch"),
     _topic("sound", _TEXT, "EVENTS", "", "robot"),
+    _topic("studio/person/heartbeat", _BEAT, "SENSOR", "studio", "robot"),
     _topic("visitors/current", _TEXT, "FACT", "visitors", "watch"),
     _topic("visitors/done", _YES, "FACT", "visitors", "watch"),
     _topic("visitors/remarks", _TEXT, "FACTS", "visitors", "watch"),

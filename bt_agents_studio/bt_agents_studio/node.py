@@ -18,9 +18,10 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersA
 from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 
 import bt_agents_interfaces.srv as services
 from bt_agents.host.tuning.tunable import profile_values
@@ -39,7 +40,7 @@ from bt_agents_ros.messages import header_at
 from bt_agents_ros.size_check import check_content, largest_bytes
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
-from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
 from bt_agents_ros.types import load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 from bt_agents_studio.records import ListeningRecord
@@ -144,15 +145,23 @@ class StudioNode(BaseNode):
         self._reading = steady_timer(self, _GRAPH_S, self._read_graph, running=False)
         self._advancing = steady_timer(self, _ADVANCE_S, self._advance, running=False)
         steady_timer(self, _HOSTS_S, self._check_hosts)
+        self._person_heartbeat: Publisher[Empty] | None = None
+        self._person_timer = steady_timer(self, HEARTBEAT_S, self._beat_for_person, running=False)
 
-    def watch(self, is_watched: bool) -> None:
-        """Take over whether somebody looks at the studio; from any thread.
+    def watch(self, is_watched: bool, is_person_open: bool = False) -> None:
+        """Take over whether any page, and a page Person, is open; from any thread.
 
-        While nobody does, it neither has hosts trace values nor reads the graph.
+        While none is, the node neither has hosts trace values nor reads the graph. While a page
+        Person is, it publishes a heartbeat, so that a robot knows that it has a screen.
         """
-        self.executor.create_task(partial(self._watch, is_watched))
+        self.executor.create_task(partial(self._watch, is_watched, is_person_open))
 
-    def _watch(self, is_watched: bool) -> None:
+    def _watch(self, is_watched: bool, is_person_open: bool) -> None:
+        if not is_person_open:
+            self._person_timer.cancel()
+        elif self._person_timer.is_canceled():
+            self._person_timer.reset()
+            self._beat_for_person()
         if is_watched == self._is_watched:
             return
         self._is_watched = is_watched
@@ -165,6 +174,14 @@ class StudioNode(BaseNode):
         self._reading.cancel()
         for one in self._hosts.values():
             self._destroy(one.details)
+
+    def _beat_for_person(self) -> None:
+        if self._person_heartbeat is None:
+            # Whoever only watches may not publish.
+            self._person_heartbeat = self.create_publisher(
+                Empty, "studio/person/heartbeat", qos.SENSOR
+            )
+        self._person_heartbeat.publish(Empty())
 
     def _subscribe_details(self, host: str) -> None:
         details = self._subscribe(topic_called(_DETAILS), _DETAILS.replace(HOST, host))

@@ -71,6 +71,8 @@ BEAT_S = 1.0
 """Longest time without a message to a client [s]; a page takes a studio for lost after three."""
 
 _PING_S = 10.0
+_PERSON_PING_S = 2.0
+"""A robot waits for a page Person whose network has failed, until this and half of it [s]."""
 _END_S = 1.0
 _SOCKET = "/api/socket"
 _PAGE = Path(__file__).parent / "page"
@@ -99,7 +101,8 @@ class Server:
         studio: What is shown.
         access: Who may see and change it.
         caller: Asks the services.
-        watch: Called with whether any page is open, whenever one is opened or closed.
+        watch: Called with whether any page, and a page Person, is open, whenever one is opened or
+            closed.
         namespace: Of the system.
         secure: The server speaks TLS.
     """
@@ -109,7 +112,7 @@ class Server:
         studio: Studio,
         access: AccessControl,
         caller: Caller,
-        watch: Callable[[bool], None],
+        watch: Callable[[bool, bool], None],
         *,
         namespace: str = "/",
         secure: bool = False,
@@ -122,6 +125,7 @@ class Server:
         self._secure = secure
         # Socket → role and id of the session that has opened it.
         self._clients: dict[web.WebSocketResponse, tuple[SessionRole, str]] = {}
+        self._persons: set[web.WebSocketResponse] = set()
         # When a message was sent last, steady time [s].
         self._sent_s: dict[web.WebSocketResponse, float] = {}
         self._changed = asyncio.Event()
@@ -312,12 +316,17 @@ class Server:
                 f"{MOST_CLIENTS} pages of the role {role} are open, no more may be; close one of "
                 "them",
             )
+        is_person = request.query.get("page") == "person"
         socket = web.WebSocketResponse(
-            heartbeat=_PING_S, max_msg_size=LARGEST_MESSAGE, compress=False
+            heartbeat=_PERSON_PING_S if is_person else _PING_S,
+            max_msg_size=LARGEST_MESSAGE,
+            compress=False,
         )
         await socket.prepare(request)
         self._clients[socket] = role, described.session
-        self._watch(True)
+        if is_person:
+            self._persons.add(socket)
+        self._tell_watched()
         feed = Feed(
             self._studio.store, self._studio.history, self._studio.name, _collections_of(role)
         )
@@ -338,10 +347,14 @@ class Server:
         finally:
             self._clients.pop(socket, None)
             self._sent_s.pop(socket, None)
-            self._watch(bool(self._clients))
+            self._persons.discard(socket)
+            self._tell_watched()
             for task in tasks:
                 task.cancel()
         return socket
+
+    def _tell_watched(self) -> None:
+        self._watch(bool(self._clients), bool(self._persons))
 
     async def _pump(self, socket: web.WebSocketResponse, feed: Feed, role: SessionRole) -> None:
         """Send one client what it needs, as quickly as it reads and not oftener than needed."""

@@ -20,6 +20,7 @@ from studio_browser import (
     LIMIT_MS,
     System,
     announce,
+    come,
     look_back,
     open_page,
     open_values,
@@ -37,7 +38,7 @@ RULES = "{runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa', 'wcag22aa']}"
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
-    running = System(tmp_path_factory.mktemp("state"), "trees", "--journal", "--robot", "browser")
+    running = System(tmp_path_factory.mktemp("state"), "trees", "--journal", "--no-voice")
     try:
         running.start()
         yield running
@@ -138,13 +139,6 @@ def tablet(browser: Browser, system: System) -> Iterator[Page]:
     yield opened
     context.close()
     assert errors == []
-
-
-def come(tablet: Page, *who: str) -> None:
-    """Begin an encounter as somebody."""
-    for choice in who:
-        tablet.get_by_role("button", name=choice, exact=True).click()
-    tablet.get_by_role("button", name="Begin").click()
 
 
 def test_visitor_converses_with_robot_and_appears_in_market(page: Page, tablet: Page) -> None:

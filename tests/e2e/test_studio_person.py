@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The document of the page Person: what a tablet loads of it, and for whom it is there."""
+"""The page Person: what a tablet loads of it, for whom it is there, and a robot without it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.access import SessionRole
-from studio_browser import opened_page
+from studio_browser import System, come, opened_page, strip
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -63,3 +63,27 @@ def test_operator_moves_between_person_and_other_pages(
         expect(page.get_by_label("Keep in the files")).to_be_in_viewport()
         page.go_back()
         expect(page.get_by_label("The robot says")).to_be_in_viewport()
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    running = System(tmp_path_factory.mktemp("state"), "trees", "--robot", "browser")
+    try:
+        running.start()
+        yield running
+    finally:
+        running.end()
+
+
+def test_closed_page_ends_run_and_reload_does_not(
+    browser: Browser, system: System, page: Page
+) -> None:
+    with opened_page(browser, system.for_person) as tablet:
+        come(tablet, "an older adult", "meets it for the first time", "neutral")
+        answer = tablet.get_by_label("Your answer").get_by_role("button", name="yes")
+        expect(answer).to_be_in_viewport()
+        tablet.reload()
+        expect(answer).to_be_in_viewport()
+        expect(strip(page)).to_have_attribute("data-state", "RUNNING")
+    expect(page.get_by_label("What happened")).to_contain_text("no page Person is open")
+    expect(strip(page)).to_have_attribute("data-state", "IDLE")

@@ -107,6 +107,13 @@ def serve(page: Page, label: str, **values: float) -> None:
     expect(strip(page)).to_have_attribute("data-state", "RUNNING")
 
 
+def come(tablet: Page, *who: str) -> None:
+    """Begin an encounter as somebody."""
+    for choice in who:
+        tablet.get_by_role("button", name=choice, exact=True).click()
+    tablet.get_by_role("button", name="Begin").click()
+
+
 def strip(page: Page) -> Locator:
     """The line that says what runs now, on every page."""
     return page.get_by_label("What runs now")

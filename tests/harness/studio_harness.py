@@ -102,10 +102,14 @@ class ServedStudio:
     def __init__(self, journal: Path | None = None) -> None:
         self.studio = Studio("studio", space=SPACE, journal=journal)
         self.caller = RecordingCaller()
-        self.watched: list[bool] = []
+        # Whether any page, and a page Person, was open, at each change.
+        self.watched: list[tuple[bool, bool]] = []
         self.port = 0
         self.access: AccessControl
         self.server: Server
+
+    def watch(self, is_watched: bool, is_person_open: bool) -> None:
+        self.watched.append((is_watched, is_person_open))
 
     @property
     def host(self) -> str:
@@ -159,7 +163,7 @@ async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
         random_bytes=secrets.token_bytes,
         clock=time.time,
     )
-    one.server = Server(one.studio, one.access, one.caller, one.watched.append)
+    one.server = Server(one.studio, one.access, one.caller, one.watch)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         one.port = listening.getsockname()[1]
         hosts.add(one.host)

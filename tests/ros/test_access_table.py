@@ -92,13 +92,18 @@ def test_access_table_lists_exactly_all_endpoints_of_nodes(ros: Any, tmp_path: P
         active_market(space, "epoch"),
         active_scene_layer(trees.scene),
         active_feedback(space, Ledger(":memory:")),
-        RobotNode(parameter_overrides=[Parameter("voice", value="off")]),
+        RobotNode(
+            parameter_overrides=[
+                Parameter("voice", value="off"),
+                Parameter("needs_screen", value=True),
+            ]
+        ),
         JournalNode(tmp_path),
         studio,
         SelectorNode(space, Endpoint(base_url="http://127.0.0.1:9/v1", model="none")),
     ):
         ros.add(node)
-    studio.watch(True)
+    studio.watch(True, True)
     host = ros.add(active_host(trees))
     ros.until(lambda: host.registered)
     lesson = GiveFeedback.Request(

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 from rclpy.node import Node
+from std_msgs.msg import Empty
 
 from active_nodes import active_market
+from bt_agents_ros import qos
 from bt_agents_studio.node import StudioNode
 from fake_market import folder, make_host
 from graph import Ros
@@ -52,14 +54,19 @@ def test_unwatched_studio_traces_nothing_and_reads_no_graph(ros: Ros, tmp_path: 
     assert not read
     assert rings(studio) < 1
 
+    beats = ros.collect(Empty, "studio/person/heartbeat", qos.SENSOR)
+
     def traced() -> int:
         return int(ros.node.count_subscribers("agents/details"))
 
     assert not traced()
-    for _page in range(2):
+    for is_person in (False, True):
         read.clear()
-        studio.watch(True)
+        beats.clear()
+        studio.watch(True, is_person)
         ros.until(lambda: read and traced() == 1)
+        if is_person:
+            ros.until(lambda: len(beats) > 1)
         studio.watch(False)
         ros.until(lambda: not traced())
         assert rings(studio) < 1

@@ -11,7 +11,7 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 
 from bt_agents_interfaces.action import Ask, Drive, Say, Show
 from bt_agents_interfaces.msg import (
@@ -25,7 +25,7 @@ from bt_agents_interfaces.msg import (
     RunKey,
 )
 from bt_agents_interfaces.srv import SetLight
-from bt_agents_robot.robot import MOST_WAITING, RobotNode
+from bt_agents_robot.robot import MOST_WAITING, NO_PAGE, RobotNode
 from bt_agents_robot.speech import Voice
 from bt_agents_ros import qos
 from bt_agents_ros.messages import seconds
@@ -39,13 +39,15 @@ ACTIONS = {"say": Say, "ask": Ask, "show": Show, "drive": Drive}
 class Robot:
     """A robot, its transcript, and clients of its actions."""
 
-    def __init__(self, ros, pace: float = 100.0, voice: Voice | None = None) -> None:
+    def __init__(
+        self, ros, pace: float = 100.0, voice: Voice | None = None, needs_screen: bool = False
+    ) -> None:
         self.ros = ros
         self.transcript = ros.collect(String, "robot/transcript", qos.EVENTS)
         self.questions = ros.collect(String, "robot/questions", qos.EVENTS)
         self.answers = ros.node.create_publisher(String, "answers", qos.EVENTS)
         self.clients = {n: ActionClient(ros.node, kind, n) for n, kind in ACTIONS.items()}
-        overrides = [Parameter("pace", value=pace)]
+        overrides = [Parameter("pace", value=pace), Parameter("needs_screen", value=needs_screen)]
         if voice is None:
             overrides.append(Parameter("voice", value="off"))
         self.node = ros.add(RobotNode(voice=voice, parameter_overrides=overrides))
@@ -283,6 +285,82 @@ def test_drive_is_aborted_when_its_host_disappears(ros, end):
     assert reason in result.message
     assert ours.status == GoalStatus.STATUS_EXECUTING, "nobody's goal goes on"
     robot.cancel(ours)
+
+
+class PersonPage:
+    """A page Person as the robot hears it from a studio; closed at first."""
+
+    def __init__(self, ros: Any) -> None:
+        topic = "studio/person/heartbeat"
+        self.beats = ros.node.create_publisher(Empty, topic, qos.SENSOR)
+        self.timer = ros.node.create_timer(0.05, self.beat, clock=STEADY)
+        self.timer.cancel()
+        ros.until(self.beats.get_subscription_count)
+
+    def beat(self) -> None:
+        self.beats.publish(Empty())
+
+    def open(self) -> None:
+        self.timer.reset()
+
+    def close(self) -> None:
+        self.timer.cancel()
+
+
+SHOWN = (
+    ("ask", {"text": "Well?"}),
+    ("say", {"text": "A long story."}),
+    ("show", {"clip": "first_time"}),
+)
+"""What a page Person shows."""
+
+
+def test_closed_page_ends_what_it_shows(ros):
+    robot = Robot(ros, pace=0.1, needs_screen=True)
+    page = PersonPage(ros)
+    page.open()
+    shown = [robot.send(action, **goal) for action, goal in SHOWN]
+    driving = robot.send("drive", destination="gate")
+    ros.until(lambda: len(robot.lines) == 3)
+    page.close()
+    for handle in shown:
+        status, result = robot.result(handle)
+        assert (status, result.message) == (GoalStatus.STATUS_ABORTED, NO_PAGE)
+    assert driving.status == GoalStatus.STATUS_EXECUTING
+    for action, goal in SHOWN:
+        status, result = robot.do(action, **goal)
+        assert (status, result.message) == (GoalStatus.STATUS_ABORTED, NO_PAGE)
+    page.open()
+    wave = {"clip": "waves", "duration_s": 0.1}
+    ros.until(lambda: robot.do("show", **wave)[0] == GoalStatus.STATUS_SUCCEEDED)
+    robot.cancel(driving)
+
+
+def test_reloaded_page_ends_nothing(ros):
+    robot = Robot(ros, pace=0.1, needs_screen=True)
+    page = PersonPage(ros)
+    page.open()
+    asked = robot.send("ask", text="Well?")
+    ros.until(lambda: robot.lines)
+    beats = ros.collect(Empty, "robot/heartbeat", qos.SENSOR)
+    ros.until(lambda: beats)
+    page.close()
+    ros.until(lambda: len(beats) > 3)
+    page.open()
+    ros.until(lambda: len(beats) > 15)
+    assert asked.status == GoalStatus.STATUS_EXECUTING
+    robot.cancel(asked)
+
+
+def test_first_goal_begins_when_page_is_opened(ros):
+    robot = Robot(ros, needs_screen=True)
+    page = PersonPage(ros)
+    said = robot.send("say", text="Hello")
+    ros.turns()
+    assert robot.lines == []
+    page.open()
+    assert robot.result(said)[0] == GoalStatus.STATUS_SUCCEEDED
+    ros.until(lambda: robot.lines == ["says: Hello"])
 
 
 def test_robot_refuses_actions_of_ended_run(ros):

@@ -53,6 +53,7 @@ let state: ConnectionState = {
 };
 const listeners = new Set<() => void>();
 let socket: WebSocket | null = null;
+let query = "";
 let sequence = 0;
 let known = "";
 let attempts = 0;
@@ -150,8 +151,13 @@ function handle(message: ServerMessage): void {
   }
 }
 
-/** Sign in if the address has a secret, open the connection, and again whenever it is lost. */
-export function connect(): void {
+/**
+ * Sign in if the address has a secret, open the connection, and again whenever it is lost.
+ *
+ * A robot that appears in a browser talks to nobody unless a page Person is open, so that page names itself.
+ */
+export function connect(page?: "person"): void {
+  if (page) query = `?page=${page}`;
   takeToken();
   void logIn().then(() => {
     if (trial === 0) open();
@@ -191,7 +197,7 @@ function watch(): void {
 function open(): void {
   window.clearTimeout(timer);
   const scheme = location.protocol === "https:" ? "wss" : "ws";
-  const opened = new WebSocket(`${scheme}://${location.host}/api/socket`);
+  const opened = new WebSocket(`${scheme}://${location.host}/api/socket${query}`);
   socket = opened;
   looks = 0;
   isLoading = false;

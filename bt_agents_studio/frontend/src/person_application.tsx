@@ -45,5 +45,5 @@ export function start(root: HTMLElement): void {
     </StrictMode>,
   );
   startTheme();
-  connect();
+  connect("person");
 }

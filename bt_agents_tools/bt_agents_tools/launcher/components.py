@@ -125,10 +125,12 @@ def journal(folder: Path) -> Component:
     )
 
 
-def robot(pace: float, voice: str) -> Component:
-    """Return the simulated robot."""
+def robot(pace: float, voice: str, *, needs_screen: bool = False) -> Component:
+    """Return the simulated robot; one that needs a screen appears on the page Person only."""
     return Component(
-        name="robot", module="bt_agents_robot.robot", parameters={"pace": pace, "voice": voice}
+        name="robot",
+        module="bt_agents_robot.robot",
+        parameters={"pace": pace, "voice": voice, "needs_screen": needs_screen},
     )
 
 

@@ -494,19 +494,36 @@ def test_socket_closes_on_logout_of_its_session() -> None:
     served(test)
 
 
-def test_studio_knows_whether_any_page_is_open() -> None:
+def test_studio_knows_which_pages_are_open() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client(SessionRole.VIEW) as client:
-            first = await client.ws_connect("/api/socket")
+            first = await client.ws_connect("/api/socket?page=person")
             second = await client.ws_connect("/api/socket")
-            assert one.watched[-1]
+            while len(one.watched) < 2:
+                await asyncio.sleep(0.01)
+            assert one.watched == [(True, True), (True, True)]
             await first.close()
             while len(one.watched) < 3:
                 await asyncio.sleep(0.01)
-            assert one.watched[-1]
+            assert one.watched[-1] == (True, False)
             await second.close()
-            while one.watched[-1]:
+            while len(one.watched) < 4:
                 await asyncio.sleep(0.01)
+            assert one.watched[-1] == (False, False)
+
+    served(test)
+
+
+def test_page_person_without_pong_counts_as_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bt_agents_studio.server._PERSON_PING_S", 0.05)
+
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.PERSON) as client:
+            # It answers a ping when it reads, and it does not read.
+            page = await client.ws_connect("/api/socket?page=person")
+            while (False, False) not in one.watched:
+                await asyncio.sleep(0.01)
+            await page.close()
 
     served(test)
 

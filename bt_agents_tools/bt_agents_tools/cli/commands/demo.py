@@ -62,7 +62,9 @@ def demo(
     with tempfile.TemporaryDirectory(prefix="bt-agents-demo-") as folder:
         state = find_state(trees)
         processes = [
-            components.robot(pace=1.0, voice="auto" if voice and not browser else "off"),
+            components.robot(
+                pace=1.0, voice="auto" if voice and not browser else "off", needs_screen=browser
+            ),
             components.market(trees),
             components.scene_layer(trees),
             components.host(trees, tags),
