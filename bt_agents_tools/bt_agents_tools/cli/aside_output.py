@@ -10,7 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TextIO
 
 MOST_BYTES = 1_000_000
 """Longest output that waits to be written [bytes]; further output is dropped."""
@@ -101,12 +101,7 @@ def printing_aside() -> Iterator[None]:
     before = sys.stdout
     before.flush()
     output = AsideOutput(before.fileno())
-    aside = io.TextIOWrapper(
-        io.BufferedWriter(output),
-        encoding=before.encoding,
-        errors=before.errors,
-        line_buffering=True,
-    )
+    aside = _text(output, before)
     sys.stdout = aside
     try:
         with _errors_aside():
@@ -118,9 +113,15 @@ def printing_aside() -> Iterator[None]:
         aside.detach()
 
 
+def _text(output: AsideOutput, like: TextIO) -> io.TextIOWrapper:
+    return io.TextIOWrapper(
+        io.BufferedWriter(output), encoding=like.encoding, errors=like.errors, line_buffering=True
+    )
+
+
 @contextmanager
 def _errors_aside() -> Iterator[None]:
-    """Replace the descriptor of the standard errors by a pipe that a thread empties."""
+    """Let threads write the standard errors of Python, and those that C writes into a pipe."""
     try:
         before = os.dup(_ERRORS)
     except OSError:  # closed by the caller of the command
@@ -132,16 +133,23 @@ def _errors_aside() -> Iterator[None]:
     output = AsideOutput(before)
 
     def empty() -> None:
-        while data := os.read(reading, _PIPE_BYTES):
-            output.write(data)
+        with open(reading, "rb", buffering=0) as pipe:
+            while data := pipe.read(_PIPE_BYTES):
+                output.write(data)
 
     thread = threading.Thread(target=empty, name="errors", daemon=True)
     thread.start()
     os.dup2(writing, _ERRORS)
     os.close(writing)
+    errors = sys.stderr
+    aside = _text(output, errors)
+    sys.stderr = aside
     try:
         yield
     finally:
+        sys.stderr = errors
+        aside.flush()
         os.dup2(before, _ERRORS)
         thread.join(END_LIMIT_S)
         output.end()
+        aside.detach()

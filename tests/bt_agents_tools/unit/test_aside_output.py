@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from typing import TextIO
@@ -56,6 +57,12 @@ def test_errors_that_nobody_reads_do_not_block() -> None:
         for _ in range(LINES):
             with suppress(BlockingIOError):
                 os.write(2, LINE.encode())
+
+
+def test_errors_of_python_are_never_refused() -> None:
+    with piped_errors(), piped(), printing_aside():
+        for _ in range(LINES):
+            print(LINE, end="", file=sys.stderr)
 
 
 def test_output_is_written_in_order() -> None:
