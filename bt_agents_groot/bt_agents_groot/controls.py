@@ -228,7 +228,7 @@ def _try_catch(tree: TreeImport, element: Element) -> YamlNode:
     if element.get("catch_on_halt", "false").lower() in ("true", "1"):
         tree.lost(
             element.attributes["catch_on_halt"],
-            "what is to be done when the node is stopped; of a whole agent, 'on_cancel' does it",
+            "what to do when the node is stopped; 'on_cancel' says it for the whole agent",
         )
     *tried, caught = element.children
     handler = decorated(tree.node(caught), "fail", True)

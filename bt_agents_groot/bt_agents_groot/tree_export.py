@@ -44,7 +44,7 @@ Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
 """Function that returns the ID and the interface of a subtree by its name."""
 
 Decorate = Callable[[Node, Xml], Xml]
-"""Function that wraps an element in a decorator, of which only the main field or switch is given.
+"""Function that wraps an element in a decorator, given only its main field or switch.
 
 It raises :class:`Untranslatable` if BehaviorTree.CPP has no such decorator.
 """

@@ -188,7 +188,7 @@ class VisitorsNode(BaseNode):
             read_only=True,
         )
         agents = describe(
-            "visitors come when the market has so many agents",
+            "visitors come when the market has this many agents",
             minimum=0,
             maximum=1_000_000,
             integer=True,

@@ -15,7 +15,7 @@ from bt_agents_studio.access import LARGEST_STATE
 class AccessFile:
     """File with what :meth:`AccessControl.text` returns.
 
-    A file that cannot be used is told once on the error stream; then nothing is kept.
+    An unusable file is reported once on the error stream; then nothing is kept.
 
     Args:
         path: The file, in a folder that is there; None keeps nothing.

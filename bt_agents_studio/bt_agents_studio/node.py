@@ -314,7 +314,7 @@ class StudioNode(BaseNode):
             except StopIteration as ended:
                 done.set_result(ended.value)
             except Exception as error:
-                # Whoever has asked is told.
+                # The caller gets it.
                 done.set_exception(error)
             self._waiting.remove(one)
         if not self._waiting:

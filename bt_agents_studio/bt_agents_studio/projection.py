@@ -749,7 +749,7 @@ class Projection:
             )
 
     def check_health(self, now_s: float) -> None:
-        """Note of which parts nothing is told any more, and what there was no room for.
+        """Mark parts that have fallen silent as stale, and report entries that found no room.
 
         Call it a few times a second.
         """
@@ -773,7 +773,7 @@ class Projection:
                 values = record.values
                 stale = HealthRecord(
                     level=Health.STALE.name,
-                    message="nothing is told",
+                    message="it is silent",
                     values=values,
                     since_s=heard_s,
                 )

@@ -68,7 +68,7 @@ def not_begun(error: Exception) -> RunResult:
 
 
 def failed(reason: str) -> RunResult:
-    """Return the result of a failed run of which only the reason is known."""
+    """Return the result of a failed run that has nothing but a reason."""
     return RunResult(
         outcome=TreeOutcome.FAILED,
         message=reason,

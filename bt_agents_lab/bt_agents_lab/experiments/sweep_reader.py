@@ -65,7 +65,7 @@ _UPDATE = KeyTable(
     fields=(
         FieldDecl("name", WordChoice(_UPDATES), "The learning rule.", required=True),
         FieldDecl("width", number(0), "Of huber: its width for every parameter."),
-        FieldDecl("window", integer(1, 1000), "Of median: so many of the last feedbacks count."),
+        FieldDecl("window", integer(1, 1000), "Of median: this many of the last feedbacks count."),
         FieldDecl("anneal", number(0), "After n feedbacks the rate is rate / (1 + anneal × n)."),
         FieldDecl(
             "retreat",

@@ -63,7 +63,7 @@ LEARNING = KeyTable(
             "Of huber: no feedback counts as if it were farther than this.",
         ),
         FieldDecl(
-            "window", integer(1, MAX_WINDOW), "Of median: so many of the last feedbacks count."
+            "window", integer(1, MAX_WINDOW), "Of median: this many of the last feedbacks count."
         ),
         FieldDecl(
             "anneal",

@@ -326,7 +326,7 @@ class NodeType:
         continues_on: Outcome of a child after which a composite continues with the next child.
         concurrent: Whether its children run at the same time.
         exclusive: Whether only one of its children runs.
-        alternatives: Nodes of which one success is enough.
+        alternatives: Nodes; one success among them is enough.
         stops_children: Whether a node may stop a running child.
         skips: Whether the decorator may skip its node.
         unaffected: Whether a decorator makes no difference to a skipped node.

@@ -99,7 +99,7 @@ PARALLEL = NodeType(
             default="all",
             words=("all", "one"),
             minimum=1,
-            description="which children must succeed: all, one, so many, or those named",
+            description="which children must succeed: all, one, a number of them, or those named",
         ),
     ),
     children=Children.LIST,

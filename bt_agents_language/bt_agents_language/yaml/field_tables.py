@@ -188,7 +188,7 @@ class Needs:
     Attributes:
         keys: Keys that are all required.
         hint: Text about it for editors.
-        options: Keys of which at least one is required.
+        options: Keys; at least one of them is required.
         exclusive: Whether at most one of the options is allowed.
     """
 

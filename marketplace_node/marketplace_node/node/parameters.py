@@ -39,7 +39,7 @@ _MEANINGS = {
     "distance",
     "preempt_cooldown": "after a run was stopped for a scene, no other is for this long [s]",
     "tie_break": "which of equally good bids wins",
-    "starvation_rounds": "an agent is starved once it has bid in so many rounds and got no run; "
+    "starvation_rounds": "an agent is starved once it has bid in this many rounds without a run; "
     "0 never",
 }
 

@@ -48,7 +48,7 @@ class ScriptPlayer:
             "wait_for_agents",
             1,
             describe(
-                "the script begins when the market has so many agents",
+                "the script begins when the market has this many agents",
                 minimum=0,
                 maximum=1_000_000,
                 integer=True,
