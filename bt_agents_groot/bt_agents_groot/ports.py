@@ -179,7 +179,7 @@ def _from_json(text: str) -> Data:
         value = json.loads(text, parse_constant=_refuse_constant)
         return _data(value, 0)
     except (ValueError, RecursionError) as error:
-        raise PortError(f"what stands behind '{JSON}' is not JSON: {str(error)[:80]}") from None
+        raise PortError(f"the text after '{JSON}' is not JSON: {str(error)[:80]}") from None
 
 
 def _refuse_constant(literal: str) -> None:
