@@ -134,7 +134,7 @@ def run(
     type=click.IntRange(2),
     default=200,
     show_default=True,
-    help="How many runs stand behind bands and verdicts.",
+    help="Number of runs for bands and verdicts.",
 )
 def plot(name: str, output: Path, seeds: int) -> None:
     """Draw the paper's figures 5 to 9 anew, and judge what it claims.

@@ -48,7 +48,7 @@ MEANINGS: Mapping[int, str] = {
     5: "plus and minus",
     6: "times, divided by, and what remains of a division",
     7: "the minus sign of a number",
-    8: "what stands behind it, where the value before it is missing",
+    8: "the value after it, if the one before it is missing",
 }
 """Strength of operators → their meaning."""
 
