@@ -427,7 +427,7 @@ def test_reactive_skills_are_checked_while_last_child_runs():
     made = imported("<ReactiveSequence><IsClear/><Sleep msec='9000'/></ReactiveSequence>")
     repeated = {"repeat": "forever", "sequence": [{"is_clear": {}}, DONE]}
     assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
-    assert "runs meanwhile" in said(made, RemarkLevel.NOTE)
+    assert "run meanwhile" in said(made, RemarkLevel.NOTE)
     with_own_skills(made)
 
 
@@ -441,7 +441,7 @@ def test_reactive_fallback_inverts_its_skills():
 
 def test_while_condition_may_take_time():
     made = imported(f"<WhileDoElse><IsClear/>{S}{F}</WhileDoElse>")
-    assert "runs meanwhile" in said(made, RemarkLevel.NOTE)
+    assert "run meanwhile" in said(made, RemarkLevel.NOTE)
     first, second, together = document(made)["tree"]["sequence"]
     assert (first, second) == ({"set": {"fits_1": False}}, {"set": {"done_1": False}})
     asked, branches = together["parallel"]["children"]
