@@ -772,10 +772,7 @@ class Projection:
             elif now_s - heard_s > UNTOLD_S:
                 values = record.values
                 stale = HealthRecord(
-                    level=Health.STALE.name,
-                    message="it is silent",
-                    values=values,
-                    since_s=heard_s,
+                    level=Health.STALE.name, message="it is silent", values=values, since_s=heard_s
                 )
                 self._put_health(name, stale)
 
