@@ -20,7 +20,7 @@ macro(ros_wheels_find method package)
   find_package(${package} ${ARGN} BYPASS_PROVIDER)
   ros_wheels_drop_foreign_includes()
   ros_wheels_generate_for_python()
-  ros_wheels_parse_once()
+  ros_wheels_generate_faster()
 endmacro()
 
 function(ros_wheels_drop_foreign_includes)
@@ -40,13 +40,13 @@ macro(ros_wheels_generate_for_python)
     REGEX "^rosidl_(generator|typesupport|typesupport_fastrtps|typesupport_introspection)_cpp:")
 endmacro()
 
-# Each generator is a program that parses all interfaces, and takes long for it.
-macro(ros_wheels_parse_once)
+# Each generator is a program that parses all interfaces, and uses one core.
+macro(ros_wheels_generate_faster)
   foreach(name IN ITEMS
       generator_c generator_py generator_type_description
       typesupport_c typesupport_fastrtps_c typesupport_introspection_c)
     if(rosidl_${name}_BIN MATCHES "^[^;]+$")
-      list(PREPEND rosidl_${name}_BIN "${ros_wheels_folder}/parse_once.py")
+      list(PREPEND rosidl_${name}_BIN "${ros_wheels_folder}/generate.py")
     endif()
   endforeach()
 endmacro()
@@ -67,5 +67,5 @@ function(ros_wheels_compile_together)
 endfunction()
 
 set(CMAKE_UNITY_BUILD ON)
-set(CMAKE_UNITY_BUILD_BATCH_SIZE 16)
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 20)
 cmake_language(DEFER CALL ros_wheels_compile_together)
