@@ -35,6 +35,7 @@ from bt_agents_ros.spinner import run
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import load_type, prefixes
+from bt_agents_ros.workarounds.bounded_end import ending_in_time
 
 FLUSH_S = 1.0
 """Longest time that a message waits in memory [s]."""
@@ -72,14 +73,14 @@ class JournalNode(BaseNode):
         self._hosts: set[str] = set()
         try:
             self.journal = DailyRecorder(folder, days=days, today=today, report=self._report)
-        except OSError as error:
-            self.destroy_node()
+        except (OSError, BtAgentsError) as error:
+            with ending_in_time():
+                self.destroy_node()
+            if isinstance(error, BtAgentsError):
+                raise
             raise BtAgentsError(
                 f"no place for the journal: {folder} ({error.strerror}); name another folder"
             ) from None
-        except BtAgentsError:
-            self.destroy_node()
-            raise
         self._folder = folder
         self._topic_of_status = self._topic(topic_called("journal/status"), "~/status")
         self._topic_of_bookmarks = self._topic(

@@ -24,6 +24,7 @@ from bt_agents_ros.parameters import (
 from bt_agents_ros.signals import check_interrupt
 from bt_agents_ros.spinner import LAST_RESULTS_S, STOP_LIMIT_S
 from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.workarounds.bounded_end import ending_in_time
 
 AUTOSTART = "autostart"
 
@@ -75,7 +76,8 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
             try:
                 self._activate()
             except BaseException:
-                self.destroy_node()
+                with ending_in_time():
+                    self.destroy_node()
                 raise
 
     def configure(self, values: Mapping[str, str]) -> ConfigurationT:
@@ -231,6 +233,7 @@ def make_managed(kind: Callable[[], NodeT], before: Callable[[], None] = lambda:
             before()
             node.start()
     except BaseException:
-        node.destroy_node()
+        with ending_in_time():
+            node.destroy_node()
         raise
     return node

@@ -19,6 +19,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_ros.qos_overrides import PREFIX as QOS_OVERRIDES
 from bt_agents_ros.signals import check_interrupt
+from bt_agents_ros.workarounds.bounded_end import ending_in_time
 
 Value = bool | int | float | str
 
@@ -162,7 +163,8 @@ def make_from_parameters(
     try:
         values = {p.name: str(declare_start(reader, p)) for p in parameters}
     finally:
-        reader.destroy_node()
+        with ending_in_time():
+            reader.destroy_node()
     check_interrupt()
     node = make(values)
     for parameter in parameters:
