@@ -63,7 +63,7 @@ install_bt_agents() {
   if [[ $works == no || ! -e $venv/run.stamp ]]; then
     rm -rf "$venv"
     mkdir "$venv"
-    echo "Installing about 700 MB into .venv; the first time takes two to three minutes"
+    echo "Installing about 700 MB into .venv; the first time takes one to two minutes"
   fi
   rm -f "$venv"/*.stamp
   find_uv

@@ -176,7 +176,7 @@ def test_first_run_installs_and_second_only_plays(machine: Machine):
     machine.has_python("python3", "3.11")
     done = machine.demo("--help")
     assert [line.partition(" ...")[0] for line in done.stdout.splitlines()] == [
-        "Installing about 700 MB into .venv; the first time takes two to three minutes",
+        "Installing about 700 MB into .venv; the first time takes one to two minutes",
         "Installing uv",
         "Creating .venv with python3",
         "Installing ROS 2",
