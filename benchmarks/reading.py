@@ -198,7 +198,7 @@ def _way(call: Callable[[], object]) -> Way:
 
 
 def _padded(text: str, size: int) -> str:
-    """Return a file with comments behind it, as long as is wanted."""
+    """Return a file with comments after it, as long as is wanted."""
     line = "# nothing\n"
     return text + line * ((size - len(text)) // len(line))
 

@@ -182,7 +182,7 @@ class _Import:
             remark = self._remarks.lost(
                 element.position,
                 f"the entry '{entry}' of all trees together; here every tree has its own, so pass "
-                "it behind 'with' and 'outputs'",
+                "it under 'with' and 'outputs'",
             )
             tree = with_comments(tree, [remark.comment])
         names.shared.clear()

@@ -433,6 +433,6 @@ class _DocumentReader:
                 'write <BehaviorTree ID="…"> around the tree',
             )
         elif len(roots) > 1:
-            hint = f"name the tree that starts, here or behind --tree: {join_quoted(roots)}"
+            hint = f"name the tree that starts, here or after --tree: {join_quoted(roots)}"
             self._missing(root, "main_tree_to_execute", hint)
         return roots[0] if roots else ""

@@ -41,8 +41,8 @@ def while_repeated(tree: TreeImport, before: Sequence[Repeated], last: YamlNode)
     The result ends like the last node, and fails as soon as another one fails.
     """
     done = [tree.names.fresh("done") for _ in before]
-    name_of_last = f"behind_{done[-1].removeprefix('done_')}"
-    last = replace(_behind(done[-1], last), name=name_of_last)
+    name_of_last = f"after_{done[-1].removeprefix('done_')}"
+    last = replace(_after(done[-1], last), name=name_of_last)
     children: list[YamlNode] = []
     for number, (name, one) in enumerate(zip(done, before, strict=True)):
         steps = [one.node, YamlNode(key="set", value={name: True})]
@@ -51,14 +51,14 @@ def while_repeated(tree: TreeImport, before: Sequence[Repeated], last: YamlNode)
         if one.pause is not None:
             times = {"times": Raw(FOREVER), "pause": one.pause}
         again = decorated(sequence(*steps), "repeat", times)
-        children.append(_behind(done[number - 1], again) if number else again)
+        children.append(_after(done[number - 1], again) if number else again)
     together = YamlNode(
         key="parallel", value={"succeed_on": [name_of_last]}, children=(*children, last)
     )
     return sequence(YamlNode(key="set", value=dict.fromkeys(done, False)), together)
 
 
-def _behind(name: str, node: YamlNode) -> YamlNode:
+def _after(name: str, node: YamlNode) -> YamlNode:
     return sequence(YamlNode(key="wait_for", value=Raw(name)), node)
 
 

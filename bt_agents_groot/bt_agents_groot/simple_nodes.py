@@ -90,8 +90,8 @@ def _precondition(tree: TreeImport, element: Element) -> YamlNode:
 
 def unknown_parent(tree: TreeImport, element: Element) -> YamlNode:
     """Return the children of an element without equivalent after a leaf that fails."""
-    fate = "child stands" if len(element.children) == 1 else "children stand"
-    failing = _untranslated(tree, element, f"; its {fate} behind a node that fails")
+    fate = "child comes" if len(element.children) == 1 else "children come"
+    failing = _untranslated(tree, element, f"; its {fate} after a node that fails")
     return sequence(failing, *map(tree.node, element.children))
 
 

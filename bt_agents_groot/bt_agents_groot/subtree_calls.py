@@ -95,7 +95,7 @@ def _inputs(
         elif declared not in callee.optional:
             tree.lost(
                 element,
-                f"nothing says what '{inside}' is for '{callee.name}'; write it behind 'with'",
+                f"nothing says what '{inside}' is for '{callee.name}'; write it under 'with'",
             )
             arguments[declared] = callee.names.default(inside)
     return arguments

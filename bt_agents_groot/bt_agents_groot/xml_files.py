@@ -274,7 +274,7 @@ class _Parser:
                     f"write </{still_open}>, or remove this end",
                 )
             case "junk after document element":
-                return "something stands behind the end of the root element", "remove it"
+                return "something follows the end of the root element", "remove it"
             case "duplicate attribute":
                 return "this element has the same attribute twice", "remove one of them"
             case "undefined entity":

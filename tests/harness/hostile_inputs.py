@@ -16,7 +16,7 @@ MIB = 1024 * 1024
 
 
 def tree(text: str, head: str = "") -> bytes:
-    """Return an agent file with a tree that starts in the line behind ``tree:``."""
+    """Return an agent file with a tree that starts in the line after ``tree:``."""
     return f"{HEAD}{head}tree:\n  {text}\n".encode()
 
 

@@ -117,7 +117,7 @@ def unexpected(
         message = before.text.startswith(("msg.", "result."))
         return token.error(
             "an item is not picked with brackets",
-            f"name its place behind a point, counted from 0: {ellipsize(before.text)}.0"
+            f"write its index after a dot, counted from 0: {ellipsize(before.text)}.0"
             if message
             else f"look for a value with 'in': 'word' in {ellipsize(before.text)}",
         )

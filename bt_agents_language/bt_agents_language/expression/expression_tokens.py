@@ -194,7 +194,7 @@ def _refuse_protected_quote(word: str, match: re.Match[str]) -> None:
     if word[-2] == "\\" and following.isalnum():
         other = '"' if word[0] == "'" else "'"
         raise ExpressionError(
-            "a backslash does not protect the quotation mark behind it",
+            "a backslash does not protect the quotation mark after it",
             match.end() - 1,
             f"put the whole text in {other}…{other}",
         )

@@ -340,7 +340,7 @@ FUNCTIONS: dict[str, Function] = {
         ),
         Function(
             name="round",
-            usage="round(x) or round(x, 2) for two digits behind the point",
+            usage="round(x) or round(x, 2) for two digits after the point",
             means="the nearest such number",
             check_kinds=_check_round,
             compile=_compile_round,

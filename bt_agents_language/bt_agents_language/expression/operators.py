@@ -30,7 +30,7 @@ HOUR = "clock.hour"
 """Name of the hour, which wraps around."""
 
 _NUMBER_HINT = "the number in a text is number(…)"
-_JOIN_HINT = 'texts are not joined here; write them one behind the other: "${a} ${b}"'
+_JOIN_HINT = 'texts are not joined here; write them one after the other: "${a} ${b}"'
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,12 +214,12 @@ def _membership(word: str, inside: bool) -> Operator:
                 quotes = ValueKind.TEXT in (left.kind, right.items)
                 left.must_be(
                     right.items,
-                    f"the list behind '{word}' holds {right.items.many}",
+                    f"the list after '{word}' holds {right.items.many}",
                     "texts stand in quotation marks, numbers without" if quotes else "",
                 )
         elif right.kind is not None:
             raise right.error(
-                f"'{word}' needs a list or a text behind it, found {right.kind.one}",
+                f"'{word}' needs a list or a text after it, found {right.kind.one}",
                 f"write {word} [ … ]; for a range of numbers: between 2 and 4",
             )
         if right.members:
@@ -238,7 +238,7 @@ def _membership(word: str, inside: bool) -> Operator:
                 return (folded(wanted) in folded(where)) is inside
             if not isinstance(where, (list, tuple)):
                 raise EvaluationError(
-                    f"'{word}' needs a list or a text behind it, found {described(where)}", column
+                    f"'{word}' needs a list or a text after it, found {described(where)}", column
                 )
             return _among(wanted, where, word, column) is inside
 

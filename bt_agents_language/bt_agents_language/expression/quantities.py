@@ -117,7 +117,7 @@ def quantity_type(text: str, *, strict: bool = True) -> FieldType | None:
     return None if dimension is None else dimension.type
 
 
-def word_behind_number(text: str) -> str:
+def word_after_number(text: str) -> str:
     """Return the word after the number at the start of a text; empty for any other text."""
     match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
     return match[2] if match is not None else ""

@@ -73,7 +73,7 @@ def read_value(
             "wrong-type",
             node,
             f"{what}: only the main text of a skill can be one of several",
-            f"write '{ONE_OF}' behind the skill that says it, or 'random' with a node for each, "
+            f"write '{ONE_OF}' after the skill that says it, or 'random' with a node for each, "
             "such as '- set: {…}'",
         )
         return None
@@ -86,7 +86,7 @@ def read_value(
                 "wrong-type",
                 node,
                 f"{what}: expected a text, found a list",
-                "for one of several write {one_of: […]} behind the skill; for one after the other "
+                "for one of several write {one_of: […]} after the skill; for one after the other "
                 "use 'sequence' with a node for each",
             )
         else:

@@ -55,7 +55,7 @@ _PLACE_OF = FieldDecl(
 _SKILL = KeyTable(
     fields=(
         FieldDecl("description", TEXT, "What it does, for authors."),
-        FieldDecl("main", TEXT, "The input that a scalar behind it stands for."),
+        FieldDecl("main", TEXT, "The input that a scalar after it stands for."),
         FieldDecl("inputs", Entries(INPUT), "Its inputs and their types."),
         FieldDecl(
             "outputs",

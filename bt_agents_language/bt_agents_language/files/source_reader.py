@@ -500,7 +500,7 @@ def _points(
         try:
             at = quantities.number(entry.key.text)
         except quantities.QuantityError as error:
-            hint = "words and their values stand behind 'table' instead of 'map'"
+            hint = "words and their values go under 'table' instead of 'map'"
             reading.error(
                 "bad-number", entry.key, f"a reading: {error.message}", error.hint or hint
             )

@@ -140,7 +140,7 @@ def _refuse_range(
 
 
 def _warn_of_quantity(reading: TypedReader, default: Scalar, what: str) -> None:
-    unit = quantities.word_behind_number(default.text)
+    unit = quantities.word_after_number(default.text)
     if not unit:
         return
     hint = f"{quote(unit)} is no unit; the units are {join_words([*UNITS], 'and')}"

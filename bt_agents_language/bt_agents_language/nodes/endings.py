@@ -96,7 +96,7 @@ def constant(condition: Value | Expression | None) -> bool | None:
         return None
 
 
-def behind(
+def unreached_after(
     composite: NodeSpec, continues_on: Outcome, outcomes: Mapping[int, Outcomes]
 ) -> Iterator[Unreached]:
     """Yield the first child after a child that no other ever follows.

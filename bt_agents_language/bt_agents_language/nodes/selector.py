@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.nodes.endings import Outcome, behind, in_sequence
+from bt_agents_language.nodes.endings import Outcome, in_sequence, unreached_after
 from bt_agents_language.nodes.node_type import MEMORY, Children, NodeType, Role
 
 SELECTOR = NodeType(
@@ -15,7 +15,7 @@ SELECTOR = NodeType(
     description="Tries its children one after the other, until one succeeds.",
     continues_on=Outcome.FAILURE,
     outcomes=lambda spec, children: in_sequence(children, Outcome.FAILURE),
-    unreached=lambda spec, outcomes: behind(spec, Outcome.FAILURE, outcomes),
+    unreached=lambda spec, outcomes: unreached_after(spec, Outcome.FAILURE, outcomes),
     alternatives=lambda spec: spec.children,
     example="""\
 tree:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.nodes.endings import Outcome, behind, in_sequence
+from bt_agents_language.nodes.endings import Outcome, in_sequence, unreached_after
 from bt_agents_language.nodes.node_type import MEMORY, Children, NodeType, Role
 
 SEQUENCE = NodeType(
@@ -14,7 +14,7 @@ SEQUENCE = NodeType(
     children=Children.LIST,
     description="Does its children one after the other, until one fails.",
     outcomes=lambda spec, children: in_sequence(children, Outcome.SUCCESS),
-    unreached=lambda spec, outcomes: behind(spec, Outcome.SUCCESS, outcomes),
+    unreached=lambda spec, outcomes: unreached_after(spec, Outcome.SUCCESS, outcomes),
     example="""\
 tree:
   sequence:

@@ -22,7 +22,7 @@ WITH = SiblingKey(
         name="with", content=Content.MAP, description="The inputs of a subtree by their names."
     ),
     where="a subtree",
-    hint="write the fields behind '{node}:' as {{ … }}",
+    hint="write the fields after '{node}:' as {{ … }}",
     example=_EXAMPLE,
 )
 

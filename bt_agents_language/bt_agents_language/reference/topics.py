@@ -101,7 +101,7 @@ def _expressions(_: SceneSpace) -> ReferenceTopic:
                 ("4  0.5", "a number, without a unit"),
                 ("'yes'", "a text in quotes"),
                 ("true  false", "as words"),
-                ("['yes', 'ok']", "a list, behind 'in' or in a function"),
+                ("['yes', 'ok']", "a list, after 'in' or in a function"),
             ),
         },
         note="Where a value is missing, a condition is not true, unless 'known' or 'else' asks "

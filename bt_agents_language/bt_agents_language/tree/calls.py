@@ -233,7 +233,7 @@ class CallReader:
             return {name: name for name in known}
         outputs: dict[str, str] = {}
         for item in self._reading.entries(entry.value, "'outputs'", "names and outputs"):
-            output = self._reading.text(item.value, f"the output behind '{item.key.text[:40]}'")
+            output = self._reading.text(item.value, f"the output after '{item.key.text[:40]}'")
             if output in known:
                 outputs[item.key.text] = output
             elif output is not None:

@@ -337,7 +337,7 @@ class RawNodeReader:
         text = entry.key.text
         word, colon, rest = text.partition(":")
         if colon and word in self._words:
-            return f"write '{word}: {rest[:30]}', a space behind the ':'"
+            return f"write '{word}: {rest[:30]}', a space after the ':'"
         if text in self._subtrees:
             more = "" if isinstance(entry.value, Scalar) else ", and 'with: …' beside it"
             return f"it is a subtree: write 'subtree: {text}'{more}"
@@ -348,7 +348,7 @@ class RawNodeReader:
         node_type = self._types.get(key)
         fields = node_type.fields if node_type is not None else self._skills[key].inputs
         if word in [one.name for one in fields] and isinstance(node.value, Sequence):
-            hint = f"write '{key}: {{children: [ … ], {word}: … }}', the list behind 'children:'"
+            hint = f"write '{key}: {{children: [ … ], {word}: … }}', the list under 'children:'"
         elif word in [one.name for one in fields] or word == "children":
             hint = f"it belongs to '{key}': indent it below, or write both inside {{ … }}"
         elif key == SUBTREE.key and word not in _OTHER_LANGUAGES:

@@ -20,7 +20,7 @@ _DASH = re.compile(r"^\s*(?P<dash>[-–—•*])(?=\w)|^\s*(?P<other>[–—•*
 _NO_COLON = re.compile(rf"{_LEAD}{_KEY}[ ]+(?!.*:(\s|$))(?P<rest>[^\s#].*)$")
 
 QUOTE_INSIDE = "inside { … } and [ … ], quote texts with ':', '?', ',' or brackets in them"
-_COMMENT = "a '#' behind a space starts a comment: put quotes around the text"
+_COMMENT = "a '#' after a space starts a comment: put quotes around the text"
 _CLOSING = {"{": "}", "[": "]"}
 _DELIMITERS = " \t\r\n,;:{}[]"
 
@@ -75,7 +75,7 @@ def _no_space(match: re.Match[str], start: int) -> SyntaxHint:
     at = start + match.end()
     return SyntaxHint(
         index=at - 1,
-        message=f"a space is missing behind '{ellipsize(match['key'])}:'",
+        message=f"a space is missing after '{ellipsize(match['key'])}:'",
         hint=_with_value(match),
         fix=Edit(start=at, stop=at, text=" "),
     )
@@ -86,7 +86,7 @@ def _one_word(match: re.Match[str], start: int) -> SyntaxHint:
     return SyntaxHint(
         index=start + match.start("key"),
         width=len(match["key"]),
-        message=f"a ':' is missing behind '{ellipsize(match['key'])}'",
+        message=f"a ':' is missing after '{ellipsize(match['key'])}'",
         hint=f"write '{ellipsize(match['key'])}:'",
         fix=Edit(start=at, stop=at, text=":"),
     )
@@ -96,7 +96,7 @@ def _equals(match: re.Match[str], start: int) -> SyntaxHint:
     at = start + match.end() - 1
     return SyntaxHint(
         index=at,
-        message=f"'=' stands behind '{ellipsize(match['key'])}', expected ':'",
+        message=f"'=' follows '{ellipsize(match['key'])}', expected ':'",
         hint=_with_value(match),
         fix=Edit(start=at, stop=at + 1, text=":"),
     )
@@ -121,7 +121,7 @@ def _dash(match: re.Match[str], start: int) -> SyntaxHint:
     if mark == "-":
         return SyntaxHint(
             index=at,
-            message="a space is missing behind '-'",
+            message="a space is missing after '-'",
             hint=f"write '- {match.string.strip()[1:31]}'",
             fix=Edit(start=at + 1, stop=at + 1, text=" "),
             is_item=True,
@@ -193,15 +193,15 @@ def in_brackets(source: Source, index: int, begun: int) -> SyntaxHint:
     )
 
 
-_VALUE_BEHIND = re.compile(r"[^\n}]*}[^\n,\[\]{}]*")
+_VALUE_AFTER = re.compile(r"[^\n}]*}[^\n,\[\]{}]*")
 
 
 def _quoted(text: str, index: int) -> Edit | None:
     """Return the edit that quotes the value with the ``${`` that ends at an index."""
     begin = max(text.rfind(mark, 0, index) for mark in ("{", "[", ",", ": ", "\n")) + 1
     begin += len(text[begin:index]) - len(text[begin:index].lstrip())
-    behind = _VALUE_BEHIND.match(text, index)
-    value = text[begin : behind.end()].rstrip() if behind is not None else ""
+    after = _VALUE_AFTER.match(text, index)
+    value = text[begin : after.end()].rstrip() if after is not None else ""
     if not value or '"' in value or "\\" in value:
         return None
     return Edit(start=begin, stop=begin + len(value), text=f'"{value}"')
@@ -230,7 +230,7 @@ def _no_deeper(source: Source, index: int, begun: int) -> bool:
     return source.position(index).column <= indentation(line) + 1
 
 
-def behind_value(source: Source, index: int) -> SyntaxHint:
+def after_value(source: Source, index: int) -> SyntaxHint:
     """Return the error for text after the end of a value."""
     found = source.text[index : index + 1]
     if found in _CLOSING.values():
@@ -240,7 +240,7 @@ def behind_value(source: Source, index: int) -> SyntaxHint:
             hint="remove it",
             fix=Edit(start=index, stop=index + 1, text=" "),
         )
-    message = "something stands behind the end of a value"
+    message = "something follows the end of a value"
     mark = source.text[index - 1 : index]
     opened = source.text.rfind(mark, 0, index - 1) if mark in ("'", '"') else index
     line = source.position(index).line

@@ -271,7 +271,7 @@ class TypedReader:
             cut = _cut_by_comma(node, entry)
             hint = did_you_mean(word, known)
             if cut is not None:
-                hint = f"a comma ends a text: put all that stands behind '{cut}:' in quotes"
+                hint = f"a comma ends a text: put the whole text after '{cut}:' in quotes"
             elif word in beside:
                 hint = f"'{word}' stands beside {what}, not in it"
             elif meant is not None:

@@ -401,7 +401,7 @@ class _Builder:
                 node,
                 f"{quote(text)} is no '-' item",
                 f"write '- {text[dash.end() : dash.end() + 20]}: …', with a plain '-' and a "
-                "space behind it",
+                "space after it",
             )
             self.hopeless = True
         elif node.plain and text == "<<":
@@ -453,7 +453,7 @@ class _Builder:
                 "bad-character",
                 self._position(event),
                 f"the text holds an invisible character (U+{ord(bad[0]):04X})",
-                "remove the backslash and the code behind it",
+                "remove the backslash and the code after it",
             )
 
     def _refuse_length(self, event: ScalarEvent) -> None:

@@ -16,7 +16,7 @@ from bt_agents_language.yaml.source import Edit, Source, indentation, line_at, l
 from bt_agents_language.yaml.syntax_hints import (
     QUOTE_INSIDE,
     SyntaxHint,
-    behind_value,
+    after_value,
     in_brackets,
     key_hint,
     line_hint,
@@ -117,7 +117,7 @@ def _no_colon(source: Source, index: int, begun: int) -> SyntaxHint:
     return found or SyntaxHint(
         index=begun,
         message="this line is neither 'key: value' nor a '-' item",
-        hint="put a ': ' behind the key, or indent the line if it belongs to the text above",
+        hint="put a ': ' after the key, or indent the line if it belongs to the text above",
     )
 
 
@@ -126,7 +126,7 @@ def _misfit(source: Source, index: int, begun: int) -> SyntaxHint:
     line = line_at(source, start)
     before = source.text[start:index]
     if before.strip(" -"):
-        return behind_value(source, index)
+        return after_value(source, index)
     if line.lstrip().startswith("- "):
         return SyntaxHint(
             index=index,
@@ -136,7 +136,7 @@ def _misfit(source: Source, index: int, begun: int) -> SyntaxHint:
     return SyntaxHint(
         index=index,
         message="this line fits no block above it",
-        hint="indent it like the key behind the '-' above, or start a new '-' item",
+        hint="indent it like the key after the '-' above, or start a new '-' item",
     )
 
 
@@ -169,11 +169,11 @@ def _mark_at_start(source: Source, index: int, begun: int) -> SyntaxHint:
 
 
 def _question(source: Source, index: int, begun: int) -> SyntaxHint:
-    return _unquoted(source, index, behind=" ")
+    return _unquoted(source, index, after=" ")
 
 
-def _unquoted(source: Source, index: int, behind: str = "") -> SyntaxHint:
-    found = source.text[index : index + 1] + behind
+def _unquoted(source: Source, index: int, after: str = "") -> SyntaxHint:
+    found = source.text[index : index + 1] + after
     start = line_start(source, index)
     return SyntaxHint(
         index=index,
@@ -246,7 +246,7 @@ _EXPLANATIONS: dict[str, Explain] = {
         "a text block ('|' or '>') starts wrongly", "write only '|' or '>' in that line"
     ),
     "did not find expected <document start>": _always(
-        "something stands behind the end of the file's one value",
+        "something follows the end of the file's one value",
         "remove a line '...' above; put quotes around a whole text",
     ),
     "incompatible YAML document|directive": _always(

@@ -73,7 +73,7 @@ class LedgerCheck:
         try:
             for row in self._select("ORDER BY number"):
                 if not _is_between(last, row.number, None):
-                    raise sqlite3.DatabaseError(f"row {row.number} stands behind row {last}")
+                    raise sqlite3.DatabaseError(f"row {row.number} comes after row {last}")
                 last = row.number
                 yield row
             return

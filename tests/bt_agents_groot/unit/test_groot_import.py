@@ -208,15 +208,15 @@ def test_small_difference_becomes_note_in_file(inner, note):
         ("<WasEntryUpdated entry='{t}'/>", "<WasEntryUpdated"),
         (
             f"<LoopInt queue='{{list}}' value='{{v}}'>{S}</LoopInt>",
-            "its child stands behind a node that fails",
+            "its child comes after a node that fails",
         ),
         (f"<LoopDouble queue='1;inf' value='{{v}}'>{S}</LoopDouble>", "has no equivalent"),
         (
             f"<WaitValueUpdate entry='{{t}}'>{S}</WaitValueUpdate>",
-            "its child stands behind a node that fails",
+            "its child comes after a node that fails",
         ),
         (f"<Decorator ID='Rate' hz='2'>{S}</Decorator>", '<Rate hz="2"> has no equivalent'),
-        (f"<Control ID='Pick'>{S}{F}</Control>", "its children stand behind a node that fails"),
+        (f"<Control ID='Pick'>{S}{F}</Control>", "its children come after a node that fails"),
         ("<Script code='k := k &amp; 4'/>", "no operator '&'"),
         ("<Script code='{t}'/>", "is in a blackboard entry"),
         ("<ScriptCondition code='~k &gt; 2'/>", "no operator '~'"),
@@ -362,10 +362,10 @@ def while_following(repeated: dict, last: dict) -> dict:
             {"set": {"done_1": False}},
             {
                 "parallel": {
-                    "succeed_on": ["behind_1"],
+                    "succeed_on": ["after_1"],
                     "children": [
                         repeated,
-                        {"name": "behind_1", "sequence": [{"wait_for": "done_1"}, last]},
+                        {"name": "after_1", "sequence": [{"wait_for": "done_1"}, last]},
                     ],
                 }
             },

@@ -448,7 +448,7 @@ def mapping(random: Random, key: str, fields: tuple[NodeField, ...], depth: int)
 
 
 def body(random: Random, kind: object, depth: int) -> str:
-    """What stands behind the key of a node."""
+    """The value of a node's key."""
     if kind in SKILLS:
         return random.choice(["x", "'${a}'", "'${n}'", "'${e}'", "x y"])
     assert kind in NODE_TYPES.values()

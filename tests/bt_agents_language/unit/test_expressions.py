@@ -172,7 +172,7 @@ def test_functions_return_numbers(text, expected):
         ("huge == place", "a very large number with the text"),
         ("endless - endless > 1", "not a number"),
         ("-endless < 1", "too large"),
-        ("count in count", "list or a text behind it, found the number 3"),
+        ("count in count", "list or a text after it, found the number 3"),
         ("count in place", "looks for a text in a text, found the number 3"),
         ("count in items", "cannot compare the number 3 with the text 'a'"),
         ("1 in [scene.person]", "cannot compare the number 1 with true"),

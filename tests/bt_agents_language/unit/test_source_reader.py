@@ -217,7 +217,7 @@ def problems(source: str, more: str = "", parameter: str = "") -> list[str]:
         ({"table": "{sad: 0}"}, "out-of-range", "expected 1 to 5"),
         ({"table": "[sad]"}, "wrong-type", "a mapping of words and values"),
         ({"table": "{sad: 1}", "map": "{0: 1, 1: 5}"}, "unknown-key", "beside 'map'"),
-        ({"map": "{sad: 1, happy: 5}"}, "bad-number", "behind 'table' instead of 'map'"),
+        ({"map": "{sad: 1, happy: 5}"}, "bad-number", "under 'table' instead of 'map'"),
         ({"smoothing": "2 Hz"}, "bad-duration", ""),
         ({"latched": "yes"}, "wrong-type", "write true"),
         ({"stale_after": ""}, "missing-key", "stale_after"),

@@ -39,25 +39,25 @@ def tree(text: str) -> str:
         (
             "sequence\n  - say: Hello.",
             "5:3",
-            "a ':' is missing behind 'sequence'",
+            "a ':' is missing after 'sequence'",
             "write 'sequence:'",
         ),
         (
             "sequence:\n  - say:Hello.\n    timeout: 5 s",
             "6:10",
-            "a space is missing behind 'say:'",
+            "a space is missing after 'say:'",
             "write 'say: Hello.'",
         ),
         (
             "say: Hello.\ntimeout:5 s",
             "6:10",
-            "a space is missing behind 'timeout:'",
+            "a space is missing after 'timeout:'",
             "write 'timeout: 5 s'",
         ),
         (
             "say = Hello.\ntimeout: 5 s",
             "5:7",
-            "'=' stands behind 'say', expected ':'",
+            "'=' follows 'say', expected ':'",
             "write 'say: Hello.'",
         ),
         (
@@ -75,7 +75,7 @@ def tree(text: str) -> str:
         (
             "sequence:\n  - say: A.\n  -say: B.",
             "7:5",
-            "a space is missing behind '-'",
+            "a space is missing after '-'",
             "write '- say: B.'",
         ),
         (
@@ -121,7 +121,7 @@ def tree(text: str) -> str:
             "say: {text: Gate #4}",
             "5:8",
             "this '{' is not closed",
-            "a '#' behind a space starts a comment: put quotes around the text",
+            "a '#' after a space starts a comment: put quotes around the text",
         ),
         (
             "say: {text: ${a}}",
@@ -232,9 +232,9 @@ def test_document_keeps_entries_around_syntax_error():
     assert len(problems) == 1
 
 
-@pytest.mark.parametrize("behind", ["", " = x", ":x\nb: 1: 2", "\uff1a x", " - x: y: z"])
-def test_very_long_word_is_shortened_in_messages(behind):
-    text = "format: 1\n" + "a" * 400 + behind + "\ntree: {say: x}\n"
+@pytest.mark.parametrize("after", ["", " = x", ":x\nb: 1: 2", "\uff1a x", " - x: y: z"])
+def test_very_long_word_is_shortened_in_messages(after):
+    text = "format: 1\n" + "a" * 400 + after + "\ntree: {say: x}\n"
     with pytest.raises(ReadError) as caught:
         read_agent_text(text, "a.yaml", SYMBOLS)
     assert max(map(len, caught.value.report.splitlines())) <= 200

@@ -163,7 +163,7 @@ def _type(node_type: NodeType, space: SceneSpace) -> Schema:
             "title": node_type.key,
             "type": ["array", "object"],
             "errorMessage": "expected a list of nodes, each starting with '- '; with options, "
-            "the list stands behind 'children:'",
+            "the list goes under 'children:'",
             "properties": {
                 **properties,
                 "children": described(children, f"The nodes that '{node_type.key}' is made of."),

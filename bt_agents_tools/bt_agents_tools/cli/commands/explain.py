@@ -42,7 +42,7 @@ _PLUGIN = ("plugin", "plug-in")
 
 _DECLARED = (
     ("fields", "a tuple of NodeField: the arguments of the class, and the keys in a file"),
-    ("main", "the field that a scalar behind the key stands for"),
+    ("main", "the field that a scalar after the key stands for"),
     ("reads", "key of the blackboard → the field whose value it has before each tick"),
     ("writes", "key of the blackboard → NodeField: the name that has its value after each tick"),
 )
