@@ -29,7 +29,7 @@ Fields = Mapping[str, str | Mapping[str, int]]
 """Field of a request → ``text``, ``number``, ``bool``, ``texts``, ``numbers``, or the numbers of
 its constants by their names."""
 
-_WITH_PERSON = OPERATORS | {SessionRole.PERSON}
+WITH_PERSON = OPERATORS | {SessionRole.PERSON}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class Operation:
 
 OPERATIONS: Mapping[str, Operation] = {
     "cancel": Operation(
-        roles=_WITH_PERSON,
+        roles=WITH_PERSON,
         service="marketplace/cancel",
         kind="CancelRun",
         fields={"reason": "text", "round": "number", "by": {"OPERATOR": 1}},
@@ -74,7 +74,7 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "feedback": Operation(
-        roles=_WITH_PERSON,
+        roles=WITH_PERSON,
         service="feedback/give",
         kind="GiveFeedback",
         fields={
@@ -125,7 +125,7 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "scene": Operation(
-        roles=_WITH_PERSON,
+        roles=WITH_PERSON,
         service="scene_layer/analyze",
         kind="Analyze",
         fields={
@@ -178,7 +178,7 @@ class OwnOperation:
 
 
 OWN_OPERATIONS: Mapping[str, OwnOperation] = {
-    "answer": OwnOperation(roles=_WITH_PERSON, fields={"text": "text"}),
+    "answer": OwnOperation(roles=WITH_PERSON, fields={"text": "text"}),
     "dry_run": OwnOperation(
         fields={"names": "texts", "values": "numbers", "across": "text", "up": "text"}
     ),

@@ -40,6 +40,9 @@ SEEN = """() => {
     }),
   };
 }"""
+READ = """performance.getEntriesByType("resource")
+  .filter((one) => one.name.endsWith("/events")).length"""
+"""How often a page has read the events of a recording."""
 
 
 class Seen:
@@ -279,6 +282,7 @@ def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: Backgro
     with opened_page(browser, address) as page:
         expect(page.locator(".block")).to_have_count(RUNS)
         expect(page.locator(".block.failed")).to_have_count(RUNS // 10)
+        assert page.evaluate(READ) == 1
         seen = Seen(page)
         assert (seen.first, seen.now) == (pytest.approx(BEGAN_S), pytest.approx(seen.last))
         for number, one in enumerate(seen.blocks):

@@ -440,6 +440,7 @@ export interface Hello {
   role: string;
   parameters: ParameterRecord[];
   namespace: string;
+  span_s: number;
 }
 
 export interface Snapshot {

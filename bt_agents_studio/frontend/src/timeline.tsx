@@ -32,14 +32,10 @@ import {
   type Span,
   type View,
 } from "./timeline_lanes";
+import { DRAG_PX, STEP } from "./tree_view";
 
 const words = texts.time;
 const PERIOD_MS = 250;
-/** What the studio keeps of a running system, at most. */
-const KEPT_S = 600;
-const ZOOM = 1.25;
-/** A pointer that moves no farther has clicked. */
-const CLICK_PX = 4;
 /** Least room for a text: for the mark of a run, and for words of the robot. */
 const TEXT_PX: Partial<Record<Lane, number>> = { AGENT: 14, ROBOT: 40 };
 const LETTER_PX = 7;
@@ -106,7 +102,7 @@ export function Timeline() {
 
 /** From the first moment that can be shown to the last one. */
 function useWhole(): Span {
-  const { source, firstS, lastS, offsetS } = useConnection();
+  const { source, firstS, lastS, offsetS, hello } = useConnection();
   const [nowS, setNowS] = useState(Date.now() / 1000);
   useEffect(() => {
     const timer = window.setInterval(() => setNowS(Date.now() / 1000), 1000);
@@ -114,7 +110,7 @@ function useWhole(): Span {
   }, []);
   if (source) return { fromS: firstS ?? lastS ?? 0, toS: lastS ?? firstS ?? 0 };
   const toS = nowS + offsetS;
-  return { fromS: Math.min(Math.max(firstS ?? toS, toS - KEPT_S), toS), toS };
+  return { fromS: Math.min(Math.max(firstS ?? toS, toS - (hello?.span_s ?? 0)), toS), toS };
 }
 
 /** Events of what is shown in the order of time: of all of a recording, or those that are kept. */
@@ -123,7 +119,8 @@ function useEvents(): EventRecord[] {
   const kept = usePresentCollection("events", PERIOD_MS);
   const [recorded, setRecorded] = useState<{ source: string; events: EventRecord[] }>({ source: "", events: [] });
   useEffect(() => {
-    if (!source) return;
+    // Until its first moment is there, the end of the recording is not known.
+    if (!source || lastS === null) return;
     const ended = new AbortController();
     void fetchEvents(source, ended.signal).then((events) => {
       if (!ended.signal.aborted) setRecorded({ source, events });
@@ -188,7 +185,7 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
   wheel.current = (event) => {
     event.preventDefault();
     const at = momentAt(placeIn(event).x, shown, width);
-    setView(zoomed(shown, whole, at, event.deltaY > 0 ? ZOOM : 1 / ZOOM));
+    setView(zoomed(shown, whole, at, event.deltaY > 0 ? STEP : 1 / STEP));
   };
   useEffect(() => {
     const found = box.current;
@@ -210,8 +207,8 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
     ArrowRight: () => jump(1),
     Home: () => seek(source, whole.fromS),
     End: toEnd,
-    "+": () => setView(zoomed(shown, whole, around, 1 / ZOOM)),
-    "-": () => setView(zoomed(shown, whole, around, ZOOM)),
+    "+": () => setView(zoomed(shown, whole, around, 1 / STEP)),
+    "-": () => setView(zoomed(shown, whole, around, STEP)),
     "0": () => setView(null),
   };
   const onKeyDown = (event: KeyboardEvent): void => {
@@ -235,7 +232,7 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
       return;
     }
     const byPx = event.clientX - held.x;
-    held.isMoved ||= Math.abs(byPx) > CLICK_PX;
+    held.isMoved ||= Math.abs(byPx) > DRAG_PX;
     const byS = (byPx / Math.max(width - NAMES_PX, 1)) * (held.shown.toS - held.shown.fromS);
     if (held.isMoved) setView(panned(held.shown, whole, -byS));
   };
