@@ -218,6 +218,82 @@ def test_live_timeline_follows_now(page: Page, studio: BackgroundStudio) -> None
     expect(page.locator(".moment")).to_contain_text("Now")
 
 
+PLAYED = """async (ms) => {
+  const bar = document.querySelector(".lanes");
+  const look = () => [performance.now() / 1000, Number(bar.getAttribute("aria-valuenow"))];
+  const [beganS, fromS] = look();
+  await new Promise((done) => setTimeout(done, ms));
+  const [endedS, toS] = look();
+  return (toS - fromS) / (endedS - beganS);
+}"""
+"""How much time of the recording passes in a second of the page."""
+
+
+def play(page: Page) -> Locator:
+    return page.get_by_role("button", name="Play", exact=True)
+
+
+def hold(page: Page) -> Locator:
+    return page.get_by_role("button", name="Stop playing")
+
+
+def test_play_shows_what_happened_next(page: Page, began_s: float) -> None:
+    expect(play(page)).to_have_count(0)
+    bar = timeline(page)
+    for _ in range(6):
+        bar.press("ArrowLeft")
+    expect(bar).to_have_attribute("aria-valuetext", re.compile("Rounds: .*nearest"))
+    from_px = Seen(page).cursor
+    page.get_by_label("Speed").select_option("4×")
+    play(page).click()
+    expect(hold(page)).to_be_in_viewport(ratio=1)
+    page.wait_for_timeout(500)
+    assert page.evaluate(PLAYED, 3000) == pytest.approx(4, rel=0.3)
+    bar.press("Space")
+    expect(play(page)).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    assert seen.now > began_s + 9 + 8
+    assert seen.cursor > from_px + 10
+    assert seen.cursor == pytest.approx(seen.place(seen.now), abs=2)
+    assert page.evaluate(PLAYED, 500) == 0
+
+
+def test_play_ends_where_now_is(page: Page) -> None:
+    bar = timeline(page)
+    seen = box(bar)
+    page.mouse.click(seen["x"] + seen["width"] - 150, seen["y"] + 5)
+    page.get_by_label("Speed").select_option("8×")
+    bar.focus()
+    page.keyboard.press("Space")
+    expect(hold(page)).to_be_in_viewport(ratio=1)
+    expect(page.locator(".moment")).to_contain_text("Now")
+    expect(hold(page)).to_have_count(0)
+    assert "at=" not in page.url
+
+
+def test_play_without_motion_jumps_to_events(page: Page, began_s: float) -> None:
+    page.emulate_media(reduced_motion="reduce")
+    page.evaluate(
+        """() => {
+          const bar = document.querySelector(".lanes");
+          window.shown = [];
+          new MutationObserver(() => window.shown.push(Number(bar.getAttribute("aria-valuenow"))))
+            .observe(bar, {attributeFilter: ["aria-valuenow"]});
+        }"""
+    )
+    bar = timeline(page)
+    bar.press("Home")
+    page.get_by_label("Speed").select_option("8×")
+    play(page).click()
+    page.wait_for_function(
+        "at => window.shown.some((one) => one > at && one < at + 1)", arg=began_s + 40
+    )
+    seen = Seen(page)
+    assert seen.cursor == pytest.approx(seen.place(began_s + 40), abs=3)
+    shown = {round(one - began_s) for one in page.evaluate("window.shown")}
+    assert {one for one in shown if one < 45} <= {0, 9, 10, 12, 40}
+
+
 def test_hover_says_what_and_when(page: Page) -> None:
     failed = Seen(page).block("AGENT", "FAILED")
     page.mouse.move((failed["left"] + failed["right"]) / 2, failed["top"] + 3)
@@ -296,3 +372,28 @@ def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: Backgro
         expect(bar).to_have_attribute("aria-valuetext", re.compile("guide · succeeded"))
         assert Seen(page).now == pytest.approx(BEGAN_S + 60 * DAY_S / RUNS, abs=0.2)
         expect(page.locator(".moment")).to_contain_text(FILE)
+
+
+def test_recording_plays_to_its_end(browser: Browser, recorded: BackgroundStudio) -> None:
+    address = recorded.address.replace("/#", f"/live?from={FILE}&at={BEGAN_S + DAY_S - 140}#")
+    with opened_page(browser, address) as page:
+        expect(page.locator(".block")).to_have_count(RUNS)
+        page.get_by_label("Speed").select_option("8×")
+        play(page).click()
+        expect(hold(page)).to_be_in_viewport(ratio=1)
+        expect(play(page)).to_be_in_viewport(ratio=1)
+        seen = Seen(page)
+        assert seen.now == pytest.approx(seen.last)
+        assert seen.cursor == pytest.approx(seen.right, abs=4)
+        expect(page.locator(".moment")).to_contain_text(FILE)
+        # What has been played to its end begins anew.
+        play(page).click()
+        expect(hold(page)).to_be_in_viewport(ratio=1)
+        page.wait_for_function(
+            "end => Number(document.querySelector('.lanes').ariaValueNow) < end",
+            arg=BEGAN_S + DAY_S / 2,
+        )
+        page.wait_for_function(
+            "end => document.querySelector('.cursor').getBoundingClientRect().left < end",
+            arg=seen.left + 20,
+        )

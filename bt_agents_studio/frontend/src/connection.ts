@@ -270,6 +270,11 @@ export function seek(source: string, atS: number): void {
   askForMoment();
 }
 
+/** Whether an earlier moment was asked for and has not come. */
+export function isAwaited(): boolean {
+  return awaited;
+}
+
 function askForMoment(): void {
   if (awaited || state.atS === null) return;
   awaited = true;

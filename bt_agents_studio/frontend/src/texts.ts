@@ -32,6 +32,7 @@ export const texts = {
       ["b", "set or remove a breakpoint"],
       ["/", "search nodes"],
       ["← →, Home, End", "on the timeline: previous event, next event, oldest moment, newest moment"],
+      ["Space", "on the timeline: play on from an earlier moment, or stop playing"],
       ["1 to 9", "answer on the page Person"],
     ],
   },
@@ -158,6 +159,10 @@ export const texts = {
     bookmarks: "Bookmarks",
     more: "more here",
     goesOn: "goes on",
+    play: "Play",
+    hold: "Stop playing",
+    playKey: "Space on the timeline",
+    speed: "Speed",
     lanes: { AGENT: "Agent", ROBOT: "Robot", MOOD: "Mood", MARKET: "Rounds", FEEDBACK: "Feedback", FAULT: "Faults" },
   },
   market: {

@@ -32,6 +32,7 @@ import {
   type Span,
   type View,
 } from "./timeline_lanes";
+import { PlayerButtons, usePlayer } from "./timeline_player";
 import { DRAG_PX, STEP } from "./tree_view";
 
 const words = texts.time;
@@ -70,6 +71,8 @@ export function Timeline() {
     setView((before) => before && { ...before, endS: null });
     if (atS !== null) follow();
   };
+  const toEnd = (): void => (source ? seek(source, whole.toS) : toNow());
+  const player = usePlayer(events, whole, toEnd);
   return (
     <div className="time">
       <div className="moment">
@@ -81,6 +84,7 @@ export function Timeline() {
         ) : (
           <span>{words.now}</span>
         )}
+        {atS !== null && <PlayerButtons of={player} />}
         <Bookmarks bookmarks={bookmarks} />
         {source && <span className="source">{source}</span>}
         {failure && <span className="failure">{failure}</span>}
@@ -94,7 +98,8 @@ export function Timeline() {
         describe={(event) => describe(event, titleOf(event.agent))}
         titleOf={titleOf}
         setView={setView}
-        toNow={toNow}
+        toEnd={toEnd}
+        play={player.toggle}
       />
     </div>
   );
@@ -161,10 +166,11 @@ interface LanesProps {
   describe: (event: EventRecord) => string;
   titleOf: (agent: string) => string;
   setView: (view: View | null) => void;
-  toNow: () => void;
+  toEnd: () => void;
+  play: () => void;
 }
 
-function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setView, toNow }: LanesProps) {
+function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setView, toEnd, play }: LanesProps) {
   const { atS, source } = useConnection();
   const box = useRef<HTMLDivElement>(null);
   const width = useWidth(box);
@@ -200,7 +206,6 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
     if (found !== null) seek(source, found);
     else if (direction === 1) toEnd();
   };
-  const toEnd = (): void => (source ? seek(source, whole.toS) : toNow());
   const around = atS ?? shown.toS;
   const keys: Record<string, () => void> = {
     ArrowLeft: () => jump(-1),
@@ -210,6 +215,7 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
     "+": () => setView(zoomed(shown, whole, around, 1 / STEP)),
     "-": () => setView(zoomed(shown, whole, around, STEP)),
     "0": () => setView(null),
+    " ": play,
   };
   const onKeyDown = (event: KeyboardEvent): void => {
     const act = keys[event.key];
