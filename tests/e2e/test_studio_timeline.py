@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+import base64
+import csv
 import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import datetime
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -292,6 +296,70 @@ def test_play_without_motion_jumps_to_events(page: Page, began_s: float) -> None
     assert seen.cursor == pytest.approx(seen.place(began_s + 40), abs=3)
     shown = {round(one - began_s) for one in page.evaluate("window.shown")}
     assert {one for one in shown if one < 45} <= {0, 9, 10, 12, 40}
+
+
+def test_events_of_window_are_saved_as_table(
+    page: Page, studio: BackgroundStudio, began_s: float, tmp_path: Path
+) -> None:
+    formula = event("FAULT", "ERROR", began_s + 45, began_s + 45, '=1+1, "quoted"')
+    studio.put("events", "formula", formula)
+    expect(page.locator(".block")).to_have_count(7)
+    export = page.get_by_label("Export")
+    expect(export).to_be_in_viewport(ratio=1)
+    rows = saved_table(page, tmp_path)
+    assert rows[0] == ["began", "ended", "lane", "kind", "agent", "text"]
+    assert [row[2] for row in rows[1:]] == [
+        *("MARKET", "AGENT", "ROBOT", "FEEDBACK", "FAULT", "FAULT", "AGENT")
+    ]
+    began, ended, *told = rows[3]
+    assert told == ["ROBOT", "SAY", "guide", "Good morning"]
+    seconds = [datetime.fromisoformat(one).timestamp() - began_s for one in (began, ended)]
+    assert seconds == [pytest.approx(12, abs=0.002), pytest.approx(20, abs=0.002)]
+    assert rows[5][-1] == '\'=1+1, "quoted"'
+    assert rows[-1][1] == ""
+    # Only what is in the window.
+    for _ in range(12):
+        timeline(page).press("+")
+    expect(page.locator(".block")).to_have_count(1)
+    assert [row[2] for row in saved_table(page, tmp_path)[1:]] == ["AGENT"]
+
+
+def saved_table(page: Page, folder: Path) -> list[list[str]]:
+    with page.expect_download() as download:
+        page.get_by_label("Export").select_option("Events (CSV)")
+    assert download.value.suggested_filename.endswith(".csv")
+    download.value.save_as(folder / "saved.csv")
+    with (folder / "saved.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.reader(file))
+
+
+def test_timeline_is_saved_as_picture(page: Page, tmp_path: Path) -> None:
+    with page.expect_download() as download:
+        page.get_by_label("Export").select_option("Picture (PNG)")
+    assert download.value.suggested_filename.endswith(".png")
+    download.value.save_as(tmp_path / "saved.png")
+    failed = Seen(page).block("AGENT", "FAILED")
+    colour, seen = page.evaluate(
+        """async ([png, x, y]) => {
+          const image = new Image();
+          image.src = `data:image/png;base64,${png}`;
+          await image.decode();
+          const canvas = new OffscreenCanvas(image.width, image.height);
+          const context = canvas.getContext("2d");
+          context.drawImage(image, 0, 0);
+          const svg = document.querySelector(".lanes svg").getBoundingClientRect();
+          const at = (value, edge) => Math.round((value - edge + 8) * 2);
+          const rect = document.querySelector(".block.failed rect");
+          const [r, g, b] = context.getImageData(at(x, svg.x), at(y, svg.y), 1, 1).data;
+          return [getComputedStyle(rect).fill, `rgb(${r}, ${g}, ${b})`];
+        }""",
+        [
+            base64.b64encode((tmp_path / "saved.png").read_bytes()).decode(),
+            failed["right"] - 3,
+            (failed["top"] + failed["bottom"]) / 2,
+        ],
+    )
+    assert seen == colour
 
 
 def test_hover_says_what_and_when(page: Page) -> None:

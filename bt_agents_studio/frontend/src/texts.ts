@@ -163,6 +163,9 @@ export const texts = {
     hold: "Stop playing",
     playKey: "Space on the timeline",
     speed: "Speed",
+    save: "Export",
+    saveTable: "Events (CSV)",
+    savePicture: "Picture (PNG)",
     lanes: { AGENT: "Agent", ROBOT: "Robot", MOOD: "Mood", MARKET: "Rounds", FEEDBACK: "Feedback", FAULT: "Faults" },
   },
   market: {

@@ -59,6 +59,7 @@ export function Timeline() {
   const events = useEvents();
   const titleOf = useTitles();
   const bookmarks = useBookmarks(whole);
+  const box = useRef<HTMLDivElement>(null);
   const [view, setView] = useState<View | null>(null);
   const isAway = atS !== null || (view !== null && view.endS !== null);
   const moment = Math.min(atS ?? whole.toS, whole.toS);
@@ -86,10 +87,12 @@ export function Timeline() {
         )}
         {atS !== null && <PlayerButtons of={player} />}
         <Bookmarks bookmarks={bookmarks} />
+        <Export events={events} shown={windowOf(view, whole)} box={box} />
         {source && <span className="source">{source}</span>}
         {failure && <span className="failure">{failure}</span>}
       </div>
       <Lanes
+        box={box}
         events={events}
         bookmarks={bookmarks}
         whole={whole}
@@ -102,6 +105,32 @@ export function Timeline() {
         play={player.toggle}
       />
     </div>
+  );
+}
+
+interface ExportProps {
+  events: EventRecord[];
+  shown: Span;
+  box: React.RefObject<HTMLElement | null>;
+}
+
+/** Menu of the files that can be made of the time in the window. */
+function Export({ events, shown, box }: ExportProps) {
+  const { source } = useConnection();
+  const save = async (form: string): Promise<void> => {
+    const { savePicture, saveTable } = await import("./timeline_export");
+    const drawing = box.current?.querySelector("svg");
+    if (form === "CSV") saveTable(events, shown, source);
+    else if (drawing) savePicture(drawing, shown, source);
+  };
+  return (
+    <select aria-label={words.save} value="" onChange={(event) => void save(event.target.value)}>
+      <option value="" hidden>
+        {words.save}
+      </option>
+      <option value="CSV">{words.saveTable}</option>
+      <option value="PNG">{words.savePicture}</option>
+    </select>
   );
 }
 
@@ -158,6 +187,7 @@ function describe(event: EventRecord, title: string): string {
 }
 
 interface LanesProps {
+  box: React.RefObject<HTMLDivElement | null>;
   events: EventRecord[];
   bookmarks: readonly BookmarkRecord[];
   whole: Span;
@@ -170,9 +200,8 @@ interface LanesProps {
   play: () => void;
 }
 
-function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setView, toEnd, play }: LanesProps) {
+function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf, setView, toEnd, play }: LanesProps) {
   const { atS, source } = useConnection();
-  const box = useRef<HTMLDivElement>(null);
   const width = useWidth(box);
   const [hover, setHover] = useState<Hover | null>(null);
   const drag = useRef<Drag | null>(null);
