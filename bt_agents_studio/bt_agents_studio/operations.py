@@ -111,6 +111,7 @@ OPERATIONS: Mapping[str, Operation] = {
             "author": "text",
             "label": "text",
             "notes": "text",
+            "age_s": "seconds",
         },
     ),
     "profiles": Operation(
@@ -246,6 +247,8 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
             return _text(name, value)
         case "number":
             return _count(name, value)
+        case "seconds":
+            return _number(name, value)
         case "bool":
             if isinstance(value, bool):
                 return value

@@ -716,5 +716,7 @@ OF_A_HOST = frozenset({"controls", "hosts", "parts", "tunables", "tunings"})
 OF_A_PERSON = frozenset({"live", "parts", "robot"})
 """Collections that a session of a person is shown."""
 
-OF_THE_PRESENT = frozenset({"agents", "events", "live", "market", "parts", "runs", "trees"})
+OF_THE_PRESENT = frozenset(
+    {"agents", "bookmarks", "events", "live", "market", "parts", "recording", "runs", "trees"}
+)
 """Collections that a page shows as they are now, even while it shows an earlier moment."""

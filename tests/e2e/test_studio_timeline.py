@@ -21,10 +21,10 @@ from rclpy.serialization import serialize_message
 from bt_agents_interfaces.msg import Run
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
 from bt_agents_ros.messages import header_at, to_time
-from bt_agents_studio.records import LogRecord
+from bt_agents_studio.records import BookmarkRecord, LogRecord
 from journal_fixture import topic_of
 from studio_browser import LIMIT_MS, box, opened_page, strip
-from studio_entries import agent, event, market, scene
+from studio_entries import agent, event, market, recording, scene
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -38,6 +38,8 @@ SEEN = """() => {
   return {
     first: of("min"), last: of("max"), now: of("now"), left: edge.left + 64, right: edge.right,
     cursor: lanes.querySelector(".cursor")?.getBoundingClientRect().left ?? null,
+    marks: [...lanes.querySelectorAll(".marks rect")]
+      .map((one) => one.getBoundingClientRect().left),
     blocks: [...lanes.querySelectorAll(".block")].map((one) => {
       const { left, right, top, bottom } = one.querySelector("rect").getBoundingClientRect();
       return { ...one.dataset, left, right, top, bottom };
@@ -56,6 +58,7 @@ class Seen:
         found = page.evaluate(SEEN)
         self.first, self.last, self.now = found["first"], found["last"], found["now"]
         self.left, self.right, self.cursor = found["left"], found["right"], found["cursor"]
+        self.marks: list[float] = found["marks"]
         self.blocks: list[dict[str, Any]] = found["blocks"]
 
     def place(self, at_s: float) -> float:
@@ -303,13 +306,15 @@ def test_events_of_window_are_saved_as_table(
 ) -> None:
     formula = event("FAULT", "ERROR", began_s + 45, began_s + 45, '=1+1, "quoted"')
     studio.put("events", "formula", formula)
+    studio.put("bookmarks", "1", bookmark(began_s + 47, "odd"))
     expect(page.locator(".block")).to_have_count(7)
+    expect(page.locator(".marks rect")).to_have_count(1)
     export = page.get_by_label("Export")
     expect(export).to_be_in_viewport(ratio=1)
     rows = saved_table(page, tmp_path)
     assert rows[0] == ["began", "ended", "lane", "kind", "agent", "text"]
     assert [row[2] for row in rows[1:]] == [
-        *("MARKET", "AGENT", "ROBOT", "FEEDBACK", "FAULT", "FAULT", "AGENT")
+        *("MARKET", "AGENT", "ROBOT", "FEEDBACK", "FAULT", "BOOKMARK", "FAULT", "AGENT")
     ]
     began, ended, *told = rows[3]
     assert told == ["ROBOT", "SAY", "guide", "Good morning"]
@@ -322,6 +327,65 @@ def test_events_of_window_are_saved_as_table(
         timeline(page).press("+")
     expect(page.locator(".block")).to_have_count(1)
     assert [row[2] for row in saved_table(page, tmp_path)[1:]] == ["AGENT"]
+
+
+def mark(page: Page, note: str, kept: str) -> None:
+    """Set a bookmark at the moment that is shown; the page says where it is kept."""
+    opened = page.locator("details.mark")
+    opened.get_by_text("Bookmark", exact=True).click()
+    told = opened.locator("p")
+    expect(told).to_be_in_viewport(ratio=1)
+    expect(told).to_contain_text(kept)
+    opened.get_by_label("Note on this moment").fill(note)
+    opened.get_by_role("button", name="Set it").click()
+    expect(told).not_to_be_visible()
+
+
+def bookmark(at_s: float, label: str) -> BookmarkRecord:
+    return BookmarkRecord(at_s=at_s, label=label, notes="", author="")
+
+
+def test_bookmark_goes_into_the_recording(
+    page: Page, studio: BackgroundStudio, began_s: float
+) -> None:
+    studio.put("recording", "", recording())
+    expect(page.locator("details.mark")).to_be_in_viewport(ratio=1)
+    mark(page, "they laughed", "goes into the recording")
+    page.mouse.click(Seen(page).place(began_s + 45), box(timeline(page))["y"] + 5)
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+    mark(page, "it went wrong", "goes into the recording")
+    seen = Seen(page)
+    now, past = [fields for _, service, fields in studio.caller.calls if "record" in service]
+    assert (now["action"], now["label"]) == (2, "they laughed")
+    assert now["age_s"] == pytest.approx(0, abs=5)
+    assert past["label"] == "it went wrong"
+    assert past["age_s"] == pytest.approx(seen.last - seen.now, abs=5)
+    # It is seen at once, also by pages that look back.
+    studio.put("bookmarks", "1", bookmark(began_s + 45, "it went wrong"))
+    expect(page.locator(".marks rect")).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    assert seen.marks == [pytest.approx(seen.place(began_s + 45), abs=2)]
+    page.mouse.move(seen.marks[0] + 1, box(timeline(page))["y"] + 40)
+    expect(page.locator(".hover")).to_have_text(re.compile("Bookmark: it went wrong$"))
+
+
+def test_bookmark_without_journal_survives_a_reload(page: Page, began_s: float) -> None:
+    page.mouse.click(Seen(page).place(began_s + 45), box(timeline(page))["y"] + 5)
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+    mark(page, "here", "is kept in this browser only")
+    shown = Seen(page).now
+    page.get_by_role("button", name="Back to now").click()
+    page.reload()
+    line = page.locator(".marks rect")
+    expect(line).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    assert seen.marks == [pytest.approx(seen.place(shown), abs=2)]
+    page.get_by_label("Bookmarks").select_option(index=1)
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+    assert Seen(page).now == pytest.approx(shown)
+    page.locator("details.mark").get_by_text("Bookmark", exact=True).click()
+    page.get_by_role("button", name="Remove it").click()
+    expect(line).to_have_count(0)
 
 
 def saved_table(page: Page, folder: Path) -> list[list[str]]:

@@ -2,10 +2,10 @@
 // The timeline: what happened when, in lanes, and which moment is shown.
 
 import { useEffect, useMemo, useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
+import { Bookmarks, useBookmarks } from "./bookmarks";
 import { fetchEvents, follow, seek, useConnection } from "./connection";
 import { formatSeconds, formatTime } from "./formatting";
 import type { BookmarkRecord, EventRecord, MoodRecord } from "./protocol";
-import { Bookmarks, useBookmarks } from "./recording";
 import { useCollection, usePresentCollection } from "./store";
 import { texts } from "./texts";
 import {
@@ -86,15 +86,15 @@ export function Timeline() {
           <span>{words.now}</span>
         )}
         {atS !== null && <PlayerButtons of={player} />}
-        <Bookmarks bookmarks={bookmarks} />
-        <Export events={events} shown={windowOf(view, whole)} box={box} />
+        <Bookmarks of={bookmarks} moment={moment} />
+        <Export events={events} bookmarks={bookmarks.all} shown={windowOf(view, whole)} box={box} />
         {source && <span className="source">{source}</span>}
         {failure && <span className="failure">{failure}</span>}
       </div>
       <Lanes
         box={box}
         events={events}
-        bookmarks={bookmarks}
+        bookmarks={bookmarks.all}
         whole={whole}
         view={view}
         moment={moment}
@@ -110,17 +110,18 @@ export function Timeline() {
 
 interface ExportProps {
   events: EventRecord[];
+  bookmarks: readonly BookmarkRecord[];
   shown: Span;
   box: React.RefObject<HTMLElement | null>;
 }
 
 /** Menu of the files that can be made of the time in the window. */
-function Export({ events, shown, box }: ExportProps) {
+function Export({ events, bookmarks, shown, box }: ExportProps) {
   const { source } = useConnection();
   const save = async (form: string): Promise<void> => {
     const { savePicture, saveTable } = await import("./timeline_export");
     const drawing = box.current?.querySelector("svg");
-    if (form === "CSV") saveTable(events, shown, source);
+    if (form === "CSV") saveTable(events, bookmarks, shown, source);
     else if (drawing) savePicture(drawing, shown, source);
   };
   return (
@@ -262,8 +263,10 @@ function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf,
     const { x, y } = placeIn(event);
     const held = drag.current;
     if (held === null) {
+      const marked = bookmarks.find((one) => Math.abs(placeOf(one.at_s, shown, width) - x) < MARK_PX);
       const block = blockAt(blocks, lanes[Math.floor(y / LANE_PX)], x);
-      setHover({ x, text: textOf(block, describe) ?? formatTime(momentAt(x, shown, width)) });
+      const text = marked === undefined ? textOf(block, describe) : `${formatTime(marked.at_s)} · ${words.mark}: ${marked.label}`;
+      setHover({ x, text: text ?? formatTime(momentAt(x, shown, width)) });
       return;
     }
     const byPx = event.clientX - held.x;
@@ -325,7 +328,7 @@ function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf,
           {bookmarks
             .filter((one) => one.at_s >= shown.fromS && one.at_s <= shown.toS)
             .map((one) => (
-              <rect key={one.at_s} x={placeOf(one.at_s, shown, width) - 1} width={2} height={height - TICKS_PX} />
+              <rect key={`${one.at_s} ${one.label}`} x={placeOf(one.at_s, shown, width) - 1} width={2} height={height - TICKS_PX} />
             ))}
         </g>
         {moment >= shown.fromS && moment <= shown.toS && (

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of the time that the timeline shows: its events as CSV, and itself as PNG.
 
-import type { EventRecord } from "./protocol";
+import type { BookmarkRecord, EventRecord } from "./protocol";
 import type { Span } from "./timeline_lanes";
 
 const COLUMNS = ["began", "ended", "lane", "kind", "agent", "text"];
@@ -10,9 +10,16 @@ const SHARPNESS = 2;
 const MARGIN_PX = 8;
 const FORGET_MS = 10_000;
 
-/** Offer the events of a span as a table; one that goes on has no end. */
-export function saveTable(events: readonly EventRecord[], { fromS, toS }: Span, source: string): void {
-  const rows = events
+/** Offer the events and bookmarks of a span as a table; an event that goes on has no end. */
+export function saveTable(
+  events: readonly EventRecord[],
+  bookmarks: readonly BookmarkRecord[],
+  { fromS, toS }: Span,
+  source: string,
+): void {
+  const marked = bookmarks.map(({ at_s, label }) => ({ lane: "BOOKMARK", kind: "", agent: "", text: label, began_s: at_s, ended_s: at_s }));
+  const rows = [...events, ...marked]
+    .sort((one, other) => one.began_s - other.began_s)
     .filter((one) => one.began_s <= toS && (one.ended_s ?? Infinity) >= fromS)
     .map((one) => [stamp(one.began_s), one.ended_s === null ? "" : stamp(one.ended_s), one.lane, one.kind, one.agent, one.text]);
   const text = [COLUMNS, ...rows].map((row) => `${row.map(cell).join(",")}\r\n`).join("");
