@@ -364,9 +364,15 @@ class ProfileRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class MoodRuleRecord:
-    """What a change of mood during a run teaches an agent."""
+    """What a change of mood during a run teaches an agent.
+
+    Attributes:
+        changes: Changes of the mood, downwards and upwards, from which on ``when`` is true; empty
+            if it looks at anything else.
+    """
 
     when: str
+    changes: tuple[float, ...]
     hold_s: float
     give: str
     cancels: bool

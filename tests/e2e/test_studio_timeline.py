@@ -21,10 +21,10 @@ from rclpy.serialization import serialize_message
 from bt_agents_interfaces.msg import Run
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
 from bt_agents_ros.messages import header_at, to_time
-from bt_agents_studio.records import BookmarkRecord, LogRecord
+from bt_agents_studio.records import BookmarkRecord, LogRecord, MoodRecord, MoodRuleRecord
 from journal_fixture import topic_of
-from studio_browser import LIMIT_MS, box, opened_page, strip
-from studio_entries import agent, event, market, recording, scene
+from studio_browser import LIMIT_MS, box, opened_page, strip, style
+from studio_entries import agent, event, market, recording, run, scene
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -223,6 +223,38 @@ def test_live_timeline_follows_now(page: Page, studio: BackgroundStudio) -> None
     seen = Seen(page)
     assert seen.cursor == pytest.approx(seen.right, abs=4)
     expect(page.locator(".moment")).to_contain_text("Now")
+
+
+def test_mood_lane_shows_where_rules_act(
+    page: Page, studio: BackgroundStudio, began_s: float
+) -> None:
+    rules = tuple(
+        MoodRuleRecord(when="", changes=(change,), hold_s=1.0, give=give, cancels=False)
+        for change, give in ((0.5, "POSITIVE"), (-1.0, "NEGATIVE"), (9.0, "POSITIVE"))
+    )
+    studio.put("agents", "guide", replace(agent("guide"), rules=rules))
+    studio.put("runs", "guide", run("guide", began_s + 60))
+    studio.put("scene", "", scene())
+    for number, mood in enumerate((3.0, 3.5, 2.0)):
+        studio.put("moods", str(number), MoodRecord(at_s=began_s + 61 + 10 * number, mood=mood))
+    positive, negative = (page.locator(f".threshold.{one}") for one in ("positive", "negative"))
+    for line in (positive, negative):
+        expect(line).to_be_in_viewport()
+    assert style(positive, "stroke") != style(negative, "stroke")
+    left, ups, levels = page.evaluate(
+        """() => {
+          const of = (name) => document.querySelector(name);
+          const lines = [of(".threshold.positive"), of(".threshold.negative")];
+          return [
+            lines.map((one) => one.getBoundingClientRect().left),
+            [...of(".mood-line").points].map((one) => one.y),
+            lines.map((one) => one.y1.baseVal.value),
+          ];
+        }"""
+    )
+    # They begin with the run, and the line of the mood reaches them.
+    assert left == [pytest.approx(Seen(page).place(began_s + 60), abs=12)] * 2
+    assert levels == pytest.approx(ups[1:])
 
 
 PLAYED = """async (ms) => {

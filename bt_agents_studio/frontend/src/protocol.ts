@@ -247,6 +247,7 @@ export interface ProfileRecord {
 
 export interface MoodRuleRecord {
   when: string;
+  changes: number[];
   hold_s: number;
   give: string;
   cancels: boolean;

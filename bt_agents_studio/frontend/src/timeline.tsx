@@ -5,8 +5,8 @@ import { useEffect, useMemo, useRef, useState, type KeyboardEvent, type PointerE
 import { Bookmarks, useBookmarks } from "./bookmarks";
 import { fetchEvents, follow, seek, useConnection } from "./connection";
 import { formatSeconds, formatTime } from "./formatting";
-import type { BookmarkRecord, EventRecord, MoodRecord } from "./protocol";
-import { useCollection, usePresentCollection } from "./store";
+import type { BookmarkRecord, EventRecord, ParameterRecord } from "./protocol";
+import { useCollection, useEntry, usePresentCollection } from "./store";
 import { texts } from "./texts";
 import {
   blockAt,
@@ -384,14 +384,44 @@ function MoodLine({ shown, width, top }: { shown: Span; width: number; top: numb
   const moods = useCollection("moods", PERIOD_MS);
   const { hello } = useConnection();
   const parameter = hello?.parameters.find((one) => one.is_mood);
+  const thresholds = useThresholds(parameter, moods[0]?.[1].mood);
   if (parameter === undefined) return null;
-  const y = ({ mood }: MoodRecord): number => {
+  const y = (mood: number): number => {
     const share = (mood - parameter.minimum) / Math.max(parameter.maximum - parameter.minimum, 1e-9);
     return top + LANE_PX - 1 - Math.min(Math.max(share, 0), 1) * (LANE_PX - 2);
   };
   const points = moods
     .map(([, one]) => one)
     .filter((one) => one.at_s >= shown.fromS && one.at_s <= shown.toS)
-    .map((one) => `${placeOf(one.at_s, shown, width)},${y(one)}`);
-  return <polyline className="mood-line" points={points.join(" ")} />;
+    .map((one) => `${placeOf(one.at_s, shown, width)},${y(one.mood)}`);
+  return (
+    <>
+      {thresholds.map(({ mood, give, fromS, toS }, place) => (
+        <line
+          key={place}
+          className={`threshold ${give.toLowerCase()}`}
+          x1={placeOf(Math.max(fromS, shown.fromS), shown, width)}
+          x2={placeOf(Math.max(Math.min(toS, shown.toS), shown.fromS), shown, width)}
+          y1={y(mood)}
+          y2={y(mood)}
+        />
+      ))}
+      <polyline className="mood-line" points={points.join(" ")} />
+    </>
+  );
+}
+
+/** Moods from which on a rule gives feedback in the run that is shown. */
+function useThresholds(parameter: ParameterRecord | undefined, sensed: number | undefined) {
+  const runs = useCollection("runs", PERIOD_MS);
+  const run = runs.map(([, one]) => one).sort((one, other) => other.began_s - one.began_s)[0];
+  const rules = useEntry("agents", run?.agent ?? "")?.rules ?? [];
+  const awarded = useEntry("scene")?.values.find((one) => one.name === parameter?.name);
+  // The first mood that is sensed replaces one that was only given.
+  const start = awarded?.origin === "GIVEN" ? (sensed ?? awarded.value) : (awarded?.value ?? sensed ?? null);
+  if (run === undefined || parameter === undefined || start === null) return [];
+  return rules
+    .flatMap(({ changes, give }) => changes.map((change) => ({ mood: start + change, give })))
+    .filter(({ mood }) => mood >= parameter.minimum && mood <= parameter.maximum)
+    .map((one) => ({ ...one, fromS: run.began_s, toS: run.ended_s ?? Infinity }));
 }
