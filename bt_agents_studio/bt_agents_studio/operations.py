@@ -26,10 +26,11 @@ _ABOVE_COUNTS = 2**32
 
 
 Fields = Mapping[str, str | Mapping[str, int]]
-"""Field of a request → ``text``, ``number``, ``bool``, ``texts``, ``numbers``, or the numbers of
-its constants by their names."""
+"""Field of a request → ``text``, ``number`` (a count), ``seconds``, ``bool``, ``texts``,
+``numbers``, or the numbers of its constants by their names."""
 
 WITH_PERSON = OPERATORS | {SessionRole.PERSON}
+"""Roles that may act as the person in front of the robot."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -98,7 +98,7 @@ def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path:
     page.wait_for_timeout(3000)  # the journal writes once a second
     seen = box(page.get_by_label("Moment that is shown"))
     page.mouse.click(seen["x"] + seen["width"] - 60, seen["y"] + 5)
-    page.locator("details.mark").get_by_text("Bookmark", exact=True).click()
+    page.locator("details.menu summary", has_text="Bookmark").click()
     page.get_by_label("Note on this moment").fill("they asked")
     page.get_by_role("button", name="Set it").click()
     expect(page.locator(".marks rect")).to_have_count(2)

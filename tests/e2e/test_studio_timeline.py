@@ -341,8 +341,7 @@ def test_events_of_window_are_saved_as_table(
     studio.put("bookmarks", "1", bookmark(began_s + 47, "odd"))
     expect(page.locator(".block")).to_have_count(7)
     expect(page.locator(".marks rect")).to_have_count(1)
-    export = page.get_by_label("Export")
-    expect(export).to_be_in_viewport(ratio=1)
+    expect(menu(page, "Export")).to_be_in_viewport(ratio=1)
     rows = saved_table(page, tmp_path)
     assert rows[0] == ["began", "ended", "lane", "kind", "agent", "text"]
     assert [row[2] for row in rows[1:]] == [
@@ -361,10 +360,28 @@ def test_events_of_window_are_saved_as_table(
     assert [row[2] for row in saved_table(page, tmp_path)[1:]] == ["AGENT"]
 
 
+def menu(page: Page, name: str) -> Locator:
+    return page.locator("details.menu").filter(has=page.get_by_text(name, exact=True))
+
+
+def export(page: Page, form: str) -> None:
+    """Save a file, with the keyboard only."""
+    menu(page, "Export").locator("summary").focus()
+    page.keyboard.press("Enter")
+    button = page.get_by_role("button", name=form)
+    expect(button).to_be_in_viewport(ratio=1)
+    for _ in range(2):
+        if button.evaluate("one => one === document.activeElement"):
+            break
+        page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    expect(button).not_to_be_visible()
+
+
 def mark(page: Page, note: str, kept: str) -> None:
     """Set a bookmark at the moment that is shown; the page says where it is kept."""
-    opened = page.locator("details.mark")
-    opened.get_by_text("Bookmark", exact=True).click()
+    opened = menu(page, "Bookmark")
+    opened.locator("summary").click()
     told = opened.locator("p")
     expect(told).to_be_in_viewport(ratio=1)
     expect(told).to_contain_text(kept)
@@ -381,7 +398,7 @@ def test_bookmark_goes_into_the_recording(
     page: Page, studio: BackgroundStudio, began_s: float
 ) -> None:
     studio.put("recording", "", recording())
-    expect(page.locator("details.mark")).to_be_in_viewport(ratio=1)
+    expect(menu(page, "Bookmark")).to_be_in_viewport(ratio=1)
     mark(page, "they laughed", "goes into the recording")
     page.mouse.click(Seen(page).place(began_s + 45), box(timeline(page))["y"] + 5)
     expect(page.get_by_role("button", name="Back to now")).to_be_visible()
@@ -415,14 +432,14 @@ def test_bookmark_without_journal_survives_a_reload(page: Page, began_s: float) 
     page.get_by_label("Bookmarks").select_option(index=1)
     expect(page.get_by_role("button", name="Back to now")).to_be_visible()
     assert Seen(page).now == pytest.approx(shown)
-    page.locator("details.mark").get_by_text("Bookmark", exact=True).click()
+    menu(page, "Bookmark").locator("summary").click()
     page.get_by_role("button", name="Remove it").click()
     expect(line).to_have_count(0)
 
 
 def saved_table(page: Page, folder: Path) -> list[list[str]]:
     with page.expect_download() as download:
-        page.get_by_label("Export").select_option("Events (CSV)")
+        export(page, "Events (CSV)")
     assert download.value.suggested_filename.endswith(".csv")
     download.value.save_as(folder / "saved.csv")
     with (folder / "saved.csv").open(newline="", encoding="utf-8") as file:
@@ -431,7 +448,7 @@ def saved_table(page: Page, folder: Path) -> list[list[str]]:
 
 def test_timeline_is_saved_as_picture(page: Page, tmp_path: Path) -> None:
     with page.expect_download() as download:
-        page.get_by_label("Export").select_option("Picture (PNG)")
+        export(page, "Picture (PNG)")
     assert download.value.suggested_filename.endswith(".png")
     download.value.save_as(tmp_path / "saved.png")
     failed = Seen(page).block("AGENT", "FAILED")

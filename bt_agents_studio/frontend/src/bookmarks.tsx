@@ -10,6 +10,7 @@ import type { BookmarkRecord } from "./protocol";
 import { usePresent, usePresentCollection } from "./store";
 import { texts } from "./texts";
 import type { Span } from "./timeline_lanes";
+import { close, Menu } from "./timeline_menu";
 
 const words = texts.time;
 const LONGEST = 200;
@@ -75,11 +76,6 @@ function Mark({ of: { own, keep }, moment }: { of: AllBookmarks; moment: number 
   const box = useRef<HTMLDetailsElement>(null);
   const markedS = atS === null ? openedS : moment;
   const isWritten = recording?.recording === true && ["", recording.file].includes(source) && write.whyNot === "";
-  const close = (): void => {
-    setNote("");
-    if (box.current) box.current.open = false;
-    box.current?.querySelector("summary")?.focus();
-  };
   const mark = async (event: FormEvent): Promise<void> => {
     event.preventDefault();
     if (!isWritten) keep([...own, { at_s: markedS, label: note, notes: "", author: "" }]);
@@ -88,20 +84,15 @@ function Mark({ of: { own, keep }, moment }: { of: AllBookmarks; moment: number 
       const done = await write.ask({ action: "BOOKMARK", label: note, author: author(), age_s });
       if (done?.accepted !== true) return;
     }
-    close();
+    setNote("");
+    close(box);
   };
   const isOwn = own.some((one) => one.at_s === markedS);
   return (
-    <details
-      ref={box}
-      className="mark"
-      onToggle={(event) => event.currentTarget.open && setOpenedS(Date.now() / 1000 + offsetS)}
-      onKeyDown={(event) => event.key === "Escape" && close()}
-    >
-      <summary>{words.mark}</summary>
-      <form className="panel" onSubmit={(event) => void mark(event)}>
+    <Menu box={box} label={words.mark} onOpen={() => setOpenedS(Date.now() / 1000 + offsetS)}>
+      <form onSubmit={(event) => void mark(event)}>
         <p>
-          <time>{formatTime(markedS)}</time> {isWritten ? words.inJournal : words.inBrowser}
+          <b>{formatTime(markedS)}</b> {isWritten ? words.inJournal : words.inBrowser}
         </p>
         <div className="bar">
           <input
@@ -120,6 +111,6 @@ function Mark({ of: { own, keep }, moment }: { of: AllBookmarks; moment: number 
         </div>
         <Outcome of={[write]} />
       </form>
-    </details>
+    </Menu>
   );
 }

@@ -32,6 +32,7 @@ import {
   type Span,
   type View,
 } from "./timeline_lanes";
+import { close, Menu } from "./timeline_menu";
 import { PlayerButtons, usePlayer } from "./timeline_player";
 import { DRAG_PX, STEP } from "./tree_view";
 
@@ -87,7 +88,7 @@ export function Timeline() {
         )}
         {atS !== null && <PlayerButtons of={player} />}
         <Bookmarks of={bookmarks} moment={moment} />
-        <Export events={events} bookmarks={bookmarks.all} shown={windowOf(view, whole)} box={box} />
+        <Export events={events} bookmarks={bookmarks.all} shown={windowOf(view, whole)} lanes={box} />
         {source && <span className="source">{source}</span>}
         {failure && <span className="failure">{failure}</span>}
       </div>
@@ -112,26 +113,31 @@ interface ExportProps {
   events: EventRecord[];
   bookmarks: readonly BookmarkRecord[];
   shown: Span;
-  box: React.RefObject<HTMLElement | null>;
+  lanes: React.RefObject<HTMLElement | null>;
 }
 
 /** Menu of the files that can be made of the time in the window. */
-function Export({ events, bookmarks, shown, box }: ExportProps) {
+function Export({ events, bookmarks, shown, lanes }: ExportProps) {
   const { source } = useConnection();
-  const save = async (form: string): Promise<void> => {
+  const box = useRef<HTMLDetailsElement>(null);
+  const save = async (form: "CSV" | "PNG"): Promise<void> => {
+    close(box);
     const { savePicture, saveTable } = await import("./timeline_export");
-    const drawing = box.current?.querySelector("svg");
+    const drawing = lanes.current?.querySelector("svg");
     if (form === "CSV") saveTable(events, bookmarks, shown, source);
     else if (drawing) savePicture(drawing, shown, source);
   };
   return (
-    <select aria-label={words.save} value="" onChange={(event) => void save(event.target.value)}>
-      <option value="" hidden>
-        {words.save}
-      </option>
-      <option value="CSV">{words.saveTable}</option>
-      <option value="PNG">{words.savePicture}</option>
-    </select>
+    <Menu box={box} label={words.save}>
+      <div className="bar">
+        <button type="button" onClick={() => void save("CSV")}>
+          {words.saveTable}
+        </button>
+        <button type="button" onClick={() => void save("PNG")}>
+          {words.savePicture}
+        </button>
+      </div>
+    </Menu>
   );
 }
 

@@ -54,9 +54,7 @@ export function usePlayer(events: readonly EventRecord[], whole: Span, toEnd: ()
     }, PERIOD_MS);
     return () => window.clearInterval(timer);
   }, [isRunning]);
-  useEffect(() => {
-    if (atS === null) setOn(false);
-  }, [atS]);
+  useEffect(() => setOn(false), [atS === null, source]);
   const toggle = (): void => {
     if (atS === null) return;
     if (!isOn && atS >= whole.toS) seek(source, whole.fromS);
