@@ -16,6 +16,7 @@ _PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(N
 _REQUEST = {
     "text": "string",
     "number": "number",
+    "seconds": "number",
     "bool": "boolean",
     "texts": "string[]",
     "numbers": "(number | null)[]",

@@ -161,7 +161,7 @@ class JournalNode(BaseNode):
                 case Record.Request.STOP:
                     response.message = self._control.stop()
                 case Record.Request.BOOKMARK:
-                    response.message = self._control.mark(**told)
+                    response.message = self._control.mark(**told, age_s=request.age_s)
                 case other:
                     raise Refused(
                         RefusalCode.UNKNOWN_ACTION, f"the action is {other}, expected 0, 1 or 2"

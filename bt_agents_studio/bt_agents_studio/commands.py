@@ -17,6 +17,7 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_studio.access import SessionRole
 from bt_agents_studio.feed import Feed
+from bt_agents_studio.history import SPAN_S
 from bt_agents_studio.protocol import VERSION, Delta, Hello, Resume, Snapshot, encode
 from bt_agents_studio.records import LogRecord
 from bt_agents_studio.studio import Studio
@@ -126,6 +127,7 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
             role=SessionRole.VIEW,
             parameters=shown.parameters,
             namespace=namespace,
+            span_s=SPAN_S,
         )
         click.echo(encode(hello))
     began = time.monotonic()

@@ -26,10 +26,11 @@ _ABOVE_COUNTS = 2**32
 
 
 Fields = Mapping[str, str | Mapping[str, int]]
-"""Field of a request → ``text``, ``number``, ``bool``, ``texts``, ``numbers``, or the numbers of
-its constants by their names."""
+"""Field of a request → ``text``, ``number`` (a count), ``seconds``, ``bool``, ``texts``,
+``numbers``, or the numbers of its constants by their names."""
 
-_WITH_PERSON = OPERATORS | {SessionRole.PERSON}
+WITH_PERSON = OPERATORS | {SessionRole.PERSON}
+"""Roles that may act as the person in front of the robot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +57,7 @@ class Operation:
 
 OPERATIONS: Mapping[str, Operation] = {
     "cancel": Operation(
-        roles=_WITH_PERSON,
+        roles=WITH_PERSON,
         service="marketplace/cancel",
         kind="CancelRun",
         fields={"reason": "text", "round": "number", "by": {"OPERATOR": 1}},
@@ -74,7 +75,7 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "feedback": Operation(
-        roles=_WITH_PERSON,
+        roles=WITH_PERSON,
         service="feedback/give",
         kind="GiveFeedback",
         fields={
@@ -111,6 +112,7 @@ OPERATIONS: Mapping[str, Operation] = {
             "author": "text",
             "label": "text",
             "notes": "text",
+            "age_s": "seconds",
         },
     ),
     "profiles": Operation(
@@ -125,7 +127,7 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "scene": Operation(
-        roles=_WITH_PERSON,
+        roles=WITH_PERSON,
         service="scene_layer/analyze",
         kind="Analyze",
         fields={
@@ -178,7 +180,7 @@ class OwnOperation:
 
 
 OWN_OPERATIONS: Mapping[str, OwnOperation] = {
-    "answer": OwnOperation(roles=_WITH_PERSON, fields={"text": "text"}),
+    "answer": OwnOperation(roles=WITH_PERSON, fields={"text": "text"}),
     "dry_run": OwnOperation(
         fields={"names": "texts", "values": "numbers", "across": "text", "up": "text"}
     ),
@@ -246,6 +248,8 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
             return _text(name, value)
         case "number":
             return _count(name, value)
+        case "seconds":
+            return _number(name, value)
         case "bool":
             if isinstance(value, bool):
                 return value

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import islice
 from typing import Any
 
@@ -16,6 +17,9 @@ from bt_agents_core.scene import Origin
 from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import ellipsize, printable_line
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.expression_values import Undecided
+from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.expression.quantities import QuantityError, number, quantity, quantity_type
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_studio.records import (
@@ -112,6 +116,13 @@ _ABOVE, _WITHIN = re.compile("/"), re.compile("[/@]|$")
 
 _DEEPEST = 200
 """Ends in a path that are looked at."""
+
+_MOST_CONDITIONS = 1000
+_LONGEST_CONDITION = 80
+"""Characters of a condition of which the thresholds are sought."""
+
+_LARGEST_CHANGE = 1000.0
+_HALVINGS = 32
 
 _VALUE_FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value"}
 
@@ -1053,6 +1064,7 @@ def _agent(card: Any, host: str, parameters: Sequence[str]) -> AgentRecord:
         rules=tuple(
             MoodRuleRecord(
                 when=one.when,
+                changes=() if one.baseline_s else _thresholds(one.when),
                 hold_s=float(one.hold_s),
                 give=_name(_FEEDBACKS, one.give),
                 cancels=one.action == 1,
@@ -1064,6 +1076,40 @@ def _agent(card: Any, host: str, parameters: Sequence[str]) -> AgentRecord:
         degraded=bool(card.degraded),
         problems=_problems(card.problems),
     )
+
+
+@lru_cache(maxsize=_MOST_CONDITIONS)
+def _thresholds(when: str) -> tuple[float, ...]:
+    """Return the changes of the mood from which on the condition of a mood rule is true."""
+    if len(when) > _LONGEST_CONDITION:
+        return ()
+    try:
+        condition = parse_expression(when)
+    except ExpressionError:
+        return ()
+    if condition.names != {"mood.change"}:
+        return ()
+
+    def holds(change: float) -> bool:
+        try:
+            return condition.is_true(lambda _: change)
+        except Undecided:
+            return False
+
+    if holds(0.0):
+        return ()
+    return tuple(
+        _threshold(holds, far) for far in (-_LARGEST_CHANGE, _LARGEST_CHANGE) if holds(far)
+    )
+
+
+def _threshold(holds: Callable[[float], bool], far: float) -> float:
+    """Return where a condition that is false at 0 and true far from it becomes true."""
+    near = 0.0
+    for _ in range(_HALVINGS):
+        middle = (near + far) / 2
+        near, far = (near, middle) if holds(middle) else (middle, far)
+    return round(far, 5)
 
 
 def _problems(messages: Iterable[Any]) -> tuple[ProblemRecord, ...]:

@@ -32,6 +32,7 @@ class Hello:
         role: What the client may do: ``view`` or ``operate``.
         parameters: The scene parameters of the trees folder.
         namespace: Of the system that is watched.
+        span_s: Time that a running system can be looked back over, at most [s].
     """
 
     type: ClassVar[str] = "hello"
@@ -41,6 +42,7 @@ class Hello:
     role: str
     parameters: tuple[ParameterRecord, ...]
     namespace: str
+    span_s: float
 
 
 @dataclass(frozen=True, kw_only=True)

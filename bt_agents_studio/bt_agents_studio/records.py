@@ -364,9 +364,15 @@ class ProfileRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class MoodRuleRecord:
-    """What a change of mood during a run teaches an agent."""
+    """What a change of mood during a run teaches an agent.
+
+    Attributes:
+        changes: Changes of the mood, downwards and upwards, from which on ``when`` is true; empty
+            if it looks at anything else.
+    """
 
     when: str
+    changes: tuple[float, ...]
     hold_s: float
     give: str
     cancels: bool
@@ -716,5 +722,7 @@ OF_A_HOST = frozenset({"controls", "hosts", "parts", "tunables", "tunings"})
 OF_A_PERSON = frozenset({"live", "parts", "robot"})
 """Collections that a session of a person is shown."""
 
-OF_THE_PRESENT = frozenset({"agents", "events", "live", "market", "parts", "runs", "trees"})
+OF_THE_PRESENT = frozenset(
+    {"agents", "bookmarks", "events", "live", "market", "parts", "recording", "runs", "trees"}
+)
 """Collections that a page shows as they are now, even while it shows an earlier moment."""

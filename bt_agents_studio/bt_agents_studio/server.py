@@ -38,11 +38,13 @@ from bt_agents_studio.connections import (
     server_logger,
 )
 from bt_agents_studio.feed import Feed, shown_entries
+from bt_agents_studio.history import SPAN_S
 from bt_agents_studio.journal_worker import JournalWorker, RecordedAnswer
 from bt_agents_studio.operations import (
     LIMIT_S,
     OPERATIONS,
     OWN_OPERATIONS,
+    WITH_PERSON,
     read_fields,
     read_request,
 )
@@ -316,7 +318,8 @@ class Server:
                 f"{MOST_CLIENTS} pages of the role {role} are open, no more may be; close one of "
                 "them",
             )
-        is_person = request.query.get("page") == "person"
+        # Whoever can only look on is no person whom the robot could talk to.
+        is_person = request.query.get("page") == "person" and role in WITH_PERSON
         socket = web.WebSocketResponse(
             heartbeat=_PERSON_PING_S if is_person else _PING_S,
             max_msg_size=LARGEST_MESSAGE,
@@ -367,6 +370,7 @@ class Server:
                 role=role,
                 parameters=self._studio.parameters,
                 namespace=self._namespace,
+                span_s=SPAN_S,
             ),
         )
         while not socket.closed:

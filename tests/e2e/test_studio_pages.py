@@ -14,7 +14,17 @@ from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from checkout import ROOT
-from studio_browser import LIMIT_MS, System, announce, open_page, open_values, serve, stop, strip
+from studio_browser import (
+    LIMIT_MS,
+    System,
+    announce,
+    box,
+    open_page,
+    open_values,
+    serve,
+    stop,
+    strip,
+)
 
 pytestmark = pytest.mark.e2e
 
@@ -86,6 +96,13 @@ def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path:
     expect(panel).to_contain_text("Bookmarks: 1")
     expect(page.locator(".marks rect")).to_have_count(1)
     page.wait_for_timeout(3000)  # the journal writes once a second
+    seen = box(page.get_by_label("Moment that is shown"))
+    page.mouse.click(seen["x"] + seen["width"] - 60, seen["y"] + 5)
+    page.locator("details.menu summary", has_text="Bookmark").click()
+    page.get_by_label("Note on this moment").fill("they asked")
+    page.get_by_role("button", name="Set it").click()
+    expect(page.locator(".marks rect")).to_have_count(2)
+    page.get_by_role("button", name="Back to now").click()
 
     open_page(page, "System")
     row = page.get_by_label("Recordings").locator("li", has_text="a class")
@@ -97,7 +114,8 @@ def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path:
 
     row.get_by_role("button", name="Look into it").click()
     bookmarks = page.get_by_label("Bookmarks")
-    expect(bookmarks.locator("option")).to_have_count(2)
+    expect(bookmarks.locator("option")).to_have_count(3)
+    expect(bookmarks).to_contain_text("they asked")
     bookmarks.select_option(index=1)
     expect(page.locator(".time")).to_contain_text(".mcap")
     page.get_by_role("button", name="Back to now").click()

@@ -113,6 +113,11 @@ def test_page_fits_its_window(
 ) -> None:
     with opened_at(browser, studio, name) as page:
         page.set_viewport_size(size)  # type: ignore[arg-type]
+        # The timeline is drawn anew when it has another width.
+        page.wait_for_function(
+            "[...document.querySelectorAll('.lanes svg')]"
+            ".every((one) => one.getBoundingClientRect().right <= innerWidth)"
+        )
         unfold(page)
         wide = page.evaluate("""() => [...document.querySelectorAll("header *, main *")]
             .filter((one) => one.getBoundingClientRect().right > innerWidth + 1)

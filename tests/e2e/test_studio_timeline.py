@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+import base64
+import csv
 import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import datetime
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,10 +21,10 @@ from rclpy.serialization import serialize_message
 from bt_agents_interfaces.msg import Run
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
 from bt_agents_ros.messages import header_at, to_time
-from bt_agents_studio.records import LogRecord
+from bt_agents_studio.records import BookmarkRecord, LogRecord, MoodRecord, MoodRuleRecord
 from journal_fixture import topic_of
-from studio_browser import LIMIT_MS, box, opened_page, strip
-from studio_entries import agent, event, market, scene
+from studio_browser import LIMIT_MS, box, opened_page, strip, style
+from studio_entries import agent, event, market, recording, run, scene
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -34,12 +38,17 @@ SEEN = """() => {
   return {
     first: of("min"), last: of("max"), now: of("now"), left: edge.left + 64, right: edge.right,
     cursor: lanes.querySelector(".cursor")?.getBoundingClientRect().left ?? null,
+    marks: [...lanes.querySelectorAll(".marks rect")]
+      .map((one) => one.getBoundingClientRect().left),
     blocks: [...lanes.querySelectorAll(".block")].map((one) => {
       const { left, right, top, bottom } = one.querySelector("rect").getBoundingClientRect();
       return { ...one.dataset, left, right, top, bottom };
     }),
   };
 }"""
+READ = """performance.getEntriesByType("resource")
+  .filter((one) => one.name.endsWith("/events")).length"""
+"""How often a page has read the events of a recording."""
 
 
 class Seen:
@@ -49,6 +58,7 @@ class Seen:
         found = page.evaluate(SEEN)
         self.first, self.last, self.now = found["first"], found["last"], found["now"]
         self.left, self.right, self.cursor = found["left"], found["right"], found["cursor"]
+        self.marks: list[float] = found["marks"]
         self.blocks: list[dict[str, Any]] = found["blocks"]
 
     def place(self, at_s: float) -> float:
@@ -215,6 +225,256 @@ def test_live_timeline_follows_now(page: Page, studio: BackgroundStudio) -> None
     expect(page.locator(".moment")).to_contain_text("Now")
 
 
+def test_mood_lane_shows_where_rules_act(
+    page: Page, studio: BackgroundStudio, began_s: float
+) -> None:
+    rules = tuple(
+        MoodRuleRecord(when="", changes=(change,), hold_s=1.0, give=give, cancels=False)
+        for change, give in ((0.5, "POSITIVE"), (-1.0, "NEGATIVE"), (9.0, "POSITIVE"))
+    )
+    studio.put("agents", "guide", replace(agent("guide"), rules=rules))
+    studio.put("runs", "guide", run("guide", began_s + 60))
+    studio.put("scene", "", scene())
+    for number, mood in enumerate((3.0, 3.5, 2.0)):
+        studio.put("moods", str(number), MoodRecord(at_s=began_s + 61 + 10 * number, mood=mood))
+    positive, negative = (page.locator(f".threshold.{one}") for one in ("positive", "negative"))
+    for line in (positive, negative):
+        expect(line).to_be_in_viewport()
+    assert style(positive, "stroke") != style(negative, "stroke")
+    left, ups, levels = page.evaluate(
+        """() => {
+          const of = (name) => document.querySelector(name);
+          const lines = [of(".threshold.positive"), of(".threshold.negative")];
+          return [
+            lines.map((one) => one.getBoundingClientRect().left),
+            [...of(".mood-line").points].map((one) => one.y),
+            lines.map((one) => one.y1.baseVal.value),
+          ];
+        }"""
+    )
+    # They begin with the run, and the line of the mood reaches them.
+    assert left == [pytest.approx(Seen(page).place(began_s + 60), abs=12)] * 2
+    assert levels == pytest.approx(ups[1:])
+
+
+PLAYED = """async (ms) => {
+  const bar = document.querySelector(".lanes");
+  const look = () => [performance.now() / 1000, Number(bar.getAttribute("aria-valuenow"))];
+  const [beganS, fromS] = look();
+  await new Promise((done) => setTimeout(done, ms));
+  const [endedS, toS] = look();
+  return (toS - fromS) / (endedS - beganS);
+}"""
+"""How much time of the recording passes in a second of the page."""
+
+
+def play(page: Page) -> Locator:
+    return page.get_by_role("button", name="Play", exact=True)
+
+
+def hold(page: Page) -> Locator:
+    return page.get_by_role("button", name="Stop playing")
+
+
+def test_play_shows_what_happened_next(page: Page, began_s: float) -> None:
+    expect(play(page)).to_have_count(0)
+    bar = timeline(page)
+    for _ in range(6):
+        bar.press("ArrowLeft")
+    expect(bar).to_have_attribute("aria-valuetext", re.compile("Rounds: .*nearest"))
+    from_px = Seen(page).cursor
+    page.get_by_label("Speed").select_option("4×")
+    play(page).click()
+    expect(hold(page)).to_be_in_viewport(ratio=1)
+    page.wait_for_timeout(500)
+    assert page.evaluate(PLAYED, 3000) == pytest.approx(4, rel=0.3)
+    bar.press("Space")
+    expect(play(page)).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    assert seen.now > began_s + 9 + 8
+    assert seen.cursor > from_px + 10
+    assert seen.cursor == pytest.approx(seen.place(seen.now), abs=2)
+    assert page.evaluate(PLAYED, 500) == 0
+
+
+def test_play_ends_where_now_is(page: Page) -> None:
+    bar = timeline(page)
+    seen = box(bar)
+    page.mouse.click(seen["x"] + seen["width"] - 150, seen["y"] + 5)
+    page.get_by_label("Speed").select_option("8×")
+    bar.focus()
+    page.keyboard.press("Space")
+    expect(hold(page)).to_be_in_viewport(ratio=1)
+    expect(page.locator(".moment")).to_contain_text("Now")
+    expect(hold(page)).to_have_count(0)
+    assert "at=" not in page.url
+
+
+def test_play_without_motion_jumps_to_events(page: Page, began_s: float) -> None:
+    page.emulate_media(reduced_motion="reduce")
+    page.evaluate(
+        """() => {
+          const bar = document.querySelector(".lanes");
+          window.shown = [];
+          new MutationObserver(() => window.shown.push(Number(bar.getAttribute("aria-valuenow"))))
+            .observe(bar, {attributeFilter: ["aria-valuenow"]});
+        }"""
+    )
+    bar = timeline(page)
+    bar.press("Home")
+    page.get_by_label("Speed").select_option("8×")
+    play(page).click()
+    page.wait_for_function(
+        "at => window.shown.some((one) => one > at && one < at + 1)", arg=began_s + 40
+    )
+    seen = Seen(page)
+    assert seen.cursor == pytest.approx(seen.place(began_s + 40), abs=3)
+    shown = {round(one - began_s) for one in page.evaluate("window.shown")}
+    assert {one for one in shown if one < 45} <= {0, 9, 10, 12, 40}
+
+
+def test_events_of_window_are_saved_as_table(
+    page: Page, studio: BackgroundStudio, began_s: float, tmp_path: Path
+) -> None:
+    formula = event("FAULT", "ERROR", began_s + 45, began_s + 45, '=1+1, "quoted"')
+    studio.put("events", "formula", formula)
+    studio.put("bookmarks", "1", bookmark(began_s + 47, "odd"))
+    expect(page.locator(".block")).to_have_count(7)
+    expect(page.locator(".marks rect")).to_have_count(1)
+    expect(menu(page, "Export")).to_be_in_viewport(ratio=1)
+    rows = saved_table(page, tmp_path)
+    assert rows[0] == ["began", "ended", "lane", "kind", "agent", "text"]
+    assert [row[2] for row in rows[1:]] == [
+        *("MARKET", "AGENT", "ROBOT", "FEEDBACK", "FAULT", "BOOKMARK", "FAULT", "AGENT")
+    ]
+    began, ended, *told = rows[3]
+    assert told == ["ROBOT", "SAY", "guide", "Good morning"]
+    seconds = [datetime.fromisoformat(one).timestamp() - began_s for one in (began, ended)]
+    assert seconds == [pytest.approx(12, abs=0.002), pytest.approx(20, abs=0.002)]
+    assert rows[5][-1] == '\'=1+1, "quoted"'
+    assert rows[-1][1] == ""
+    # Only what is in the window.
+    for _ in range(12):
+        timeline(page).press("+")
+    expect(page.locator(".block")).to_have_count(1)
+    assert [row[2] for row in saved_table(page, tmp_path)[1:]] == ["AGENT"]
+
+
+def menu(page: Page, name: str) -> Locator:
+    return page.locator("details.menu").filter(has=page.get_by_text(name, exact=True))
+
+
+def export(page: Page, form: str) -> None:
+    """Save a file, with the keyboard only."""
+    menu(page, "Export").locator("summary").focus()
+    page.keyboard.press("Enter")
+    button = page.get_by_role("button", name=form)
+    expect(button).to_be_in_viewport(ratio=1)
+    for _ in range(2):
+        if button.evaluate("one => one === document.activeElement"):
+            break
+        page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    expect(button).not_to_be_visible()
+
+
+def mark(page: Page, note: str, kept: str) -> None:
+    """Set a bookmark at the moment that is shown; the page says where it is kept."""
+    opened = menu(page, "Bookmark")
+    opened.locator("summary").click()
+    told = opened.locator("p")
+    expect(told).to_be_in_viewport(ratio=1)
+    expect(told).to_contain_text(kept)
+    opened.get_by_label("Note on this moment").fill(note)
+    opened.get_by_role("button", name="Set it").click()
+    expect(told).not_to_be_visible()
+
+
+def bookmark(at_s: float, label: str) -> BookmarkRecord:
+    return BookmarkRecord(at_s=at_s, label=label, notes="", author="")
+
+
+def test_bookmark_goes_into_the_recording(
+    page: Page, studio: BackgroundStudio, began_s: float
+) -> None:
+    studio.put("recording", "", recording())
+    expect(menu(page, "Bookmark")).to_be_in_viewport(ratio=1)
+    mark(page, "they laughed", "goes into the recording")
+    page.mouse.click(Seen(page).place(began_s + 45), box(timeline(page))["y"] + 5)
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+    mark(page, "it went wrong", "goes into the recording")
+    seen = Seen(page)
+    now, past = [fields for _, service, fields in studio.caller.calls if "record" in service]
+    assert (now["action"], now["label"]) == (2, "they laughed")
+    assert now["age_s"] == pytest.approx(0, abs=5)
+    assert past["label"] == "it went wrong"
+    assert past["age_s"] == pytest.approx(seen.last - seen.now, abs=5)
+    # It is seen at once, also by pages that look back.
+    studio.put("bookmarks", "1", bookmark(began_s + 45, "it went wrong"))
+    expect(page.locator(".marks rect")).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    assert seen.marks == [pytest.approx(seen.place(began_s + 45), abs=2)]
+    page.mouse.move(seen.marks[0] + 1, box(timeline(page))["y"] + 40)
+    expect(page.locator(".hover")).to_have_text(re.compile("Bookmark: it went wrong$"))
+
+
+def test_bookmark_without_journal_survives_a_reload(page: Page, began_s: float) -> None:
+    page.mouse.click(Seen(page).place(began_s + 45), box(timeline(page))["y"] + 5)
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+    mark(page, "here", "is kept in this browser only")
+    shown = Seen(page).now
+    page.get_by_role("button", name="Back to now").click()
+    page.reload()
+    line = page.locator(".marks rect")
+    expect(line).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    assert seen.marks == [pytest.approx(seen.place(shown), abs=2)]
+    page.get_by_label("Bookmarks").select_option(index=1)
+    expect(page.get_by_role("button", name="Back to now")).to_be_visible()
+    assert Seen(page).now == pytest.approx(shown)
+    menu(page, "Bookmark").locator("summary").click()
+    page.get_by_role("button", name="Remove it").click()
+    expect(line).to_have_count(0)
+
+
+def saved_table(page: Page, folder: Path) -> list[list[str]]:
+    with page.expect_download() as download:
+        export(page, "Events (CSV)")
+    assert download.value.suggested_filename.endswith(".csv")
+    download.value.save_as(folder / "saved.csv")
+    with (folder / "saved.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.reader(file))
+
+
+def test_timeline_is_saved_as_picture(page: Page, tmp_path: Path) -> None:
+    with page.expect_download() as download:
+        export(page, "Picture (PNG)")
+    assert download.value.suggested_filename.endswith(".png")
+    download.value.save_as(tmp_path / "saved.png")
+    failed = Seen(page).block("AGENT", "FAILED")
+    colour, seen = page.evaluate(
+        """async ([png, x, y]) => {
+          const image = new Image();
+          image.src = `data:image/png;base64,${png}`;
+          await image.decode();
+          const canvas = new OffscreenCanvas(image.width, image.height);
+          const context = canvas.getContext("2d");
+          context.drawImage(image, 0, 0);
+          const svg = document.querySelector(".lanes svg").getBoundingClientRect();
+          const at = (value, edge) => Math.round((value - edge + 8) * 2);
+          const rect = document.querySelector(".block.failed rect");
+          const [r, g, b] = context.getImageData(at(x, svg.x), at(y, svg.y), 1, 1).data;
+          return [getComputedStyle(rect).fill, `rgb(${r}, ${g}, ${b})`];
+        }""",
+        [
+            base64.b64encode((tmp_path / "saved.png").read_bytes()).decode(),
+            failed["right"] - 3,
+            (failed["top"] + failed["bottom"]) / 2,
+        ],
+    )
+    assert seen == colour
+
+
 def test_hover_says_what_and_when(page: Page) -> None:
     failed = Seen(page).block("AGENT", "FAILED")
     page.mouse.move((failed["left"] + failed["right"]) / 2, failed["top"] + 3)
@@ -279,6 +539,7 @@ def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: Backgro
     with opened_page(browser, address) as page:
         expect(page.locator(".block")).to_have_count(RUNS)
         expect(page.locator(".block.failed")).to_have_count(RUNS // 10)
+        assert page.evaluate(READ) == 1
         seen = Seen(page)
         assert (seen.first, seen.now) == (pytest.approx(BEGAN_S), pytest.approx(seen.last))
         for number, one in enumerate(seen.blocks):
@@ -292,3 +553,28 @@ def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: Backgro
         expect(bar).to_have_attribute("aria-valuetext", re.compile("guide · succeeded"))
         assert Seen(page).now == pytest.approx(BEGAN_S + 60 * DAY_S / RUNS, abs=0.2)
         expect(page.locator(".moment")).to_contain_text(FILE)
+
+
+def test_recording_plays_to_its_end(browser: Browser, recorded: BackgroundStudio) -> None:
+    address = recorded.address.replace("/#", f"/live?from={FILE}&at={BEGAN_S + DAY_S - 140}#")
+    with opened_page(browser, address) as page:
+        expect(page.locator(".block")).to_have_count(RUNS)
+        page.get_by_label("Speed").select_option("8×")
+        play(page).click()
+        expect(hold(page)).to_be_in_viewport(ratio=1)
+        expect(play(page)).to_be_in_viewport(ratio=1)
+        seen = Seen(page)
+        assert seen.now == pytest.approx(seen.last)
+        assert seen.cursor == pytest.approx(seen.right, abs=4)
+        expect(page.locator(".moment")).to_contain_text(FILE)
+        # What has been played to its end begins anew.
+        play(page).click()
+        expect(hold(page)).to_be_in_viewport(ratio=1)
+        page.wait_for_function(
+            "end => Number(document.querySelector('.lanes').ariaValueNow) < end",
+            arg=BEGAN_S + DAY_S / 2,
+        )
+        page.wait_for_function(
+            "end => document.querySelector('.cursor').getBoundingClientRect().left < end",
+            arg=seen.left + 20,
+        )

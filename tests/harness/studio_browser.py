@@ -77,6 +77,8 @@ def opened_page(browser: Browser, address: str) -> Iterator[Page]:
 
 def open_page(page: Page, name: str) -> None:
     page.get_by_role("navigation").get_by_role("link", name=name, exact=True).click()
+    # It may be loaded only now.
+    expect(page.locator("main section").first).to_be_visible()
 
 
 def open_values(page: Page, agent: str) -> None:

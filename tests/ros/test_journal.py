@@ -142,6 +142,8 @@ def test_service_starts_marks_and_stops_recording(harness: JournalHarness) -> No
     assert ask(action=Record.Request.START, label="morning", notes="a class").accepted
     assert ask(action=Record.Request.BOOKMARK, label="odd", author="anna").accepted
     ros.until(lambda: states[-1].bookmarks == 1)
+    past = ask(action=Record.Request.BOOKMARK, age_s=3600.0)
+    assert (past.accepted, past.code) == (False, "OUT_OF_RANGE")
     assert ask(action=Record.Request.START, label="a" * 201).code == "TOO_LARGE"
     assert ask(action=9).code == "UNKNOWN_ACTION"
     ros.remove(journal)

@@ -117,13 +117,27 @@ class RecordingControl:
         self._set(replace(self.state, since_ns=self._now_ns(), is_recording=False))
         return f"{self._named()} has ended, nothing is recorded now"
 
-    def mark(self, *, label: str, notes: str, author: str) -> str:
-        """Mark the current moment; return a message about it.
+    def mark(self, *, label: str, notes: str, author: str, age_s: float = 0.0) -> str:
+        """Mark a moment of the recording; return a message about it.
+
+        Args:
+            label: In a few words; may be empty.
+            notes: In more words; may be empty.
+            author: Who marks it; may be empty.
+            age_s: How long ago the moment was [s].
 
         Raises:
-            Refused: ``NOT_RECORDING``, or ``TOO_MANY`` bookmarks.
+            Refused: ``NOT_RECORDING``, ``OUT_OF_RANGE`` or ``TOO_MANY`` bookmarks.
         """
         self._check_recording()
+        now_ns = self._now_ns()
+        begun_s = (now_ns - self.state.since_ns) * 1e-9
+        if not 0.0 <= age_s <= begun_s:
+            raise Refused(
+                RefusalCode.OUT_OF_RANGE,
+                f"the moment was {age_s:g} s ago, expected 0 to {begun_s:.1f}: {self._named()} "
+                "has no other moments",
+            )
         if self.state.bookmarks >= MOST_BOOKMARKS:
             raise Refused(
                 RefusalCode.TOO_MANY,
@@ -131,7 +145,9 @@ class RecordingControl:
                 "recording",
             )
         self._listener.on_bookmark(
-            MarkedMoment(at_ns=self._now_ns(), label=label, notes=notes, author=author)
+            MarkedMoment(
+                at_ns=now_ns - round(age_s * 1e9), label=label, notes=notes, author=author
+            )
         )
         self._set(replace(self.state, bookmarks=self.state.bookmarks + 1))
         return f"marked in {self._named()}" + (f": {ellipsize(label, 80)}" if label else "")

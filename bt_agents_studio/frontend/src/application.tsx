@@ -1,26 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 // The application: its pages, each with an address, its connection and its timeline.
 
-import { StrictMode, useEffect } from "react";
+import { lazy, StrictMode, Suspense, useEffect } from "react";
 import { createRoot } from "react-dom/client";
 import { connect, useConnection } from "./connection";
 import { PAGES, writeAddress, type Page } from "./address";
 import { Keys } from "./keys";
 import { Live } from "./live";
-import { Market } from "./market";
 import { go, startNavigation, useAddress, useMomentInAddress } from "./navigation";
 import { PanelBoundary } from "./panel_boundary";
 import { Phase } from "./phase";
 import { StatusStrip } from "./status_strip";
-import { System } from "./system";
 import { usePresent } from "./store";
 import { texts } from "./texts";
 import { startTheme } from "./theme";
 import { Timeline } from "./timeline";
-import { Tune } from "./tune";
-import { World } from "./world";
 
-const SHOWN = { live: Live, market: Market, tune: Tune, world: World, system: System };
+/** Pages that are loaded when they are opened. */
+const LATER = {
+  market: () => import("./market").then((one) => ({ default: one.Market })),
+  tune: () => import("./tune").then((one) => ({ default: one.Tune })),
+  world: () => import("./world").then((one) => ({ default: one.World })),
+  system: () => import("./system").then((one) => ({ default: one.System })),
+};
+const SHOWN = { live: Live, market: lazy(LATER.market), tune: lazy(LATER.tune), world: lazy(LATER.world), system: lazy(LATER.system) };
+/** After so long they are loaded anyway, so that they open without a studio, too. */
+const LATER_MS = 3000;
 
 function App() {
   const address = useAddress();
@@ -30,6 +35,11 @@ function App() {
   const { page } = address;
   const Shown = page === null ? NoPage : SHOWN[page];
   useMomentInAddress();
+  useEffect(() => {
+    if (phase !== "open") return;
+    const timer = window.setTimeout(() => Object.values(LATER).forEach((load) => void load().catch(() => undefined)), LATER_MS);
+    return () => window.clearTimeout(timer);
+  }, [phase]);
   useEffect(() => {
     if (isPerson) location.replace("/person");
   }, [isPerson]);
@@ -75,7 +85,9 @@ function App() {
       <main className={isStale ? "stale" : ""}>
         {!isPerson && (
           <PanelBoundary key={page} label={page === null ? texts.address.none : texts.pages[page]}>
-            <Shown />
+            <Suspense>
+              <Shown />
+            </Suspense>
           </PanelBoundary>
         )}
       </main>

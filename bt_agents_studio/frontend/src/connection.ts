@@ -17,6 +17,7 @@ export interface ConnectionState {
   atS: number | null;
   source: string;
   firstS: number | null;
+  /** Latest moment of the recording that is shown; null until it is known. */
   lastS: number | null;
   /** Marked moments of the recording that is shown. */
   bookmarks: BookmarkRecord[];
@@ -125,6 +126,7 @@ function handle(message: ServerMessage): void {
       }
       if (message.at_s !== null && state.atS === null) return;
       if (message.at_s !== state.atS || message.source !== state.source) askForMoment();
+      if (message.source !== state.source) return;
       replaceAll(message);
       update({
         // What is older than everything kept is shown as the oldest moment.
@@ -263,9 +265,14 @@ async function logIn(): Promise<void> {
 }
 
 export function seek(source: string, atS: number): void {
-  update({ atS, source });
+  update({ atS, source, lastS: source === state.source ? state.lastS : null });
   isLoading = true;
   askForMoment();
+}
+
+/** Whether an earlier moment was asked for and has not come. */
+export function isAwaited(): boolean {
+  return awaited;
 }
 
 function askForMoment(): void {

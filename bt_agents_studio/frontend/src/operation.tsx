@@ -25,9 +25,9 @@ export interface Operation<N extends keyof Operations> extends Asked {
 
 let asked = 0;
 
-/** One operation of a panel. Its answer stays until it is asked again. */
-export function useOperation<N extends keyof Operations>(name: N): Operation<N> {
-  const whyNot = useWhyNot(name);
+/** One operation of a panel, perhaps about the past. Its answer stays until it is asked again. */
+export function useOperation<N extends keyof Operations>(name: N, isOfPast = false): Operation<N> {
+  const whyNot = useWhyNot(name, isOfPast);
   const [isPending, setPending] = useState(false);
   const [answer, setAnswer] = useState<Numbered | null>(null);
   const isAsked = useRef(false);
@@ -51,13 +51,13 @@ export function useOperation<N extends keyof Operations>(name: N): Operation<N> 
 }
 
 /** Why this tab may not do an operation now; empty when it may. */
-export function useWhyNot(name: keyof Operations): string {
+export function useWhyNot(name: keyof Operations, isOfPast = false): string {
   const { phase, hello, atS } = useConnection();
   if (phase === "refused") return texts.connection.refused;
   if (hello === null) return texts.may.notConnected;
   if (!OPERATION_ROLES[name].includes(hello.role)) return texts.may.roles[hello.role] ?? texts.may.noKey;
   if (!isSignedIn()) return texts.may.noKey;
-  return atS === null ? "" : texts.may.past;
+  return atS === null || isOfPast ? "" : texts.may.past;
 }
 
 const UNHEARD = ["NO_STUDIO", "NO_ANSWER", "NO_SESSION", "NO_KEY", "UNKNOWN_HOST"];

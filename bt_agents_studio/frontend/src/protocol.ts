@@ -247,6 +247,7 @@ export interface ProfileRecord {
 
 export interface MoodRuleRecord {
   when: string;
+  changes: number[];
   hold_s: number;
   give: string;
   cancels: boolean;
@@ -440,6 +441,7 @@ export interface Hello {
   role: string;
   parameters: ParameterRecord[];
   namespace: string;
+  span_s: number;
 }
 
 export interface Snapshot {
@@ -531,7 +533,7 @@ export interface Operations {
   control: { host: string; action?: "PAUSE" | "RESUME" | "STEP" | "BREAKPOINTS"; author?: string; epoch?: string; round?: number; agent?: string; paths?: string[] };
   feedback: { feedback_id?: string; agent?: string; kind?: "DIRECT" | "POSITIVE" | "NEGATIVE" | "SET"; values?: (number | null)[]; source?: string; reason?: string };
   operate: { action?: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD"; agent?: string; author?: string; reason?: string };
-  record: { action?: "START" | "STOP" | "BOOKMARK"; author?: string; label?: string; notes?: string };
+  record: { action?: "START" | "STOP" | "BOOKMARK"; author?: string; label?: string; notes?: string; age_s?: number };
   profiles: { action?: "UNDO" | "RESET"; agent?: string; layer?: string; author?: string; reason?: string };
   scene: { label?: string; names?: string[]; values?: (number | null)[]; person?: "AS_MEASURED" | "PRESENT" | "ABSENT"; name?: string; urgent?: boolean; announce?: boolean };
   tune: { host: string; action?: "SET" | "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET"; author?: string; reason?: string; names?: string[]; values?: string[]; compare?: boolean; seen?: number; preset?: string; agents?: string[] };

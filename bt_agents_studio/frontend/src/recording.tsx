@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recording: its start, its end and its bookmarks.
+// The recording: its start, its end, and a bookmark of the moment.
 
 import { useState } from "react";
-import { seek, useConnection } from "./connection";
 import { author } from "./author";
 import { Empty } from "./empty";
-import { formatTime } from "./formatting";
 import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
-import type { BookmarkRecord } from "./protocol";
-import { useCollection, useEntry } from "./store";
+import { useEntry } from "./store";
 import { texts } from "./texts";
-import type { Span } from "./timeline_lanes";
 
 const words = texts.world;
 
@@ -74,33 +70,5 @@ export function Recording() {
       {record !== undefined && <WhyNot of={write} />}
       <Outcome of={[write]} />
     </section>
-  );
-}
-
-/** Marked moments of what is shown, from the first one that can be shown to the last. */
-export function useBookmarks({ fromS, toS }: Span): BookmarkRecord[] {
-  const { atS, bookmarks } = useConnection();
-  const live = useCollection("bookmarks");
-  const all = atS === null ? live.map(([, one]) => one) : bookmarks;
-  return all.filter((one) => one.at_s >= fromS && one.at_s <= toS);
-}
-
-/** List to jump to a bookmark. */
-export function Bookmarks({ bookmarks }: { bookmarks: readonly BookmarkRecord[] }) {
-  const { source } = useConnection();
-  if (bookmarks.length === 0) return null;
-  return (
-    <select
-      aria-label={texts.time.bookmarks}
-      value=""
-      onChange={(event) => event.target.value && seek(source, Number(event.target.value))}
-    >
-      <option value="">{texts.time.bookmarks}</option>
-      {bookmarks.map((one) => (
-        <option key={one.at_s} value={one.at_s}>
-          {formatTime(one.at_s)} {one.label}
-        </option>
-      ))}
-    </select>
   );
 }

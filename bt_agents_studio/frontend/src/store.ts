@@ -6,7 +6,7 @@ import type { Collections, Delta, Present, Snapshot } from "./protocol";
 
 type Name = keyof Collections;
 /** Collections of which the present is known while the page shows an earlier moment. */
-type PresentName = "agents" | "events" | "live" | "market" | "parts" | "runs" | "trees";
+type PresentName = "agents" | "bookmarks" | "events" | "live" | "market" | "parts" | "recording" | "runs" | "trees";
 type Listener = () => void;
 
 const collections = new Map<string, Map<string, unknown>>();

@@ -2,11 +2,11 @@
 // The timeline: what happened when, in lanes, and which moment is shown.
 
 import { useEffect, useMemo, useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
+import { Bookmarks, useBookmarks } from "./bookmarks";
 import { fetchEvents, follow, seek, useConnection } from "./connection";
 import { formatSeconds, formatTime } from "./formatting";
-import type { BookmarkRecord, EventRecord, MoodRecord } from "./protocol";
-import { Bookmarks, useBookmarks } from "./recording";
-import { useCollection, usePresentCollection } from "./store";
+import type { BookmarkRecord, EventRecord, ParameterRecord } from "./protocol";
+import { useCollection, useEntry, usePresentCollection } from "./store";
 import { texts } from "./texts";
 import {
   blockAt,
@@ -32,14 +32,12 @@ import {
   type Span,
   type View,
 } from "./timeline_lanes";
+import { close, Menu } from "./timeline_menu";
+import { PlayerButtons, usePlayer } from "./timeline_player";
+import { DRAG_PX, STEP } from "./tree_view";
 
 const words = texts.time;
 const PERIOD_MS = 250;
-/** What the studio keeps of a running system, at most. */
-const KEPT_S = 600;
-const ZOOM = 1.25;
-/** A pointer that moves no farther has clicked. */
-const CLICK_PX = 4;
 /** Least room for a text: for the mark of a run, and for words of the robot. */
 const TEXT_PX: Partial<Record<Lane, number>> = { AGENT: 14, ROBOT: 40 };
 const LETTER_PX = 7;
@@ -62,6 +60,7 @@ export function Timeline() {
   const events = useEvents();
   const titleOf = useTitles();
   const bookmarks = useBookmarks(whole);
+  const box = useRef<HTMLDivElement>(null);
   const [view, setView] = useState<View | null>(null);
   const isAway = atS !== null || (view !== null && view.endS !== null);
   const moment = Math.min(atS ?? whole.toS, whole.toS);
@@ -74,6 +73,8 @@ export function Timeline() {
     setView((before) => before && { ...before, endS: null });
     if (atS !== null) follow();
   };
+  const toEnd = (): void => (source ? seek(source, whole.toS) : toNow());
+  const player = usePlayer(events, whole, toEnd);
   return (
     <div className="time">
       <div className="moment">
@@ -85,28 +86,64 @@ export function Timeline() {
         ) : (
           <span>{words.now}</span>
         )}
-        <Bookmarks bookmarks={bookmarks} />
+        {atS !== null && <PlayerButtons of={player} />}
+        <Bookmarks of={bookmarks} moment={moment} />
+        <Export events={events} bookmarks={bookmarks.all} shown={windowOf(view, whole)} lanes={box} />
         {source && <span className="source">{source}</span>}
         {failure && <span className="failure">{failure}</span>}
       </div>
       <Lanes
+        box={box}
         events={events}
-        bookmarks={bookmarks}
+        bookmarks={bookmarks.all}
         whole={whole}
         view={view}
         moment={moment}
         describe={(event) => describe(event, titleOf(event.agent))}
         titleOf={titleOf}
         setView={setView}
-        toNow={toNow}
+        toEnd={toEnd}
+        play={player.toggle}
       />
     </div>
   );
 }
 
+interface ExportProps {
+  events: EventRecord[];
+  bookmarks: readonly BookmarkRecord[];
+  shown: Span;
+  lanes: React.RefObject<HTMLElement | null>;
+}
+
+/** Menu of the files that can be made of the time in the window. */
+function Export({ events, bookmarks, shown, lanes }: ExportProps) {
+  const { source } = useConnection();
+  const box = useRef<HTMLDetailsElement>(null);
+  const save = async (form: "CSV" | "PNG"): Promise<void> => {
+    close(box);
+    const { savePicture, saveTable } = await import("./timeline_export");
+    const drawing = lanes.current?.querySelector("svg");
+    if (form === "CSV") saveTable(events, bookmarks, shown, source);
+    else if (drawing) savePicture(drawing, shown, source);
+  };
+  return (
+    <Menu box={box} label={words.save}>
+      <div className="bar">
+        <button type="button" onClick={() => void save("CSV")}>
+          {words.saveTable}
+        </button>
+        <button type="button" onClick={() => void save("PNG")}>
+          {words.savePicture}
+        </button>
+      </div>
+    </Menu>
+  );
+}
+
 /** From the first moment that can be shown to the last one. */
 function useWhole(): Span {
-  const { source, firstS, lastS, offsetS } = useConnection();
+  const { source, firstS, lastS, offsetS, hello } = useConnection();
   const [nowS, setNowS] = useState(Date.now() / 1000);
   useEffect(() => {
     const timer = window.setInterval(() => setNowS(Date.now() / 1000), 1000);
@@ -114,7 +151,7 @@ function useWhole(): Span {
   }, []);
   if (source) return { fromS: firstS ?? lastS ?? 0, toS: lastS ?? firstS ?? 0 };
   const toS = nowS + offsetS;
-  return { fromS: Math.min(Math.max(firstS ?? toS, toS - KEPT_S), toS), toS };
+  return { fromS: Math.min(Math.max(firstS ?? toS, toS - (hello?.span_s ?? 0)), toS), toS };
 }
 
 /** Events of what is shown in the order of time: of all of a recording, or those that are kept. */
@@ -123,7 +160,8 @@ function useEvents(): EventRecord[] {
   const kept = usePresentCollection("events", PERIOD_MS);
   const [recorded, setRecorded] = useState<{ source: string; events: EventRecord[] }>({ source: "", events: [] });
   useEffect(() => {
-    if (!source) return;
+    // Until its first moment is there, the end of the recording is not known.
+    if (!source || lastS === null) return;
     const ended = new AbortController();
     void fetchEvents(source, ended.signal).then((events) => {
       if (!ended.signal.aborted) setRecorded({ source, events });
@@ -156,6 +194,7 @@ function describe(event: EventRecord, title: string): string {
 }
 
 interface LanesProps {
+  box: React.RefObject<HTMLDivElement | null>;
   events: EventRecord[];
   bookmarks: readonly BookmarkRecord[];
   whole: Span;
@@ -164,12 +203,12 @@ interface LanesProps {
   describe: (event: EventRecord) => string;
   titleOf: (agent: string) => string;
   setView: (view: View | null) => void;
-  toNow: () => void;
+  toEnd: () => void;
+  play: () => void;
 }
 
-function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setView, toNow }: LanesProps) {
+function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf, setView, toEnd, play }: LanesProps) {
   const { atS, source } = useConnection();
-  const box = useRef<HTMLDivElement>(null);
   const width = useWidth(box);
   const [hover, setHover] = useState<Hover | null>(null);
   const drag = useRef<Drag | null>(null);
@@ -188,7 +227,7 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
   wheel.current = (event) => {
     event.preventDefault();
     const at = momentAt(placeIn(event).x, shown, width);
-    setView(zoomed(shown, whole, at, event.deltaY > 0 ? ZOOM : 1 / ZOOM));
+    setView(zoomed(shown, whole, at, event.deltaY > 0 ? STEP : 1 / STEP));
   };
   useEffect(() => {
     const found = box.current;
@@ -203,16 +242,16 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
     if (found !== null) seek(source, found);
     else if (direction === 1) toEnd();
   };
-  const toEnd = (): void => (source ? seek(source, whole.toS) : toNow());
   const around = atS ?? shown.toS;
   const keys: Record<string, () => void> = {
     ArrowLeft: () => jump(-1),
     ArrowRight: () => jump(1),
     Home: () => seek(source, whole.fromS),
     End: toEnd,
-    "+": () => setView(zoomed(shown, whole, around, 1 / ZOOM)),
-    "-": () => setView(zoomed(shown, whole, around, ZOOM)),
+    "+": () => setView(zoomed(shown, whole, around, 1 / STEP)),
+    "-": () => setView(zoomed(shown, whole, around, STEP)),
     "0": () => setView(null),
+    " ": play,
   };
   const onKeyDown = (event: KeyboardEvent): void => {
     const act = keys[event.key];
@@ -230,12 +269,14 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
     const { x, y } = placeIn(event);
     const held = drag.current;
     if (held === null) {
+      const marked = bookmarks.find((one) => Math.abs(placeOf(one.at_s, shown, width) - x) < MARK_PX);
       const block = blockAt(blocks, lanes[Math.floor(y / LANE_PX)], x);
-      setHover({ x, text: textOf(block, describe) ?? formatTime(momentAt(x, shown, width)) });
+      const text = marked === undefined ? textOf(block, describe) : `${formatTime(marked.at_s)} · ${words.mark}: ${marked.label}`;
+      setHover({ x, text: text ?? formatTime(momentAt(x, shown, width)) });
       return;
     }
     const byPx = event.clientX - held.x;
-    held.isMoved ||= Math.abs(byPx) > CLICK_PX;
+    held.isMoved ||= Math.abs(byPx) > DRAG_PX;
     const byS = (byPx / Math.max(width - NAMES_PX, 1)) * (held.shown.toS - held.shown.fromS);
     if (held.isMoved) setView(panned(held.shown, whole, -byS));
   };
@@ -293,7 +334,7 @@ function Lanes({ events, bookmarks, whole, view, moment, describe, titleOf, setV
           {bookmarks
             .filter((one) => one.at_s >= shown.fromS && one.at_s <= shown.toS)
             .map((one) => (
-              <rect key={one.at_s} x={placeOf(one.at_s, shown, width) - 1} width={2} height={height - TICKS_PX} />
+              <rect key={`${one.at_s} ${one.label}`} x={placeOf(one.at_s, shown, width) - 1} width={2} height={height - TICKS_PX} />
             ))}
         </g>
         {moment >= shown.fromS && moment <= shown.toS && (
@@ -349,14 +390,44 @@ function MoodLine({ shown, width, top }: { shown: Span; width: number; top: numb
   const moods = useCollection("moods", PERIOD_MS);
   const { hello } = useConnection();
   const parameter = hello?.parameters.find((one) => one.is_mood);
+  const thresholds = useThresholds(parameter, moods[0]?.[1].mood);
   if (parameter === undefined) return null;
-  const y = ({ mood }: MoodRecord): number => {
+  const y = (mood: number): number => {
     const share = (mood - parameter.minimum) / Math.max(parameter.maximum - parameter.minimum, 1e-9);
     return top + LANE_PX - 1 - Math.min(Math.max(share, 0), 1) * (LANE_PX - 2);
   };
   const points = moods
     .map(([, one]) => one)
     .filter((one) => one.at_s >= shown.fromS && one.at_s <= shown.toS)
-    .map((one) => `${placeOf(one.at_s, shown, width)},${y(one)}`);
-  return <polyline className="mood-line" points={points.join(" ")} />;
+    .map((one) => `${placeOf(one.at_s, shown, width)},${y(one.mood)}`);
+  return (
+    <>
+      {thresholds.map(({ mood, give, fromS, toS }, place) => (
+        <line
+          key={place}
+          className={`threshold ${give.toLowerCase()}`}
+          x1={placeOf(Math.max(fromS, shown.fromS), shown, width)}
+          x2={placeOf(Math.max(Math.min(toS, shown.toS), shown.fromS), shown, width)}
+          y1={y(mood)}
+          y2={y(mood)}
+        />
+      ))}
+      <polyline className="mood-line" points={points.join(" ")} />
+    </>
+  );
+}
+
+/** Moods from which on a rule gives feedback in the run that is shown. */
+function useThresholds(parameter: ParameterRecord | undefined, sensed: number | undefined) {
+  const runs = useCollection("runs", PERIOD_MS);
+  const run = runs.map(([, one]) => one).sort((one, other) => other.began_s - one.began_s)[0];
+  const rules = useEntry("agents", run?.agent ?? "")?.rules ?? [];
+  const awarded = useEntry("scene")?.values.find((one) => one.name === parameter?.name);
+  // The first mood that is sensed replaces one that was only given.
+  const start = awarded?.origin === "GIVEN" ? (sensed ?? awarded.value) : (awarded?.value ?? sensed ?? null);
+  if (run === undefined || parameter === undefined || start === null) return [];
+  return rules
+    .flatMap(({ changes, give }) => changes.map((change) => ({ mood: start + change, give })))
+    .filter(({ mood }) => mood >= parameter.minimum && mood <= parameter.maximum)
+    .map((one) => ({ ...one, fromS: run.began_s, toS: run.ended_s ?? Infinity }));
 }

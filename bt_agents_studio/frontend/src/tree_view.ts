@@ -8,10 +8,12 @@ export const SMALLEST = 0.1;
 export const LARGEST = 2;
 /** Below this zoom texts cannot be read and are left out. */
 export const READABLE = 0.4;
+/** Zoom by one press of a key or a button. */
 export const STEP = 1.25;
 const CELL = 500;
 const WHEEL = 0.0015;
-const DRAG_PX = 4;
+/** A pointer that moves no farther has clicked. */
+export const DRAG_PX = 4;
 
 export interface Part {
   left: number;

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from datetime import date
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -25,10 +27,11 @@ class Recording:
         self.today = date(2026, 3, 1)
         self.states: list[RecordingState] = []
         self.bookmarks: list[MarkedMoment] = []
+        self.now_ns = 10**9
         self.recorder = DailyRecorder(
             folder, days=0, today=lambda: self.today, report=lambda _text, _is_error: None
         )
-        self.control = RecordingControl(self.recorder, self, lambda: 10**9)
+        self.control = RecordingControl(self.recorder, self, lambda: self.now_ns)
 
     def on_state(self, state: RecordingState) -> None:
         self.states.append(state)
@@ -99,6 +102,20 @@ def test_bookmarks_are_counted_and_published(recording: Recording) -> None:
     recording.control.mark(label="", notes="again", author="")
     assert [one.label for one in recording.bookmarks] == ["odd", ""]
     assert recording.states[-1].bookmarks == 2
+
+
+def test_earlier_moment_of_the_recording_is_marked(recording: Recording) -> None:
+    recording.now_ns += 5 * 10**9
+    recording.control.mark(label="odd", notes="", author="", age_s=1.5)
+    assert [one.at_ns for one in recording.bookmarks] == [4_500_000_000]
+
+
+@pytest.mark.parametrize("age_s", [-0.1, 5.1, math.nan, math.inf])
+def test_moment_outside_the_recording_is_rejected(recording: Recording, age_s: float) -> None:
+    recording.now_ns += 5 * 10**9
+    ask = partial(recording.control.mark, label="", notes="", author="", age_s=age_s)
+    assert code(ask) == "OUT_OF_RANGE"
+    assert recording.bookmarks == []
 
 
 def test_request_in_wrong_state_is_rejected_without_change(recording: Recording) -> None:

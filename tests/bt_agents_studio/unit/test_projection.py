@@ -11,12 +11,15 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from bt_agents_interfaces.msg import (
+    AgentCard,
     AgentFiles,
     Auction,
     Breakpoint,
     ChangedValue,
     Countdown,
     Feedback,
+    HostCard,
+    MoodRule,
     NodeDetails,
     NodeValue,
     Preset,
@@ -432,6 +435,33 @@ def test_files_of_one_host_leave_those_of_another(shown: Shown) -> None:
     send("/one", a="4")
     found = {key: shown.get("files", key).text for key in shown.store.keys("files")}
     assert found == {"/one|a": "4", "/two|a": "3"}
+
+
+@pytest.mark.parametrize(
+    ("when", "changes"),
+    [
+        ("mood.change >= 0.5", (0.5,)),
+        ("mood.change <= -1.25", (-1.25,)),
+        ("abs(mood.change) > 1", (-1.0, 1.0)),
+        ("mood.change > 0", (0.0,)),
+        ("mood.change >= 0.5 and scene.age > 3", ()),
+        ("mood.change < 1", ()),
+        ("1 / mood.change > 2", ()),
+        ("mood.change + 1", ()),
+        ("mood.change <=", ()),
+        ("live.mood < 3", ()),
+        ("", ()),
+        ("mood.change >= 0.5" + " or mood.change >= 0.5" * 10, ()),
+    ],
+)
+def test_mood_rule_says_where_it_begins(
+    shown: Shown, when: str, changes: tuple[float, ...]
+) -> None:
+    rules = [MoodRule(when=when, give=1), MoodRule(when=when, give=1, baseline_s=2.0)]
+    shown.take(HostCard(host="/agents", agents=[AgentCard(name="guide", rules=rules)]))
+    first, second = shown.get("agents", "guide").rules
+    assert first.changes == pytest.approx(changes)
+    assert second.changes == ()
 
 
 def test_preset_has_values_and_their_settings(shown: Shown) -> None:

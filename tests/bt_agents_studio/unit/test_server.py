@@ -496,7 +496,7 @@ def test_socket_closes_on_logout_of_its_session() -> None:
 
 def test_studio_knows_which_pages_are_open() -> None:
     async def test(one: ServedStudio) -> None:
-        async with one.client(SessionRole.VIEW) as client:
+        async with one.client(SessionRole.OPERATE) as client:
             first = await client.ws_connect("/api/socket?page=person")
             second = await client.ws_connect("/api/socket")
             while len(one.watched) < 2:
@@ -510,6 +510,17 @@ def test_studio_knows_which_pages_are_open() -> None:
             while len(one.watched) < 4:
                 await asyncio.sleep(0.01)
             assert one.watched[-1] == (False, False)
+
+    served(test)
+
+
+def test_page_person_to_look_on_counts_as_no_person() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.VIEW) as client:
+            page = await client.ws_connect("/api/socket?page=person")
+            assert (await _next(page))["type"] == "hello"
+            await page.close()
+        assert set(one.watched) <= {(True, False), (False, False)}
 
     served(test)
 

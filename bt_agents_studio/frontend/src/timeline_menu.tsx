@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Buttons of the timeline that open a small panel; only one is open at a time.
+
+import type { ReactNode, RefObject } from "react";
+
+type Box = RefObject<HTMLDetailsElement | null>;
+
+interface MenuProps {
+  box: Box;
+  label: string;
+  onOpen?: () => void;
+  children: ReactNode;
+}
+
+export function Menu({ box, label, onOpen, children }: MenuProps) {
+  return (
+    <details
+      ref={box}
+      className="menu"
+      name="timeline"
+      onToggle={(event) => event.currentTarget.open && onOpen?.()}
+      onKeyDown={(event) => event.key === "Escape" && close(box)}
+    >
+      <summary>{label}</summary>
+      <div className="panel">{children}</div>
+    </details>
+  );
+}
+
+export function close(box: Box): void {
+  if (box.current === null) return;
+  box.current.open = false;
+  box.current.querySelector("summary")?.focus();
+}
