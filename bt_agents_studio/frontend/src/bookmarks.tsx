@@ -31,7 +31,7 @@ export function useBookmarks({ fromS, toS }: Span): AllBookmarks {
   const [, setKept] = useState(0);
   const key = `bookmarks ${source}`;
   const text = localStorage.getItem(key) ?? "[]";
-  const own = useMemo(() => JSON.parse(text) as BookmarkRecord[], [text]);
+  const own = useMemo(() => parseKept(text), [text]);
   const keep = (kept: readonly BookmarkRecord[]): void => {
     localStorage.setItem(key, JSON.stringify(kept.slice(-MOST)));
     setKept((before) => before + 1);
@@ -40,6 +40,16 @@ export function useBookmarks({ fromS, toS }: Span): AllBookmarks {
     .filter((one) => one.at_s >= fromS && one.at_s <= toS)
     .sort((one, other) => one.at_s - other.at_s);
   return { all, own, keep };
+}
+
+/** Return the bookmarks in a stored text; none in one that another version has stored differently. */
+function parseKept(text: string): readonly BookmarkRecord[] {
+  try {
+    const kept: unknown = JSON.parse(text);
+    return Array.isArray(kept) ? (kept as BookmarkRecord[]).filter((one) => Number.isFinite(one?.at_s)) : [];
+  } catch {
+    return [];
+  }
 }
 
 /** List to jump to a bookmark, and the form that sets one. */
