@@ -250,9 +250,10 @@ class _Import:
 
 
 def _plain_default(declared: ModelPort, names: TreeNames, name: str) -> Data:
-    """Return the default of a port, which is a text if the tree compares it with one."""
-    is_text = names.type_of(name) is FieldType.TEXT
-    field_type = FieldType.TEXT if is_text else field_type_of(declared.type)
+    """Return the default of a port; without a type it is a text if the tree uses it as one."""
+    field_type = field_type_of(declared.type)
+    if field_type is FieldType.ANY:
+        field_type = names.type_of(name)
     try:
         return from_port(declared.value, field_type, names.rename)
     except PortError:

@@ -6,9 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bt_agents_groot.document import Model, given_ports
-from bt_agents_groot.naming import entry_of, snake
-from bt_agents_groot.ports import pointed_at
+from bt_agents_core.field_types import FieldType
+from bt_agents_groot.document import Model, ModelPort, given_ports
+from bt_agents_groot.naming import entry_of, port, snake
+from bt_agents_groot.ports import field_type_of, pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Element
@@ -32,6 +33,12 @@ class Callee:
     inputs: Mapping[str, str]
     optional: frozenset[str]
     outputs: tuple[str, ...]
+
+    def type_of(self, name: str) -> FieldType:
+        """Return the declared type of a name, else the type for which the tree uses it."""
+        declared = self.model.ports.get(port(self.names.original(name)), ModelPort(direction=""))
+        field_type = field_type_of(declared.type)
+        return field_type if field_type is not FieldType.ANY else self.names.type_of(name)
 
 
 def ports_of_call(element: Element, model: Model) -> dict[str, str]:
@@ -65,7 +72,7 @@ def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Calle
         )
         return tree.skill(element)
     ports = ports_of_call(element, callee.model)
-    entries = {callee.names.rename(port): text for port, text in ports.items()}
+    entries = {callee.names.rename(entry): text for entry, text in ports.items()}
     arguments = _inputs(tree, element, callee, entries)
     outputs: dict[str, Data] = {}
     for name in callee.outputs:
@@ -91,7 +98,7 @@ def _inputs(
         if text is None and remaps_all(element):
             text = f"{{{callee.names.original(inside)}}}"
         if text is not None:
-            arguments[declared] = tree.port(element, text, callee.names.type_of(inside))
+            arguments[declared] = tree.port(element, text, callee.type_of(inside))
         elif declared not in callee.optional:
             tree.lost(
                 element,

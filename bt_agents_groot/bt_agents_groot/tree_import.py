@@ -116,7 +116,9 @@ class TreeImport:
         except PortError as error:
             self.lost(where, str(error))
             return text
-        self.names.mention(names_in(data), field_type)
+        # A text can hold names of any type.
+        whole = pointed_at(text) is not None
+        self.names.mention(names_in(data), field_type if whole else FieldType.ANY)
         return data
 
     def script(self, attribute: Attribute) -> YamlNode:

@@ -20,11 +20,39 @@ NO_TEXTS = "no-texts"
 _LONGEST_WORD = 64
 _MANY_WORDS = 200
 _LIST_COLUMNS = 140
+_LEAST_ALIKE = 0.65
+"""Smallest ratio of matching letters at which a word may be meant as another one."""
+
 _SAME = (
     ("answers", "choices", "options", "replies"),
     ("clip", "image", "photo", "picture", "video"),
+    ("say", "speak", "talk", "tell", "print"),
+    ("drive", "go", "go_to", "move", "move_to", "navigate", "navigate_to"),
+    ("sound", "play", "play_sound", "audio"),
+    ("wait_for", "wait_until", "await"),
+    ("selector", "fallback", "priority"),
+    ("sequence", "steps", "serial"),
+    ("subtree", "call", "include"),
+    ("text", "question", "words"),
+    ("message", "data", "payload"),
+    ("rate", "speed", "tempo"),
+    ("destination", "to", "target"),
+    ("attempts", "times", "count", "tries"),
+    ("pause", "delay"),
+    ("on_failure", "on_error", "on_fail", "catch"),
+    ("on_cancel", "on_stop", "on_abort"),
+    ("tunables", "parameters", "params", "settings", "variables"),
+    ("weight", "chance", "probability"),
+    ("name", "id", "label"),
+    ("forever", "always", "endless", "infinite", "unlimited"),
+    ("positive", "good", "praise", "reward"),
+    ("negative", "bad", "blame", "punish"),
+    ("one", "any"),
+    ("all", "both", "every"),
 )
 """Words that people confuse."""
+
+_CONFUSED = {word: same for same in _SAME for word in same}
 
 
 class SourceText(Protocol):
@@ -161,20 +189,28 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     if len(word) > _LONGEST_WORD:
         return None
     words = list(known)
+    head, dot, member = word.rpartition(".")
+    group = head + dot
+    members = [one.removeprefix(group) for one in words if dot and one.startswith(group)]
+    if members:
+        # Only what stands after the point is misspelled.
+        near = members[0] if len(members) == 1 else nearest(member, members)
+        return f"{group}{near}" if near is not None else None
     tail = next((other for other in words if other.rpartition(".")[2] == word), None)
     if tail is not None:
         return tail
-    head = next((other for other in words if other.startswith(f"{word}_")), None)
-    if head is not None:
-        return head
-    for same in _SAME:
-        if word in same and (meant := next((one for one in words if one in same), None)):
-            return meant
+    longer = next((other for other in words if other.startswith(f"{word}_")), None)
+    if longer is not None:
+        return longer
+    same = _CONFUSED.get(word.casefold(), ())
+    meant = next((one for one in words if one in same), None) if same else None
+    if meant is not None:
+        return meant
     if len(words) > _MANY_WORDS:
         # Too many words are not a list of keys; then a wrong first letter is not worth the time.
         words = [other for other in words if other[:1] == word[:1]][:_MANY_WORDS]
     folded = {other.casefold(): other for other in reversed(words)}
-    alike = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)
+    alike = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=_LEAST_ALIKE)
     return folded[alike[0]] if alike else None
 
 
@@ -188,6 +224,8 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
         return f"did you mean '{near}'?" + (f" ('{strange}' is {name})" if name else "")
     if not words:
         return ""
-    ends = accumulate(len(word) + 2 for word in words)
+    group = word[: word.rfind(".") + 1]
+    words = [other for other in words if group and other.startswith(group)] or words
+    ends = accumulate(len(other) + 2 for other in words)
     listed = words[: sum(end <= _LIST_COLUMNS for end in ends)]
     return f"possible here: {', '.join(listed)}{', …' if len(words) > len(listed) else ''}"

@@ -28,6 +28,8 @@ _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+")
 _QUANTITY = re.compile(rf"({_NUMBER})\s*([^\W\d_]*|°)")
 _SEVERAL = re.compile(rf"{_NUMBER}\s*[^\W\d_]+\s*{_NUMBER}\s*[^\W\d_]*")
 _CLOCK = re.compile(r"[0-9]{1,4}(:[0-9]{1,2})+")
+_COMMENT = re.compile(r".*\S\s+//.*")
+_CONDITION = re.compile(r"[a-z]\w*\.\w+|.*([<>=]|\b(and|or|not)\b).*")
 _NOT_FINITE = re.compile(r"[-+]?\.?(inf|infinity|nan)", re.IGNORECASE)
 _WORDS = (
     "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten",
@@ -181,6 +183,8 @@ def _no_quantity(text: str, dimension: Dimension) -> QuantityError:
         hint = f"write one number with one unit, for example {dimension.example}"
     elif dimension is TIME and text.lower() in _NO_LIMIT:
         hint = "where no time is meant, leave the key out"
+    elif dimension is TIME and len(text) <= _MAX_LENGTH and _CONDITION.fullmatch(text):
+        hint = "to wait until something is true, write 'wait_for: …'"
     if hint:
         return QuantityError(f"expected {dimension.wanted}, found '{ellipsize(text)}'", hint)
     return _no_number(text, dimension.wanted)
@@ -235,6 +239,8 @@ def _no_number(text: str, wanted: str, *, bare: bool = False) -> QuantityError:
 
 def _number_hint(text: str, bare: bool) -> str:
     """Return how to write a number; ``bare`` if no unit is possible."""
+    if _COMMENT.fullmatch(text):
+        return "a comment starts with '#'"
     if text.lower() in _WORDS:
         return f"write {_WORDS.index(text.lower())}"
     until = re.fullmatch(r"until\s+(.+)", text)

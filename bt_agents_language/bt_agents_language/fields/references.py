@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from bt_agents_core.diagnostic import Severity
 from bt_agents_core.field_types import FieldType
-from bt_agents_core.text import join_words, quote
+from bt_agents_core.text import ellipsize, join_words, quote
 from bt_agents_language.expression.expression_tokens import NAME, ExpressionError
 from bt_agents_language.expression.expressions import Expression, Foregone, Mention, MisfitError
 from bt_agents_language.fields.scope import NameScope
@@ -25,6 +25,7 @@ _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
 _WHERE_TEXTS_STAND = re.compile(rf"(?:({NAME})\s*)?(?:==|!=|\[|,)\s*$")
 _LOOKED_AT = 100
 _DOTTED = re.compile(NAME)
+_COMPUTES = re.compile(r"[a-z]\w*(\.\w|.*[-+*/%<>=(])")
 
 _INSERTED = re.compile(rf"\$\{{\s*({re.escape(TEXT_PREFIX)}\w+)\s*\}}")
 
@@ -127,6 +128,28 @@ def _read_text(
     if len(found) < len(read):
         return None
     return found[0] if len(found) == 1 else (Variants(texts=tuple(map(text_of, found))),)
+
+
+def warn_of_unmarked_expression(reading: TypedReader, node: Scalar, names: NameScope) -> None:
+    """Report a text without quotes that is an expression with known names: ``x + 1``."""
+    text = node.text
+    named = any(map(names.knows, _DOTTED.findall(text)))
+    if not (node.plain and named and _COMPUTES.search(text)):
+        return
+    try:
+        mentions = names.parse(text).mentions
+    except ExpressionError:
+        return
+    if mentions and all(names.knows(one.name) for one in mentions):
+        reading.error_in(
+            "unmarked-name",
+            node,
+            0,
+            len(text),
+            f"this is the text {quote(text)}, which is not computed",
+            f"write ${{{ellipsize(text)}}}, or put the text in quotes",
+            Severity.WARNING,
+        )
 
 
 def inserted_texts(text: str) -> list[str]:

@@ -173,6 +173,10 @@ class NameScope:
         written = self._written.get(name)
         return written.type if written is not None and written.declared else FieldType.ANY
 
+    def knows(self, name: str) -> bool:
+        """Return whether a name is known to have a value, at any time, without using it."""
+        return name in self._types or name in self._written
+
     def type_of(self, name: str) -> FieldType | None:
         """Return the type of a name and record its use; None if there is no such name."""
         self.used.add(name)

@@ -8,7 +8,12 @@ from bt_agents_language.expression import quantities
 from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.expression.units import DIMENSIONS
-from bt_agents_language.fields.references import read_expression, read_parts, text_of
+from bt_agents_language.fields.references import (
+    read_expression,
+    read_parts,
+    text_of,
+    warn_of_unmarked_expression,
+)
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import (
     Computed,
@@ -207,6 +212,7 @@ def _read_any_scalar(
         return Text(parts=parts)
     if "${" in node.text:
         return Literal(value="".join(map(str, parts)))
+    warn_of_unmarked_expression(reading, node, names)
     try:
         return Literal(value=plain_value(node))
     except quantities.QuantityError as error:
@@ -228,7 +234,7 @@ def read_condition(
 ) -> Expression | None:
     """Return a condition, or report that it is invalid and return None."""
     if not isinstance(node, Scalar) or node.empty:
-        reading.wrong_type(node, what, "a condition such as scene.age >= 4")
+        reading.wrong_type(node, what, "a condition such as scene.age >= 4", Shape.CONDITION)
         return None
     expression = read_expression(reading, node, node.text, 0, what, names)
     if expression is not None and expression.kind not in (None, ValueKind.BOOLEAN):

@@ -53,6 +53,7 @@ from bt_agents_language.yaml.field_tables import (
 )
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import entries_of
 
 AGENT = FileKind(
@@ -219,7 +220,8 @@ def _trees(
         for name, one in tunables.items()
         if one is not None and one.minimum is not None and one.maximum is not None
     }
-    if declared is None or len(entries_of(declared)) == len(tunables) > 0:
+    named = declared is None or isinstance(declared, MappingNode)
+    if named and len(entries_of(declared)) == len(tunables):
         types = {
             name: tunable.type if tunable is not None else FieldType.ANY
             for name, tunable in tunables.items()

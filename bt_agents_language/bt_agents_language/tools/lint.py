@@ -30,7 +30,8 @@ _PERSON = "person."
 _PATIENCE = 20
 """Number of repetitions beyond which the same speech is suspicious."""
 
-_UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
+_NAME = r"((?:(?:scene|live|profile|mood|clock|person)\.)?[^\W\d]\w*)"
+_UNMARKED = re.compile(rf"(?<![$\w])(?:\${_NAME}|\{{{{1,2}}\s*{_NAME}\s*\}}{{1,2}})")
 
 # A comment starts with a word; a number, as in "gate #4", is part of the speech.
 _NUMBER = re.compile(r"[ \t]+#\d\w*")
@@ -274,7 +275,7 @@ def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
     known |= {name for node in nodes if type_of(node).assigns for name in node.fields}
     for node, match in candidates:
         name = match[1] or match[2]
-        if name in known:
+        if name in known or "." in name:
             yield _at(
                 node,
                 "unmarked-name",

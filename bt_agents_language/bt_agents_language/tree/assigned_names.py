@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_core.text import ellipsize
 from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import ANY_LABELS, ValueKind
@@ -135,14 +136,17 @@ class AssignedNames:
             return
         word = value.text if isinstance(value, Scalar) else ""
         truth = nearest(word, _TRUTHS) if first.kind is ValueKind.BOOLEAN else None
+        hint = "give it values of one kind, or take another name here"
+        if truth is not None:
+            hint = f"did you mean '{truth}'?"
+        elif this.kind is ValueKind.TEXT and re.search(rf"\b{re.escape(name)}\s*[-+*/]", word):
+            hint = f"to compute it, write ${{{ellipsize(word)}}}"
         self._reading.error(
             "wrong-value",
             place if value is None else value,
             f"'{name}' gets {this.kind.one} here, but {first.kind.one} from '{first.node}' in "
             f"line {first.line}",
-            f"did you mean '{truth}'?"
-            if truth is not None
-            else "give it values of one kind, or take another name here",
+            hint,
         )
 
     def below(self, raw: RawNode) -> set[str]:

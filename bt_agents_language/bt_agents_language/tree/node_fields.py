@@ -6,12 +6,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.bindings import read_output
 from bt_agents_language.fields.interfaces import MessageFields, read_ros_name, read_ros_type
 from bt_agents_language.fields.scene_values import read_parameter
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.fields.values import read_condition, read_value
+from bt_agents_language.fields.values import EXPECTED, read_condition, read_value
 from bt_agents_language.model.specs import Literal, MapValue, Value
 from bt_agents_language.nodes.catalogue import SIBLING_KEYS
 from bt_agents_language.nodes.node_type import Content, FieldValues, NodeField
@@ -66,8 +68,15 @@ class FieldReader:
         reading = self._reading
         match field.content:
             case Content.VALUE:
-                if isinstance(node, Scalar) and node.text in field.words:
-                    return Literal(value=node.text)
+                if field.words and isinstance(node, Scalar):
+                    if node.text in field.words:
+                        return Literal(value=node.text)
+                    meant = nearest(node.text, field.words)
+                    if meant is not None:
+                        message = f"{what}: expected {EXPECTED[field.type]}, found "
+                        message += quote(node.text)
+                        reading.error("bad-number", node, message, f"did you mean '{meant}'?")
+                        return None
                 return read_value(reading, node, field.type, names, what, field.minimum)
             case Content.CONDITION:
                 if field.message:

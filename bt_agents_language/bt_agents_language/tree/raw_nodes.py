@@ -24,22 +24,36 @@ _PLAIN_WORDS = re.compile(r"[^\W\d_](?:[\w ,!?'-]|\.(?!\w))*")
 _SIBLING_KEYS = frozenset(SIBLING_KEYS)
 _HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
 _CONTRARIES = tuple((one.key, one.contrary) for one in DECORATORS.values() if one.contrary)
+_COMMENT = "write a comment, a line that starts with '#'"
+_CONDITION = "write its node itself here, and the condition as 'when: …' beside that"
+_END = (
+    "'check: false' fails here, 'fail: true' beside a node fails after it; a run ends "
+    "with its tree"
+)
+_NEXT = "write both nodes in a 'sequence': the next one starts after a success"
+_PAUSE = "write 'wait: …' as a node of its own"
 _OTHER_LANGUAGES = {
     "if": "write 'when: …' beside a node, or use 'choose' for several cases",
-    "then": "write its node itself here, and the condition as 'when: …' beside that",
+    **dict.fromkeys(("then", "do"), _CONDITION),
     "else": "use 'choose' with 'otherwise'",
     "unless": "write 'when: not (…)' beside the node",
-    "stop": "'check: false' fails here, 'fail: true' beside a node fails after it; a run ends "
-    "with its tree",
     "switch": "use 'choose' with named cases",
     "case": "use 'choose' with named cases",
     "otherwise": "'otherwise' stands beside 'children' in 'choose: {children: …, otherwise: …}'",
-    "fallback": "did you mean 'selector'?",
     "loop": "write 'repeat: …' beside the node",
     "for": "write 'repeat: …' beside the node",
     "until": "write 'repeat: {until: …}' beside the node",
     "goto": "there are no jumps: use 'choose', or call a subtree by its name",
-    "inverter": "write 'invert: true' beside the node",
+    **dict.fromkeys(("elif", "elseif", "else_if"), "give 'choose' one more case"),
+    **dict.fromkeys(("inverter", "not"), "write 'invert: true' beside the node"),
+    **dict.fromkeys(("force_success", "always_succeed"), "write 'succeed: true' beside the node"),
+    **dict.fromkeys(("force_failure", "always_fail"), "write 'fail: true' beside the node"),
+    **dict.fromkeys(("stop", "cancel", "end", "exit", "return"), _END),
+    **dict.fromkeys(("delay", "pause", "sleep"), _PAUSE),
+    **dict.fromkeys(("on_success", "after"), _NEXT),
+    "finally": "write 'succeed: true' beside the node, and the other one next in a 'sequence'",
+    "every": "write 'repeat: {times: forever, pause: …}' beside the node",
+    **dict.fromkeys(("comment", "description", "note"), _COMMENT),
 }
 """Words of other languages → the equivalent here."""
 
@@ -257,7 +271,7 @@ class RawNodeReader:
                 "the name of a node is always the same, so no ${…} can stand in it",
                 "write plain words",
             )
-        return text
+        return text.strip()
 
     def _not_a_node(self, node: Node, where: str) -> None:
         if isinstance(node, Scalar) and node.empty:

@@ -17,6 +17,7 @@ _ONE_WORD = re.compile(rf"{_LEAD}{_KEY}\s*(?:#.*)?$")
 _EQUALS = re.compile(rf"{_LEAD}{_KEY}\s*=(?=\s)")
 _WIDE_COLON = re.compile(rf"{_LEAD}{_KEY}\s*(?P<colon>[：︰﹕∶ː])")  # noqa: RUF001 - meant
 _DASH = re.compile(r"^\s*(?P<dash>[-–—•*])(?=\w)|^\s*(?P<other>[–—•*])\s")
+_SLASHES = re.compile(r"^\s*(?P<mark>//)")
 _NO_COLON = re.compile(rf"{_LEAD}{_KEY}[ ]+(?!.*:(\s|$))(?P<rest>[^\s#].*)$")
 
 QUOTE_INSIDE = "inside { … } and [ … ], quote texts with ':', '?', ',' or brackets in them"
@@ -45,6 +46,16 @@ class SyntaxHint:
 
 def line_hint(line: str, start: int) -> SyntaxHint | None:
     """Return a hint for the line that starts at an index of the text; None if it looks correct."""
+    slashes = _SLASHES.match(line)
+    if slashes is not None:
+        at = start + slashes.start("mark")
+        return SyntaxHint(
+            index=at,
+            width=2,
+            message="'//' starts no comment here",
+            hint="write '# …'",
+            fix=Edit(start=at, stop=at + 2, text="# "),
+        )
     dash = _DASH.match(line)
     if dash is not None:
         return _dash(dash, start)

@@ -77,6 +77,7 @@ class Shape(Enum):
     TEXT = "text"
     LIST = "list"
     MAPPING = "mapping"
+    CONDITION = "condition"
     OTHER = "other"
 
 
@@ -305,6 +306,8 @@ class TypedReader:
             hint = "if it is meant as text, put it in quotes"
         elif isinstance(node, Sequence) and shape is Shape.MAPPING:
             hint = "write 'key: value' without '- ' or [ ] around it"
+        elif isinstance(node, Sequence) and shape is Shape.CONDITION:
+            hint = "write one condition, and join its parts with 'and' or 'or'"
         elif shape is Shape.LIST:
             hint = "start each item with '- ', or write [ … ] around them"
         self.error("wrong-type", node, f"{what}: expected {expected}, found {found(node)}", hint)

@@ -66,7 +66,7 @@ class Limits:
     """Limits for a rehearsal that does not end by itself; the time is virtual [s]."""
 
     duration_s: float = 24 * 3600.0
-    ticks: int = 100_000
+    ticks: int = 20_000
 
 
 def rehearse(

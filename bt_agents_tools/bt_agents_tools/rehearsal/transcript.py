@@ -21,6 +21,9 @@ from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed
 
 WIDTH = 80
 
+MOST_EVENTS = 400
+"""Events of a run that a transcript shows, half of them from its end."""
+
 _TIME_WIDTH = 9
 _NOT_IN_PATH = re.compile(r"[^\w-]+")
 _PATH = re.compile(r"\(((?:tree|on_cancel)[/@]\S*), ")
@@ -56,8 +59,14 @@ _STATUS = {Status.INVALID: "■", Status.RUNNING: "▷", Status.SUCCESS: "✔", 
 
 
 def transcript(events: Iterable[Event]) -> str:
-    """Return all events as text without colour."""
-    return "\n".join(line for event in events for line in lines(event, ticks=False))
+    """Return events as text without colour; of a very long run, its beginning and its end."""
+    told = [event for event in events if _text(event, ticks=False) is not None]
+    left_out = len(told) - MOST_EVENTS
+    if left_out <= 0:
+        return "\n".join(line for event in told for line in lines(event, ticks=False))
+    half = MOST_EVENTS // 2
+    cut = f"{'':>{_TIME_WIDTH}}  … {left_out:,} events left out"
+    return "\n".join((transcript(told[:half]), cut, transcript(told[-half:])))
 
 
 def style_of(event: Event) -> str:

@@ -220,3 +220,22 @@ def test_name_with_fallback_is_not_initialised():
     made = import_agent(Source("t.xml", text), "my_agent", SYMBOLS)
     again = read_agent_text(made.text, "a.yaml", SYMBOLS)
     assert shape(again.tree) == shape(read_agent_text(HEAD + tree, "a.yaml", SYMBOLS).tree)
+
+
+@pytest.mark.parametrize(
+    ("tree", "more"),
+    [
+        (
+            "sequence: [{say: 'At most ${tries} times.'}, {ask: Well?, retry: '${tries}'}]",
+            "tunables: {tries: {default: 3, min: 1, max: 5}}\n",
+        ),
+        (
+            "{subtree: tell, with: {count: 3}}",
+            "subtrees: {tell: {inputs: {count: integer}, tree: {say: '${count}'}}}\n",
+        ),
+    ],
+)
+def test_number_in_text_is_imported_as_number(tree: str, more: str) -> None:
+    back = import_agent(Source("t.xml", exported(tree, more).text), "a", SYMBOLS)
+    assert '"3"' not in back.text
+    read_agent(Source("b.yaml", back.text), SYMBOLS)

@@ -28,6 +28,9 @@ from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.gc_pause import gc_paused
+from bt_agents_groot.agent_export import export_agent
+from bt_agents_groot.agent_import import import_agent
+from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.diagnostics.renderers import MAX_SHOWN
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
@@ -37,6 +40,7 @@ from bt_agents_language.files.preset_reader import read_preset
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.testing.scenarios import Scenario
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.files.texts_reader import read_texts
 from bt_agents_language.model.specs import AgentSpec
@@ -44,7 +48,12 @@ from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.symbols import ImportProblem
 from bt_agents_language.reference.codes import codes
+from bt_agents_language.tools.drawing.mermaid import mermaid
+from bt_agents_language.tools.drawing.outline import outline
 from bt_agents_language.tools.lint import lint
+from bt_agents_language.yaml.source import Source, read_source
+from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
+from bt_agents_tools.rehearsal.transcript import transcript
 from tree_harness import SPACE, SYMBOLS, TREES, scene
 
 CORPUS = Path(__file__).parents[2] / "corpus"
@@ -56,6 +65,8 @@ LARGEST = 64 * 1024 * 1024
 MEASURED = 20
 """The memory of one in so many files is measured, which is slow."""
 TICKS = 5
+USED_ONE_IN = 12
+"""One in so many changes of an agent is also shown, exported, imported, run and rehearsed."""
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 LINE = re.compile(r".*?:(\d+):(\d+): error\[([a-z0-9-]+)\]: .+")
 CRASHED = re.compile(r"\b(?!MissingValue)[A-Z]\w*(Error|Exception)\b")
@@ -182,7 +193,22 @@ def check_refusal(error: ReadError, content: bytes, place: Path) -> None:
         assert 1 <= column <= len(lines[number - 1]) + 1
 
 
-def check_run(spec: AgentSpec) -> None:
+def check_use(spec: AgentSpec, source: Source) -> None:
+    """Check that an agent can be shown, exported and imported again, run and rehearsed."""
+    outline(spec, SPACE, 80)
+    mermaid(spec)
+    exported = export_agent(source, SYMBOLS)
+    imported = import_agent(Source("tree.xml", exported.text), spec.name, SYMBOLS)
+    if not any(remark.level is RemarkLevel.LOST for remark in imported.remarks):
+        read_agent(Source("imported.yaml", imported.text), SYMBOLS)
+    check_run(spec, ticks=50)
+    scenario = Scenario(scene={"age": 3, "familiarity": 3, "mood": 3}, seed=1)
+    limits = Limits(duration_s=600.0, ticks=200)
+    rehearsed = rehearse(spec, SPACE, scenario, limits=limits, force=True)
+    assert not CRASHED.search(transcript(rehearsed.events))
+
+
+def check_run(spec: AgentSpec, ticks: int = TICKS) -> None:
     """Check that the tree of an agent can be built and ticked, and that nothing in it crashes."""
     failing = [
         ScriptedReply(),
@@ -204,7 +230,7 @@ def check_run(spec: AgentSpec) -> None:
         environment=world,
         steady=world.clock,
     )
-    for _ in range(TICKS):
+    for _ in range(ticks):
         for change in run.tick():
             assert not CRASHED.search(change.message), change
         world.clock.advance(1.0)
@@ -565,6 +591,8 @@ def test_misplaced_nodes_are_accepted_or_rejected_with_code(
             spec = READERS[kind](place)
             if isinstance(spec, AgentSpec):
                 found = lint(spec)
+                if number % USED_ONE_IN == 0:
+                    check_use(spec, read_source(place))
         except ReadError as error:
             found = error.diagnostics
         assert "reader-fault" not in {one.code for one in found}, content.decode()

@@ -126,6 +126,7 @@ def test_foreign_node_word_hint_names_own_word(tree, wanted):
         ("in the evening", "write clock.hour between 18 and 21"),
         ("mood falls by 1", "write mood.change <= -1"),
         ("mood rises", "write mood.change > 0"),
+        ("scene.age in 2..4", "write scene.age between 2 and 4"),
         ("live.mood > 50%", "write live.mood > 3, which is 50 % of the way from 1 to 5"),
         ("scene.age > 60 dB", "write 60; join conditions"),
         ("scene.mood is upset", "write label(scene.mood) == 'upset'"),
@@ -159,6 +160,57 @@ def test_natural_language_condition_hint_is_valid(condition, hint):
 )
 def test_common_node_misspelling_hint_shows_correct_line(text, wanted):
     assert wanted in hints(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("tree: {speak: Hello.}", "did you mean 'say'?"),
+        ("tree: {go_to: gate 7}", "did you mean 'drive'?"),
+        ("tree: {wait_until: live.person}", "did you mean 'wait_for'?"),
+        ("tree: {sleep: 3 s}", "write 'wait: …' as a node of its own"),
+        ("tree: {wait: live.person}", "to wait until something is true, write 'wait_for: …'"),
+        ("tree: {wait: 2 s // briefly}", "a comment starts with '#'"),
+        ("tree: {say: Hello., on_error: {say: Sorry.}}", "did you mean 'on_failure'?"),
+        (
+            "tree: {say: Hello., every: 5 s}",
+            "write 'repeat: {times: forever, pause: …}' beside the node",
+        ),
+        ("tree: {say: Hello., comment: first}", "write a comment, a line that starts with '#'"),
+        ("tree: {ask: Well?, retry: always}", "did you mean 'forever'?"),
+        ("tree: {ask: {question: Tea?, options: [yes, no]}}", "did you mean 'text'?"),
+        ("tree: {random: [{say: Hello., chance: 2}, {say: Hi.}]}", "did you mean 'weight'?"),
+        ("parameters: {}\ntree: {say: Hello.}", "did you mean 'tunables'?"),
+        (
+            "requires: [scene.person, scene.age > 3]\ntree: {say: Hello.}",
+            "write one condition, and join its parts with 'and' or 'or'",
+        ),
+        (
+            "feedback: [{when: mood.change < -1, for: 2 s, give: bad}]\ntree: {say: Hello.}",
+            "did you mean 'negative'?",
+        ),
+        ("tree: {sequence: [{set: {x: 1}}, {set: {x: x + 1}}]}", "to compute it, write ${x + 1}"),
+    ],
+)
+def test_word_of_another_program_gets_ours(text, wanted):
+    assert hints(text)[0] == wanted
+
+
+@pytest.mark.parametrize("tree", ["{cancel: true}", "{return: success}"])
+def test_far_words_are_not_offered(tree):
+    assert not any(hint.startswith("did you mean") for hint in hints(f"tree: {tree}"))
+
+
+def test_time_as_condition_gets_wait_hint():
+    assert hints("tree: {wait_for: 5 s}") == [
+        "a condition is expected; to let a time pass, write wait: 5 s"
+    ]
+
+
+def test_unknown_member_lists_its_group():
+    assert of_condition("clock.time > 3") == ["possible here: clock.hour, clock.weekday"]
+    assert of_condition("scene.moot > 3") == ["did you mean 'scene.mood'?"]
+    assert of_condition("mood.rise > 3") == ["did you mean 'mood.change'?"]
 
 
 def test_unquoted_reference_in_braces_hides_no_errors():

@@ -258,6 +258,21 @@ def test_subtree_or_on_cancel_use_counts_for_tunable():
     assert warnings_of("subtree: pause", head) == []
 
 
+@pytest.mark.parametrize("text", ["Are you {scene.age}?", "So {{answer}}.", "So $answer."])
+def test_unmarked_name_in_text_is_warned_about(text):
+    tree = f"sequence:\n  - ask: Well?\n  - say: '{text}'"
+    assert warnings_of(tree) == ["unmarked-name"]
+
+
+def test_unmarked_expression_is_warned_about():
+    tree = """\
+    sequence:
+      - set: {visits: 1}
+      - set: {next: visits + 1, place: gate 7, title: "visits + 1"}
+    """
+    assert found(tree) == ["unmarked-name 10:19"]
+
+
 def test_subtree_used_twice_is_warned_about_once():
     head = "subtrees: {await: {tree: {wait_for: live.person}}}\n"
     assert warnings_of("sequence: [{subtree: await}, {subtree: await}]", head) == ["endless-wait"]

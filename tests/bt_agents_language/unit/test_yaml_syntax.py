@@ -141,6 +141,12 @@ def tree(text: str) -> str:
             "this line is neither 'key: value' nor a '-' item",
             "write 'there: friend', or indent the line if it belongs to the text above",
         ),
+        (
+            "say: A.\n// and then\ntimeout: 5 s",
+            "6:3",
+            "'//' starts no comment here",
+            "write '# …'",
+        ),
     ],
 )
 def test_syntax_error_is_reported_on_its_line(text, place, message, hint):

@@ -12,7 +12,7 @@ from bt_agents_language.nodes.node_type import Mark
 from bt_agents_tools.rehearsal.assertions import AssertionFailure, aligned
 from bt_agents_tools.rehearsal.coverage import coverage
 from bt_agents_tools.rehearsal.suite import failure, run_case
-from bt_agents_tools.rehearsal.transcript import lines, table, time_text, transcript
+from bt_agents_tools.rehearsal.transcript import MOST_EVENTS, lines, table, time_text, transcript
 from rehearsal_harness import cases_for, rehearsed
 from tree_harness import SPACE, agent
 
@@ -285,6 +285,14 @@ def test_overlong_paths_are_omitted_instead_of_cut() -> None:
     assert all(len(line) <= 80 for line in shown.splitlines())
     assert "(a.yaml:" in shown
     assert "a_rather" not in shown
+
+
+def test_transcript_of_endless_run_is_cut() -> None:
+    shown = transcript(rehearsed("say: Hello.\nrepeat: 500").events).splitlines()
+    [cut] = [line for line in shown if "left out" in line]
+    assert len(shown) == MOST_EVENTS + 1
+    assert cut.strip() == "… 101 events left out"
+    assert shown[-1].endswith("● succeeded")
 
 
 def test_nodes_use_names_from_author() -> None:
