@@ -11,7 +11,9 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_ros.workarounds.sender_identity import PREFIX
+
+_PARTICIPANT_BYTES = 12
+"""Leading bytes of a GID that all endpoints of a participant share."""
 
 
 def is_matched(
@@ -34,8 +36,8 @@ def is_matched(
 
 
 def participants(endpoints: list[Any]) -> frozenset[str]:
-    """Return the participants of endpoints on the graph, in the form that callbacks get."""
-    return frozenset(bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints)
+    """Return the participants of endpoints on the graph."""
+    return frozenset(bytes(end.endpoint_gid[:_PARTICIPANT_BYTES]).hex() for end in endpoints)
 
 
 def types_on_graph(node: Node, kind: BindingKind, name: str) -> frozenset[str]:
