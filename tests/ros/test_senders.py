@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import rclpy
+from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 
 from active_nodes import active_feedback
+from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profiles, Run
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
@@ -20,6 +22,10 @@ from fake_market import Market, folder, make_host
 from feedback_node.ledger import Ledger
 from market_harness import EXPRESS, GUIDE, SPACE
 from market_node_harness import FakeHost, MarketNodeHarness
+from marketplace_node.hosts.registry import HostEntry
+from marketplace_node.node.messages import heartbeat_of
+
+TOKEN = bytes(range(1, 17))
 
 WAITER = """
 format: 1
@@ -105,6 +111,30 @@ def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
     assert [(one.host, one.code) for one in refused] == [(host.host, "WRONG_TOKEN")] * 5
     assert all(auction.outcome == Auction.AWARDED for auction in harness.auctions)
     assert "without the token of its registration" in refused[0].reason
+
+
+@pytest.mark.parametrize(
+    ("changed", "code"),
+    [
+        (lambda whole: b"", "WRONG_TOKEN"),
+        (lambda whole: whole[:19], "WRONG_TOKEN"),
+        (lambda whole: whole.replace(TOKEN, TOKEN[::-1]), "WRONG_TOKEN"),
+        (lambda whole: whole[:20], "MALFORMED"),
+        (lambda whole: whole[:30], "MALFORMED"),
+    ],
+    ids=["empty", "cut in token", "other token", "cut after token", "cut later"],
+)
+def test_false_or_malformed_heartbeat_is_refused(
+    changed: Callable[[bytes], bytes], code: str
+) -> None:
+    entry = HostEntry(
+        host="/agents", instance="first", run_action="", heartbeat="", agents={}, token=TOKEN
+    )
+    sent = Heartbeat(token=list(TOKEN), host="/agents", round=7)
+    whole = serialize_message(sent)
+    assert heartbeat_of(entry, whole) == sent
+    with pytest.raises(Refused, match=code):
+        heartbeat_of(entry, changed(whole))
 
 
 def test_forged_result_does_not_end_run(ros: Any) -> None:

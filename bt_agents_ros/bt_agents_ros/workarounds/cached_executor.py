@@ -48,6 +48,9 @@ _MESSAGES = 32
 _QUEUES_S = 0.002
 """Time for queued messages between two waits [s]."""
 
+_POLLED, _POLLED_S = 1000, 0.03
+"""The same for a polled group, whose queue a flood fills before the next poll."""
+
 _BATCH_S = 0.05
 """Time for callbacks between two waits after which due timers precede the rest of them [s]."""
 
@@ -226,7 +229,9 @@ class CachedExecutor(Executor):
         for subscription in converted:
             self._batch.append(partial(self._run_callback, self._take_converted, subscription))
         for kind, entity in ready:
-            if kind == "polled" or entity in had_message:
+            if kind == "polled":
+                self._batch.append(partial(self._drain, entity, _POLLED, now + _POLLED_S))
+            elif entity in had_message:
                 self._batch.append(partial(self._drain, entity, _MESSAGES, until))
             else:
                 self._batch.append(partial(self._run_callback, self._takes[kind], entity))

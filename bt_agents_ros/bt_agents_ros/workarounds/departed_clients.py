@@ -20,7 +20,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 GraphNode: TypeAlias = Callable[[], Node | None]
 
-_PARTICIPANT_BYTES = 12
+PREFIX = 12
 """Leading bytes of a GUID that all endpoints of a participant share."""
 
 _SLOW_S = 0.05
@@ -51,7 +51,7 @@ class DepartedClients:
         if not self._suspect_until:
             return False
         client = _client_guid(header)
-        participant = client[:_PARTICIPANT_BYTES]
+        participant = client[:PREFIX]
         until = self._suspect_until.get(participant)
         if until is None:
             return False
@@ -76,7 +76,7 @@ class DepartedClients:
             return
         client = _client_guid(header)
         if client and not _is_shown(node, service, client):
-            self._suspect_until[client[:_PARTICIPANT_BYTES]] = self.clock() + _SUSPECT_S
+            self._suspect_until[client[:PREFIX]] = self.clock() + _SUSPECT_S
             if len(self._suspect_until) > _MOST:
                 del self._suspect_until[next(iter(self._suspect_until))]
 
