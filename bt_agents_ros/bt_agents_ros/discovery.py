@@ -11,9 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from bt_agents_core.field_types import BindingKind
-
-_PARTICIPANT_BYTES = 12
-"""Leading bytes of a GID that all endpoints of a participant share."""
+from bt_agents_ros.workarounds.departed_clients import PREFIX
 
 
 def is_matched(
@@ -37,7 +35,7 @@ def is_matched(
 
 def participants(endpoints: list[Any]) -> frozenset[str]:
     """Return the participants of endpoints on the graph."""
-    return frozenset(bytes(end.endpoint_gid[:_PARTICIPANT_BYTES]).hex() for end in endpoints)
+    return frozenset(bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints)
 
 
 def types_on_graph(node: Node, kind: BindingKind, name: str) -> frozenset[str]:

@@ -14,6 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from active_nodes import active_feedback
 from bt_agents_core.errors import Refused
+from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profiles, Run
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
@@ -200,6 +201,24 @@ def test_goals_carry_token_of_registration(ros: Any) -> None:
     assert bytes(host.goal.token) == bytes(first.token) == bytes(again.token)
     assert bytes(other.token) != bytes(first.token)
     assert any(other.token)
+
+
+def test_host_proves_itself_in_bids_heartbeats_results(ros: Any, tmp_path: Path) -> None:
+    market = Market(ros)
+    heartbeats: list[Heartbeat] = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
+    host = ros.add(make_host(folder(tmp_path, WAITER)))
+    ros.until(lambda: heartbeats)
+    assert not any(heartbeats[0].token)
+    market.open()
+    ros.until(lambda: host.registered)
+    market.call()
+    ros.until(lambda: market.bids)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: heartbeats[-1].round == 1)
+    handle.cancel_goal_async()
+    result = market.result(handle).result
+    assert result.outcome == RunAgent.Result.CANCELLED
+    assert [bytes(one.token) for one in (market.bids[-1], heartbeats[-1], result)] == [TOKEN] * 3
 
 
 @pytest.mark.parametrize("token", [bytes(16), bytes(range(16))])

@@ -253,7 +253,8 @@ class HostConnections:
         try:
             message = heartbeat_of(link.entry, data)
         except Refused as refused:
-            if link.heard:
+            # One of another start is from a host that has not registered yet.
+            if link.heard and link.entry.instance.encode() in data:
                 self._log_refused(link.entry.heartbeat, refused)
             return
         link.heard = True
