@@ -177,7 +177,7 @@ class RobotNode(BaseNode):
             return
         try:
             self._heartbeats[host] = self.create_subscription(
-                *(Heartbeat, topic, self._on_heartbeat, qos.EVENTS), callback_group=PolledGroup()
+                Heartbeat, topic, self._on_heartbeat, qos.EVENTS, callback_group=PolledGroup()
             )
         except Exception as error:
             # The name comes from outside; rclpy's errors for bad names have no common base class.

@@ -150,7 +150,9 @@ def test_forged_result_does_not_end_run(ros: Any) -> None:
     assert harness.until_event(Run.ENDED).outcome == Run.LOST
 
 
-def test_foreign_heartbeats_do_not_keep_host_alive(ros: Any, stranger: Stranger) -> None:
+def test_foreign_heartbeats_do_not_keep_host_alive(
+    ros: Any, stranger: Stranger, capfd: pytest.CaptureFixture[str]
+) -> None:
     harness = MarketNodeHarness(ros)
     host = harness.host()
     ros.until(lambda: harness.statuses[-1].hosts == 1)
@@ -163,6 +165,7 @@ def test_foreign_heartbeats_do_not_keep_host_alive(ros: Any, stranger: Stranger)
         return bool(harness.statuses[-1].hosts == 0)
 
     ros.until(is_gone)
+    assert "WRONG_TOKEN: /agents/heartbeat: in the name of /agents" in capfd.readouterr().err
 
 
 def test_stranger_cannot_register_as_existing_host(ros: Any, stranger: Stranger) -> None:

@@ -217,7 +217,10 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         steady_timer(self, HEARTBEAT_S, self._publish_heartbeat)
         self._other_market = OtherMarket(self._market.epoch)
         self.create_subscription(
-            *(MarketHeartbeat, MARKET_HEARTBEAT, self._take_market_heartbeat, qos.SENSOR),
+            MarketHeartbeat,
+            MARKET_HEARTBEAT,
+            self._take_market_heartbeat,
+            qos.SENSOR,
             callback_group=PolledGroup(),
         )
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)

@@ -128,7 +128,7 @@ class HostConnections:
                 )
             take = partial(self._take_heartbeat, entry.host)
             heartbeat = self._node.create_subscription(
-                *(Heartbeat, entry.heartbeat, take, qos.EVENTS), raw=True
+                Heartbeat, entry.heartbeat, take, qos.EVENTS, raw=True
             )
         except Exception as error:
             # The names come from outside; rclpy has no common base class for errors of bad names.
