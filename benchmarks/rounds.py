@@ -233,6 +233,7 @@ class SilentHost:
     """
 
     def __init__(self, graph: Graph) -> None:
+        self._heartbeat = Heartbeat(host="/silent", host_instance="first")
         self._beats = graph.probe.create_publisher(Heartbeat, "/silent/heartbeat", EVENTS)
         graph.probe.create_publisher(Bids, "bt_agents/bids", EVENTS)
         graph.probe.create_timer(0.1, self._beat)
@@ -252,9 +253,10 @@ class SilentHost:
         )
         graph.until(answer.done, "the silent host is registered")
         assert answer.result().accepted, answer.result().message
+        self._heartbeat.token = answer.result().token
 
     def _beat(self) -> None:
-        self._beats.publish(Heartbeat(host="/silent", host_instance="first"))
+        self._beats.publish(self._heartbeat)
 
 
 def measure(effort: Effort) -> Iterator[Row]:

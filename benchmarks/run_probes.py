@@ -33,7 +33,7 @@ from bt_agents_interfaces.srv import RegisterHost, SetProfile
 from processes import Graph
 
 EPOCH = "bench"
-_AWARD_KEY = list(range(1, 17))
+_TOKEN = list(range(1, 17))
 PARAMETERS = ("age", "familiarity", "mood")
 MIDDLE = [3.0, 3.0, 3.0]
 BEAT_S = 0.2
@@ -66,7 +66,7 @@ class Market:
 
     def _register(self, request: Any, response: Any) -> Any:
         self.hosts[request.host] = request
-        response.accepted, response.epoch, response.award_key = True, EPOCH, _AWARD_KEY
+        response.accepted, response.epoch, response.token = True, EPOCH, _TOKEN
         response.reasons = [""] * len(request.agents)
         response.agent_ids = list(range(1, len(request.agents) + 1))
         return response
@@ -81,7 +81,7 @@ class Market:
         if host:
             entry = self.hosts[host]
             goal.host_instance = entry.host_instance
-            goal.award_key = _AWARD_KEY
+            goal.token = _TOKEN
             goal.agent_id = list(entry.agents).index(agent) + 1
         return goal
 

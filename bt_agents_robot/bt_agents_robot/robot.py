@@ -45,7 +45,6 @@ from bt_agents_ros.parameters import declare, declare_and_watch, declare_slow_ne
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
-from bt_agents_ros.workarounds.sender_identity import SenderRates, create_identified_subscription
 
 COLOURS = ("off", "white", "green", "yellow", "blue", "red")
 
@@ -177,10 +176,8 @@ class RobotNode(BaseNode):
         if host in self._heartbeats:
             return
         try:
-            self._heartbeats[host] = create_identified_subscription(
-                *(self, Heartbeat, topic, self._on_heartbeat, qos.EVENTS),
-                callback_group=PolledGroup(),
-                accepts=SenderRates(),
+            self._heartbeats[host] = self.create_subscription(
+                Heartbeat, topic, self._on_heartbeat, qos.EVENTS, callback_group=PolledGroup()
             )
         except Exception as error:
             # The name comes from outside; rclpy's errors for bad names have no common base class.
@@ -188,7 +185,7 @@ class RobotNode(BaseNode):
                 RefusalCode.BAD_NAME, f"its heartbeat cannot be heard: {error}"
             ) from None
 
-    def _on_heartbeat(self, message: Heartbeat, _sender: str) -> None:
+    def _on_heartbeat(self, message: Heartbeat) -> None:
         self._watch.on_heartbeat(message.host, message.host_instance, time.monotonic())
 
     def _on_market(self, message: MarketStatus) -> None:

@@ -32,17 +32,23 @@ class BidEncoder:
     def __init__(self, host: str, instance: str) -> None:
         self._host = host
         self._instance = instance
-        self._encoded: tuple[str, HostAnswer] | None = None
+        self._encoded: tuple[str, list[int], HostAnswer] | None = None
         self._rest = b""
 
-    def message(self, epoch: str, number: int, answer: HostAnswer) -> bytes:
+    def message(self, epoch: str, number: int, token: list[int], answer: HostAnswer) -> bytes:
         """Return the serialized message for an answer in a round of a market."""
-        if self._encoded != (epoch, answer):
+        if self._encoded != (epoch, token, answer):
             message = serialize_message(
-                Bids(epoch=epoch, host=self._host, host_instance=self._instance, **answer.fields())
+                Bids(
+                    epoch=epoch,
+                    host=self._host,
+                    host_instance=self._instance,
+                    token=token,
+                    **answer.fields(),
+                )
             )
             self._rest = message[len(_before(epoch)) + _NUMBER_BYTES :]
-            self._encoded = (epoch, answer)
+            self._encoded = (epoch, token, answer)
         return _before(epoch) + number.to_bytes(_NUMBER_BYTES, sys.byteorder) + self._rest
 
 

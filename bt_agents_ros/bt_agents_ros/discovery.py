@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_ros.workarounds.sender_identity import PREFIX
+from bt_agents_ros.workarounds.departed_clients import PREFIX
 
 
 def is_matched(
@@ -34,7 +34,7 @@ def is_matched(
 
 
 def participants(endpoints: list[Any]) -> frozenset[str]:
-    """Return the participants of endpoints on the graph, in the form that callbacks get."""
+    """Return the participants of endpoints on the graph."""
     return frozenset(bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints)
 
 

@@ -71,7 +71,6 @@ CHARACTERS_OF: Mapping[str, int] = {
     "Record_Request.author": 200,
     "Record_Request.label": 200,
     "Record_Request.notes": 2_000,
-    "RegisterHost_Request.earlier_instance": 200,
     "RegisterHost_Request.host_instance": 200,
     "SceneValue.source": 1_000,
 }

@@ -144,12 +144,10 @@ class LocalRequest:
 
     Attributes:
         request: A copy of the sent request.
-        sender: Participant of the client.
         answer: Passes a response to the client; called at most once.
     """
 
     request: Any
-    sender: str
     answer: Callable[[Any], None]
 
 
@@ -160,15 +158,13 @@ class LocalBus:
         clock_ns: Returns the time of the day [ns].
 
     Attributes:
-        sender: Participant of the process, as receivers get it.
         pending: The queues that are not empty, the one that waits longest first.
         outgoing: Ordered publications for other processes, which are written after the nodes of
             this process have received theirs.
     """
 
-    def __init__(self, clock_ns: Callable[[], int], sender: str = "") -> None:
+    def __init__(self, clock_ns: Callable[[], int]) -> None:
         self._clock_ns = clock_ns
-        self.sender = sender
         self.pending: dict[LocalQueue, None] = {}
         self.outgoing: dict[object, Callable[[], None]] = {}
         self._readers: dict[str, list[LocalReader]] = {}
@@ -254,9 +250,7 @@ class LocalBus:
         """
         self._number -= 1
         number = self._number
-        local = LocalRequest(
-            request=request, sender=self.sender, answer=lambda response: answer(number, response)
-        )
+        local = LocalRequest(request=request, answer=lambda response: answer(number, response))
         server.queue.put(local)
         return number
 

@@ -25,7 +25,6 @@ from rclpy.utilities import get_default_context
 
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_ros import qos
-from bt_agents_ros.discovery import participants
 from bt_agents_ros.fastdds_profile import PROFILE, FastDdsProfile
 from bt_agents_ros.local_bus import LocalBus
 from bt_agents_ros.spinner import run_together
@@ -61,8 +60,7 @@ def bus() -> Iterator[LocalBus | None]:
         # ends with the last node, so this node stays.
         anchor = rclpy.create_node("_bus", start_parameter_services=False, enable_rosout=False)
     try:
-        sender = _participant_that_ignores_itself(anchor)
-        if sender is None:
+        if not _ignores_own_endpoints(anchor):
             anchor.get_logger().warning(
                 "NO_BUS: the middleware does not ignore endpoints of its own process, so nodes of "
                 "this one hear each other over it, which takes longer; Fast DDS with the property "
@@ -70,7 +68,7 @@ def bus() -> Iterator[LocalBus | None]:
             )
             yield None
         else:
-            made = LocalBus(time.time_ns, sender)
+            made = LocalBus(time.time_ns)
             with handing_over(get_default_context(), made):
                 yield made
     finally:
@@ -78,16 +76,15 @@ def bus() -> Iterator[LocalBus | None]:
             anchor.destroy_node()
 
 
-def _participant_that_ignores_itself(node: Node) -> str | None:
-    """Return the participant of a node; None if endpoints of its process match each other."""
+def _ignores_own_endpoints(node: Node) -> bool:
+    """Return whether endpoints of the process of a node do not match each other."""
     topic = f"_bus_{os.getpid()}"
     publisher = node.create_publisher(Time, topic, qos.EVENTS)
     subscription = node.create_subscription(Time, topic, lambda _: None, qos.EVENTS)
-    found = participants(node.get_publishers_info_by_topic(topic))
     is_matched = publisher.get_subscription_count() > 0
     node.destroy_publisher(publisher)
     node.destroy_subscription(subscription)
-    return None if is_matched or len(found) != 1 else next(iter(found))
+    return not is_matched
 
 
 @contextmanager

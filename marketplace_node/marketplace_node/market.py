@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -68,7 +68,7 @@ class Market:
         epoch: Name of this instance of the market; unique over restarts.
         settings: Replaceable by :meth:`configure`.
         rules: Rules of the strategy ``rules``.
-        new_key: Returns a new, unguessable award key on each call.
+        secret: Known to no other process; the tokens of hosts depend on it.
 
     Attributes:
         late_bids: Number of answers that came after their round was closed.
@@ -81,11 +81,11 @@ class Market:
         settings: Settings | None = None,
         rules: tuple[MarketRule, ...] = (),
         *,
-        new_key: Callable[[], bytes],
+        secret: bytes,
     ) -> None:
         self.epoch = epoch
         self.late_bids = 0
-        self._market_state = MarketState(space, epoch, settings or Settings(), rules, new_key)
+        self._market_state = MarketState(space, epoch, settings or Settings(), rules, secret)
         self._hosts = self._market_state.hosts
         self._interaction: Interaction | None = None
         self._admission = SceneAdmission(self._market_state)
@@ -173,21 +173,10 @@ class Market:
         return self._check_host(now)
 
     def heartbeat(
-        self,
-        host: str,
-        instance: str,
-        epoch: str,
-        round_number: int,
-        now: float,
-        participant: str = "",
+        self, host: str, instance: str, epoch: str, round_number: int, now: float
     ) -> list[Effect]:
         """Take the heartbeat of a host, which names its current run; round 0 means none."""
-        try:
-            is_known = self._hosts.registry.heartbeat(host, instance, now, participant)
-        except Refused as refused:
-            self._note(f"heartbeat refused: {refused}")
-            return self._settle(now)
-        if is_known:
+        if self._hosts.registry.heartbeat(host, instance, now):
             under_way = None if self.state is State.COLLECTING else self.goal
             self._hosts.heartbeat(host, epoch, round_number, under_way, now)
             self._inherited.on_heartbeat(host, epoch, round_number, now)

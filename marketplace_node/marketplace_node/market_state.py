@@ -43,7 +43,7 @@ class MarketState:
         epoch: str,
         settings: Settings,
         rules: tuple[MarketRule, ...],
-        new_key: Callable[[], bytes],
+        secret: bytes,
     ) -> None:
         self.space = space
         self.epoch = epoch
@@ -51,7 +51,7 @@ class MarketState:
         self.settings = settings
         self.overrides = OperatorOverrides()
         self.effects: list[Effect] = []
-        self.hosts = HostAvailability(epoch, space.names, settings, new_key, self.effects)
+        self.hosts = HostAvailability(epoch, space.names, settings, secret, self.effects)
         self.record = MarketStatistics()
         self.rounds = 0
         self.previews = 0

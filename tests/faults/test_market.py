@@ -133,7 +133,7 @@ def test_second_market_is_refused_naming_first(system: System, tmp_path: Path) -
     system.until(lambda: second.exit_code is not None, "the end of the second market")
     assert second.exit_code == 1
     assert f"another marketplace is alive here: epoch '{epoch}'" in second.said
-    assert "node /marketplace, DDS participant 01" in second.said
+    assert "node /marketplace; end one of the two" in second.said
     assert first.exit_code is None
 
 

@@ -25,7 +25,7 @@ from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
 from tree_harness import TREES, scene
 
-AWARD_KEY = list(range(1, 17))
+TOKEN = list(range(1, 17))
 """What hosts know the goals of this market by."""
 
 
@@ -34,7 +34,7 @@ class Market:
 
     Attributes:
         epoch: Its name; another one is a market that was started anew.
-        key: What it gives hosts to know its goals by.
+        token: What it gives hosts to know its goals by.
         requests: Registrations so far.
         refuse: Names of agents that it refuses → why.
         refuses_host: Why it refuses every host; empty to take them.
@@ -47,7 +47,7 @@ class Market:
         self.ros = ros
         node = ros.node
         self.epoch = "e1"
-        self.key = bytes(AWARD_KEY)
+        self.token = bytes(TOKEN)
         self.requests: list[Any] = []
         self.refuse: dict[str, str] = {}
         self.refuses_host = ""
@@ -79,7 +79,7 @@ class Market:
         response.accepted = not self.refuses_host
         response.message = self.refuses_host
         response.epoch = self.epoch
-        response.award_key = list(self.key)
+        response.token = list(self.token)
         response.reasons = [self.refuse.get(name, "") for name in request.agents]
         response.agent_ids = [
             0 if reason else index for index, reason in enumerate(response.reasons, start=1)
@@ -131,7 +131,7 @@ class Market:
             host_instance=host.instance,
             agent=agent,
             agent_id=member.agent_id if member else 1,
-            award_key=AWARD_KEY,
+            token=TOKEN,
             scene=scene_to_msg(scene(age=3, familiarity=3, mood=3)),
         )
         for name, value in changes.items():

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from itertools import count
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from bt_agents_core.errors import Refused
@@ -22,7 +22,7 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.hosts.host_effects import Effect, RunGoal
-from marketplace_node.hosts.registry import AWARD_KEY_BYTES, Registration, RegistrationAnswer
+from marketplace_node.hosts.registry import Registration, RegistrationAnswer
 from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.market import Market
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
@@ -78,14 +78,12 @@ class MarketHarness:
     def __init__(self, rules: tuple[MarketRule, ...] = (), **settings: Any) -> None:
         self.now = 100.0
         settings = {"strategy": "manhattan"} | settings
-        keys = (bytes([number]) * AWARD_KEY_BYTES for number in count(1))
-        self.market = Market(
-            SPACE, "epoch", Settings(**settings), rules, new_key=lambda: next(keys)
-        )
+        self.market = Market(SPACE, "epoch", Settings(**settings), rules, secret=b"secret")
         self.effects: list[Effect] = []
         self.ids: dict[str, dict[str, int]] = {}
         self.busy: dict[str, int] = {}
         self.instances: dict[str, str] = {}
+        self.tokens: dict[str, bytes] = {}
         self.do(self.market.tick(self.now))
 
     def do(self, effects: list[Effect]) -> list[Effect]:
@@ -99,11 +97,14 @@ class MarketHarness:
     def register(self, host: str = "/agents", *agents: str, **changes: Any) -> RegistrationAnswer:
         """Register a host that has a heartbeat from now on."""
         request = registration(host, agents or (GUIDE, EXPRESS), **changes)
+        if self.instances.get(host) == request.instance:
+            request = replace(request, token=self.tokens[host])
         answer, effects = self.market.register(request, self.now)
         new = answer.accepted and self.instances.get(host) != request.instance
         if answer.accepted:
             self.ids[host] = dict(zip(request.agents, answer.agent_ids, strict=True))
             self.instances[host] = request.instance
+            self.tokens[host] = answer.token
             self.busy[host] = 0
         self.do(effects)
         if new:
@@ -130,6 +131,7 @@ class MarketHarness:
             "round": self.status.round,
             "host": host,
             "instance": self.instances.get(host, ""),
+            "token": self.tokens.get(host, b""),
             "agents": tuple(vectors),
             "agent_ids": tuple(self.ids.get(host, {}).get(name, 0) for name in vectors),
             "vectors": tuple(value for vector in vectors.values() for value in vector),

@@ -41,6 +41,7 @@ class FakeHost(Node):
         self.host = self.get_fully_qualified_name()
         self.bids_of = bids or {GUIDE: NEAR, EXPRESS: FAR}
         self.agent_ids: list[int] = []
+        self.token: Any = [0] * 16
         self.silent = False
         self.message = "as told"
         self.refuses: set[str] = set()
@@ -76,8 +77,13 @@ class FakeHost(Node):
             "heartbeat": f"{self.host}/heartbeat",
             "parameters": list(SPACE.names),
             "agents": list(self.bids_of),
+            "token": self.token,
         }
         return RegisterHost.Request(**(values | changes))
+
+    def take(self, answer: RegisterHost.Response) -> None:
+        """Take the answer to its registration."""
+        self.agent_ids, self.token = list(answer.agent_ids), answer.token
 
     def beat(self) -> None:
         goal = self.goal
@@ -85,6 +91,7 @@ class FakeHost(Node):
             Heartbeat(
                 host=self.host,
                 host_instance="first",
+                token=self.token,
                 epoch=goal.epoch if goal else "",
                 round=goal.round if goal else 0,
             )
@@ -101,6 +108,7 @@ class FakeHost(Node):
             round=call.round,
             host=self.host,
             host_instance="first",
+            token=self.token,
             agents=names,
             agent_ids=[ids[name] for name in names],
             vectors=[value for name in names for value in self.bids_of[name]],
@@ -133,7 +141,9 @@ class FakeHost(Node):
             self.log.append(f"never began {self.goal.agent}")
             self.goal = None
             handle.canceled()
-            return RunAgent.Result(outcome=RunAgent.Result.CANCELLED, message="never began")
+            return RunAgent.Result(
+                outcome=RunAgent.Result.CANCELLED, message="never began", token=self.token
+            )
         self.log.append(f"start {self.goal.agent}")
         self.beat()
         self.ended = Future(executor=self.executor)
@@ -144,7 +154,7 @@ class FakeHost(Node):
             handle.canceled()
         else:
             handle.succeed()
-        return RunAgent.Result(outcome=outcome, message=self.message, ticks=3)
+        return RunAgent.Result(outcome=outcome, message=self.message, ticks=3, token=self.token)
 
     def finish(self, outcome: int = RunAgent.Result.SUCCEEDED) -> None:
         self.ended.set_result(outcome)
@@ -197,7 +207,7 @@ class MarketNodeHarness:
         host = self.ros.add(FakeHost(name, **bids))
         answer = self.ros.call(self.registering, host.request())
         assert answer.accepted, answer.message
-        host.agent_ids = list(answer.agent_ids)
+        host.take(answer)
         return host
 
     def scene(self, scene_id: str = "s1", *values: float, urgent: bool = False) -> None:

@@ -224,6 +224,7 @@ class _Host:
         self.goal: _Goal | None = None
         self.alive = True
         self.epoch = ""
+        self.token = b""
         self.unreported: list[tuple[str, _Goal, RunEnd, float]] = []
         self.cards.trees()
         self.cards.files()
@@ -244,9 +245,11 @@ class _Host:
                 heartbeat=f"{self.name}/heartbeat",
                 parameters=self.registry.space.names,
                 agents=names,
+                token=self.token,
             ),
             self.system.now,
         )
+        self.token = answer.token
         self.registry.apply_registration(names, answer.agent_ids, answer.reasons)
         self.epoch = market.market.epoch
         market.execute(effects)
@@ -285,6 +288,7 @@ class _Host:
             declined=tuple(answer.declined),
             decline_reasons=tuple(one.reason for one in answer.declined.values()),
             unmet=tuple(one.unmet for one in answer.declined.values()),
+            token=self.token,
         )
         market = self.system.market
         self.system.post(
@@ -470,7 +474,7 @@ class _MarketStart:
         self.alive = True
         epoch = f"e{system.next_number()}"
         rules = market_of(system.folder, system.space)
-        self.market = Market(system.space, epoch, system.settings, rules, new_key=bytes)
+        self.market = Market(system.space, epoch, system.settings, rules, secret=b"")
         self.orders = orders
         self.scenes = scenes
         self.execute(self.market.tick(system.now))

@@ -287,6 +287,7 @@ class SilentHost(Node):
 
     def __init__(self) -> None:
         super().__init__("silent")
+        self._heartbeat = Heartbeat(host=self.get_fully_qualified_name(), host_instance="first")
         self._beats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         self.create_timer(HEARTBEAT_S, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
@@ -306,10 +307,12 @@ class SilentHost(Node):
             parameters=list(SPACE.names),
             agents=["nobody"],
         )
-        assert ros.call(self._market, request).accepted
+        answer = ros.call(self._market, request)
+        assert answer.accepted
+        self._heartbeat.token = answer.token
 
     def _beat(self) -> None:
-        self._beats.publish(Heartbeat(host=self.get_fully_qualified_name(), host_instance="first"))
+        self._beats.publish(self._heartbeat)
 
 
 @dataclass(eq=False)

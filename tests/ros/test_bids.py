@@ -18,6 +18,7 @@ from marketplace_node.node.messages import BidDecoder, bids_from_msg
 from tree_harness import SPACE, agent, scene
 
 EPOCHS = ("0123456789ab", "e", "another market, äöü")
+TOKEN = list(range(16))
 ROUNDS = (1, 2, 255, 256, 2**31 + 1, 2**32 - 1)
 
 
@@ -28,12 +29,13 @@ def registry() -> AgentRegistry:
     return ours
 
 
-def expected(epoch: str, number: int, answer: Any) -> Bids:
+def expected(epoch: str, number: int, answer: Any, token: list[int] = TOKEN) -> Bids:
     return Bids(
         epoch=epoch,
         round=number,
         host="/agents",
         host_instance="first",
+        token=token,
         agents=[member.spec.name for member in answer.bidders.members],
         agent_ids=[member.agent_id for member in answer.bidders.members],
         vectors=[value for member in answer.bidders.members for value in member.profile],
@@ -49,12 +51,13 @@ def test_encoded_bids_match_answers_in_every_round() -> None:
         for epoch in EPOCHS:
             for number in ROUNDS:
                 answer = ours.bids_for(scene(age=age))
-                message = saying.message(epoch, number, answer)
+                message = saying.message(epoch, number, TOKEN, answer)
                 assert deserialize_message(message, Bids) == expected(epoch, number, answer)
     ours.set_profile("b", [1.0, 2.0, 3.0], 1)
     answer = ours.bids_for(scene(age=2))
-    message = saying.message("e", 9, answer)
-    assert deserialize_message(message, Bids) == expected("e", 9, answer)
+    for token in (TOKEN, TOKEN[::-1]):
+        message = saying.message("e", 9, token, answer)
+        assert deserialize_message(message, Bids) == expected("e", 9, answer, token)
 
 
 def test_padding_between_fields_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,7 +74,7 @@ def test_padding_between_fields_does_not_matter(monkeypatch: pytest.MonkeyPatch)
     bid_encoding._before.cache_clear()
     answer = registry().bids_for(scene(age=3))
     for epoch in EPOCHS:
-        message = BidEncoder("/agents", "first").message(epoch, 3, answer)
+        message = BidEncoder("/agents", "first").message(epoch, 3, TOKEN, answer)
         assert deserialize_message(message, Bids) == expected(epoch, 3, answer)
 
 
@@ -86,10 +89,10 @@ def test_market_decodes_repeated_bids_correctly(epoch: str) -> None:
         for of in (epoch, "of somebody else")
     ]
     for message in said:
-        assert hearing.read(serialize_message(message), "p") == bids_from_msg(message, "p")
+        assert hearing.read(serialize_message(message)) == bids_from_msg(message)
     hearing.forget("/agents")
     hearing.forget("/nobody")
-    assert hearing.read(serialize_message(said[0]), "q") == bids_from_msg(said[0], "q")
+    assert hearing.read(serialize_message(said[0])) == bids_from_msg(said[0])
 
 
 def test_bids_in_other_byte_order_are_not_compared() -> None:
@@ -104,5 +107,5 @@ def test_malformed_bids_are_refused(cut: int) -> None:
     whole = serialize_message(Bids(epoch="0123456789ab", host="/agents", agents=["a"] * 99))
     hearing = BidDecoder("0123456789ab", "/agents".__eq__)
     with pytest.raises(Refused, match="MALFORMED"):
-        hearing.read(whole[:cut], "p")
-    assert hearing.read(whole, "p").agents == ("a",) * 99
+        hearing.read(whole[:cut])
+    assert hearing.read(whole).agents == ("a",) * 99

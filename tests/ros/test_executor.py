@@ -561,6 +561,19 @@ def test_polled_group_messages_do_not_wake_executor(spun: SpunNode) -> None:
 
 
 @pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
+def test_polled_group_empties_its_queue_at_once(spun: SpunNode) -> None:
+    heard: list[str] = []
+    publisher = spun.talk(lambda m: heard.append(m.data), callback_group=PolledGroup())
+    for number in range(200):
+        publisher.publish(String(data=str(number)))
+    time.sleep(0.4)
+    spun.spin_once(1.0)
+    while spun.executor._batch:
+        spun.spin_once(0.0)
+    assert len(heard) == 200
+
+
+@pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
 def test_polled_messages_arrive_before_due_timer(spun: SpunNode) -> None:
     order: list[str] = []
     publisher = spun.talk(lambda _: order.append("heard"), callback_group=PolledGroup())

@@ -419,8 +419,7 @@ def test_unreported_run_is_recorded_and_its_scene_retried(harness: MarketNodeHar
     cut_off = earlier_run(harness, host, Run.MARKET_LOST)
     spoilt = [Run(), Run(epoch="earlier", round=8, event=Run.ENDED, outcome=77, agent=GUIDE)]
     request = host.request(unreported=[*spoilt, cut_off, cut_off])
-    answer = harness.ros.call(harness.registering, request)
-    host.agent_ids = list(answer.agent_ids)
+    host.take(harness.ros.call(harness.registering, request))
     harness.ros.until(lambda: harness.ends)
 
     (told,) = harness.runs

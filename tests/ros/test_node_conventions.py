@@ -22,7 +22,6 @@ from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.parameters import report_unknown
 from bt_agents_ros.system_topics import TOPICS
 from bt_agents_ros.types import load_type
-from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from programs import ROOT
 from tree_harness import TREES
 
@@ -56,16 +55,6 @@ def test_qos_overrides_apply_to_publishers_and_subscriptions(ros: Any) -> None:
     assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
     assert subscription.qos_profile.depth == 1
     assert subscription.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-
-
-def test_identified_subscription_is_overridden_on_every_creation(ros: Any) -> None:
-    node = node_with(ros, words__subscription__depth=7)
-    for _ in range(2):
-        made = create_identified_subscription(
-            node, Empty, "words", lambda _message, _sender: None, qos.EVENTS
-        )
-        assert made.qos_profile.depth == 7
-        node.destroy_subscription(made)
 
 
 def test_override_applies_to_one_topic_of_one_node(ros: Any) -> None:

@@ -33,7 +33,7 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from fake_market import AWARD_KEY, make_host
+from fake_market import TOKEN, make_host
 from marketplace_node.settings import Settings
 from reload_harness import SKILLS, agent, new_folder, write
 
@@ -70,7 +70,7 @@ class Market:
         self.registered.append(list(request.agents))
         response.accepted = True
         response.epoch = "e1"
-        response.award_key = AWARD_KEY
+        response.token = TOKEN
         response.reasons = [""] * len(request.agents)
         response.agent_ids = [
             self._ids.setdefault(name, len(self._ids) + 1) for name in request.agents
@@ -88,7 +88,7 @@ class Market:
             host_instance=host.instance,
             agent=name,
             agent_id=host.registry.members[name].agent_id,
-            award_key=AWARD_KEY,
+            token=TOKEN,
             scene=scene_to_msg(awarded),
         )
         future = self._action.send_goal_async(goal)

@@ -3,32 +3,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from active_nodes import active_feedback
-from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profiles
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profiles, Run
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
-from bt_agents_ros.workarounds.sender_identity import (
-    PREFIX,
-    UNKNOWN,
-    create_identified_service,
-    create_identified_subscription,
-)
 from fake_market import Market, folder, make_host
 from feedback_node.ledger import Ledger
 from market_harness import EXPRESS, GUIDE, SPACE
 from market_node_harness import FakeHost, MarketNodeHarness
+from marketplace_node.hosts.registry import HostEntry
+from marketplace_node.node.messages import heartbeat_of
+
+TOKEN = bytes(range(1, 17))
 
 WAITER = """
 format: 1
@@ -80,71 +78,6 @@ def stranger(ros: Any) -> Iterator[Stranger]:
     other.close()
 
 
-def prefix_of(node: Any, topic: str, name: str) -> str:
-    ends = node.get_publishers_info_by_topic(topic)
-    return next(bytes(e.endpoint_gid[:PREFIX]).hex() for e in ends if e.node_name == name)
-
-
-@pytest.mark.parametrize("kind", [CachedExecutor, SingleThreadedExecutor])
-def test_callback_receives_sender_participant_from_graph(
-    ros: Any, stranger: Stranger, kind: Any
-) -> None:
-    heard: list[tuple[str, str]] = []
-    node = rclpy.create_node("listener")
-    executor = kind()
-    executor.add_node(node)
-
-    def answer(_request: Any, response: Any, sender: str) -> Any:
-        heard.append(("request", sender))
-        return response
-
-    create_identified_service(node, Trigger, "ask", answer, qos.SERVICE)
-    create_identified_subscription(
-        node, String, "words", lambda text, sender: heard.append((text.data, sender)), qos.EVENTS
-    )
-    create_identified_subscription(
-        node,
-        String,
-        "words",
-        lambda raw, sender: heard.append((f"{len(raw)} bytes", sender)),
-        qos.EVENTS,
-        raw=True,
-    )
-    own = ros.node.create_publisher(String, "words", qos.EVENTS)
-    other = stranger.node.create_publisher(String, "words", qos.EVENTS)
-    asking = stranger.node.create_client(Trigger, "ask", qos_profile=qos.SERVICE)
-    ros.until(
-        lambda: (
-            own.get_subscription_count() == other.get_subscription_count() == 2
-            and asking.service_is_ready()
-        )
-    )
-    ros.until(lambda: len(ros.node.get_publishers_info_by_topic("words")) == 2)
-    own.publish(String(data="a"))
-    other.publish(String(data="b" * 100))
-    asking.call_async(Trigger.Request())
-
-    def all_heard() -> bool:
-        executor.spin_once(0.01)
-        return len(heard) == 5
-
-    ros.until(all_heard)
-    here = prefix_of(ros.node, "words", "probe")
-    there = prefix_of(ros.node, "words", "stranger")
-    assert UNKNOWN != here != there != UNKNOWN
-    assert sorted(heard) == sorted(
-        [
-            ("a", here),
-            ("b" * 100, there),
-            ("10 bytes", here),
-            ("109 bytes", there),
-            ("request", there),
-        ]
-    )
-    executor.shutdown()
-    node.destroy_node()
-
-
 def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
     harness = MarketNodeHarness(ros)
     host = harness.host()
@@ -176,12 +109,50 @@ def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
 
     assert [auction.winner for auction in harness.auctions] == [GUIDE] * 5
     refused = [one for auction in harness.auctions for one in auction.refused]
-    assert [(one.host, one.code) for one in refused] == [(host.host, "OTHER_PARTICIPANT")] * 5
+    assert [(one.host, one.code) for one in refused] == [(host.host, "WRONG_TOKEN")] * 5
     assert all(auction.outcome == Auction.AWARDED for auction in harness.auctions)
-    assert "which has registered it" in refused[0].reason
+    assert "without the token of its registration" in refused[0].reason
 
 
-def test_foreign_heartbeats_do_not_keep_host_alive(ros: Any, stranger: Stranger) -> None:
+@pytest.mark.parametrize(
+    ("changed", "code"),
+    [
+        (lambda whole: b"", "WRONG_TOKEN"),
+        (lambda whole: whole[:19], "WRONG_TOKEN"),
+        (lambda whole: whole.replace(TOKEN, TOKEN[::-1]), "WRONG_TOKEN"),
+        (lambda whole: whole[:20], "MALFORMED"),
+        (lambda whole: whole[:30], "MALFORMED"),
+    ],
+    ids=["empty", "cut in token", "other token", "cut after token", "cut later"],
+)
+def test_false_or_malformed_heartbeat_is_refused(
+    changed: Callable[[bytes], bytes], code: str
+) -> None:
+    entry = HostEntry(
+        host="/agents", instance="first", run_action="", heartbeat="", agents={}, token=TOKEN
+    )
+    sent = Heartbeat(token=list(TOKEN), host="/agents", round=7)
+    whole = serialize_message(sent)
+    assert heartbeat_of(entry, whole) == sent
+    with pytest.raises(Refused, match=code):
+        heartbeat_of(entry, changed(whole))
+
+
+def test_forged_result_does_not_end_run(ros: Any) -> None:
+    harness = MarketNodeHarness(ros)
+    host = harness.host()
+    harness.scene()
+    harness.until_event(1)
+    own, host.token = host.token, [0] * 16
+    host.finish()
+    ros.until(lambda: host.goal is None)
+    host.token = own
+    assert harness.until_event(Run.ENDED).outcome == Run.LOST
+
+
+def test_foreign_heartbeats_do_not_keep_host_alive(
+    ros: Any, stranger: Stranger, capfd: pytest.CaptureFixture[str]
+) -> None:
     harness = MarketNodeHarness(ros)
     host = harness.host()
     ros.until(lambda: harness.statuses[-1].hosts == 1)
@@ -194,16 +165,18 @@ def test_foreign_heartbeats_do_not_keep_host_alive(ros: Any, stranger: Stranger)
         return bool(harness.statuses[-1].hosts == 0)
 
     ros.until(is_gone)
+    assert "WRONG_TOKEN: /agents/heartbeat: in the name of /agents" in capfd.readouterr().err
 
 
 def test_stranger_cannot_register_as_existing_host(ros: Any, stranger: Stranger) -> None:
     harness = MarketNodeHarness(ros)
     host = harness.host()
-    request = host.request(run_action="/stranger/run", agents=["spy"])
+    ros.until(lambda: harness.statuses[-1].hosts == 1)
+    request = host.request(run_action="/stranger/run", agents=["spy"], token=[0] * 16)
     answer = stranger.call(ros, RegisterHost, "marketplace/register", request)
     assert not answer.accepted
-    assert answer.message.startswith("OTHER_PARTICIPANT")
-    assert not any(answer.award_key)
+    assert answer.message.startswith("WRONG_TOKEN")
+    assert not any(answer.token)
     harness.scene()
     assert harness.until_event(1).agent == GUIDE
     assert host.goal.agent == GUIDE
@@ -212,7 +185,7 @@ def test_stranger_cannot_register_as_existing_host(ros: Any, stranger: Stranger)
 def test_restarted_host_registers_from_its_new_process(ros: Any, stranger: Stranger) -> None:
     harness = MarketNodeHarness(ros)
     host = harness.host()
-    request = host.request(host_instance="second")
+    request = host.request(host_instance="second", token=[0] * 16)
     ros.until(lambda: harness.statuses[-1].hosts == 1)
     ros.remove(host)
     ros.until(lambda: harness.statuses[-1].hosts == 0)
@@ -220,7 +193,7 @@ def test_restarted_host_registers_from_its_new_process(ros: Any, stranger: Stran
     assert answer.accepted, answer.message
 
 
-def test_goals_carry_award_key_of_registration(ros: Any) -> None:
+def test_goals_carry_token_of_registration(ros: Any) -> None:
     harness = MarketNodeHarness(ros)
     host: FakeHost = harness.host()
     first = ros.call(harness.registering, host.request())
@@ -228,20 +201,38 @@ def test_goals_carry_award_key_of_registration(ros: Any) -> None:
     other = ros.call(harness.registering, host.request(host="/b", agents=["b"]))
     harness.scene()
     harness.until_event(1)
-    assert bytes(host.goal.award_key) == bytes(first.award_key) == bytes(again.award_key)
-    assert bytes(other.award_key) != bytes(first.award_key)
-    assert any(other.award_key)
+    assert bytes(host.goal.token) == bytes(first.token) == bytes(again.token)
+    assert bytes(other.token) != bytes(first.token)
+    assert any(other.token)
 
 
-@pytest.mark.parametrize("key", [bytes(16), bytes(range(16))])
-def test_goal_without_market_key_is_refused(
-    ros: Any, tmp_path: Path, key: bytes, capfd: pytest.CaptureFixture[str]
+def test_host_proves_itself_in_bids_heartbeats_results(ros: Any, tmp_path: Path) -> None:
+    market = Market(ros)
+    heartbeats: list[Heartbeat] = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
+    host = ros.add(make_host(folder(tmp_path, WAITER)))
+    ros.until(lambda: heartbeats)
+    assert not any(heartbeats[0].token)
+    market.open()
+    ros.until(lambda: host.registered)
+    market.call()
+    ros.until(lambda: market.bids)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: heartbeats[-1].round == 1)
+    handle.cancel_goal_async()
+    result = market.result(handle).result
+    assert result.outcome == RunAgent.Result.CANCELLED
+    assert [bytes(one.token) for one in (market.bids[-1], heartbeats[-1], result)] == [TOKEN] * 3
+
+
+@pytest.mark.parametrize("token", [bytes(16), bytes(range(16))])
+def test_goal_without_market_token_is_refused(
+    ros: Any, tmp_path: Path, token: bytes, capfd: pytest.CaptureFixture[str]
 ) -> None:
     market = Market(ros)
     host = ros.add(make_host(folder(tmp_path, WAITER)))
     market.open()
     ros.until(lambda: host.registered)
-    assert market.refusal(market.goal(host, award_key=list(key))) == "NOT_THE_MARKET"
+    assert market.refusal(market.goal(host, token=list(token))) == "NOT_THE_MARKET"
     assert "NOT_THE_MARKET" in capfd.readouterr().err
     assert market.send(market.goal(host)).accepted
 
@@ -257,7 +248,7 @@ def test_forged_future_revision_does_not_block_later_profiles(
     host = ros.add(make_host(folder(tmp_path, WAITER)))
     market.open()
     ros.until(lambda: host.registered)
-    # While there is no feedback node, a host cannot tell who may set a profile.
+    # A host cannot tell who sets a profile.
     assert stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
     member = host.registry.members["talker"]
     assert (member.profile[0], member.revision) == (5.0, 2**32 - 1)
@@ -267,8 +258,8 @@ def test_forged_future_revision_does_not_block_later_profiles(
     ros.until(lambda: (member.profile[0], member.revision) == (3.0, 0))
     ros.until(lambda: published and not published[-1].differing)
 
-    refused = stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1))
-    assert (refused.accepted, refused.code) == (False, "OTHER_PARTICIPANT")
+    assert stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
+    ros.until(lambda: (member.profile[0], member.revision) == (3.0, 0))
     teaching = ros.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE)
     lesson = GiveFeedback.Request(
         agent="talker", kind=Feedback.DIRECT, values=[5.0, 5.0, 5.0], source="anna"
@@ -279,10 +270,10 @@ def test_forged_future_revision_does_not_block_later_profiles(
     assert 3.0 < member.profile[0] < 5.0
 
 
-def test_goals_of_market_without_key_are_refused(ros: Any, tmp_path: Path) -> None:
+def test_goals_of_market_without_token_are_refused(ros: Any, tmp_path: Path) -> None:
     market = Market(ros)
-    market.key = bytes(16)
+    market.token = bytes(16)
     host = ros.add(make_host(folder(tmp_path, WAITER)))
     market.open()
     ros.until(lambda: host.registered)
-    assert market.refusal(market.goal(host, award_key=[0] * 16)) == "NOT_THE_MARKET"
+    assert market.refusal(market.goal(host, token=[0] * 16)) == "NOT_THE_MARKET"

@@ -211,7 +211,7 @@ def test_bad_scenes_in_goals_are_refused_by_name(system: System) -> None:
                 host_instance=system.host.instance,
                 agent="waiter",
                 agent_id=system.host.registry.members["waiter"].agent_id,
-                award_key=list(system.host._runs._award_key),
+                token=list(system.host._runs._token),
                 scene=scene_of(BAD[key], "s"),
             )
             future = client.send_goal_async(goal)
@@ -240,6 +240,7 @@ class Bidder:
 
     def __init__(self, ros: Any) -> None:
         self.vector: list[float] = []
+        self._token: Any = [0] * 16
         self._bids = ros.node.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
         self._beats = ros.node.create_publisher(Heartbeat, "/bidder/heartbeat", qos.EVENTS)
         ros.node.create_timer(0.1, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -259,11 +260,12 @@ class Bidder:
             ),
         )
         assert answer.accepted
+        self._token = answer.token
         [self._agent_id] = answer.agent_ids
         ros.until(lambda: self._beats.get_subscription_count() == 1)
 
     def _beat(self) -> None:
-        self._beats.publish(Heartbeat(host="/bidder", host_instance="i"))
+        self._beats.publish(Heartbeat(host="/bidder", host_instance="i", token=self._token))
 
     def _bid(self, call: CallForBids) -> None:
         self._bids.publish(
@@ -272,6 +274,7 @@ class Bidder:
                 round=call.round,
                 host="/bidder",
                 host_instance="i",
+                token=self._token,
                 agents=["waiter"],
                 agent_ids=[self._agent_id],
                 vectors=self.vector,

@@ -221,35 +221,21 @@ class AgentRegistry:
         return HostBids(bidders=some[1], declined=declined)
 
     def set_profile(
-        self,
-        name: str,
-        values: Iterable[float],
-        revision: int,
-        layer: str = "",
-        *,
-        of_ledger: bool = False,
+        self, name: str, values: Iterable[float], revision: int, layer: str = ""
     ) -> HostedAgent:
         """Set the profile of an agent, for all or for a person or a place; return the agent.
 
-        A profile from the ledger replaces any other, even one with a higher revision.
-
         Raises:
-            Refused: ``UNKNOWN_AGENT``, ``BAD_LAYER``, ``TOO_MANY_LAYERS``, ``STALE_REVISION``, or
-                as in :meth:`SceneSpace.vector`.
+            Refused: ``UNKNOWN_AGENT``, ``BAD_LAYER``, ``TOO_MANY_LAYERS``, or as in
+                :meth:`SceneSpace.vector`.
         """
         member = self.member(name)
         whose = f" for {checked_layer(layer)}" if layer else ""
         profile = self.space.profiles.vector(values, what=f"profile of {name}{whose}")
-        held = member.layers.get(layer) if layer else (member.profile, member.revision)
-        if held is None and len(member.layers) >= MOST_LAYERS:
+        if layer and layer not in member.layers and len(member.layers) >= MOST_LAYERS:
             raise Refused(
                 RefusalCode.TOO_MANY_LAYERS,
                 f"{name} has profiles for {MOST_LAYERS} persons and places already",
-            )
-        if held is not None and revision < held[1] and not of_ledger:
-            raise Refused(
-                RefusalCode.STALE_REVISION,
-                f"{name} has revision {held[1]}{whose} already, {revision} is older",
             )
         if layer:
             member.layers[layer] = (profile, revision)

@@ -28,10 +28,12 @@ from bt_agents_ros.limits import MOST_UNREPORTED
 from bt_agents_ros.messages import header_at
 from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
-from bt_agents_ros.workarounds.sender_identity import SenderRates, create_identified_subscription
 
 MARKET_LEASE = "market_lease"
 """Parameter of hosts: how long a run continues without a sign of life of its market."""
+
+NO_TOKEN = [0] * 16
+"""Token of a host that no market has registered."""
 
 _REMEMBERED = 50
 _LIMIT_S = 1.0
@@ -116,7 +118,7 @@ class MarketRegistration:
         registry: The host's agents.
         runs: The host's action.
         instance: This start of the host.
-        earlier: The previous start in the same process; empty for none.
+        token: Token of the previous start in the same process.
         slowness: Factor for the lease of the market; see :func:`declare_slow_network`.
         ready: Returns whether the host may register; it waits until then.
         matched: Returns whether calls and bids are matched in both directions; if not, the host
@@ -126,6 +128,7 @@ class MarketRegistration:
     Attributes:
         epoch: Epoch of the last market that answered; empty before the first.
         accepted: Whether it has registered the host.
+        token: Token of the last registration, which proves that a message is from this host.
     """
 
     def __init__(
@@ -134,7 +137,7 @@ class MarketRegistration:
         registry: AgentRegistry,
         runs: RunServer,
         instance: str,
-        earlier: str,
+        token: list[int],
         slowness: float,
         ready: Callable[[], bool],
         matched: Callable[[], bool],
@@ -142,11 +145,11 @@ class MarketRegistration:
     ) -> None:
         self.epoch = ""
         self.accepted = False
+        self.token = token
         self._node = node
         self._registry = registry
         self._runs = runs
         self._instance = instance
-        self._earlier = earlier
         self._ready = ready
         self._matched = matched
         self._changed = changed
@@ -163,13 +166,8 @@ class MarketRegistration:
         self._unanswered = 0
         self._client = self._create_client()
         node.create_subscription(MarketStatus, "bt_agents/market", self._on_status, qos.FACT)
-        create_identified_subscription(
-            node,
-            MarketHeartbeat,
-            "marketplace/heartbeat",
-            lambda heartbeat, _sender: self._on_heartbeat(heartbeat),
-            qos.HEARTBEATS,
-            accepts=SenderRates(),
+        node.create_subscription(
+            MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.HEARTBEATS
         )
         node.create_subscription(Run, "bt_agents/runs", self._on_run_event, qos.HISTORY)
         runs.on_begin(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
@@ -305,7 +303,7 @@ class MarketRegistration:
         request = RegisterHost.Request(
             host=host,
             host_instance=self._instance,
-            earlier_instance=self._earlier,
+            token=self.token,
             # rclpy does not remap actions, so this name is not remapped either.
             run_action=f"{host}/run",
             heartbeat=self._node.resolve_topic_name("~/heartbeat"),
@@ -343,7 +341,8 @@ class MarketRegistration:
             self._apply_registration(names, [0] * len(names), refused, changed=before)
             return
         self.epoch = answer.epoch
-        self._runs.open(bytes(answer.award_key))
+        self.token = answer.token.tolist()
+        self._runs.open(bytes(answer.token))
         if self._runs.busy and self._runs.goal.epoch != answer.epoch:
             self._runs.cancel("its market is gone", cause=StopCause.MARKET_LOST)
         # A market does not take over its own runs.

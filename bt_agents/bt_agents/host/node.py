@@ -18,7 +18,7 @@ from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
-from bt_agents.host.market_registration import MarketRegistration
+from bt_agents.host.market_registration import NO_TOKEN, MarketRegistration
 from bt_agents.host.reload.reload_server import ReloadServer
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
@@ -38,7 +38,7 @@ from bt_agents_language.files.preset_reader import PRESETS_FOLDER
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.bid_encoding import BidEncoder
-from bt_agents_ros.discovery import is_matched, participants
+from bt_agents_ros.discovery import is_matched
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.managed_node import ManagedNode, make_managed
@@ -46,7 +46,6 @@ from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.parameters import TREES, StartParameter, declare_slow_network
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
-from bt_agents_ros.workarounds.sender_identity import UNKNOWN, create_identified_service
 
 _NAMES_SHOWN = 20
 
@@ -105,6 +104,7 @@ class HostNode(ManagedNode[HostConfiguration]):
     """
 
     instance = ""
+    _registration: MarketRegistration | None = None
 
     may_be_infinite = frozenset((DEFAULT_PERIOD,))
     start_parameters = (TREES, TAGS, ROBOT, LANGUAGE, TUNINGS, OPEN_GOALS, MARKET)
@@ -130,7 +130,8 @@ class HostNode(ManagedNode[HostConfiguration]):
 
     def activate(self, configuration: HostConfiguration, closing: ExitStack) -> None:
         folder, market = configuration.folder, configuration.market
-        earlier, self.instance = self.instance, uuid.uuid4().hex[:12]
+        earlier, self._registration = self._registration, None
+        self.instance = uuid.uuid4().hex[:12]
         self.registry = AgentRegistry(folder.scene.space, folder.agents)
         self._beats = 0
         slowness = declare_slow_network(self)
@@ -175,10 +176,9 @@ class HostNode(ManagedNode[HostConfiguration]):
             tunings=configuration.tunings,
         )
         closing.callback(self._tunables.close)
-        create_identified_service(
-            self, SetProfile, "~/set_profile", self._set_profile, qos.SERVICE
+        self.create_service(
+            SetProfile, "~/set_profile", self._set_profile, qos_profile=qos.SERVICE
         )
-        self._registration: MarketRegistration | None = None
         if market:
             self._calls = self.create_subscription(
                 CallForBids, "bt_agents/calls", self._bid, qos.EVENTS
@@ -188,7 +188,7 @@ class HostNode(ManagedNode[HostConfiguration]):
                 self.registry,
                 self._runs,
                 self.instance,
-                earlier,
+                earlier.token if earlier is not None else NO_TOKEN,
                 slowness,
                 ready=self._is_ready,
                 matched=lambda: is_matched(
@@ -376,7 +376,9 @@ class HostNode(ManagedNode[HostConfiguration]):
             obstacle=self._runs.environment.clock.obstacle(),
             clock=self._runs.environment.local_time,
         )
-        self._bids.publish(self._bid_encoder.message(call.epoch, call.round, answer))
+        self._bids.publish(
+            self._bid_encoder.message(call.epoch, call.round, registration.token, answer)
+        )
         if answer.undecided != self.registry.undecided:
             self.registry.undecided = answer.undecided
             for name, reason in answer.undecided.items():
@@ -384,18 +386,15 @@ class HostNode(ManagedNode[HostConfiguration]):
             self.executor.create_task(self._host_card.card)
 
     def _set_profile(
-        self, request: SetProfile.Request, response: SetProfile.Response, sender: str
+        self, request: SetProfile.Request, response: SetProfile.Response
     ) -> SetProfile.Response:
         agent, layer = request.agent, request.layer
         try:
-            of_ledger = self._check_feedback_node(sender)
             if request.remove:
                 self.registry.remove_layer(agent, layer)
                 response.message = f"{agent or 'everybody here'} has no {layer or 'layers'} now"
             else:
-                self.registry.set_profile(
-                    agent, request.values, request.revision, layer, of_ledger=of_ledger
-                )
+                self.registry.set_profile(agent, request.values, request.revision, layer)
                 whose = f" for {layer}" if layer else ""
                 response.message = f"{agent} bids with revision {request.revision}{whose}"
         except Refused as refused:
@@ -406,21 +405,6 @@ class HostNode(ManagedNode[HostConfiguration]):
             # The feedback node waits for the answer; the card can follow later.
             self.executor.create_task(self._host_card.card)
         return response
-
-    def _check_feedback_node(self, sender: str) -> bool:
-        """Return whether a request is from the feedback node; False while that node is unknown.
-
-        Raises:
-            Refused: ``OTHER_PARTICIPANT``.
-        """
-        known = participants(self.get_publishers_info_by_topic("bt_agents/profiles"))
-        if sender in known or not known or sender == UNKNOWN:
-            return sender in known
-        raise Refused(
-            RefusalCode.OTHER_PARTICIPANT,
-            f"it is from the DDS participant {sender}, expected the feedback node, which "
-            "publishes 'bt_agents/profiles'; 'bt-agents feedback' changes a profile there",
-        )
 
     def _beat(self) -> None:
         self._publish_heartbeat()
@@ -441,6 +425,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         tip, tip_name = self._runs.tip
         self._heartbeats.publish(
             Heartbeat(
+                token=self._registration.token if self._registration is not None else NO_TOKEN,
                 host=self.host,
                 host_instance=self.instance,
                 epoch=goal.epoch if goal else "",

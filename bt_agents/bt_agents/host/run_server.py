@@ -155,15 +155,14 @@ class RunServer:
         # Set again for each tick, because a late timer does not catch up.
         self._timer = steady_timer(node, self._period_s, self._tick, running=False)
         self._server: QuietActionServer | None = None
-        self._award_key = b""
+        self._token = b""
 
-    def open(self, award_key: bytes = b"") -> None:
+    def open(self, token: bytes = b"") -> None:
         """Open the action; two servers with the same name would both take every goal.
 
-        It refuses goals without the award key of the market that registered the host; without a
-        market there is no key.
+        It refuses goals without the token of its registration; without a market there is none.
         """
-        self._award_key = award_key if any(award_key) else b""
+        self._token = token if any(token) else b""
         self._withdrawing = False
         if self._server is None:
             self._server = QuietActionServer(
@@ -387,10 +386,10 @@ class RunServer:
                 RefusalCode.WRONG_INSTANCE,
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
             )
-        if not hmac.compare_digest(bytes(goal.award_key), self._award_key):
+        if not hmac.compare_digest(bytes(goal.token), self._token):
             raise Refused(
                 RefusalCode.NOT_THE_MARKET,
-                "it has not the award key of the market that has registered this host, which "
+                "it has not the token of the market that has registered this host, which "
                 "alone sends it goals; 'bt-agents trigger' announces a scene there, and "
                 "'bt-agents award' names the agent for it",
             )
@@ -452,6 +451,7 @@ class RunServer:
             f"round {goal.round}: {goal.agent} {result.outcome.value}: {result.message}"
         )
         answer = run_result_to_msg(result)
+        answer.token = goal.token
         if stop is not None and result.outcome is TreeOutcome.CANCELLED:
             answer.stop_cause, answer.host_reason = int(stop.cause), stop.host_reason
         for listener in self._end_listeners:

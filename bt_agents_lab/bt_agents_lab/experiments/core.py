@@ -53,7 +53,7 @@ class Core:
         self.space = folder.scene.space
         self._feedback = spec.feedback
         self._on_result = on_result
-        self._market = Market(self.space, "core", settings, new_key=bytes)
+        self._market = Market(self.space, "core", settings, secret=b"")
         self._agents = AgentRegistry(self.space, folder.agents)
         self.ledger = Ledger(MEMORY)
         self._controller = FeedbackController(
@@ -101,6 +101,7 @@ class Core:
             ),
             _NOW,
         )
+        self._token = answer.token
         self._agents.apply_registration(names, answer.agent_ids, answer.reasons)
         self._execute(effects)
         self._send_heartbeat(0)
@@ -154,6 +155,7 @@ class Core:
             declined=tuple(answer.declined),
             decline_reasons=tuple(one.reason for one in answer.declined.values()),
             unmet=tuple(one.unmet for one in answer.declined.values()),
+            token=self._token,
         )
 
     def _collect(self, effect: Collect) -> list[Effect]:

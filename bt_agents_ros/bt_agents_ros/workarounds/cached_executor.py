@@ -40,7 +40,6 @@ from bt_agents_ros.workarounds.bounded_types import bounded
 from bt_agents_ros.workarounds.cached_wait_set import CachedWaitSet
 from bt_agents_ros.workarounds.departed_clients import DepartedClients
 from bt_agents_ros.workarounds.local_endpoints import LocalClient, LocalService, action_data
-from bt_agents_ros.workarounds.sender_identity import IdentifiedRequest
 from bt_agents_ros.workarounds.sliced_conversion import Slices, is_sliced, slices
 
 _MESSAGES = 32
@@ -48,6 +47,9 @@ _MESSAGES = 32
 
 _QUEUES_S = 0.002
 """Time for queued messages between two waits [s]."""
+
+_POLLED, _POLLED_S = 1000, 0.03
+"""The same for a polled group, whose queue a flood fills before the next poll."""
 
 _BATCH_S = 0.05
 """Time for callbacks between two waits after which due timers precede the rest of them [s]."""
@@ -227,7 +229,9 @@ class CachedExecutor(Executor):
         for subscription in converted:
             self._batch.append(partial(self._run_callback, self._take_converted, subscription))
         for kind, entity in ready:
-            if kind == "polled" or entity in had_message:
+            if kind == "polled":
+                self._batch.append(partial(self._drain, entity, _POLLED, now + _POLLED_S))
+            elif entity in had_message:
                 self._batch.append(partial(self._drain, entity, _MESSAGES, until))
             else:
                 self._batch.append(partial(self._run_callback, self._takes[kind], entity))
@@ -329,7 +333,6 @@ class CachedExecutor(Executor):
             "received_timestamp": time.time_ns(),
             "publication_sequence_number": None,
             "reception_sequence_number": None,
-            "sender": bus.sender,
         }
         return _callback_of(entity, message, info)
 
@@ -395,13 +398,12 @@ class CachedExecutor(Executor):
             )
         if header is None:
             return _nothing
-        asked = request.request if isinstance(request, IdentifiedRequest) else request
 
         async def execute() -> None:
             response = service.srv_type.Response()
-            if isinstance(asked, Refused):
-                self._log_refusal(service, service.logger_name, service.service_name, asked)
-                _answer_refused(response, asked)
+            if isinstance(request, Refused):
+                self._log_refusal(service, service.logger_name, service.service_name, request)
+                _answer_refused(response, request)
             else:
                 response = await await_or_execute(service.callback, request, response)
             self._departed.answer(

@@ -184,13 +184,8 @@ class LocalSubscription(Subscription):
 
 
 class LocalService(Service):
-    """Service that also answers clients on the bus.
+    """Service that also answers clients on the bus."""
 
-    Attributes:
-        is_identified: Whether its callback takes requests with their sender.
-    """
-
-    is_identified = False
     _bus: LocalBus
     _server: LocalServer
 
@@ -205,9 +200,7 @@ class LocalService(Service):
 
         async def execute() -> None:
             response = await await_or_execute(
-                self.callback,
-                asked if self.is_identified else asked.request,
-                self.srv_type.Response(),
+                self.callback, asked.request, self.srv_type.Response()
             )
             if not isinstance(response, self.srv_type.Response):
                 raise TypeError(f"Expected {self.srv_type.Response}, got {type(response)}")

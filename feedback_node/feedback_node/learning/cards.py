@@ -59,17 +59,12 @@ class AgentEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class LearningCard:
-    """Unchecked card of a host; see ``HostCard.msg``.
-
-    Attributes:
-        sender: The sending process, as the middleware reports it; empty if unknown.
-    """
+    """Unchecked card of a host; see ``HostCard.msg``."""
 
     host: str
     instance: str
     parameters: tuple[str, ...]
     agents: tuple[AgentEntry, ...]
-    sender: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
@@ -30,14 +29,6 @@ _REMEMBERED = 1000
 """Most layers whose targets are cached."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Start:
-    """Start of a host, and the process that sent its last card, if known."""
-
-    instance: str
-    sender: str
-
-
 class Profiles:
     """Agents of all cards, with their profiles in the ledger; errors of the ledger are passed on.
 
@@ -58,7 +49,7 @@ class Profiles:
         self._ledger = ledger
         self._agents: dict[str, Agent] = {}
         self._is_there = is_there
-        self._starts: dict[str, _Start] = {}
+        self._starts: dict[str, str] = {}
         self._current: dict[tuple[str, str], ProfileRevision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
         self._differing: set[str] = set()
@@ -70,9 +61,8 @@ class Profiles:
         A card without agents is from a start that is not registered with the market; it does not
         affect another start of the same name.
 
-        When :data:`MOST_HOSTS` are known, a new host replaces an absent one: of the process with
-        the most hosts, the one known for longest. So a process that invents hosts only replaces
-        its own.
+        When :data:`MOST_HOSTS` are known, a new host replaces the absent one that became known
+        last. So a process that invents hosts only replaces its own.
 
         Returns:
             Deliveries that the host still needs, and the problems of its agents in words.
@@ -83,7 +73,7 @@ class Profiles:
         """
         agents, problems = read_card(card, self.space, self._agents)
         start = self._starts.get(card.host)
-        fresh = start is None or start.instance != card.instance
+        fresh = start != card.instance
         if not card.agents and start is not None and fresh:
             return (), ()
         self._make_room_for(card.host)
@@ -91,7 +81,7 @@ class Profiles:
         self._drop(card.host, keep={agent.name for agent in agents})
         hosts = self.hosts
         self._starts = {host: known for host, known in self._starts.items() if host in hosts}
-        self._starts[card.host] = _Start(instance=card.instance, sender=card.sender)
+        self._starts[card.host] = card.instance
         deliveries, more = [], []
         if fresh and agents and self._ledger.has_layers():
             # It drops layers that may be forgotten by now; the current ones follow its answer.
@@ -138,10 +128,8 @@ class Profiles:
         hosts = self.hosts
         if host in hosts or len(hosts) < MOST_HOSTS:
             return
-        senders = {known: start.sender for known, start in self._starts.items() if known in hosts}
-        hosts_of = Counter(senders.values())
-        for known in sorted(senders, key=lambda one: -hosts_of[senders[one]]):
-            if not self._is_there(known):
+        for known in reversed(self._starts):
+            if known in hosts and not self._is_there(known):
                 self._drop(known)
                 return
         raise Refused(

@@ -39,7 +39,6 @@ from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.parameters import TREES, StartParameter, declare_live_lease
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import OneShot, steady_timer
-from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from feedback_node.health import ledger_health, profiles_health
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackController, RuleOutcome
@@ -170,7 +169,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self._run_values = RunValues()
         self._problems: dict[str, tuple[str, ...]] = {}
         self._budget = LogBudget(_MOST_PROBLEMS, _PROBLEMS_S, time.monotonic)
-        self._pending_cards: dict[str, tuple[HostCard, str]] = {}
+        self._pending_cards: dict[str, HostCard] = {}
         self._published: tuple[Table, Sequence[tuple[str, str]], Sequence[str]] = ((), (), ())
         self._live: SceneMsg | None = None
         self._polled_at = -math.inf
@@ -180,7 +179,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self._health = HealthPublisher(self, self._judge)
         self._timer = OneShot(self, self._poll)
         steady_timer(self, _TIDY_S, self._on_idle)
-        create_identified_subscription(self, HostCard, "bt_agents/cards", self._on_card, qos.FACTS)
+        self.create_subscription(HostCard, "bt_agents/cards", self._on_card, qos.FACTS)
         self.create_subscription(RunMsg, "bt_agents/runs", self._on_run, qos.HISTORY)
         self.create_subscription(SceneMsg, "bt_agents/scene/live", self._on_live, qos.SENSOR)
         self._management = Management(
@@ -216,17 +215,17 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
 
     # Events around runs
 
-    def _on_card(self, message: HostCard, sender: str) -> None:
+    def _on_card(self, message: HostCard) -> None:
         self._pending_cards.pop(message.host, None)
         try:
-            card = card_from_msg(message, self._space, sender)
+            card = card_from_msg(message, self._space)
             deliveries, problems = self._controller.register_card(card)
         except Refused as refusal:
             if isinstance(refusal, LedgerError):
                 self._health.update()
                 if len(self._pending_cards) < _MOST_PROBLEMS:
                     # Its agents cannot learn before the ledger has recorded them.
-                    self._pending_cards[message.host] = message, sender
+                    self._pending_cards[message.host] = message
             self._log_problems(message.host, (str(refusal),))
             return
         self._log_problems(message.host, problems)
@@ -304,8 +303,8 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self._execute(self._controller.tick() if live is None else self._controller.receive(live))
 
     def _on_idle(self) -> None:
-        for card, sender in list(self._pending_cards.values()):
-            self._on_card(card, sender)
+        for card in list(self._pending_cards.values()):
+            self._on_card(card)
         self._hosts.retry()
         self._execute(self._controller.retry())
         self._resume_waiting()

@@ -40,8 +40,8 @@ def set_profile_name(host: str) -> str:
     return f"{host}/set_profile"
 
 
-def card_from_msg(message: HostCard, space: SceneSpace, sender: str = "") -> LearningCard:
-    """Return the card of a host, published by ``sender``.
+def card_from_msg(message: HostCard, space: SceneSpace) -> LearningCard:
+    """Return the card of a host.
 
     Raises:
         Refused: ``BAD_NAME``; the name of the host is invalid.
@@ -56,7 +56,6 @@ def card_from_msg(message: HostCard, space: SceneSpace, sender: str = "") -> Lea
         instance=message.host_instance,
         parameters=tuple(message.parameters),
         agents=tuple(_agent_from_msg(agent, space) for agent in message.agents),
-        sender=sender,
     )
 
 

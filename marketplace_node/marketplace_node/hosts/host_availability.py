@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from bt_agents_core.health import PartHealth
@@ -54,7 +54,7 @@ class HostAvailability:
         epoch: Name of this instance of the market.
         parameters: Names of the scene parameters.
         settings: Replaceable by :meth:`configure`.
-        new_key: Returns a new, unguessable award key on each call.
+        secret: As for :class:`Registry`.
         effects: Pending effects, to which it appends.
 
     Attributes:
@@ -68,10 +68,10 @@ class HostAvailability:
         epoch: str,
         parameters: tuple[str, ...],
         settings: Settings,
-        new_key: Callable[[], bytes],
+        secret: bytes,
         effects: list[Effect],
     ) -> None:
-        self.registry = Registry(parameters, settings.host_lease_s, new_key)
+        self.registry = Registry(parameters, settings.host_lease_s, secret)
         self.takeover = GoalTakeover()
         self.earlier_hosts: frozenset[str] = frozenset()
         self._epoch = epoch

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import hmac
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from bt_agents_core.errors import Refused
@@ -30,8 +31,8 @@ FIRST_HEARTBEAT_S = 3.0
 The middleware needs time to connect the market to the heartbeat of a new host.
 """
 
-AWARD_KEY_BYTES = 16
-"""Length of an award key, as in ``RegisterHost.srv``."""
+TOKEN_BYTES = 16
+"""Length of a token, as in ``RegisterHost.srv``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +40,7 @@ class Registration:
     """Request of a host to register its agents; fields as in ``RegisterHost.srv``.
 
     Attributes:
-        participant: The sending process, as the middleware reports it; empty if unknown.
-        earlier_instance: Ended start of the host; it counts only from the same process.
+        token: Token of the last registration of its process; empty or zeros without one.
     """
 
     host: str
@@ -49,8 +49,7 @@ class Registration:
     heartbeat: str
     parameters: tuple[str, ...]
     agents: tuple[str, ...]
-    participant: str = ""
-    earlier_instance: str = ""
+    token: bytes = field(default=b"", repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +57,7 @@ class HostEntry:
     """Registered host; ``agents`` maps each of its agents to its id.
 
     Attributes:
-        participant: The process that registered it; only this process may speak for it.
-        award_key: Shared secret by which the host recognises goals of the market.
+        token: Shared by the market and this start of the host, as proof of who speaks.
     """
 
     host: str
@@ -67,20 +65,18 @@ class HostEntry:
     run_action: str
     heartbeat: str
     agents: Mapping[str, int]
-    participant: str = ""
-    award_key: bytes = field(default=b"", repr=False)
+    token: bytes = field(default=b"", repr=False)
 
-    def check_sender(self, participant: str) -> None:
-        """Check that a message in the name of this host is from its process.
+    def check_token(self, token: bytes) -> None:
+        """Check that a message in the name of this host carries its token.
 
         Raises:
-            Refused: ``OTHER_PARTICIPANT``.
+            Refused: ``WRONG_TOKEN``.
         """
-        if participant != self.participant:
+        if not hmac.compare_digest(token, self.token):
             raise Refused(
-                RefusalCode.OTHER_PARTICIPANT,
-                f"in the name of {self.host} by the DDS participant {participant or '(unknown)'}, "
-                f"expected {self.participant or '(unknown)'}, which has registered it; a host "
+                RefusalCode.WRONG_TOKEN,
+                f"in the name of {self.host}, without the token of its registration; a host "
                 "speaks for itself, from one process",
             )
 
@@ -93,7 +89,7 @@ class RegistrationAnswer:
     agent_ids: tuple[int, ...]
     reasons: tuple[str, ...]
     message: str
-    award_key: bytes = field(default=b"", repr=False)
+    token: bytes = field(default=b"", repr=False)
 
 
 class Registry:
@@ -101,15 +97,13 @@ class Registry:
 
     Ids count from 1 and are never reused. An agent keeps its id as long as a registered host, dead
     or alive, lists the agent. A host is alive for ``lease_s`` [s] after its last heartbeat or
-    registration; see :data:`FIRST_HEARTBEAT_S` for a host without a heartbeat yet. Each start of a
-    host gets an award key from ``new_key``.
+    registration; see :data:`FIRST_HEARTBEAT_S` for a host without a heartbeat yet. The tokens of
+    hosts depend on ``secret``, which no other process knows.
     """
 
-    def __init__(
-        self, parameters: tuple[str, ...], lease_s: float, new_key: Callable[[], bytes]
-    ) -> None:
+    def __init__(self, parameters: tuple[str, ...], lease_s: float, secret: bytes) -> None:
         self.lease_s = lease_s
-        self._new_key = new_key
+        self._secret = secret
         self._parameters = parameters
         self._entries: dict[str, HostEntry] = {}
         self._seen: dict[str, float] = {}
@@ -150,21 +144,14 @@ class Registry:
             ids.append(agents[name])
             reasons.append("")
         self._take_from_the_dead(agents, registration.host)
-        earlier = self._entries.get(registration.host)
-        is_refresh = (
-            earlier is not None
-            and earlier.instance == registration.instance
-            and earlier.participant == registration.participant
-        )
-        award_key = earlier.award_key if earlier is not None and is_refresh else self._new_key()
+        token = self._token_of(registration)
         self._entries[registration.host] = HostEntry(
             host=registration.host,
             instance=registration.instance,
             run_action=registration.run_action,
             heartbeat=registration.heartbeat,
             agents=agents,
-            participant=registration.participant,
-            award_key=award_key,
+            token=token,
         )
         self._agents = None
         known = self._heartbeat_of.get(registration.host) == registration.instance
@@ -178,8 +165,13 @@ class Registry:
             agent_ids=tuple(ids),
             reasons=tuple(reasons),
             message=message,
-            award_key=award_key,
+            token=token,
         )
+
+    def _token_of(self, registration: Registration) -> bytes:
+        """Return the token of a start of a host, the same in every answer to it."""
+        start = f"{registration.host} {registration.instance}".encode()
+        return hmac.digest(self._secret, start, "sha256")[:TOKEN_BYTES]
 
     def replaceable(self, now: float) -> str:
         """Return the host to forget before another one can be added; empty for none."""
@@ -197,16 +189,11 @@ class Registry:
         self._heard.pop(host, None)
         self._back_since.pop(host, None)
 
-    def heartbeat(self, host: str, instance: str, now: float, participant: str = "") -> bool:
-        """Take a heartbeat; return False when it is not from a registered start of a host.
-
-        Raises:
-            Refused: ``OTHER_PARTICIPANT``.
-        """
+    def heartbeat(self, host: str, instance: str, now: float) -> bool:
+        """Take a heartbeat; return False when it is not from a registered start of a host."""
         entry = self._entries.get(host)
         if entry is None or entry.instance != instance:
             return False
-        entry.check_sender(participant)
         if now - self._heard.get(host, now) >= SILENCE_S:
             self._back_since[host] = now
         self._seen[host] = self._heard[host] = now
@@ -310,16 +297,24 @@ class Registry:
                 f"{', '.join(self._parameters)}; both must read the same scene.yaml",
             )
         held = self._entries.get(registration.host)
-        if held is None:
-            return
-        if held.instance in (registration.instance, registration.earlier_instance):
-            held.check_sender(registration.participant)
-        elif self.is_live(held.host, held.instance, now):
+        if held is not None and self.is_live(held.host, held.instance, now):
+            self._check_owner(held, registration)
+
+    def _check_owner(self, held: HostEntry, registration: Registration) -> None:
+        """Check that a registration is from the process of a live host of the same name."""
+        is_same_start = held.instance == registration.instance
+        if is_same_start and self._heartbeat_of.get(held.host) != held.instance:
+            return  # it may not have read the answer with its token
+        try:
+            held.check_token(registration.token)
+        except Refused:
+            if is_same_start:
+                raise
             raise Refused(
                 RefusalCode.HOST_EXISTS,
                 f"another {registration.host} is alive (instance {held.instance}); "
                 "start one host of a name, or give this one another name",
-            )
+            ) from None
 
     def _check_agent(self, name: str, host: str, accepted: Mapping[str, int], now: float) -> None:
         if len(name) > LONGEST_NAME or not _AGENT_NAME.fullmatch(name):

@@ -38,7 +38,6 @@ from bt_agents_ros.parameters import TREES, StartParameter
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import HEARTBEAT_S, OneShot, steady_timer
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
-from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from marketplace_node.effects import (
     Alarm,
     AnnounceEarlierRun,
@@ -64,7 +63,7 @@ from marketplace_node.hosts.host_effects import (
     Disconnect,
     Effect,
 )
-from marketplace_node.hosts.registry import AWARD_KEY_BYTES, HostEntry
+from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
@@ -171,7 +170,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
             configuration.epoch or uuid.uuid4().hex[:12],
             declare_settings(self),
             configuration.rules,
-            new_key=lambda: secrets.token_bytes(AWARD_KEY_BYTES),
+            secret=secrets.token_bytes(),
         )
         self._check_rules(configuration.unread)
         self._hosts = HostConnections(self, self._market, space, self._execute)
@@ -217,14 +216,17 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         self._poll = steady_timer(self, _POLL_S, self._tick, running=False)
         steady_timer(self, HEARTBEAT_S, self._publish_heartbeat)
         self._other_market = OtherMarket(self._market.epoch)
-        create_identified_subscription(
-            *(self, MarketHeartbeat, MARKET_HEARTBEAT, self._take_market_heartbeat, qos.SENSOR),
+        self.create_subscription(
+            MarketHeartbeat,
+            MARKET_HEARTBEAT,
+            self._take_market_heartbeat,
+            qos.SENSOR,
             callback_group=PolledGroup(),
         )
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bid_decoder = BidDecoder(self._market.epoch, self._hosts.reaches)
-        self._bids = create_identified_subscription(
-            self, BidsMsg, "bt_agents/bids", self._take_bids, qos.EVENTS, raw=True
+        self._bids = self.create_subscription(
+            BidsMsg, "bt_agents/bids", self._take_bids, qos.EVENTS, raw=True
         )
         self.create_subscription(SceneMsg, "bt_agents/scene", self._take_scene, qos.EVENTS)
         self._execute(self._market.tick(self._ticked))
@@ -299,9 +301,9 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
             return
         self._execute(self._market.scene(scene, time.monotonic()))
 
-    def _take_bids(self, message: bytes, participant: str) -> None:
+    def _take_bids(self, message: bytes) -> None:
         try:
-            bids = self._bid_decoder.read(message, participant)
+            bids = self._bid_decoder.read(message)
         except Refused as refused:
             self._execute([Note(message=str(refused)[:_SHOWN])])
             return
@@ -355,11 +357,11 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         self._tick()
         self._health.update()
 
-    def _take_market_heartbeat(self, heartbeat: MarketHeartbeat, participant: str) -> None:
+    def _take_market_heartbeat(self, heartbeat: MarketHeartbeat) -> None:
         if self._other_market.gives_way(
             heartbeat.epoch, heartbeat.sequence, self._heartbeats_sent
         ):
-            raise NodeMustEnd(another_market_text(self, heartbeat.epoch[:_SHOWN], participant))
+            raise NodeMustEnd(another_market_text(self, heartbeat.epoch))
 
     def _execute(self, effects: list[Effect]) -> None:
         self._due.extend(effects)

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from action_msgs.msg import GoalStatus
@@ -22,11 +22,7 @@ from bt_agents_interfaces.msg import Heartbeat
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.messages import seconds
-from bt_agents_ros.workarounds.sender_identity import (
-    SenderRates,
-    create_identified_service,
-    create_identified_subscription,
-)
+from bt_agents_ros.size_check import RefusalLog
 from marketplace_node.effects import Execute, SendGoal
 from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.hosts.registry import HostEntry
@@ -35,25 +31,29 @@ from marketplace_node.market import Market
 from marketplace_node.node.messages import (
     earlier_run_from_msg,
     goal_to_msg,
+    heartbeat_of,
     registration_from_msg,
     run_end_from_msg,
 )
 
 _SHOWN = 200  # characters of a malformed input
 
-_REFUSALS_PER_S = 0.2
-"""Most heartbeats with a false sender that are refused with a log line, per process [1/s]."""
-
 
 @dataclass(eq=False, kw_only=True)
 class _Link:
-    """Connection to a host: clients of its action's services, and a heartbeat subscription."""
+    """Connection to a host: clients of its action's services, and a heartbeat subscription.
+
+    Attributes:
+        heard: Whether a heartbeat with its token has arrived; before that, the host may not have
+            read the answer to its registration.
+    """
 
     entry: HostEntry
     goals: Any
     results: Any
     cancels: Any
     heartbeat: Any
+    heard: bool = False
 
     @property
     def is_ready(self) -> bool:
@@ -95,7 +95,8 @@ class HostConnections:
         self._execute = execute
         self._links: dict[str, _Link] = {}
         self._goals: dict[RunGoal, _Sending] = {}
-        create_identified_service(node, RegisterHost, "~/register", self._register, qos.SERVICE)
+        self._refusals = RefusalLog(time.monotonic)
+        node.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
 
     @property
     def is_polling(self) -> bool:
@@ -125,9 +126,9 @@ class HostConnections:
                         kind, f"{entry.run_action}/_action/{name}", qos_profile=qos.SERVICE
                     )
                 )
-            heartbeat = create_identified_subscription(
-                *(self._node, Heartbeat, entry.heartbeat, self._take_heartbeat, qos.EVENTS),
-                accepts=_of_host(entry),
+            take = partial(self._take_heartbeat, entry.host)
+            heartbeat = self._node.create_subscription(
+                Heartbeat, entry.heartbeat, take, qos.EVENTS, raw=True
             )
         except Exception as error:
             # The names come from outside; rclpy has no common base class for errors of bad names.
@@ -166,7 +167,7 @@ class HostConnections:
             return
         request = RunAgent.Impl.SendGoalService.Request()
         request.goal_id.uuid = list(uuid.uuid4().bytes)
-        request.goal = goal_to_msg(effect, self._market.epoch, link.entry.award_key)
+        request.goal = goal_to_msg(effect, self._market.epoch, link.entry.token)
         self._goals[goal] = _Sending(link=link, request=request)
         self.send_waiting()
 
@@ -208,9 +209,9 @@ class HostConnections:
             link.cancels.call_async(CancelGoal.Request())
 
     def _register(
-        self, request: RegisterHost.Request, response: RegisterHost.Response, participant: str
+        self, request: RegisterHost.Request, response: RegisterHost.Response
     ) -> RegisterHost.Response:
-        registration = registration_from_msg(request, participant)
+        registration = registration_from_msg(request)
         answer, effects = self._market.register(registration, time.monotonic())
         self._execute(effects)
         response.epoch = self._market.epoch
@@ -227,7 +228,7 @@ class HostConnections:
             )
             response.reasons = [response.message] * len(request.agents)
         if response.accepted:
-            response.award_key = list(answer.award_key)
+            response.token = list(answer.token)
             self._take_unreported(request)
         else:
             self._node.get_logger().warning(f"host '{request.host}' refused: {response.message}")
@@ -247,24 +248,33 @@ class HostConnections:
                 )
         self._execute(self._market.unreported(request.host, runs, time.monotonic()))
 
-    def _take_heartbeat(self, message: Heartbeat, participant: str) -> None:
+    def _take_heartbeat(self, host: str, data: bytes) -> None:
+        link = self._links[host]
+        try:
+            message = heartbeat_of(link.entry, data)
+        except Refused as refused:
+            # One of another start is from a host that has not registered yet.
+            if link.heard and link.entry.instance.encode() in data:
+                self._log_refused(link.entry.heartbeat, refused)
+            return
+        link.heard = True
         for goal, sending in list(self._goals.items()):
-            if sending.sent and self._names(message, goal):
+            if sending.sent and self._names(message, host, goal):
                 sending.begun = True
                 self._report_taken(goal, sending)
         self._execute(
             self._market.heartbeat(
-                message.host,
-                message.host_instance,
-                message.epoch,
-                message.round,
-                time.monotonic(),
-                participant,
+                host, message.host_instance, message.epoch, message.round, time.monotonic()
             )
         )
 
-    def _names(self, heartbeat: Heartbeat, goal: RunGoal) -> bool:
-        run = (heartbeat.host, heartbeat.host_instance, heartbeat.epoch, heartbeat.round)
+    def _log_refused(self, name: str, refused: Refused) -> None:
+        line = self._refusals.line(self, name, refused)
+        if line is not None:
+            self._node.get_logger().warning(line)
+
+    def _names(self, heartbeat: Heartbeat, host: str, goal: RunGoal) -> bool:
+        run = (host, heartbeat.host_instance, heartbeat.epoch, heartbeat.round)
         of_agent = heartbeat.agent in ("", goal.agent)
         return of_agent and run == (goal.host, goal.instance, self._market.epoch, goal.round)
 
@@ -306,6 +316,11 @@ class HostConnections:
             reason = ellipsize(printable_line(f"{result.code}: {result.message}"), _SHOWN)
             self._refuse(goal, f"{goal.host} refused it ({reason})")
             return
+        try:
+            sending.link.entry.check_token(bytes(result.token))
+        except Refused as refused:
+            self._log_refused(sending.link.entry.run_action, refused)
+            return  # the heartbeat says how the run continues
         self._report_end(goal, sending, run_end_from_msg(result))
 
     def _report_end(self, goal: RunGoal, sending: _Sending, end: RunEnd) -> None:
@@ -316,9 +331,3 @@ class HostConnections:
 
     def _refuse(self, goal: RunGoal, reason: str) -> None:
         self._execute(self._market.goal_refused(goal, reason, time.monotonic()))
-
-
-def _of_host(entry: HostEntry) -> Callable[[str], bool]:
-    """Return a filter for heartbeats: all of the host's process, a few of others to refuse."""
-    others = SenderRates(_REFUSALS_PER_S)
-    return lambda sender: sender == entry.participant or others(sender)

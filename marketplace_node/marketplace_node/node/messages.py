@@ -19,7 +19,13 @@ from bt_agents_core.text import single_spaced
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
-from bt_agents_interfaces.msg import CallForBids, FileProblem, MarketStatus, StrategyInfo
+from bt_agents_interfaces.msg import (
+    CallForBids,
+    FileProblem,
+    Heartbeat,
+    MarketStatus,
+    StrategyInfo,
+)
 from bt_agents_interfaces.msg import RankedBid as RankedBidMsg
 from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
@@ -40,7 +46,7 @@ from marketplace_node.effects import (
 from marketplace_node.explanation.reason import calculation
 from marketplace_node.formatting import shown
 from marketplace_node.hosts.host_effects import RunGoal
-from marketplace_node.hosts.registry import Registration
+from marketplace_node.hosts.registry import TOKEN_BYTES, HostEntry, Registration
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.outcomes import RunOutcome
@@ -49,6 +55,9 @@ from marketplace_node.round.precedence import check_ranking
 from marketplace_node.strategies import STRATEGIES
 
 _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
+
+_TOKEN = slice(4, 4 + TOKEN_BYTES)
+"""Place of the token in a serialised heartbeat: the first field, after the header."""
 
 
 class BidDecoder:
@@ -59,8 +68,8 @@ class BidDecoder:
         self._is_known = is_known
         self._last: dict[str, tuple[bytes, Bids]] = {}
 
-    def read(self, message: bytes, participant: str) -> Bids:
-        """Return the answer in a serialised message of a participant; the auction checks it.
+    def read(self, message: bytes) -> Bids:
+        """Return the answer in a serialised message; the auction checks it.
 
         Raises:
             Refused: ``MALFORMED``.
@@ -68,9 +77,9 @@ class BidDecoder:
         for last, bids in self._last.values():
             number = bid_encoding.round_of(message, last, self._epoch)
             if number is not None:
-                return replace(bids, round=number, participant=participant)
+                return replace(bids, round=number)
         try:
-            bids = bids_from_msg(deserialize_message(message, BidsMsg), participant)
+            bids = bids_from_msg(deserialize_message(message, BidsMsg))
         except Exception as error:
             raise Refused(RefusalCode.MALFORMED, f"bids that are no message: {error}") from None
         if bids.epoch == self._epoch and self._is_known(bids.host):
@@ -82,7 +91,7 @@ class BidDecoder:
         self._last.pop(host, None)
 
 
-def bids_from_msg(message: BidsMsg, participant: str) -> Bids:
+def bids_from_msg(message: BidsMsg) -> Bids:
     """Return a host's answer; the auction checks it."""
     return Bids(
         epoch=message.epoch,
@@ -96,11 +105,24 @@ def bids_from_msg(message: BidsMsg, participant: str) -> Bids:
         declined=tuple(message.declined),
         decline_reasons=tuple(message.decline_reasons),
         unmet=tuple(message.unmet),
-        participant=participant,
+        token=bytes(message.token),
     )
 
 
-def registration_from_msg(request: RegisterHost.Request, participant: str) -> Registration:
+def heartbeat_of(entry: HostEntry, message: bytes) -> Heartbeat:
+    """Return a serialised heartbeat of a host; a false one is refused before it is converted.
+
+    Raises:
+        Refused: ``WRONG_TOKEN`` or ``MALFORMED``.
+    """
+    entry.check_token(message[_TOKEN])
+    try:
+        return deserialize_message(message, Heartbeat)
+    except Exception as error:
+        raise Refused(RefusalCode.MALFORMED, f"a heartbeat that is no message: {error}") from None
+
+
+def registration_from_msg(request: RegisterHost.Request) -> Registration:
     """Return a host's registration; the registry checks it."""
     return Registration(
         host=request.host,
@@ -109,8 +131,7 @@ def registration_from_msg(request: RegisterHost.Request, participant: str) -> Re
         heartbeat=request.heartbeat,
         parameters=tuple(request.parameters),
         agents=tuple(request.agents),
-        participant=participant,
-        earlier_instance=request.earlier_instance,
+        token=bytes(request.token),
     )
 
 
@@ -185,7 +206,7 @@ def call_to_msg(effect: OpenCall, epoch: str, space: SceneSpace, stamp: Any) -> 
     )
 
 
-def goal_to_msg(effect: SendGoal, epoch: str, award_key: bytes) -> RunAgent.Goal:
+def goal_to_msg(effect: SendGoal, epoch: str, token: bytes) -> RunAgent.Goal:
     """Return the message of a goal."""
     goal = effect.goal
     return RunAgent.Goal(
@@ -194,7 +215,7 @@ def goal_to_msg(effect: SendGoal, epoch: str, award_key: bytes) -> RunAgent.Goal
         host_instance=goal.instance,
         agent=goal.agent,
         agent_id=goal.agent_id,
-        award_key=list(award_key),
+        token=list(token),
         scene=scene_to_msg(effect.scene),
     )
 

@@ -14,7 +14,6 @@ from bt_agents_interfaces.msg import MarketHeartbeat
 from bt_agents_ros import qos
 from bt_agents_ros.signals import check_interrupt
 from bt_agents_ros.spinner import Spinner
-from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from marketplace_node.formatting import shown
 from marketplace_node.other_market import StartCheck
 
@@ -37,16 +36,12 @@ def refuse_second_market() -> None:
     )
     spinner = Spinner(listener)
     check = StartCheck(time.monotonic())
-    senders: list[str] = []
 
-    def take(heartbeat: MarketHeartbeat, participant: str) -> None:
+    def take(heartbeat: MarketHeartbeat) -> None:
         check.on_heartbeat(heartbeat.epoch, time.monotonic())
-        senders[:] = [participant]
 
     try:
-        create_identified_subscription(
-            listener, MarketHeartbeat, MARKET_HEARTBEAT, take, qos.SENSOR
-        )
+        listener.create_subscription(MarketHeartbeat, MARKET_HEARTBEAT, take, qos.SENSOR)
         while not check.is_over(
             now := time.monotonic(),
             is_on_graph=bool(listener.get_publishers_info_by_topic(MARKET_HEARTBEAT)),
@@ -54,22 +49,19 @@ def refuse_second_market() -> None:
             check_interrupt()
             spinner.spin_once(_POLL_S)
         if check.is_refused(now):
-            raise Refused(
-                RefusalCode.SECOND_MARKET, another_market_text(listener, check.alive, senders[0])
-            )
+            raise Refused(RefusalCode.SECOND_MARKET, another_market_text(listener, check.alive))
     finally:
         spinner.close()
 
 
-def another_market_text(node: Node, epoch: str, participant: str) -> str:
+def another_market_text(node: Node, epoch: str) -> str:
     """Return in words that another market is alive, and which one."""
     nodes = {
         f"{end.node_namespace.rstrip('/')}/{end.node_name}"
         for end in node.get_publishers_info_by_topic(MARKET_HEARTBEAT)
-        if bytes(end.endpoint_gid).hex().startswith(participant)
     }
     return (
         f"another marketplace is alive here: epoch '{shown(epoch[:_LONGEST_EPOCH])}', node "
-        f"{', '.join(sorted(nodes)) or '(unknown)'}, DDS participant {participant or '(unknown)'};"
-        " end one of the two, or set ROS_DOMAIN_ID or ROS_NAMESPACE to another value for this one"
+        f"{' or '.join(sorted(nodes)) or '(unknown)'}; end one of the two, or set ROS_DOMAIN_ID "
+        "or ROS_NAMESPACE to another value for this one"
     )

@@ -132,13 +132,13 @@ class Auction:
                 RefusalCode.UNREGISTERED,
                 f"'{bids.host}' was not asked in round {self.terms.round}; a host registers first",
             )
-        entry.check_sender(bids.participant)
         if bids.instance != entry.instance:
             raise Refused(
                 RefusalCode.WRONG_INSTANCE,
                 f"{bids.host} answers as instance '{bids.instance}', "
                 f"'{entry.instance}' was asked; register after every start",
             )
+        entry.check_token(bids.token)
         if bids.host in self._answered:
             raise Refused(
                 RefusalCode.DUPLICATE, f"{bids.host} has answered already; the first answer counts"

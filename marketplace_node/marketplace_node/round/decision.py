@@ -32,11 +32,7 @@ class RoundKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Bids:
-    """Unchecked answer of one host; fields as in ``Bids.msg``.
-
-    Attributes:
-        participant: The sending process, as the middleware reports it; empty if unknown.
-    """
+    """Unchecked answer of one host; fields as in ``Bids.msg``."""
 
     epoch: str
     round: int
@@ -49,7 +45,7 @@ class Bids:
     declined: tuple[str, ...] = ()
     decline_reasons: tuple[str, ...] = ()
     unmet: tuple[str, ...] = ()
-    participant: str = ""
+    token: bytes = field(default=b"", repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)

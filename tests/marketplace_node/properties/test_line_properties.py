@@ -62,7 +62,7 @@ class AnyLine(RuleBasedStateMachine):
         self.markets += 1
         self.harness = MarketHarness()
         self.harness.now, self.seen = now, 0
-        self.harness.market = Market(SPACE, self.epoch, self.settings, new_key=bytes)
+        self.harness.market = Market(SPACE, self.epoch, self.settings, secret=b"")
         self.harness.do(self.harness.market.tick(now))
         if self.stored:
             self.harness.do(self.harness.market.restore_scenes(self.stored, away_s, now)[1])

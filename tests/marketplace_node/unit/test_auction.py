@@ -15,6 +15,7 @@ from marketplace_node.round.auction import Auction
 from marketplace_node.round.decision import Bids, ClosedBy, Decision, RoundKind, Terms
 
 FINE = (4.0, 1.5, 3.0)
+TOKEN = b"token of a start"
 
 
 def entry(host: str = "/agents", **agents: int) -> HostEntry:
@@ -24,6 +25,7 @@ def entry(host: str = "/agents", **agents: int) -> HostEntry:
         run_action=f"{host}/run",
         heartbeat=f"{host}/heartbeat",
         agents=agents or {GUIDE: 1, EXPRESS: 2},
+        token=TOKEN,
     )
 
 
@@ -48,6 +50,7 @@ def bids(**changes: Any) -> Bids:
         "agents": (GUIDE, EXPRESS),
         "agent_ids": (1, 2),
         "vectors": (*FINE, 3.0, 5.0, 3.5),
+        "token": TOKEN,
     }
     return Bids(**(values | changes))
 
@@ -84,6 +87,8 @@ def test_the_closest_bid_wins_with_its_margin() -> None:
         ({"round": 0}, "FOREIGN_ROUND"),
         ({"host": "/strangers"}, "UNREGISTERED"),
         ({"instance": "second"}, "WRONG_INSTANCE"),
+        ({"token": b"token of another"}, "WRONG_TOKEN"),
+        ({"token": b""}, "WRONG_TOKEN"),
     ],
 )
 def test_foreign_messages_are_refused_and_do_not_count(changes: dict[str, Any], code: str) -> None:

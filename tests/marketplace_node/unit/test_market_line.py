@@ -309,7 +309,7 @@ def restarted(
     after = MarketHarness()
     after.now = market.now + away_s
     stored = market.all(StoreScenes)[-1]
-    after.market = type(after.market)(SPACE, "next", after.market.settings, new_key=bytes)
+    after.market = type(after.market)(SPACE, "next", after.market.settings, secret=b"")
     _, effects = after.market.restore_scenes(format_scenes(stored), away_s, after.now)
     after.do(effects)
     if host:

@@ -10,12 +10,18 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, MarketHarness, registration
 from marketplace_node.hosts.host_effects import Disconnect
-from marketplace_node.hosts.registry import FIRST_HEARTBEAT_S, MOST_AGENTS, MOST_HOSTS, Registry
+from marketplace_node.hosts.registry import (
+    FIRST_HEARTBEAT_S,
+    MOST_AGENTS,
+    MOST_HOSTS,
+    TOKEN_BYTES,
+    Registry,
+)
 
 
 @pytest.fixture
 def registry() -> Registry:
-    return Registry(SPACE.names, 1.0, new_key=bytes)
+    return Registry(SPACE.names, 1.0, b"secret")
 
 
 def test_agent_ids_start_at_one_and_are_stable(registry: Registry) -> None:
@@ -56,9 +62,9 @@ def test_host_with_too_many_agents_is_refused_entirely(registry: Registry) -> No
 
 
 def test_registering_again_refreshes_agents_and_lease(registry: Registry) -> None:
-    registry.register(registration(), 0.0)
+    token = registry.register(registration(), 0.0).token
     registry.heartbeat("/agents", "first", 0.0)
-    registry.register(registration(agents=(GUIDE,)), 0.9)
+    registry.register(registration(agents=(GUIDE,), token=token), 0.9)
 
     assert dict(registry.entries()[0].agents) == {GUIDE: 1}
     assert [entry.host for entry in registry.live(1.8)] == ["/agents"]
@@ -77,9 +83,9 @@ def test_lease_starts_at_first_heartbeat_or_after_allowance(registry: Registry) 
 
 
 def test_each_host_start_gets_heartbeat_allowance_once(registry: Registry) -> None:
-    registry.register(registration(), 0.0)
+    token = registry.register(registration(), 0.0).token
     registry.heartbeat("/agents", "first", 0.1)
-    registry.register(registration(), 0.5)
+    registry.register(registration(token=token), 0.5)
 
     assert registry.live(1.6) == ()
     registry.register(registration(instance="second"), 2.0)
@@ -98,20 +104,15 @@ def test_only_dead_host_can_be_replaced(registry: Registry) -> None:
     assert late.accepted
 
 
-def test_live_host_is_replaced_only_from_same_process(registry: Registry) -> None:
-    def second(earlier: str, participant: str) -> str:
-        answer = registry.register(
-            registration(instance="second", earlier_instance=earlier, participant=participant), 1.0
-        )
-        return "" if answer.accepted else answer.message
+def test_live_host_is_replaced_only_with_its_token(registry: Registry) -> None:
+    token = registry.register(registration(), 0.0).token
+    other = registry.register(registration("/others", (PLAIN,)), 0.0).token
+    registry.heartbeat("/agents", "first", 0.9)
+    for wrong in (b"", bytes(TOKEN_BYTES), other):
+        answer = registry.register(registration(instance="second", token=wrong), 1.0)
+        assert "HOST_EXISTS" in answer.message
 
-    registry.register(registration(participant="a"), 0.0)
-    registry.heartbeat("/agents", "first", 0.9, "a")
-    assert "OTHER_PARTICIPANT" in second("first", "b")
-    assert "HOST_EXISTS" in second("", "a")
-    assert "HOST_EXISTS" in second("zeroth", "a")
-
-    assert not second("first", "a")
+    assert registry.register(registration(instance="second", token=token), 1.0).accepted
     entry = registry.get("/agents")
     assert entry is not None
     assert entry.instance == "second"
@@ -219,28 +220,33 @@ def test_host_above_limit_replaces_longest_dead_host() -> None:
     assert market.all(Disconnect) == [Disconnect(host="/h7")]
 
 
-def test_only_registering_process_may_act_for_host(registry: Registry) -> None:
-    assert registry.register(registration(participant="p"), 0.0).accepted
-    assert registry.heartbeat("/agents", "first", 0.5, "p")
-    with pytest.raises(Refused, match="OTHER_PARTICIPANT"):
-        registry.heartbeat("/agents", "first", 1.2, "q")
-    assert not registry.is_live("/agents", "first", 1.6)
-
-    stolen = registry.register(registration(participant="q", run_action="/q/run"), 9.0)
-    assert not stolen.accepted
-    assert stolen.award_key == b""
+def test_live_host_keeps_registration_without_its_token(registry: Registry) -> None:
+    token = registry.register(registration(), 0.0).token
+    registry.heartbeat("/agents", "first", 0.5)
+    stolen = registry.register(registration(run_action="/q/run"), 1.0)
+    assert stolen.message.startswith("WRONG_TOKEN")
+    assert stolen.token == b""
     entry = registry.get("/agents")
     assert entry is not None
     assert entry.run_action == "/agents/run"
-    assert registry.register(registration(participant="q", instance="second"), 9.0).accepted
+    entry.check_token(token)
+    for wrong in (b"", bytes(TOKEN_BYTES), token[:-1]):
+        with pytest.raises(Refused, match="WRONG_TOKEN"):
+            entry.check_token(wrong)
 
 
-def test_each_host_start_has_own_secret_award_key() -> None:
-    keys = iter((b"key one of a host", b"key two of a host"))
-    registry = Registry(SPACE.names, 1.0, new_key=lambda: next(keys))
+def test_unread_answer_is_repeated_before_first_heartbeat(registry: Registry) -> None:
     first = registry.register(registration(), 0.0)
-    again = registry.register(registration(agents=(GUIDE,)), 0.1)
+    again = registry.register(registration(), 1.0)
+    assert again.accepted
+    assert again.token == first.token
+
+
+def test_each_host_start_has_own_secret_token(registry: Registry) -> None:
+    first = registry.register(registration(), 0.0).token
+    other = registry.register(registration("/others", (PLAIN,)), 0.0).token
     second = registry.register(registration(instance="second"), 9.0)
-    assert first.award_key == again.award_key == b"key one of a host"
-    assert second.award_key == b"key two of a host"
-    assert "key two" not in repr((second, registry.entries()))
+    elsewhere = Registry(SPACE.names, 1.0, b"another secret").register(registration(), 0.0).token
+    assert len({first, other, second.token, elsewhere}) == 4
+    assert {len(token) for token in (first, other)} == {TOKEN_BYTES}
+    assert "token" not in repr((second, registry.entries(), registration(token=first)))
