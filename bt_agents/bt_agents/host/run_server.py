@@ -389,9 +389,9 @@ class RunServer:
         if not hmac.compare_digest(bytes(goal.token), self._token):
             raise Refused(
                 RefusalCode.NOT_THE_MARKET,
-                "it has not the token of the market that has registered this host, which "
-                "alone sends it goals; 'bt-agents trigger' announces a scene there, and "
-                "'bt-agents award' names the agent for it",
+                "it lacks the token of the market that registered this host, and only that "
+                "market sends it goals; to announce a scene there, type 'bt-agents trigger', and "
+                "to name the agent for it, 'bt-agents award'",
             )
         if self._award_monitor.is_over(RunKey.of(goal)):
             raise Refused(
