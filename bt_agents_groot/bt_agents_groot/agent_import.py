@@ -13,12 +13,19 @@ from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.controls import CONTROLS
 from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
 from bt_agents_groot.document import Document, Load, Model, ModelPort, node_id, read_document
-from bt_agents_groot.naming import Renaming, port, snake
+from bt_agents_groot.naming import Renaming, snake
 from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.ports import PortError, field_type_of, from_port, pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
-from bt_agents_groot.subtree_calls import Callee, ports_of_call, remaps_all, subtree_call
+from bt_agents_groot.subtree_calls import (
+    Callee,
+    declared_port,
+    ports_of_call,
+    remaps_all,
+    subtree_call,
+    type_of_port,
+)
 from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Element
@@ -196,8 +203,8 @@ class _Import:
 
     def _initial_value(self, names: TreeNames, name: str) -> Data:
         model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))
-        declared = model.ports.get(port(names.original(name)))
-        if declared is None or not declared.value:
+        declared = declared_port(model, names, name)
+        if not declared.value:
             return names.default(name)
         return _plain_default(declared, names, name)
 
@@ -222,10 +229,7 @@ class _Import:
             if name in used or (shared and not names.original(name).startswith("_"))
         )
         inputs = {f"{name}_in" if name in names.written else name: name for name in names.needed}
-        declared = {
-            name: model.ports.get(port(names.original(name)), ModelPort(direction=""))
-            for name in (*names.needed, *outputs)
-        }
+        declared = {name: declared_port(model, names, name) for name in (*names.needed, *outputs)}
         optional = frozenset(name for name in inputs if declared[inputs[name]].value)
         copied_inputs: dict[str, Data] = {
             inside: Raw(f"${{{outer}}}") for outer, inside in inputs.items() if outer != inside
@@ -251,11 +255,8 @@ class _Import:
 
 def _plain_default(declared: ModelPort, names: TreeNames, name: str) -> Data:
     """Return the default of a port; without a type it is a text if the tree uses it as one."""
-    field_type = field_type_of(declared.type)
-    if field_type is FieldType.ANY:
-        field_type = names.type_of(name)
     try:
-        return from_port(declared.value, field_type, names.rename)
+        return from_port(declared.value, type_of_port(declared, names, name), names.rename)
     except PortError:
         return declared.value
 

@@ -34,11 +34,16 @@ class Callee:
     optional: frozenset[str]
     outputs: tuple[str, ...]
 
-    def type_of(self, name: str) -> FieldType:
-        """Return the declared type of a name, else the type for which the tree uses it."""
-        declared = self.model.ports.get(port(self.names.original(name)), ModelPort(direction=""))
-        field_type = field_type_of(declared.type)
-        return field_type if field_type is not FieldType.ANY else self.names.type_of(name)
+
+def declared_port(model: Model, names: TreeNames, name: str) -> ModelPort:
+    """Return the port that a tree declares for a name of ours; one without a type for none."""
+    return model.ports.get(port(names.original(name)), ModelPort(direction=""))
+
+
+def type_of_port(declared: ModelPort, names: TreeNames, name: str) -> FieldType:
+    """Return the declared type of a port, else the type for which its tree uses the name."""
+    field_type = field_type_of(declared.type)
+    return field_type if field_type is not FieldType.ANY else names.type_of(name)
 
 
 def ports_of_call(element: Element, model: Model) -> dict[str, str]:
@@ -98,7 +103,9 @@ def _inputs(
         if text is None and remaps_all(element):
             text = f"{{{callee.names.original(inside)}}}"
         if text is not None:
-            arguments[declared] = tree.port(element, text, callee.type_of(inside))
+            known = declared_port(callee.model, callee.names, inside)
+            field_type = type_of_port(known, callee.names, inside)
+            arguments[declared] = tree.port(element, text, field_type)
         elif declared not in callee.optional:
             tree.lost(
                 element,
