@@ -60,13 +60,12 @@ _STATUS = {Status.INVALID: "■", Status.RUNNING: "▷", Status.SUCCESS: "✔", 
 
 def transcript(events: Iterable[Event]) -> str:
     """Return events as text without colour; of a very long run, its beginning and its end."""
-    told = [event for event in events if _text(event, ticks=False) is not None]
+    told = ["\n".join(found) for event in events if (found := lines(event, ticks=False))]
     left_out = len(told) - MOST_EVENTS
-    if left_out <= 0:
-        return "\n".join(line for event in told for line in lines(event, ticks=False))
-    half = MOST_EVENTS // 2
-    cut = f"{'':>{_TIME_WIDTH}}  … {left_out:,} events left out"
-    return "\n".join((transcript(told[:half]), cut, transcript(told[-half:])))
+    if left_out > 0:
+        half = MOST_EVENTS // 2
+        told[half:-half] = [f"{'':>{_TIME_WIDTH}}  … {left_out:,} events left out"]
+    return "\n".join(told)
 
 
 def style_of(event: Event) -> str:

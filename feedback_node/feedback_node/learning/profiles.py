@@ -62,7 +62,7 @@ class Profiles:
         affect another start of the same name.
 
         When :data:`MOST_HOSTS` are known, a new host replaces the absent one that became known
-        last. So a process that invents hosts only replaces its own.
+        last, so that invented hosts replace each other.
 
         Returns:
             Deliveries that the host still needs, and the problems of its agents in words.
