@@ -316,6 +316,7 @@ class FleetDatabase:
         return psycopg.connect(
             self._address,
             autocommit=True,
+            client_encoding="UTF8",  # a cluster that was made in the locale C has no encoding
             connect_timeout=max(2, int(self._limit_s)),
             application_name=f"bt-agents {self._robot}",
             keepalives=1,

@@ -79,6 +79,15 @@ def test_robot_learns_what_another_robot_was_taught(make, clock):
     assert ben.robot.current() == anna.robot.current() == {"": (3.6, 3.0)}
 
 
+def test_database_without_encoding_is_read_as_utf_8(make, server):
+    server.execute("CREATE DATABASE plain TEMPLATE template0 ENCODING 'SQL_ASCII' LOCALE 'C'")
+    address = server.address.replace("/postgres?", "/plain?")
+    anna, ben = make("anna", address=address), make("ben", address=address)
+    anna.robot.teach()
+    synchronise(anna, ben)
+    assert ben.robot.current() == anna.robot.current()
+
+
 def test_history_names_source_robot_of_each_step(make):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
