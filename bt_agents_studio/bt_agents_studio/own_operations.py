@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from bt_agents_core.errors import BtAgentsError, Refusal, Refused, RefusedElsewhere
 from bt_agents_core.refusal_codes import RefusalCode
-from bt_agents_studio.projection import round_record
+from bt_agents_studio.projection.market import round_record
 from bt_agents_studio.records import (
     DryRunRecord,
     KeepRecord,

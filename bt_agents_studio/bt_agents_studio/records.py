@@ -8,8 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
+
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.scene import Origin
+from bt_agents_core.stop_cause import StoppedBy
 
 Json = str | float | int | bool | None
+
+STAMP = "stamp"
+"""Marks a time that is the stamp of a message."""
+
+Stamp = Annotated[float, STAMP]
+
+
+class Names(tuple[str, ...]):
+    """Names of the constants of a field of a message, from 0 on; a text holds one of them."""
+
+    __slots__ = ()
+
+
+_FEEDBACK = Names(one.name for one in FeedbackKind)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +68,10 @@ class MarketRecord:
     """What the marketplace is doing; ``state`` is the name of a constant of ``MarketStatus``."""
 
     epoch: str
-    state: str
-    since_s: float
+    state: Annotated[
+        str, Names(("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING"))
+    ]
+    since_s: Stamp
     round: int
     scene_id: str
     scene_label: str
@@ -76,7 +97,7 @@ class ValueRecord:
 
     name: str
     value: float | None
-    origin: str
+    origin: Annotated[str, Names(one.name for one in Origin)]
     age_s: float | None
     std: float | None
     confidence: float
@@ -87,7 +108,7 @@ class ValueRecord:
 class SceneRecord:
     """A scene, awarded or live."""
 
-    at_s: float
+    at_s: Stamp
     scene_id: str
     label: str
     person: bool
@@ -230,9 +251,9 @@ class RunRecord:
     round: int
     scene_id: str
     scene_label: str
-    event: str
-    outcome: str
-    stopped_by: str
+    event: Annotated[str, Names(("", "STARTED", "CANCELLING", "ENDED", "REFUSED"))]
+    outcome: Annotated[str, Names(("NONE", "SUCCEEDED", "FAILED", "CANCELLED", "LOST"))]
+    stopped_by: Annotated[str, Names(one.name for one in StoppedBy)]
     stop_reason: str
     message: str
     began_s: float
@@ -305,13 +326,13 @@ class RefusedBidRecord:
 class RoundRecord:
     """The outcome of one round; names are those of the constants of ``Auction``."""
 
-    at_s: float
+    at_s: Stamp
     epoch: str
     round: int
     follows: int
     scene: SceneRecord
-    outcome: str
-    closed_by: str
+    outcome: Annotated[str, Names(("", "AWARDED", "NO_BIDS", "PREEMPTS", "WAITS"))]
+    closed_by: Annotated[str, Names(("", "ALL_ANSWERED", "DEADLINE", "STOPPED"))]
     preview: bool
     duration_s: float
     strategy: str
@@ -333,10 +354,10 @@ class RoundRecord:
 class ProfileStepRecord:
     """A change of a profile; ``kind`` is the name of a constant of ``Feedback``."""
 
-    at_s: float
+    at_s: Stamp
     agent: str
     layer: str
-    kind: str
+    kind: Annotated[str, _FEEDBACK]
     source: str
     reason: str
     round: int
@@ -374,7 +395,7 @@ class MoodRuleRecord:
     when: str
     changes: tuple[float, ...]
     hold_s: float
-    give: str
+    give: Annotated[str, _FEEDBACK]
     cancels: bool
 
 
@@ -428,8 +449,10 @@ class TunableRecord:
     host: str
     agent: str
     key: str
-    kind: str
-    type: str
+    kind: Annotated[str, Names(("TUNABLE", "LEARNING_RATE", "TICK_RATE"))]
+    type: Annotated[
+        str, Names(("NUMBER", "DURATION", "LENGTH", "ANGLE", "INTEGER", "BOOLEAN", "TEXT"))
+    ]
     unit: str
     default: Json
     value: Json
@@ -443,7 +466,7 @@ class TunableRecord:
 class TuningRecord:
     """One change of a value."""
 
-    at_s: float
+    at_s: Stamp
     revision: int
     author: str
     reason: str
@@ -482,7 +505,7 @@ class TuningsRecord:
 class QuestionRecord:
     """A question that waits for an answer; without choices any answer counts."""
 
-    at_s: float
+    at_s: Stamp
     text: str
     choices: tuple[str, ...]
 
@@ -503,9 +526,9 @@ class RobotActRecord:
         waiting: An answer is expected now.
     """
 
-    at_s: float
+    at_s: Stamp
     number: int
-    kind: str
+    kind: Annotated[str, Names(("", "SAY", "ASK", "SHOW", "DRIVE"))]
     text: str
     clip: str
     choices: tuple[str, ...]
@@ -556,7 +579,7 @@ class PartRecord:
 class RecordingRecord:
     """Whether everything is recorded, and the recording that is written, or was last."""
 
-    since_s: float
+    since_s: Stamp
     recording: bool
     folder: str
     file: str
@@ -570,7 +593,7 @@ class RecordingRecord:
 class BookmarkRecord:
     """A moment of a recording that somebody has marked."""
 
-    at_s: float
+    at_s: Stamp
     label: str
     notes: str
     author: str

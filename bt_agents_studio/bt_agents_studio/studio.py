@@ -99,7 +99,7 @@ class Studio:
             what: Type of the message, or name of what was done with it.
             error: Why it could not be shown.
         """
-        if self._projection.fail(what, error, self._clock()):
+        if self._projection.health.fail(what, error, self._clock()):
             place = traceback.extract_tb(error.__traceback__)[-1:]
             where = "".join([f" ({Path(one.filename).name}:{one.lineno})" for one in place])
             reason = ellipsize(printable_line(str(error)), _LONGEST_REASON)
@@ -109,7 +109,7 @@ class Studio:
 
     def value(self, host: str, name: str, value: Json) -> None:
         """Take the current value of a tunable."""
-        self._projection.value(host, name, value)
+        self._projection.agents.value(host, name, value)
 
     def graph(self, listening: Mapping[str, ListeningRecord], is_journal_there: bool) -> None:
         """Take what trees listen to now, by topic, and whether a journal runs."""
@@ -129,7 +129,7 @@ class Studio:
     def check_parts(self) -> None:
         """Note which parts have gone silent; call it a few times a second."""
         now = self._clock()
-        self._projection.check_health(now)
+        self._projection.health.check(now)
         for part in self.store.keys("parts"):
             record = self.store.get("parts", part)
             assert isinstance(record, PartRecord)

@@ -13,7 +13,7 @@ from bt_agents_interfaces.msg import AgentCard, AgentFiles, HostCard, MarketStat
 from bt_agents_studio import node
 from bt_agents_studio.history import History
 from bt_agents_studio.node import Handover
-from bt_agents_studio.projection import FAILURES, ROOM
+from bt_agents_studio.projection.health import FAILURES, ROOM
 from bt_agents_studio.records import FileRecord, HealthRecord, MoodRecord
 from bt_agents_studio.store import MOST_BYTES, Change, Store, size_of
 from bt_agents_studio.studio import Studio

@@ -33,7 +33,8 @@ from bt_agents_interfaces.msg import (
     Tunings,
 )
 from bt_agents_ros.messages import header_at, to_time
-from bt_agents_studio.projection import UNTOLD_S, Projection
+from bt_agents_studio.projection import Projection
+from bt_agents_studio.projection.health import UNTOLD_S
 from bt_agents_studio.store import Store
 
 RUN = {"agent": "guide", "epoch": "e1", "round": 3}
@@ -410,9 +411,9 @@ def test_recorded_health_with_numeric_level_is_shown() -> None:
 def test_unreported_health_is_stale_since_last_report() -> None:
     told = Told()
     told.take(10.0, 0)
-    told.projection.check_health(10.0 + UNTOLD_S)
+    told.projection.health.check(10.0 + UNTOLD_S)
     assert told.shown.level == "OK"
-    told.projection.check_health(10.1 + UNTOLD_S)
+    told.projection.health.check(10.1 + UNTOLD_S)
     assert (told.shown.level, told.shown.since_s) == ("STALE", 10.0)
     told.take(20.0, 0)
     assert (told.shown.level, told.shown.since_s) == ("OK", 20.0)

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happened: the lines of the log and the events of the timeline."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bt_agents_core.scene_labels import SceneLabels
+from bt_agents_core.text import ellipsize, printable_line
+from bt_agents_studio.records import EventRecord, LogRecord
+from bt_agents_studio.store import Store
+
+_LONGEST_LINE = 1000
+_LONGEST_EVENT = 200
+
+
+class Log:
+    """Lines and events, which call scenes by their labels.
+
+    Args:
+        store: Where they go.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._labels = SceneLabels()
+        self._lines = 0
+
+    def add_scene(self, message: Any) -> str:
+        """Take a ``Scene``; return what it is called from now on."""
+        self._labels.add(message)
+        return self._labels.name_of(message.scene_id)
+
+    def line(self, at_s: float, kind: str, *, text: str, agent: str = "", path: str = "") -> None:
+        """Add a line; ``kind`` says in which part of the system it happened."""
+        self._lines += 1
+        text = ellipsize(self._labels.with_names(text), _LONGEST_LINE)
+        record = LogRecord(at_s=at_s, kind=kind, agent=agent, path=path, text=text)
+        self._store.put("log", str(self._lines), record)
+
+    def event(
+        self,
+        key: str,
+        lane: str,
+        kind: str,
+        span: tuple[float, float | None],
+        *,
+        text: str,
+        agent: str = "",
+    ) -> None:
+        """Add or replace an event; see :class:`EventRecord`."""
+        began_s, ended_s = span
+        record = EventRecord(
+            lane=lane,
+            kind=kind,
+            agent=agent,
+            text=ellipsize(printable_line(self._labels.with_names(text)), _LONGEST_EVENT),
+            began_s=began_s,
+            ended_s=ended_s,
+        )
+        self._store.put("events", key, record)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a person sees and hears of the robot, and what is recorded of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bt_agents_studio.projection.conversion import finite, record_of, seconds
+from bt_agents_studio.projection.log import Log
+from bt_agents_studio.records import (
+    BookmarkRecord,
+    QuestionsRecord,
+    RecordingRecord,
+    RobotActRecord,
+    RobotRecord,
+)
+from bt_agents_studio.store import Store
+
+
+class RobotProjection:
+    """Messages of a robot and a recorder → ``robot``, ``questions``, ``recording``, ….
+
+    Args:
+        store: Where the entries go.
+        log: Where it says what happened.
+    """
+
+    def __init__(self, store: Store, log: Log) -> None:
+        self._store = store
+        self._log = log
+        self.handlers = {
+            "bt_agents_interfaces/msg/Bookmark": self._bookmark,
+            "bt_agents_interfaces/msg/OpenQuestions": self._questions,
+            "bt_agents_interfaces/msg/RecordingStatus": self._recording,
+            "bt_agents_interfaces/msg/RobotState": self._robot,
+            "std_msgs/msg/String": self._act,
+        }
+
+    def _act(self, message: Any, at_s: float) -> None:
+        self._log.line(at_s, "robot", text=message.data)
+
+    def _questions(self, message: Any, at_s: float) -> None:
+        del at_s
+        self._store.put("questions", "", record_of(QuestionsRecord, message))
+
+    def _robot(self, message: Any, at_s: float) -> None:
+        acts = tuple(
+            record_of(RobotActRecord, one, rate=finite(one.rate) or 1.0) for one in message.acts
+        )
+        before = self._store.get("robot")
+        known = before.acts if isinstance(before, RobotRecord) else ()
+        going_on = {(act.at_s, act.number) for act in acts}
+        for act in (*known, *acts):
+            place = (act.at_s, act.number)
+            ended_s = None if place in going_on else seconds(message.header.stamp) or at_s
+            self._log.event(
+                f"act {act.at_s}/{act.number}",
+                "ROBOT",
+                act.kind,
+                (act.at_s, ended_s),
+                text=act.text or act.clip,
+            )
+        self._store.put("robot", "", record_of(RobotRecord, message, acts=acts))
+
+    def _recording(self, message: Any, at_s: float) -> None:
+        del at_s
+        self._store.put("recording", "", record_of(RecordingRecord, message))
+
+    def _bookmark(self, message: Any, at_s: float) -> None:
+        record = record_of(BookmarkRecord, message)
+        self._store.put("bookmarks", f"{record.at_s:.6f}", record)
+        text = f"{record.label or 'a moment'} is marked"
+        author = f" by {record.author}" if record.author else ""
+        self._log.line(at_s, "journal", text=text + author)
