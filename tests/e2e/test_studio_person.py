@@ -41,6 +41,24 @@ def test_tablet_loads_no_tree_and_no_plots(browser: Browser, studio: BackgroundS
     assert 0 < sum(sizes.values()) < MOST_KB * 1000, sizes
 
 
+@pytest.mark.parametrize(
+    ("locale", "language", "begin"),
+    [
+        ("de-AT", "de", "Beginnen"),
+        ("es-MX", "es", "Empezar"),
+        ("fr-FR", "fr", "Commencer"),
+        ("ja-JP", "en", "Begin"),
+    ],
+)
+def test_page_speaks_the_language_of_its_browser(
+    browser: Browser, studio: BackgroundStudio, locale: str, language: str, begin: str
+) -> None:
+    address = studio.address_for(SessionRole.PERSON, "person")
+    with opened_page(browser, address, locale) as page:
+        expect(page.get_by_role("button", name=begin, exact=True)).to_be_enabled()
+        assert page.locator("html").get_attribute("lang") == language
+
+
 def test_session_of_person_is_led_to_its_page(browser: Browser, studio: BackgroundStudio) -> None:
     with opened_page(browser, studio.address_for(SessionRole.PERSON)) as page:
         page.wait_for_url("**/person")
@@ -58,7 +76,7 @@ def test_operator_moves_between_person_and_other_pages(
         page.get_by_role("region", name="How was the robot?").get_by_role(
             "button", name="Good"
         ).click()
-        expect(page.locator(".told")).to_have_text("done")
+        expect(page.locator(".told")).to_have_text("Thank you.")
         links.get_by_role("link", name="Tune").click()
         expect(page.get_by_label("Keep in the files")).to_be_in_viewport()
         page.go_back()

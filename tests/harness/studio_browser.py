@@ -61,9 +61,9 @@ class System:
 
 
 @contextmanager
-def opened_page(browser: Browser, address: str) -> Iterator[Page]:
+def opened_page(browser: Browser, address: str, locale: str = "en-US") -> Iterator[Page]:
     """Open an address in a context of its own; an error that the page reports fails the test."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale=locale)
     page = context.new_page()
     page.set_default_timeout(LIMIT_MS)
     expect.set_options(timeout=LIMIT_MS)

@@ -8,14 +8,15 @@ import { formatNumber } from "./formatting";
 import { useEscapeTwice } from "./keyboard";
 import { OperationButton, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
+import { words } from "./person_texts";
 import type { ParameterRecord, RobotActRecord } from "./protocol";
 import { useStop } from "./stop";
 import { useEntry } from "./store";
-import { texts } from "./texts";
 
-const words = texts.person;
-const COLOURS = ["white", "green", "yellow", "blue", "red"];
 const SCAN_MS = 2000;
+/** What the log and the rounds say of what was done here. */
+const STOPPED = "stopped by the person";
+const VISITOR = "a visitor at the screen";
 
 const isSpoken = (act: RobotActRecord): boolean => act.kind === "SAY" || act.kind === "ASK";
 
@@ -33,7 +34,7 @@ export function Person() {
   const box = useRef<HTMLDivElement>(null);
   useVoice(speech, speaks);
   useScan(box, scans, question?.number);
-  const report = useCallback((done: Answer) => setAnswer(done.message), []);
+  const report = useCallback((done: Answer, said = words.thanks) => setAnswer(done.accepted ? said : done.message), []);
   const scene = useOperation("scene");
   const mood = hello?.parameters.find((one) => one.is_mood);
   const there = phase === "open" && part?.alive === true;
@@ -105,13 +106,13 @@ function Toggle({ on, set, children }: ToggleProps) {
 }
 
 function Light({ colour, blinks }: { colour: string; blinks: boolean }) {
-  const known = COLOURS.includes(colour) ? colour : "off";
-  const label = `${words.light}: ${known}${blinks ? `, ${words.blinking}` : ""}`;
+  const known = colour in words.colours ? colour : "off";
+  const label = `${words.light}: ${words.colours[known]}${blinks ? `, ${words.blinking}` : ""}`;
   return <span className={`light ${known} ${blinks ? "blinks" : ""}`} role="img" aria-label={label} title={label} />;
 }
 
 function Stop() {
-  const [answer, stopRun] = useStop(words.stopped);
+  const [answer, stopRun] = useStop(STOPPED, words);
   const stop = useCallback(() => {
     if ("speechSynthesis" in window) speechSynthesis.cancel();
     stopRun();
@@ -123,7 +124,7 @@ function Stop() {
         {answer.text}
       </span>
       <button type="button" className="stop" onClick={stop}>
-        {texts.stop.stop}
+        {words.stop}
       </button>
     </div>
   );
@@ -161,7 +162,7 @@ function Shown({ acts, sound }: { acts: readonly RobotActRecord[]; sound: string
 
 interface QuestionProps {
   question: RobotActRecord;
-  report: (done: Answer) => void;
+  report: (done: Answer, said: string) => void;
 }
 
 function Question({ question, report }: QuestionProps) {
@@ -170,9 +171,9 @@ function Question({ question, report }: QuestionProps) {
   const answer = useOperation("answer");
   const { ask } = answer;
   const give = useCallback(
-    async (words: string): Promise<void> => {
-      const done = await ask({ text: words });
-      if (done !== null) report(done);
+    async (text: string): Promise<void> => {
+      const done = await ask({ text });
+      if (done !== null) report(done, `${words.answer}: ${text}`);
     },
     [ask, report],
   );
@@ -311,7 +312,7 @@ function Face({ smile }: { smile: 1 | -1 }) {
 
 interface ParametersProps {
   parameters: readonly ParameterRecord[];
-  report: (done: Answer) => void;
+  report: (done: Answer, said?: string) => void;
 }
 
 function Judge({ parameters, report }: ParametersProps) {
@@ -379,12 +380,12 @@ function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () 
   const [chosen, setChosen] = useState<Record<string, number>>({});
   const scene = useOperation("scene");
   const tell = (done: Answer | null, said: string): void => {
-    if (done !== null) report(done.accepted ? { ...done, message: said } : done);
+    if (done !== null) report(done, said);
   };
   const begin = async (): Promise<void> => {
     window.scrollTo(0, 0);
     const done = await scene.ask({
-      label: words.visitor,
+      label: VISITOR,
       names: Object.keys(chosen),
       values: Object.values(chosen),
       person: "PRESENT",

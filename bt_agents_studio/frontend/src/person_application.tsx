@@ -6,6 +6,7 @@ import { createRoot } from "react-dom/client";
 import { connect, useConnection } from "./connection";
 import { PanelBoundary } from "./panel_boundary";
 import { Person } from "./person";
+import { language } from "./person_texts";
 import { Phase } from "./phase";
 import { texts } from "./texts";
 import { startTheme } from "./theme";
@@ -39,6 +40,7 @@ function PersonApplication() {
 
 /** Draw the page and connect it to its studio. */
 export function start(root: HTMLElement): void {
+  document.documentElement.lang = language;
   createRoot(root).render(
     <StrictMode>
       <PersonApplication />

@@ -17,17 +17,25 @@ export interface StopAnswer {
 
 const NONE: StopAnswer = { isAsked: false, isRefused: false, text: "" };
 
+interface Words {
+  stopping: string;
+  /** Without it, the market says what it has stopped. */
+  stopped?: string;
+  notStopped: string;
+}
+
 /** Stop what runs, whatever waits in line, too; `reason` says who wants it. */
-export function useStop(reason: string): [StopAnswer, () => void, () => void] {
+export function useStop(reason: string, words: Words = texts.stop): [StopAnswer, () => void, () => void] {
   const [answer, setAnswer] = useState(NONE);
   const stop = useCallback(() => {
-    setAnswer({ isAsked: true, isRefused: false, text: texts.stop.stopping });
+    setAnswer({ isAsked: true, isRefused: false, text: words.stopping });
     void operate("cancel", { reason, by: "OPERATOR" }, LIMIT_MS).then((done) => {
       const isUnheard = done.code === "NO_STUDIO" || done.code === "NO_ANSWER";
-      const text = isUnheard ? `${texts.stop.notStopped} ${done.message}` : done.message;
+      const said = done.accepted ? (words.stopped ?? done.message) : done.message;
+      const text = isUnheard ? `${words.notStopped} ${done.message}` : said;
       setAnswer({ isAsked: false, isRefused: !done.accepted, text });
     });
-  }, [reason]);
+  }, [reason, words]);
   const forget = useCallback(() => setAnswer(NONE), []);
   return [answer, stop, forget];
 }
