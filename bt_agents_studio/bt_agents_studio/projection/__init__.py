@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bt_agents_studio.projection.agents import AgentProjection
+from bt_agents_studio.projection.event_log import EventLog
 from bt_agents_studio.projection.health import FAILURES, ROOM, HealthProjection
-from bt_agents_studio.projection.log import Log
 from bt_agents_studio.projection.market import MarketProjection
 from bt_agents_studio.projection.robot import RobotProjection
 from bt_agents_studio.projection.runs import RunProjection
@@ -37,7 +37,7 @@ class Projection:
     """
 
     def __init__(self, store: Store, mood: str = "") -> None:
-        log = Log(store)
+        log = EventLog(store)
         self._store = store
         self._market = MarketProjection(store, log, mood)
         self.agents = AgentProjection(store, log)

@@ -15,7 +15,7 @@ from bt_agents_studio.projection.conversion import (
     parameter_value,
     record_of,
 )
-from bt_agents_studio.projection.log import Log
+from bt_agents_studio.projection.event_log import EventLog
 from bt_agents_studio.projection.mood_thresholds import thresholds
 from bt_agents_studio.records import (
     AgentRecord,
@@ -40,7 +40,7 @@ class AgentProjection:
         log: Where it says what happened.
     """
 
-    def __init__(self, store: Store, log: Log) -> None:
+    def __init__(self, store: Store, log: EventLog) -> None:
         self._store = store
         self._log = log
         self.handlers = {

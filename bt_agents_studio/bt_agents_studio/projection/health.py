@@ -10,7 +10,7 @@ from typing import Any
 from bt_agents_core.health import Health
 from bt_agents_core.text import printable_line
 from bt_agents_studio.projection.conversion import name_of
-from bt_agents_studio.projection.log import Log
+from bt_agents_studio.projection.event_log import EventLog
 from bt_agents_studio.records import ROLLING, HealthRecord
 from bt_agents_studio.store import Store
 
@@ -44,7 +44,7 @@ class HealthProjection:
         log: Where it says what happened.
     """
 
-    def __init__(self, store: Store, log: Log) -> None:
+    def __init__(self, store: Store, log: EventLog) -> None:
         self._store = store
         self._log = log
         self._heard: dict[str, float] = {}

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from bt_agents_studio.projection.conversion import finite_values, parameter_value, record_of
-from bt_agents_studio.projection.log import Log
+from bt_agents_studio.projection.event_log import EventLog
 from bt_agents_studio.records import (
     MarketRecord,
     MoodRecord,
@@ -47,7 +47,7 @@ class MarketProjection:
         mood: The scene parameter that is the mood; empty for none.
     """
 
-    def __init__(self, store: Store, log: Log, mood: str) -> None:
+    def __init__(self, store: Store, log: EventLog, mood: str) -> None:
         self._store = store
         self._log = log
         self._mood = mood

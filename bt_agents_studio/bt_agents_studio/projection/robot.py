@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from bt_agents_studio.projection.conversion import finite, record_of, seconds
-from bt_agents_studio.projection.log import Log
+from bt_agents_studio.projection.event_log import EventLog
 from bt_agents_studio.records import (
     BookmarkRecord,
     QuestionsRecord,
@@ -25,7 +25,7 @@ class RobotProjection:
         log: Where it says what happened.
     """
 
-    def __init__(self, store: Store, log: Log) -> None:
+    def __init__(self, store: Store, log: EventLog) -> None:
         self._store = store
         self._log = log
         self.handlers = {

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import Any
 
 from bt_agents_studio.projection.conversion import finite, name_of, record_of, seconds
-from bt_agents_studio.projection.log import Log
+from bt_agents_studio.projection.event_log import EventLog
 from bt_agents_studio.projection.market import scene_record
 from bt_agents_studio.records import (
     STOPPED,
@@ -59,7 +59,7 @@ class RunProjection:
         log: Where it says what happened.
     """
 
-    def __init__(self, store: Store, log: Log) -> None:
+    def __init__(self, store: Store, log: EventLog) -> None:
         self._store = store
         self._log = log
         self.handlers = {

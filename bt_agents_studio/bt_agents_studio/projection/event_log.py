@@ -14,7 +14,7 @@ _LONGEST_LINE = 1000
 _LONGEST_EVENT = 200
 
 
-class Log:
+class EventLog:
     """Lines and events, which call scenes by their labels.
 
     Args:
