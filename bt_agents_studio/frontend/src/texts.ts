@@ -172,6 +172,8 @@ export const texts = {
     save: "Export",
     saveTable: "Events (CSV)",
     savePicture: "Picture (PNG)",
+    saveMessages: "Messages (MCAP)",
+    noAnswer: "the studio does not answer",
     lanes: { AGENT: "Agent", ROBOT: "Robot", MOOD: "Mood", MARKET: "Rounds", FEEDBACK: "Feedback", FAULT: "Faults" },
   },
   market: {

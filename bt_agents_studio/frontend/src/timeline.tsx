@@ -6,7 +6,7 @@ import { Bookmarks, useBookmarks } from "./bookmarks";
 import { fetchEvents, follow, seek, useConnection } from "./connection";
 import { formatSeconds, formatTime } from "./formatting";
 import type { BookmarkRecord, EventRecord, ParameterRecord } from "./protocol";
-import { useCollection, useEntry, usePresentCollection } from "./store";
+import { useCollection, useEntry, usePresent, usePresentCollection } from "./store";
 import { texts } from "./texts";
 import {
   blockAt,
@@ -119,7 +119,10 @@ interface ExportProps {
 /** Menu of the files that can be made of the time in the window. */
 function Export({ events, bookmarks, shown, lanes }: ExportProps) {
   const { source } = useConnection();
+  const written = usePresent("recording");
   const box = useRef<HTMLDetailsElement>(null);
+  const [isPending, setPending] = useState(false);
+  const [failure, setFailure] = useState("");
   const save = async (form: "CSV" | "PNG"): Promise<void> => {
     close(box);
     const { savePicture, saveTable } = await import("./timeline_export");
@@ -127,8 +130,20 @@ function Export({ events, bookmarks, shown, lanes }: ExportProps) {
     if (form === "CSV") saveTable(events, bookmarks, shown, source);
     else if (drawing) savePicture(drawing, shown, source);
   };
+  const saveRecorded = async (): Promise<void> => {
+    if (isPending) return;
+    setPending(true);
+    setFailure("");
+    const { saveMessages } = await import("./timeline_export");
+    const recording = source || (written?.recording === true ? written.file : "");
+    const missing = written === undefined ? texts.world.noJournal : texts.world.notRecorded;
+    const why = recording === "" ? missing : await saveMessages(shown, recording);
+    setPending(false);
+    setFailure(why);
+    if (why === "") close(box);
+  };
   return (
-    <Menu box={box} label={words.save}>
+    <Menu box={box} label={words.save} onOpen={() => setFailure("")}>
       <div className="bar">
         <button type="button" onClick={() => void save("CSV")}>
           {words.saveTable}
@@ -136,7 +151,12 @@ function Export({ events, bookmarks, shown, lanes }: ExportProps) {
         <button type="button" onClick={() => void save("PNG")}>
           {words.savePicture}
         </button>
+        <button type="button" aria-disabled={isPending || undefined} onClick={() => void saveRecorded()}>
+          {words.saveMessages}
+          {isPending && " …"}
+        </button>
       </div>
+      <output className="failure">{failure}</output>
     </Menu>
   );
 }
