@@ -94,6 +94,9 @@ ROOM = "studio: room"
 FAILURES = "studio: messages"
 """Name in the health of the messages that could not be shown."""
 
+RECORDING = "recording"
+"""Key of the event of the recording that goes on."""
+
 _FULL = "not all that was sent is shown: there was too much of it"
 _FAILED = "some messages cannot be shown; the first of each type is in the log of the studio"
 _MOST_FAILURES = 30
@@ -656,20 +659,33 @@ class Projection:
 
     def _recording(self, message: Any, at_s: float) -> None:
         del at_s
-        self._store.put(
-            "recording",
-            "",
-            RecordingRecord(
-                since_s=_seconds(message.header.stamp),
-                recording=bool(message.recording),
-                folder=message.folder,
-                file=message.file,
-                label=message.label,
-                notes=message.notes,
-                author=message.author,
-                bookmarks=int(message.bookmarks),
-            ),
+        record = RecordingRecord(
+            since_s=_seconds(message.header.stamp),
+            recording=bool(message.recording),
+            folder=message.folder,
+            file=message.file,
+            label=message.label,
+            notes=message.notes,
+            author=message.author,
+            bookmarks=int(message.bookmarks),
         )
+        before = self._store.get("recording")
+        is_same = isinstance(before, RecordingRecord) and before.since_s == record.since_s
+        if not is_same:
+            self._end_recording(record.since_s)
+        self._store.put("recording", "", record)
+        if record.recording:
+            text = record.label or record.file
+            span = (record.since_s, None)
+            self._event(RECORDING, "RECORDING", "RECORDING", span, text=text)
+
+    def _end_recording(self, ended_s: float) -> None:
+        """Note when the recording that goes on has ended, if one does."""
+        event = self._store.get("events", RECORDING)
+        if isinstance(event, EventRecord):
+            self._store.remove("events", RECORDING)
+            ended = replace(event, kind="RECORDED", ended_s=ended_s)
+            self._store.put("events", f"{RECORDING} {event.began_s}", ended)
 
     def _bookmark(self, message: Any, at_s: float) -> None:
         stamp = _seconds(message.header.stamp)
@@ -680,14 +696,17 @@ class Projection:
         text = f"{record.label or 'a moment'} is marked"
         self._log(at_s, "journal", text=text + (f" by {record.author}" if record.author else ""))
 
-    def graph(self, listening: Mapping[str, ListeningRecord], *, is_journal_there: bool) -> None:
-        """Take what trees listen to now, by topic, and whether a journal runs."""
+    def graph(
+        self, listening: Mapping[str, ListeningRecord], at_s: float, *, is_journal_there: bool
+    ) -> None:
+        """Take what trees listen to at a moment, by topic, and whether a journal runs."""
         for topic in set(self._store.keys("listening")) - listening.keys():
             self._store.remove("listening", topic)
         for topic, record in listening.items():
             self._store.put("listening", topic, record)
         if not is_journal_there:
             self._store.remove("recording", "")
+            self._end_recording(at_s)
 
     def _files(self, message: Any, at_s: float) -> None:
         del at_s
@@ -909,8 +928,8 @@ def _setting(text: str) -> Json:
 
 
 def is_in_use(store: Store, collection: str, key: str) -> bool:
-    """Return whether an entry is of the agent that runs, or of a host that is there."""
-    if not key or key in (ROOM, FAILURES):
+    """Return whether an entry is of what goes on: a run, a recording, a host that is there."""
+    if not key or key in (ROOM, FAILURES, RECORDING):
         return True
     owner = key.partition("|")[0]
     market = store.get("market")

@@ -440,6 +440,57 @@ def test_bookmark_goes_into_the_recording(
     expect(page.locator(".hover")).to_have_text(re.compile("Bookmark: it went wrong$"))
 
 
+def test_recording_is_started_and_stopped_from_timeline(
+    page: Page, studio: BackgroundStudio, began_s: float
+) -> None:
+    idle = replace(recording(), recording=False)
+    studio.put("recording", "", idle)
+    menu(page, "Record").locator("summary").click()
+    panel = page.get_by_label("Recording", exact=True)
+    expect(panel).to_contain_text("Nothing is recorded now")
+    panel.get_by_label("Label of the recording").fill("a class")
+    start = panel.get_by_role("button", name="Start")
+    expect(start).to_be_in_viewport(ratio=1)
+    start.click()
+    expect(panel.locator("output")).to_have_text("done")
+    started = replace(recording(), label="a class", since_s=began_s + 20)
+    studio.put("recording", "", started)
+    going_on = event("RECORDING", "RECORDING", began_s + 20, None, "a class")
+    studio.put("events", "recording", going_on)
+    expect(panel).to_contain_text("a class is being recorded")
+    stop = panel.get_by_role("button", name="Stop")
+    expect(stop).to_be_in_viewport(ratio=1)
+    stop.click()
+    expect(panel.locator("output")).to_have_text("done")
+    asked = [fields for _, service, fields in studio.caller.calls if service == "journal/record"]
+    assert [(one["action"], one.get("label")) for one in asked] == [(0, "a class"), (1, None)]
+    # Its span is a line of the timeline, which goes on until it is stopped.
+    expect(page.locator(".block[data-lane=RECORDING] rect")).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    shown = seen.block("RECORDING", "RECORDING")
+    assert shown["left"] == pytest.approx(seen.place(began_s + 20), abs=2)
+    assert shown["right"] == pytest.approx(seen.right, abs=3)
+    studio.put("events", "recording", replace(going_on, kind="RECORDED", ended_s=began_s + 70))
+    ended = page.locator(".block[data-kind=RECORDED]")
+    expect(ended).to_contain_text("a class")
+    seen = Seen(page)
+    shown = seen.block("RECORDING", "RECORDED")
+    assert shown["right"] == pytest.approx(seen.place(began_s + 70), abs=2)
+    menu(page, "Record").locator("summary").click()
+    expect(panel).not_to_be_visible()
+    page.mouse.move((shown["left"] + shown["right"]) / 2, shown["top"] + 3)
+    expect(page.locator(".hover")).to_have_text(re.compile("Recording: .*a class$"))
+
+
+def test_viewer_cannot_record_from_timeline(browser: Browser, studio: BackgroundStudio) -> None:
+    studio.put("recording", "", replace(recording(), recording=False))
+    with opened_page(browser, studio.address_of(SessionRole.VIEW)) as page:
+        menu(page, "Record").locator("summary").click()
+        panel = page.get_by_label("Recording", exact=True)
+        expect(panel).to_contain_text("This link is for viewing only")
+        expect(panel.get_by_role("button", name="Start")).to_be_disabled()
+
+
 def test_bookmark_without_journal_survives_a_reload(page: Page, began_s: float) -> None:
     page.mouse.click(Seen(page).place(began_s + 45), box(timeline(page))["y"] + 5)
     expect(page.get_by_role("button", name="Back to now")).to_be_visible()
@@ -512,7 +563,7 @@ def test_hover_says_what_and_when(page: Page) -> None:
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "lanes"), [(1024, 600, 6), (390, 844, 2)], ids=["small laptop", "phone"]
+    ("width", "height", "lanes"), [(1024, 600, 7), (390, 844, 2)], ids=["small laptop", "phone"]
 )
 def test_timeline_leaves_room_for_the_page(
     page: Page, width: int, height: int, lanes: int

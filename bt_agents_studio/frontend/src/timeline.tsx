@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The timeline: what happened when, in lanes, and which moment is shown.
 
-import { useEffect, useMemo, useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
+import { lazy, Suspense, useEffect, useMemo, useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
 import { Bookmarks, useBookmarks } from "./bookmarks";
 import { fetchEvents, follow, seek, useConnection } from "./connection";
 import { formatSeconds, formatTime } from "./formatting";
@@ -39,9 +39,11 @@ import { DRAG_PX, STEP } from "./tree_view";
 const words = texts.time;
 const PERIOD_MS = 250;
 /** Least room for a text: for the mark of a run, and for words of the robot. */
-const TEXT_PX: Partial<Record<Lane, number>> = { AGENT: 14, ROBOT: 40 };
+const TEXT_PX: Partial<Record<Lane, number>> = { AGENT: 14, ROBOT: 40, RECORDING: 40 };
 const LETTER_PX = 7;
 const MARKS: Record<string, string> = { RUNNING: "●", CANCELLING: "●", SUCCEEDED: "✔", CANCELLED: "■" };
+
+const Recording = lazy(() => import("./recording").then((one) => ({ default: one.Recording })));
 
 interface Hover {
   x: number;
@@ -88,6 +90,7 @@ export function Timeline() {
         )}
         {atS !== null && <PlayerButtons of={player} />}
         <Bookmarks of={bookmarks} moment={moment} />
+        <RecordingMenu />
         <Export events={events} bookmarks={bookmarks.all} shown={windowOf(view, whole)} lanes={box} />
         {source && <span className="source">{source}</span>}
         {failure && <span className="failure">{failure}</span>}
@@ -106,6 +109,21 @@ export function Timeline() {
         play={player.toggle}
       />
     </div>
+  );
+}
+
+/** Menu that starts and stops a recording. */
+function RecordingMenu() {
+  const box = useRef<HTMLDetailsElement>(null);
+  const [isOpened, setOpened] = useState(false);
+  return (
+    <Menu box={box} label={words.record} onOpen={() => setOpened(true)}>
+      {isOpened && (
+        <Suspense>
+          <Recording />
+        </Suspense>
+      )}
+    </Menu>
   );
 }
 
