@@ -91,7 +91,13 @@ export function Timeline() {
         {atS !== null && <PlayerButtons of={player} />}
         <Bookmarks of={bookmarks} moment={moment} />
         <RecordingMenu />
-        <Export events={events} bookmarks={bookmarks.all} shown={windowOf(view, whole)} lanes={box} />
+        <Export
+          events={events}
+          bookmarks={bookmarks.all}
+          shown={windowOf(view, whole)}
+          endsNow={source === "" && (view === null || view.endS === null)}
+          lanes={box}
+        />
         {source && <span className="source">{source}</span>}
         {failure && <span className="failure">{failure}</span>}
       </div>
@@ -131,12 +137,14 @@ interface ExportProps {
   events: EventRecord[];
   bookmarks: readonly BookmarkRecord[];
   shown: Span;
+  /** The window moves on with the time, which it is told once a second. */
+  endsNow: boolean;
   lanes: React.RefObject<HTMLElement | null>;
 }
 
 /** Menu of the files that can be made of the time in the window. */
-function Export({ events, bookmarks, shown, lanes }: ExportProps) {
-  const { source } = useConnection();
+function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
+  const { source, offsetS } = useConnection();
   const written = usePresent("recording");
   const box = useRef<HTMLDetailsElement>(null);
   const [isPending, setPending] = useState(false);
@@ -155,7 +163,8 @@ function Export({ events, bookmarks, shown, lanes }: ExportProps) {
     const { saveMessages } = await import("./timeline_export");
     const recording = source || (written?.recording === true ? written.file : "");
     const missing = written === undefined ? texts.world.noJournal : texts.world.notRecorded;
-    const why = recording === "" ? missing : await saveMessages(shown, recording);
+    const toS = endsNow ? Date.now() / 1000 + offsetS : shown.toS;
+    const why = recording === "" ? missing : await saveMessages({ ...shown, toS }, recording);
     setPending(false);
     setFailure(why);
     if (why === "") close(box);
