@@ -23,6 +23,7 @@ from bt_agents_core.text import printable
 from bt_agents_interfaces.msg import Bookmark, HostCard, RecordingStatus
 from bt_agents_interfaces.srv import Record
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder
+from bt_agents_lab.recorder.facts import CARDS, DIAGNOSTICS, is_fact, reporting_node
 from bt_agents_lab.recorder.file import RecordedMessage, RecordedTopic, definition
 from bt_agents_lab.recorder.health import recording_health
 from bt_agents_lab.recorder.recording_control import MarkedMoment, RecordingControl, RecordingState
@@ -43,14 +44,9 @@ FLUSH_S = 1.0
 MOST_HOSTS = 100
 """Maximum number of recorded hosts."""
 
-_EVENTS = ("bt_agents/scene", "bt_agents/scene/persons")
-"""Latched topics whose messages are independent events, not facts for later files."""
-
 MOST_REPORTING = 200
 """Maximum number of nodes and devices whose health is recorded."""
 
-_CARDS = topic_called("bt_agents/cards")
-_DIAGNOSTICS = topic_called("/diagnostics")
 _MESSAGE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
@@ -92,19 +88,19 @@ class JournalNode(BaseNode):
         self._control = RecordingControl(self.journal, self, time.time_ns)
         self.create_service(Record, "~/record", self._on_record, qos_profile=qos.SERVICE)
         for heard in heard_by("journal"):
-            if HOST not in heard.name and heard not in (_CARDS, _DIAGNOSTICS):
+            if HOST not in heard.name and heard not in (CARDS, DIAGNOSTICS):
                 self._subscribe(heard, heard.name)
-        self._topic_of_cards = self._topic(_CARDS, _CARDS.name)
+        self._topic_of_cards = self._topic(CARDS, CARDS.name)
         self.create_subscription(
-            HostCard, _CARDS.name, self._handle_card, qos.listening(_CARDS), raw=True
+            HostCard, CARDS.name, self._handle_card, qos.listening(CARDS), raw=True
         )
         self._reported: dict[str, tuple[tuple[str, bytes, str], ...]] = {}
-        self._topic_of_diagnostics = self._topic(_DIAGNOSTICS, _DIAGNOSTICS.name)
+        self._topic_of_diagnostics = self._topic(DIAGNOSTICS, DIAGNOSTICS.name)
         self.create_subscription(
             DiagnosticArray,
-            _DIAGNOSTICS.name,
+            DIAGNOSTICS.name,
             self._handle_diagnostics,
-            qos.listening(_DIAGNOSTICS),
+            qos.listening(DIAGNOSTICS),
             raw=True,
         )
         steady_timer(self, FLUSH_S, self._flush)
@@ -192,7 +188,7 @@ class JournalNode(BaseNode):
 
     def _subscribe(self, heard: SystemTopic, name: str) -> None:
         topic = self._topic(heard, name)
-        fact = topic.name if heard.profile == "FACT" and heard.name not in _EVENTS else ""
+        fact = topic.name if is_fact(heard) else ""
 
         def handle(data: bytes, info: Mapping[str, Any]) -> None:
             self.journal.record(_received(topic, data, info), fact=fact)
@@ -224,7 +220,7 @@ class JournalNode(BaseNode):
         Several nodes, such as drivers, may name the same hardware.
         """
         statuses = deserialize_message(data, DiagnosticArray).status
-        node = f"{statuses[0].hardware_id} {statuses[0].name}" if statuses else ""
+        node = reporting_node(statuses)
         reported = tuple((one.name, one.level, one.message) for one in statuses)
         before = self._reported.get(node, ())
         if reported == before or (not before and len(self._reported) >= MOST_REPORTING):

@@ -2,9 +2,9 @@
 """Process that reads recordings for the pages of a studio, and its client in the studio.
 
 Reading takes long, so that a thread of the studio would hold up what happens now. The process gets
-a line of JSON for each moment or timeline. It answers with a line that says whether it could be
-read, and how long the message for the page is, and with that message. It ends with its standard
-input.
+a line of JSON for each moment, timeline or excerpt. It answers with a line that says whether it
+could be read, and how long the message for the page is, and with that message; an excerpt is in a
+file, and needs none. It ends with its standard input.
 """
 
 from __future__ import annotations
@@ -26,6 +26,9 @@ from bt_agents_studio.recordings import Recordings
 
 LIMIT_S = 1800.0
 """Longest time for one answer; a large recording takes minutes [s]."""
+
+EXCERPT_S = 60.0
+"""Longest time for an excerpt, which keeps the pages waiting that look into a recording [s]."""
 
 _FOUND, _FAILURE = b"found", b"failure"
 _END_S = 2.0
@@ -63,14 +66,24 @@ class JournalWorker:
         """Return the timeline, or why it cannot be shown; see :meth:`Recordings.events`."""
         return await self._ask(file, at_s=None)
 
-    async def _ask(self, file: Path, **fields: float | None) -> RecordedAnswer:
+    async def write_excerpt(
+        self, file: Path, from_s: float, to_s: float, into: Path, *, waits: bool
+    ) -> RecordedAnswer:
+        """Write an excerpt, or return why there is none; see :meth:`Recordings.write_excerpt`."""
+        return await self._ask(
+            file, EXCERPT_S, from_s=from_s, to_s=to_s, into=str(into), waits=waits
+        )
+
+    async def _ask(
+        self, file: Path, limit_s: float = LIMIT_S, **fields: float | str | None
+    ) -> RecordedAnswer:
         request = {"file": str(file), **fields}
         async with self._turn:
             try:
-                async with asyncio.timeout(LIMIT_S):
+                async with asyncio.timeout(limit_s):
                     return await self._answer(json.dumps(request))
             except TimeoutError:
-                reason = f"'{file.name}' was not read within {LIMIT_S:g} s"
+                reason = f"'{file.name}' was not read within {limit_s:g} s"
             except (OSError, ValueError, asyncio.IncompleteReadError):
                 reason = f"'{file.name}' cannot be read: the process that reads it has ended"
             except asyncio.CancelledError:
@@ -129,14 +142,20 @@ def main() -> None:
     for line in sys.stdin:
         message = _message(recordings, json.loads(line))
         kind = _FAILURE if isinstance(message, Failure) else _FOUND
-        text = encode(message).encode()
+        text = encode(message).encode() if message is not None else b""
         answers.write(b"%s %d\n%s" % (kind, len(text), text))
         answers.flush()
 
 
-def _message(recordings: Recordings, request: Mapping[str, Any]) -> Snapshot | Events | Failure:
+def _message(
+    recordings: Recordings, request: Mapping[str, Any]
+) -> Snapshot | Events | Failure | None:
     try:
         file = Path(request["file"])
+        if "into" in request:
+            span = request["from_s"], request["to_s"]
+            recordings.write_excerpt(file, *span, Path(request["into"]), waits=request["waits"])
+            return None
         if request["at_s"] is None:
             return recordings.events(file)
         return recordings.moment(file, request["at_s"], waits=request["waits"])

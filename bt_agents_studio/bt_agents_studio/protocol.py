@@ -20,6 +20,9 @@ VERSION = 1
 LARGEST_MESSAGE = 4096
 """Bytes of a message from a client."""
 
+LATEST_S = 2**40
+"""Latest moment that a client may name [s since 1970]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Hello:
@@ -157,7 +160,7 @@ class Seek:
 
     type: ClassVar[str] = "seek"
     source: str = field(metadata={"longest": 255})
-    at_s: float = field(metadata={"minimum": 0, "maximum": 2**40})
+    at_s: float = field(metadata={"minimum": 0, "maximum": LATEST_S})
 
 
 @dataclass(frozen=True, kw_only=True)

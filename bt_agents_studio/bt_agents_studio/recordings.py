@@ -29,10 +29,12 @@ _MOST_EVENTS = 10_000
 
 _LARGEST = 512 * 1024 * 1024
 _MOST_BYTES = 256 * 1024 * 1024
-_WRITTEN_S = 1.2
+WRITTEN_S = 1.2
 """The journal writes once a second what it has received [s]."""
 
 _LOOK_S = 0.05
+_ROUNDED_NS = 1000
+"""Seconds since 1970 as a float are less exact than the times of messages [ns]."""
 
 
 class Recordings:
@@ -73,6 +75,34 @@ class Recordings:
         """
         return Events(events=self._history(file).newest("events", EventRecord))
 
+    def write_excerpt(
+        self, file: Path, from_s: float, to_s: float, into: Path, *, waits: bool = False
+    ) -> None:
+        """Write what a journal file or a bag holds of a span [s since 1970] into a new file.
+
+        Args:
+            file: Its path.
+            from_s: First moment of the span.
+            to_s: Last moment of the span.
+            into: Path of the new file.
+            waits: As in :meth:`moment`.
+
+        Raises:
+            Refused: ``UNREADABLE``, ``CANNOT_WRITE``, or as :func:`write_excerpt` does.
+        """
+        try:
+            if waits:
+                self._wait_until_written(file)
+            reader = _reader(file, self._namespace)
+            from bt_agents_lab.recorder.excerpt import write_excerpt
+
+            from_ns, to_ns = round(from_s * 1e9), round(to_s * 1e9)
+            write_excerpt(reader, into, from_ns - _ROUNDED_NS, to_ns + _ROUNDED_NS)
+        except OSError as error:
+            raise Refused(
+                RefusalCode.CANNOT_WRITE, f"'{file.name}' cannot be copied: {error.strerror}"
+            ) from None
+
     def _history(self, file: Path, *, waits: bool = False) -> History:
         try:
             if waits:
@@ -102,7 +132,7 @@ class Recordings:
     def _wait_until_written(self, file: Path) -> None:
         """Wait for a change of a file, which does not come while the system is quiet."""
         before = file.stat().st_mtime_ns
-        for _ in range(round(_WRITTEN_S / _LOOK_S)):
+        for _ in range(round(WRITTEN_S / _LOOK_S)):
             if file.stat().st_mtime_ns != before:
                 return
             self._sleep(_LOOK_S)

@@ -282,9 +282,10 @@ class EventRecord:
     """A moment or a span on the timeline.
 
     Attributes:
-        lane: ``AGENT``, ``ROBOT``, ``MARKET``, ``FEEDBACK`` or ``FAULT``.
+        lane: ``AGENT``, ``ROBOT``, ``MARKET``, ``FEEDBACK``, ``FAULT`` or ``RECORDING``.
         kind: How a run ended, or ``RUNNING`` or ``CANCELLING``; what the robot does; the outcome
-            of a round; the kind of a feedback; the level of a part's health.
+            of a round; the kind of a feedback; the level of a part's health; ``RECORDING`` or
+            ``RECORDED``.
         ended_s: ``began_s`` for a moment; None while a span goes on.
     """
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 import gzip
 import json
+import math
 import mimetypes
 import socket as sockets
 import ssl
@@ -14,6 +15,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Mapp
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -51,6 +53,7 @@ from bt_agents_studio.operations import (
 from bt_agents_studio.own_operations import Caller, OwnOperations
 from bt_agents_studio.protocol import (
     LARGEST_MESSAGE,
+    LATEST_S,
     VERSION,
     Beat,
     Failure,
@@ -60,6 +63,7 @@ from bt_agents_studio.protocol import (
     decode,
     encode,
 )
+from bt_agents_studio.recordings import WRITTEN_S
 from bt_agents_studio.records import OF_A_PERSON
 from bt_agents_studio.studio import Studio
 
@@ -69,6 +73,12 @@ PERIOD_S = 1 / 30
 MOST_CLIENTS = 32
 """WebSockets of one role at a time."""
 
+MOST_EXCERPTS = 4
+"""Excerpts of recordings that are made or sent at a time, each from a file of its own."""
+
+SEND_S = 600.0
+"""Longest time that an excerpt is sent [s]."""
+
 BEAT_S = 1.0
 """Longest time without a message to a client [s]; a page takes a studio for lost after three."""
 
@@ -76,6 +86,7 @@ _PING_S = 10.0
 _PERSON_PING_S = 2.0
 """A robot waits for a page Person whose network has failed, until this and half of it [s]."""
 _END_S = 1.0
+_PART_BYTES = 64 * 1024
 _SOCKET = "/api/socket"
 _PAGE = Path(__file__).parent / "page"
 _STATUSES = {
@@ -90,6 +101,7 @@ _STATUSES = {
     RefusalCode.NOT_JSON: 415,
     RefusalCode.NO_ANSWER: 504,
     RefusalCode.TOO_MANY_CLIENTS: 503,
+    RefusalCode.BUSY: 503,
     RefusalCode.NOT_FOUND: 404,
     RefusalCode.NO_JOURNAL: 404,
 }
@@ -137,6 +149,7 @@ class Server:
         self._labels = ThreadPoolExecutor(max_workers=1, thread_name_prefix="labels")
         self._recordings = JournalWorker(studio.mood, studio.namespace)
         self._reading: set[asyncio.Task[None]] = set()
+        self._excerpts = asyncio.BoundedSemaphore(MOST_EXCERPTS)
         self._connections: Connections
         self._application = web.Application(
             client_max_size=LARGEST_BODY, middlewares=[self._guard]
@@ -150,6 +163,7 @@ class Server:
                 web.get("/api/journals", self._journals),
                 web.get("/api/journals/{name}", self._journal),
                 web.get("/api/journals/{name}/events", self._events),
+                web.get("/api/journals/{name}/messages", self._messages, allow_head=False),
                 web.post("/api/do/{operation}", self._do),
                 web.get("/{path:.*}", self._page),
             ]
@@ -254,21 +268,44 @@ class Server:
             raise Refused(
                 RefusalCode.NO_FILE, f"'{file.name}' is a bag, a folder of files; copy it instead"
             )
-        headers = {
-            "Content-Type": "application/octet-stream",
-            "Content-Disposition": f'attachment; filename="{quote(file.name)}"',
-        }
-        return web.FileResponse(file, headers=headers)
+        return web.FileResponse(file, headers=_attached(file.name))
 
     async def _events(self, request: web.Request) -> web.Response:
         self._access.check(_described(request), OBSERVERS)
         file = self._studio.journal_file(request.match_info["name"])
-        answer = await self._recordings.events(file)
-        return web.Response(
-            text=answer.text,
-            status=_BAD_REQUEST if answer.is_failure else 200,
-            content_type="application/json",
-        )
+        return _answered(await self._recordings.events(file))
+
+    async def _messages(self, request: web.Request) -> web.StreamResponse:
+        self._access.check(_described(request), OBSERVERS)
+        file = self._studio.journal_file(request.match_info["name"])
+        from_s, to_s = _moment(request, "from"), _moment(request, "to")
+        if self._excerpts.locked():
+            raise Refused(
+                RefusalCode.BUSY, f"{MOST_EXCERPTS} excerpts are being sent; wait until one ends"
+            )
+        waits = self._studio.is_awaited(file.name, to_s + WRITTEN_S)
+        async with self._excerpts:
+            with TemporaryDirectory(prefix="bt-agents-") as folder:
+                into = Path(folder) / "excerpt.mcap"
+                answer = await self._recordings.write_excerpt(
+                    file, from_s, to_s, into, waits=waits
+                )
+                if answer.is_failure:
+                    return _answered(answer)
+                headers = {**self._headers, **_attached(f"{file.stem}-excerpt.mcap")}
+                sent = web.StreamResponse(headers=headers)
+                sent.content_length = into.stat().st_size
+                await sent.prepare(request)
+                try:
+                    async with asyncio.timeout(SEND_S):
+                        with into.open("rb") as excerpt:
+                            while part := excerpt.read(_PART_BYTES):
+                                await sent.write(part)
+                except TimeoutError:
+                    # Whoever does not read it keeps no place.
+                    if request.transport is not None:
+                        request.transport.abort()
+                return sent
 
     async def _do(self, request: web.Request) -> web.Response:
         name = request.match_info["operation"]
@@ -448,6 +485,36 @@ def _described(request: web.Request) -> WebRequest:
         session=request.cookies.get(_cookie_name(request), ""),
         key=headers.get("Authorization", "").removeprefix("Bearer "),
         opens_socket=request.path == _SOCKET,
+    )
+
+
+def _moment(request: web.Request, name: str) -> float:
+    """Return a moment in the address of a request [s since 1970]."""
+    text = request.query.get(name, "")
+    try:
+        moment = float(text)
+    except ValueError:
+        moment = math.nan
+    if not 0 <= moment <= LATEST_S:
+        raise Refused(
+            RefusalCode.BAD_FIELD, f"'{name}' is '{text[:40]}', expected seconds since 1970"
+        )
+    return moment
+
+
+def _attached(name: str) -> Mapping[str, str]:
+    """Return the headers of a file that a browser saves."""
+    return {
+        "Content-Type": "application/octet-stream",
+        "Content-Disposition": f'attachment; filename="{quote(name)}"',
+    }
+
+
+def _answered(answer: RecordedAnswer) -> web.Response:
+    return web.Response(
+        text=answer.text,
+        status=_BAD_REQUEST if answer.is_failure else 200,
+        content_type="application/json",
     )
 
 

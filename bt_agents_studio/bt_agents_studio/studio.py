@@ -113,7 +113,7 @@ class Studio:
 
     def graph(self, listening: Mapping[str, ListeningRecord], is_journal_there: bool) -> None:
         """Take what trees listen to now, by topic, and whether a journal runs."""
-        self._projection.graph(listening, is_journal_there=is_journal_there)
+        self._projection.graph(listening, self._clock(), is_journal_there=is_journal_there)
 
     def beat(self, part: str) -> None:
         """Take a heartbeat; one is written down in a second, as long as they go on."""

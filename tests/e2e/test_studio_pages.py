@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
+from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from checkout import ROOT
 from studio_browser import (
@@ -103,6 +104,19 @@ def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path:
     page.get_by_role("button", name="Set it").click()
     expect(page.locator(".marks rect")).to_have_count(2)
     page.get_by_role("button", name="Back to now").click()
+    expect(page.locator(".block[data-kind=RECORDED]")).to_have_count(1)
+    expect(page.locator(".block[data-kind=RECORDING]")).to_have_count(1)
+
+    page.locator("details.menu summary", has_text="Export").click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Messages (MCAP)").click()
+    download.value.save_as(tmp_path / "window.mcap")
+    reader = JournalReader([tmp_path / "window.mcap"])
+    entries = reader.entries()
+    assert reader.problems == []
+    marks = [one.decode().label for one in entries if one.topic == "/bt_agents/bookmarks"]
+    assert marks == ["they laughed", "they asked"]
+    assert {one.topic for one in entries} >= {"/agents/files", "/bt_agents/cards"}
 
     open_page(page, "System")
     row = page.get_by_label("Recordings").locator("li", has_text="a class")

@@ -88,7 +88,7 @@ def fill(studio: BackgroundStudio) -> None:
     studio.put("listening", f"door/{LONG.lower()}", awaited())
     studio.put("recording", "", recording())
     now = time.time()
-    for lane in ("AGENT", "ROBOT", "MARKET", "FEEDBACK", "FAULT"):
+    for lane in ("AGENT", "ROBOT", "MARKET", "FEEDBACK", "FAULT", "RECORDING"):
         studio.put("events", lane, event(lane, LONG.upper(), now, None, LONG))
 
 

@@ -15,12 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 from playwright.sync_api import Browser, Locator, Page, expect
 from rclpy.serialization import serialize_message
 
 from bt_agents_interfaces.msg import Run
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
+from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_ros.messages import header_at, to_time
+from bt_agents_studio.access import SessionRole
 from bt_agents_studio.records import BookmarkRecord, LogRecord, MoodRecord, MoodRuleRecord
 from journal_fixture import topic_of
 from studio_browser import LIMIT_MS, box, opened_page, strip, style
@@ -366,16 +369,35 @@ def menu(page: Page, name: str) -> Locator:
 
 def export(page: Page, form: str) -> None:
     """Save a file, with the keyboard only."""
-    menu(page, "Export").locator("summary").focus()
-    page.keyboard.press("Enter")
+    opened = menu(page, "Export")
+    opened.locator("summary").focus()
+    if opened.get_attribute("open") is None:
+        page.keyboard.press("Enter")
     button = page.get_by_role("button", name=form)
     expect(button).to_be_in_viewport(ratio=1)
-    for _ in range(2):
+    for _ in range(3):
         if button.evaluate("one => one === document.activeElement"):
             break
         page.keyboard.press("Tab")
     page.keyboard.press("Enter")
-    expect(button).not_to_be_visible()
+
+
+def saved_messages(page: Page, folder: Path) -> list[JournalEntry]:
+    """Return the messages of the file that the timeline saves of its window."""
+    with page.expect_download() as download:
+        export(page, "Messages (MCAP)")
+    assert download.value.suggested_filename.endswith(".mcap")
+    download.value.save_as(folder / "saved.mcap")
+    expect(page.get_by_role("button", name="Messages (MCAP)")).not_to_be_visible()
+    reader = JournalReader([folder / "saved.mcap"])
+    found = reader.entries()
+    assert reader.problems == []
+    with (folder / "saved.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == len(found)
+    return found
 
 
 def mark(page: Page, note: str, kept: str) -> None:
@@ -418,6 +440,57 @@ def test_bookmark_goes_into_the_recording(
     expect(page.locator(".hover")).to_have_text(re.compile("Bookmark: it went wrong$"))
 
 
+def test_recording_is_started_and_stopped_from_timeline(
+    page: Page, studio: BackgroundStudio, began_s: float
+) -> None:
+    idle = replace(recording(), recording=False)
+    studio.put("recording", "", idle)
+    menu(page, "Record").locator("summary").click()
+    panel = page.get_by_label("Recording", exact=True)
+    expect(panel).to_contain_text("Nothing is recorded now")
+    panel.get_by_label("Label of the recording").fill("a class")
+    start = panel.get_by_role("button", name="Start")
+    expect(start).to_be_in_viewport(ratio=1)
+    start.click()
+    expect(panel.locator("output")).to_have_text("done")
+    started = replace(recording(), label="a class", since_s=began_s + 20)
+    studio.put("recording", "", started)
+    going_on = event("RECORDING", "RECORDING", began_s + 20, None, "a class")
+    studio.put("events", "recording", going_on)
+    expect(panel).to_contain_text("a class is being recorded")
+    stop = panel.get_by_role("button", name="Stop")
+    expect(stop).to_be_in_viewport(ratio=1)
+    stop.click()
+    expect(panel.locator("output")).to_have_text("done")
+    asked = [fields for _, service, fields in studio.caller.calls if service == "journal/record"]
+    assert [(one["action"], one.get("label")) for one in asked] == [(0, "a class"), (1, None)]
+    # Its span is a line of the timeline, which goes on until it is stopped.
+    expect(page.locator(".block[data-lane=RECORDING] rect")).to_be_in_viewport(ratio=1)
+    seen = Seen(page)
+    shown = seen.block("RECORDING", "RECORDING")
+    assert shown["left"] == pytest.approx(seen.place(began_s + 20), abs=2)
+    assert shown["right"] == pytest.approx(seen.right, abs=3)
+    studio.put("events", "recording", replace(going_on, kind="RECORDED", ended_s=began_s + 70))
+    ended = page.locator(".block[data-kind=RECORDED]")
+    expect(ended).to_contain_text("a class")
+    seen = Seen(page)
+    shown = seen.block("RECORDING", "RECORDED")
+    assert shown["right"] == pytest.approx(seen.place(began_s + 70), abs=2)
+    menu(page, "Record").locator("summary").click()
+    expect(panel).not_to_be_visible()
+    page.mouse.move((shown["left"] + shown["right"]) / 2, shown["top"] + 3)
+    expect(page.locator(".hover")).to_have_text(re.compile("Recording: .*a class$"))
+
+
+def test_viewer_cannot_record_from_timeline(browser: Browser, studio: BackgroundStudio) -> None:
+    studio.put("recording", "", replace(recording(), recording=False))
+    with opened_page(browser, studio.address_of(SessionRole.VIEW)) as page:
+        menu(page, "Record").locator("summary").click()
+        panel = page.get_by_label("Recording", exact=True)
+        expect(panel).to_contain_text("This link is for viewing only")
+        expect(panel.get_by_role("button", name="Start")).to_be_disabled()
+
+
 def test_bookmark_without_journal_survives_a_reload(page: Page, began_s: float) -> None:
     page.mouse.click(Seen(page).place(began_s + 45), box(timeline(page))["y"] + 5)
     expect(page.get_by_role("button", name="Back to now")).to_be_visible()
@@ -440,6 +513,7 @@ def test_bookmark_without_journal_survives_a_reload(page: Page, began_s: float) 
 def saved_table(page: Page, folder: Path) -> list[list[str]]:
     with page.expect_download() as download:
         export(page, "Events (CSV)")
+    expect(page.get_by_role("button", name="Events (CSV)")).not_to_be_visible()
     assert download.value.suggested_filename.endswith(".csv")
     download.value.save_as(folder / "saved.csv")
     with (folder / "saved.csv").open(newline="", encoding="utf-8") as file:
@@ -449,6 +523,7 @@ def saved_table(page: Page, folder: Path) -> list[list[str]]:
 def test_timeline_is_saved_as_picture(page: Page, tmp_path: Path) -> None:
     with page.expect_download() as download:
         export(page, "Picture (PNG)")
+    expect(page.get_by_role("button", name="Picture (PNG)")).not_to_be_visible()
     assert download.value.suggested_filename.endswith(".png")
     download.value.save_as(tmp_path / "saved.png")
     failed = Seen(page).block("AGENT", "FAILED")
@@ -488,7 +563,7 @@ def test_hover_says_what_and_when(page: Page) -> None:
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "lanes"), [(1024, 600, 6), (390, 844, 2)], ids=["small laptop", "phone"]
+    ("width", "height", "lanes"), [(1024, 600, 7), (390, 844, 2)], ids=["small laptop", "phone"]
 )
 def test_timeline_leaves_room_for_the_page(
     page: Page, width: int, height: int, lanes: int
@@ -553,6 +628,65 @@ def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: Backgro
         expect(bar).to_have_attribute("aria-valuetext", re.compile("guide · succeeded"))
         assert Seen(page).now == pytest.approx(BEGAN_S + 60 * DAY_S / RUNS, abs=0.2)
         expect(page.locator(".moment")).to_contain_text(FILE)
+
+
+def test_messages_of_window_are_saved_as_recording(
+    browser: Browser, recorded: BackgroundStudio, tmp_path: Path
+) -> None:
+    address = recorded.address_of(SessionRole.VIEW, f"live?from={FILE}")
+    with opened_page(browser, address) as page:
+        expect(page.locator(".block")).to_have_count(RUNS)
+        assert len(saved_messages(page, tmp_path)) == 2 * RUNS
+        timeline(page).press("Home")
+        expect(page.get_by_label("Speed")).to_be_visible()
+        for _ in range(6):
+            timeline(page).press("+")
+        expect(page.locator(".block")).not_to_have_count(RUNS)
+        seen = Seen(page)
+        began = [one.decode() for one in saved_messages(page, tmp_path)]
+        began = [one.round for one in began if one.event == Run.STARTED]
+        # Those that are drawn, the last perhaps only just.
+        assert began == list(range(1, len(began) + 1))
+        assert 2 <= len(began) < RUNS
+        assert len(seen.blocks) - len(began) in (0, 1)
+
+
+def test_running_system_is_saved_from_its_journal(
+    browser: Browser, began_s: float, tmp_path: Path
+) -> None:
+    file = JournalFile(tmp_path / "2026.mcap")
+    for number, at_s in enumerate((began_s - 50, began_s + 50, began_s + 51), 1):
+        sent_ns = int(at_s * 1e9)
+        message = RecordedMessage(
+            topic=topic_of(Run, "/bt_agents/runs"),
+            data=serialize_message(Run(round=number)),
+            sent_ns=sent_ns,
+            received_ns=sent_ns,
+        )
+        file.add(message, number)
+    file.flush()
+    with background_studio(tmp_path) as served:
+        served.put_past(began_s, "market", "", market())
+        served.put("market", "", market())
+        for record, why in (
+            (None, "'bt-agents up --journal' starts the system with one"),
+            (replace(recording(), recording=False), "Nothing is recorded now"),
+            (replace(recording(), file="gone.mcap"), "there is no journal 'gone.mcap'"),
+            (recording(), ""),
+        ):
+            if record is not None:
+                served.put("recording", "", record)
+            with opened_page(browser, served.address) as page:
+                expect(strip(page)).to_have_attribute("data-state", "IDLE")
+                if not why:
+                    found = saved_messages(page, tmp_path)
+                    continue
+                export(page, "Messages (MCAP)")
+                failure = menu(page, "Export").locator(".failure")
+                expect(failure).to_contain_text(why)
+                expect(failure).to_be_in_viewport(ratio=1)
+    assert [one.decode().round for one in found] == [2, 3]
+    file.close()
 
 
 def test_recording_plays_to_its_end(browser: Browser, recorded: BackgroundStudio) -> None:

@@ -331,9 +331,9 @@ def topic_of(kind: Any, name: str) -> RecordedTopic:
     )
 
 
-def recorded(number: int, *, topic: str = "/agents/status", size: int = 0) -> RecordedMessage:
+def recorded(number: int, *, topic: str = "/agents/status", tip: str = "") -> RecordedMessage:
     """Return a small message that is distinguished from others by its number."""
-    message = TreeStatus(tick=number, tip="x" * size)
+    message = TreeStatus(tick=number, tip=tip)
     data = serialize_message(message)
     ns = 1_000_000_000 * (number + 1)
     return RecordedMessage(

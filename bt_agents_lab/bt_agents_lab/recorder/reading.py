@@ -283,7 +283,7 @@ class JournalReader:
                 type=one.schema.name,
                 # Recorders that do not know the time of sending write 0.
                 sent_ns=one.message.publish_time or one.message.log_time,
-                lost=_lost_before(one.message, at.sequences) if one.is_ours else 0,
+                lost=lost_before(one.message, at.sequences) if one.is_ours else 0,
                 data=one.message.data,
                 decoder=one.decoder,
             )
@@ -428,7 +428,7 @@ def _namespace_of(topic: str, type_name: str) -> str:
     return ""
 
 
-def _lost_before(message: Message, sequences: dict[int, int]) -> int:
+def lost_before(message: Message, sequences: dict[int, int]) -> int:
     """Return the number of missing messages of the same topic before a message.
 
     Each file counts the messages of every topic from 1. ``sequences`` holds the number of the

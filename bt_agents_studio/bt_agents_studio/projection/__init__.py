@@ -10,6 +10,7 @@ from bt_agents_studio.projection.agents import AgentProjection
 from bt_agents_studio.projection.event_log import EventLog
 from bt_agents_studio.projection.health import FAILURES, ROOM, HealthProjection
 from bt_agents_studio.projection.market import MarketProjection
+from bt_agents_studio.projection.recording import RECORDING, RecordingProjection
 from bt_agents_studio.projection.robot import RobotProjection
 from bt_agents_studio.projection.runs import RunProjection
 from bt_agents_studio.records import (
@@ -40,12 +41,14 @@ class Projection:
         log = EventLog(store)
         self._store = store
         self._market = MarketProjection(store, log, mood)
+        self._recording = RecordingProjection(store, log)
         self.agents = AgentProjection(store, log)
         self.health = HealthProjection(store, log)
         parts = (
             self._market,
             self.agents,
             self.health,
+            self._recording,
             RobotProjection(store, log),
             RunProjection(store, log),
         )
@@ -72,19 +75,21 @@ class Projection:
         elif (handler := self._handlers.get(kind)) is not None:
             handler(message, at_s)
 
-    def graph(self, listening: Mapping[str, ListeningRecord], *, is_journal_there: bool) -> None:
-        """Take what trees listen to now, by topic, and whether a journal runs."""
+    def graph(
+        self, listening: Mapping[str, ListeningRecord], at_s: float, *, is_journal_there: bool
+    ) -> None:
+        """Take what trees listen to at a moment, by topic, and whether a journal runs."""
         for topic in set(self._store.keys("listening")) - listening.keys():
             self._store.remove("listening", topic)
         for topic, record in listening.items():
             self._store.put("listening", topic, record)
         if not is_journal_there:
-            self._store.remove("recording", "")
+            self._recording.lose(at_s)
 
 
 def is_in_use(store: Store, collection: str, key: str) -> bool:
-    """Return whether an entry is of the agent that runs, or of a host that is there."""
-    if not key or key in (ROOM, FAILURES):
+    """Return whether an entry is of what goes on: a run, a recording, a host that is there."""
+    if not key or key in (ROOM, FAILURES, RECORDING):
         return True
     owner = key.partition("|")[0]
     market = store.get("market")

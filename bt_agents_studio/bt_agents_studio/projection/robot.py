@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person sees and hears of the robot, and what is recorded of it."""
+"""What a person sees and hears of the robot."""
 
 from __future__ import annotations
 
@@ -7,18 +7,12 @@ from typing import Any
 
 from bt_agents_studio.projection.conversion import finite, record_of, seconds
 from bt_agents_studio.projection.event_log import EventLog
-from bt_agents_studio.records import (
-    BookmarkRecord,
-    QuestionsRecord,
-    RecordingRecord,
-    RobotActRecord,
-    RobotRecord,
-)
+from bt_agents_studio.records import QuestionsRecord, RobotActRecord, RobotRecord
 from bt_agents_studio.store import Store
 
 
 class RobotProjection:
-    """Messages of a robot and a recorder → ``robot``, ``questions``, ``recording``, ….
+    """Messages of a robot → ``robot``, ``questions``.
 
     Args:
         store: Where the entries go.
@@ -29,9 +23,7 @@ class RobotProjection:
         self._store = store
         self._log = log
         self.handlers = {
-            "bt_agents_interfaces/msg/Bookmark": self._bookmark,
             "bt_agents_interfaces/msg/OpenQuestions": self._questions,
-            "bt_agents_interfaces/msg/RecordingStatus": self._recording,
             "bt_agents_interfaces/msg/RobotState": self._robot,
             "std_msgs/msg/String": self._act,
         }
@@ -61,14 +53,3 @@ class RobotProjection:
                 text=act.text or act.clip,
             )
         self._store.put("robot", "", record_of(RobotRecord, message, acts=acts))
-
-    def _recording(self, message: Any, at_s: float) -> None:
-        del at_s
-        self._store.put("recording", "", record_of(RecordingRecord, message))
-
-    def _bookmark(self, message: Any, at_s: float) -> None:
-        record = record_of(BookmarkRecord, message)
-        self._store.put("bookmarks", f"{record.at_s:.6f}", record)
-        text = f"{record.label or 'a moment'} is marked"
-        author = f" by {record.author}" if record.author else ""
-        self._log.line(at_s, "journal", text=text + author)

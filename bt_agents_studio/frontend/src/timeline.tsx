@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The timeline: what happened when, in lanes, and which moment is shown.
 
-import { useEffect, useMemo, useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
+import { lazy, Suspense, useEffect, useMemo, useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
 import { Bookmarks, useBookmarks } from "./bookmarks";
 import { fetchEvents, follow, seek, useConnection } from "./connection";
 import { formatSeconds, formatTime } from "./formatting";
 import type { BookmarkRecord, EventRecord, ParameterRecord } from "./protocol";
-import { useCollection, useEntry, usePresentCollection } from "./store";
+import { useCollection, useEntry, usePresent, usePresentCollection } from "./store";
 import { texts } from "./texts";
 import {
   blockAt,
@@ -39,9 +39,11 @@ import { DRAG_PX, STEP } from "./tree_view";
 const words = texts.time;
 const PERIOD_MS = 250;
 /** Least room for a text: for the mark of a run, and for words of the robot. */
-const TEXT_PX: Partial<Record<Lane, number>> = { AGENT: 14, ROBOT: 40 };
+const TEXT_PX: Partial<Record<Lane, number>> = { AGENT: 14, ROBOT: 40, RECORDING: 40 };
 const LETTER_PX = 7;
 const MARKS: Record<string, string> = { RUNNING: "●", CANCELLING: "●", SUCCEEDED: "✔", CANCELLED: "■" };
+
+const Recording = lazy(() => import("./recording").then((one) => ({ default: one.Recording })));
 
 interface Hover {
   x: number;
@@ -88,7 +90,14 @@ export function Timeline() {
         )}
         {atS !== null && <PlayerButtons of={player} />}
         <Bookmarks of={bookmarks} moment={moment} />
-        <Export events={events} bookmarks={bookmarks.all} shown={windowOf(view, whole)} lanes={box} />
+        <RecordingMenu />
+        <Export
+          events={events}
+          bookmarks={bookmarks.all}
+          shown={windowOf(view, whole)}
+          endsNow={source === "" && (view === null || view.endS === null)}
+          lanes={box}
+        />
         {source && <span className="source">{source}</span>}
         {failure && <span className="failure">{failure}</span>}
       </div>
@@ -109,17 +118,37 @@ export function Timeline() {
   );
 }
 
+/** Menu that starts and stops a recording. */
+function RecordingMenu() {
+  const box = useRef<HTMLDetailsElement>(null);
+  const [isOpened, setOpened] = useState(false);
+  return (
+    <Menu box={box} label={words.record} onOpen={() => setOpened(true)}>
+      {isOpened && (
+        <Suspense>
+          <Recording />
+        </Suspense>
+      )}
+    </Menu>
+  );
+}
+
 interface ExportProps {
   events: EventRecord[];
   bookmarks: readonly BookmarkRecord[];
   shown: Span;
+  /** The window moves on with the time, which it is told once a second. */
+  endsNow: boolean;
   lanes: React.RefObject<HTMLElement | null>;
 }
 
 /** Menu of the files that can be made of the time in the window. */
-function Export({ events, bookmarks, shown, lanes }: ExportProps) {
-  const { source } = useConnection();
+function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
+  const { source, offsetS } = useConnection();
+  const written = usePresent("recording");
   const box = useRef<HTMLDetailsElement>(null);
+  const [isPending, setPending] = useState(false);
+  const [failure, setFailure] = useState("");
   const save = async (form: "CSV" | "PNG"): Promise<void> => {
     close(box);
     const { savePicture, saveTable } = await import("./timeline_export");
@@ -127,8 +156,21 @@ function Export({ events, bookmarks, shown, lanes }: ExportProps) {
     if (form === "CSV") saveTable(events, bookmarks, shown, source);
     else if (drawing) savePicture(drawing, shown, source);
   };
+  const saveRecorded = async (): Promise<void> => {
+    if (isPending) return;
+    setPending(true);
+    setFailure("");
+    const { saveMessages } = await import("./timeline_export");
+    const recording = source || (written?.recording === true ? written.file : "");
+    const missing = written === undefined ? texts.world.noJournal : texts.world.notRecorded;
+    const toS = endsNow ? Date.now() / 1000 + offsetS : shown.toS;
+    const why = recording === "" ? missing : await saveMessages({ ...shown, toS }, recording);
+    setPending(false);
+    setFailure(why);
+    if (why === "") close(box);
+  };
   return (
-    <Menu box={box} label={words.save}>
+    <Menu box={box} label={words.save} onOpen={() => setFailure("")}>
       <div className="bar">
         <button type="button" onClick={() => void save("CSV")}>
           {words.saveTable}
@@ -136,7 +178,12 @@ function Export({ events, bookmarks, shown, lanes }: ExportProps) {
         <button type="button" onClick={() => void save("PNG")}>
           {words.savePicture}
         </button>
+        <button type="button" aria-disabled={isPending || undefined} onClick={() => void saveRecorded()}>
+          {words.saveMessages}
+          {isPending && " …"}
+        </button>
       </div>
+      <output className="failure">{failure}</output>
     </Menu>
   );
 }

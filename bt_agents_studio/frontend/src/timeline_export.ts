@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of the time that the timeline shows: its events as CSV, and itself as PNG.
+// Files of the time that the timeline shows: its events as CSV, itself as PNG, and the messages of its recording as MCAP.
 
 import type { BookmarkRecord, EventRecord } from "./protocol";
+import { texts } from "./texts";
 import type { Span } from "./timeline_lanes";
 
 const COLUMNS = ["began", "ended", "lane", "kind", "agent", "text"];
@@ -42,6 +43,18 @@ export function savePicture(drawing: SVGSVGElement, { fromS }: Span, source: str
   canvas.toBlob((blob) => blob && save(blob, nameOf(fromS, source, "png")));
 }
 
+/** Offer the messages of a span of a recording; return why there are none, in words, empty when there are. */
+export async function saveMessages({ fromS, toS }: Span, recording: string): Promise<string> {
+  try {
+    const answer = await fetch(`/api/journals/${encodeURIComponent(recording)}/messages?from=${fromS}&to=${toS}`);
+    if (!answer.ok) return ((await answer.json()) as { message: string }).message;
+    save(await answer.blob(), nameOf(fromS, recording, "mcap"));
+    return "";
+  } catch {
+    return texts.time.noAnswer;
+  }
+}
+
 /** Draw a shape as the page does; there are no others in the timeline. */
 function draw(context: CanvasRenderingContext2D, shape: SVGGraphicsElement): void {
   const { fill, stroke, strokeWidth, strokeDasharray, font, textAnchor } = getComputedStyle(shape);
@@ -80,7 +93,7 @@ function cell(text: string): string {
 }
 
 function nameOf(fromS: number, source: string, suffix: string): string {
-  return `${source || "timeline"}-${stamp(fromS).slice(0, 19).replaceAll(":", "-")}.${suffix}`;
+  return `${source.replace(/\.mcap$/, "") || "timeline"}-${stamp(fromS).slice(0, 19).replaceAll(":", "-")}.${suffix}`;
 }
 
 function save(blob: Blob, name: string): void {

@@ -3,7 +3,7 @@
 
 import type { EventRecord } from "./protocol";
 
-export const LANES = ["AGENT", "ROBOT", "MOOD", "MARKET", "FEEDBACK", "FAULT"] as const;
+export const LANES = ["AGENT", "ROBOT", "MOOD", "MARKET", "FEEDBACK", "FAULT", "RECORDING"] as const;
 export type Lane = (typeof LANES)[number];
 const NARROW_LANES: readonly Lane[] = ["AGENT", "MARKET"];
 

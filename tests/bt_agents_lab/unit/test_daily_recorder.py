@@ -44,7 +44,7 @@ class Recorder:
 
     def receive(self, *numbers: int, fact: str = "", size: int = 0) -> None:
         for number in numbers:
-            self.journal.record(recorded(number, size=size), fact=fact)
+            self.journal.record(recorded(number, tip="x" * size), fact=fact)
 
     def flush(self) -> None:
         self.journal.flush(10**9)

@@ -9,12 +9,22 @@ from types import SimpleNamespace
 
 import pytest
 
-from bt_agents_interfaces.msg import AgentCard, AgentFiles, HostCard, MarketStatus, Profiles, Run
+from bt_agents_interfaces.msg import (
+    AgentCard,
+    AgentFiles,
+    Auction,
+    HostCard,
+    MarketStatus,
+    Profiles,
+    RecordingStatus,
+    Run,
+)
 from bt_agents_studio import node
 from bt_agents_studio.history import History
 from bt_agents_studio.node import Handover
 from bt_agents_studio.projection.health import FAILURES, ROOM
-from bt_agents_studio.records import FileRecord, HealthRecord, MoodRecord
+from bt_agents_studio.projection.recording import RECORDING
+from bt_agents_studio.records import MOST_ENTRIES, FileRecord, HealthRecord, MoodRecord
 from bt_agents_studio.store import MOST_BYTES, Change, Store, size_of
 from bt_agents_studio.studio import Studio
 from studio_harness import SPACE
@@ -93,6 +103,15 @@ def test_huge_change_is_still_the_last_moment() -> None:
     history.record(1.0, Change(collection="files", key="a", value=text(), size=2 * KIB))
     assert (history.first_s, history.last_s) == (1.0, 1.0)
     assert history.at(1.0)["files"]["a"] == text()
+
+
+def test_recording_stays_on_timeline_however_much_follows() -> None:
+    studio = Studio("studio", space=SPACE, clock=lambda: 1000.0)
+    send(studio, RecordingStatus(recording=True, file="a.mcap"))
+    for number in range(2 * MOST_ENTRIES["events"]):
+        send(studio, Auction(epoch="e", round=number))
+    assert len(studio.store.keys("events")) == MOST_ENTRIES["events"]
+    assert RECORDING in studio.store.keys("events")
 
 
 @pytest.fixture(scope="module")

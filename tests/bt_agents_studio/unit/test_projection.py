@@ -23,6 +23,7 @@ from bt_agents_interfaces.msg import (
     NodeDetails,
     NodeValue,
     Preset,
+    RecordingStatus,
     RobotAct,
     RobotState,
     Run,
@@ -46,15 +47,15 @@ class Shown:
 
     def __init__(self) -> None:
         self.store = Store()
-        self._projection = Projection(self.store)
+        self.projection = Projection(self.store)
         self._now = 1000.0
 
-    def take(self, message: Any) -> None:
+    def take(self, message: Any, stamp: float | None = None) -> None:
         self._now += 1.0
         if hasattr(message, "header"):
-            message.header = header_at(to_time(self._now))
+            message.header = header_at(to_time(self._now if stamp is None else stamp))
         kind = f"bt_agents_interfaces/msg/{type(message).__name__}"
-        self._projection.handle(kind, message, self._now)
+        self.projection.handle(kind, message, self._now)
 
     def details(self, *countdowns: Countdown, values: tuple[NodeValue, ...] = ()) -> None:
         self.take(NodeDetails(**RUN, tick=7, countdowns=countdowns, values=values))
@@ -143,7 +144,7 @@ def test_new_run_clears_values_of_previous_run(shown: Shown) -> None:
 def test_details_of_earlier_run_change_nothing(shown: Shown) -> None:
     shown.take(Run(**RUN | {"round": 4}, event=Run.STARTED))
     late = NodeDetails(**RUN, values=[value("patience", "8")], header=header_at(to_time(1000.5)))
-    shown._projection.handle("bt_agents_interfaces/msg/NodeDetails", late, 1003.0)
+    shown.projection.handle("bt_agents_interfaces/msg/NodeDetails", late, 1003.0)
     assert shown.get("values") is None
     assert shown.get("runs", "guide").round == 4
 
@@ -322,6 +323,37 @@ def test_run_is_one_event_until_its_end(shown: Shown) -> None:
     assert events(shown) == [("AGENT", "FAILED", 1001.0, 1002.0)]
     shown.take(Run(**RUN | {"round": 4}, event=Run.REFUSED))
     assert events(shown)[1:] == [("AGENT", "REFUSED", 1003.0, 1003.0)]
+
+
+def test_recording_is_one_event_until_its_end(shown: Shown) -> None:
+    shown.take(Run(**RUN, event=Run.ENDED, outcome=Run.FAILED))
+
+    def recording(since_s: float, *, on: bool = True, **told: Any) -> None:
+        shown.take(RecordingStatus(recording=on, file="a.mcap", **told), since_s)
+
+    def spans() -> list[tuple[str, str, float, float | None]]:
+        found = [shown.get("events", key) for key in shown.store.keys("events")]
+        return [
+            (one.kind, one.text, one.began_s, one.ended_s)
+            for one in found
+            if one.lane == "RECORDING"
+        ]
+
+    recording(900.0)
+    assert spans() == [("RECORDING", "a.mcap", 900.0, None)]
+    recording(950.0, on=False)
+    ended = [("RECORDED", "a.mcap", 900.0, 950.0)]
+    assert spans() == ended
+    recording(960.0, label="a class")
+    recording(960.0, label="a class", bookmarks=1)
+    assert spans() == [*ended, ("RECORDING", "a class", 960.0, None)]
+    # A journal that has crashed tells no end.
+    recording(970.0)
+    ended.append(("RECORDED", "a class", 960.0, 970.0))
+    assert spans() == [*ended, ("RECORDING", "a.mcap", 970.0, None)]
+    shown.projection.graph({}, 980.0, is_journal_there=False)
+    ended.append(("RECORDED", "a.mcap", 970.0, 980.0))
+    assert spans() == ended
 
 
 def test_act_of_robot_ends_when_untold(shown: Shown) -> None:

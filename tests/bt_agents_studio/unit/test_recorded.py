@@ -16,7 +16,7 @@ from bt_agents_interfaces.msg import RecordingStatus, Run
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
 from bt_agents_studio.recordings import Recordings
 from bt_agents_studio.studio import Studio
-from journal_fixture import recorded, topic_of
+from journal_fixture import recorded, ticks, topic_of
 from studio_harness import SPACE
 
 NOW_S = 1000.0
@@ -131,14 +131,34 @@ def test_timeline_of_recording_is_told_apart_from_moments(recording: Recording) 
     assert event.ended_s is None
 
 
+def test_excerpt_of_active_recording_waits_for_flush(recording: Recording, tmp_path: Path) -> None:
+    recording.writes_after = 2
+    into = tmp_path / "excerpt"
+    recording.recordings.write_excerpt(recording.path, 2.0, 3.0, into, waits=True)
+    assert len(recording.waits) == 2
+    assert ticks(into) == [1, 2]
+
+
+def test_excerpt_without_place_or_journal_is_refused(recording: Recording, tmp_path: Path) -> None:
+    write = recording.recordings.write_excerpt
+    for into, code in ((recording.path, "CANNOT_WRITE"), (tmp_path / "a" / "b", "CANNOT_WRITE")):
+        with pytest.raises(Refused, match=code):
+            write(recording.path, 0.0, 9.0, into)
+    with pytest.raises(Refused, match="UNREADABLE: no journal"):
+        write(tmp_path / "gone.mcap", 0.0, 9.0, tmp_path / "excerpt")
+
+
 def test_worker_answers_and_ends_with_its_input(recording: Recording) -> None:
     command = [sys.executable, "-m", "bt_agents_studio.journal_worker", "mood", ""]
     request = {"file": str(recording.path), "at_s": NEWEST_S, "waits": False}
     timeline = {"file": str(recording.path), "at_s": None}
+    into = recording.path.with_name("excerpt")
+    span = {"from_s": 2.0, "to_s": 3.0, "into": str(into), "waits": False}
     missing = timeline | {"file": f"{recording.path}.gone"}
+    requests = (request, timeline, timeline | span, missing)
     done = subprocess.run(
         command,
-        input="".join(f"{json.dumps(one)}\n" for one in (request, timeline, missing)).encode(),
+        input="".join(f"{json.dumps(one)}\n" for one in requests).encode(),
         capture_output=True,
         timeout=60,
         check=True,
@@ -149,6 +169,8 @@ def test_worker_answers_and_ends_with_its_input(recording: Recording) -> None:
     head, _, rest = rest[int(length) :].partition(b"\n")
     kind, length = head.split()
     assert (kind, json.loads(rest[: int(length)])) == (b"found", {"type": "events", "events": []})
-    kind, length, failure = rest[int(length) :].split(maxsplit=2)
+    head, _, rest = rest[int(length) :].partition(b"\n")
+    assert (head, ticks(into)) == (b"found 0", [1])
+    kind, length, failure = rest.split(maxsplit=2)
     assert (kind, json.loads(failure)["code"]) == (b"failure", "NO_JOURNAL")
     assert len(failure) == int(length)

@@ -27,8 +27,8 @@ from bt_agents_studio.access import LARGEST_BODY, SessionRole, cookie_name
 from bt_agents_studio.connections import MOST_CONNECTIONS
 from bt_agents_studio.protocol import VERSION
 from bt_agents_studio.records import MoodRecord, PartRecord, RobotActRecord, RobotRecord
-from bt_agents_studio.server import MOST_CLIENTS
-from journal_fixture import recorded
+from bt_agents_studio.server import MOST_CLIENTS, MOST_EXCERPTS
+from journal_fixture import recorded, ticks
 from studio_harness import ServedStudio, served, serving
 
 _Connection = tuple[asyncio.StreamReader, asyncio.StreamWriter]
@@ -265,6 +265,86 @@ def test_timeline_of_recording_is_served_to_observers(tmp_path: Path) -> None:
             (tmp_path / "torn" / "metadata.yaml").write_text("torn")
             torn = await client.get("/api/journals/torn/events")
             assert (torn.status, (await torn.json())["code"]) == (400, "UNREADABLE")
+
+    served(test, journal=tmp_path)
+
+
+def test_messages_of_span_are_sent_to_observers(tmp_path: Path) -> None:
+    address = f"/api/journals/{_journal(tmp_path).path.name}/messages"
+    refused = {
+        "?from=9&to=9": (400, "OUT_OF_RANGE"),
+        "?from=0": (400, "BAD_FIELD"),
+        "?from=nan&to=3": (400, "BAD_FIELD"),
+        "?from=0&to=1e99": (400, "BAD_FIELD"),
+        "?from=0&to=3x": (400, "BAD_FIELD"),
+    }
+
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.VIEW) as client:
+            for query, expected in refused.items():
+                answer = await client.get(address + query)
+                assert (answer.status, (await answer.json())["code"]) == expected, query
+            answer = await client.get(f"{address}?from=2.5&to=3")
+            assert answer.status == 200
+            assert answer.headers["Content-Disposition"] == (
+                'attachment; filename="journal-2026-03-01_001-excerpt.mcap"'
+            )
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+            (tmp_path / "got.mcap").write_bytes(await answer.read())
+        assert ticks(tmp_path / "got.mcap") == [2]
+
+    served(test, journal=tmp_path)
+
+
+def test_no_more_excerpts_at_a_time_than_allowed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "files"))
+    (tmp_path / "files").mkdir()
+    address = f"/api/journals/{_journal(tmp_path).path.name}/messages?from=2&to=3"
+
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.VIEW) as client:
+            assert (await client.get(address)).status == 200
+            worker = one.server._recordings._process
+            assert worker is not None
+            os.kill(worker.pid, signal.SIGSTOP)
+            asked = [asyncio.create_task(client.get(address)) for _ in range(MOST_EXCERPTS)]
+            await _until(lambda: len(os.listdir(tmp_path / "files")) == MOST_EXCERPTS)
+            busy = await client.get(address)
+            assert (busy.status, (await busy.json())["code"]) == (503, "BUSY")
+            os.kill(worker.pid, signal.SIGCONT)
+            assert [(await one).status for one in asked] == [200] * MOST_EXCERPTS
+            assert (await client.get(address)).status == 200
+            # Nothing is left of them.
+            assert os.listdir(tmp_path / "files") == []
+
+    served(test, journal=tmp_path)
+
+
+def test_excerpt_that_nobody_reads_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "SEND_S", 0.5)
+    file = _journal(tmp_path)
+    for number in range(3, 19):
+        file.add(recorded(number, tip=os.urandom(500_000).hex()), number)
+    file.flush()
+    address = f"/api/journals/{file.path.name}/messages?from=2&to=99"
+
+    async def test(one: ServedStudio) -> None:
+        session = one.session(SessionRole.VIEW)
+        reader, writer = await asyncio.open_connection("127.0.0.1", one.port)
+        cookie = f"{cookie_name(one.host)}={session}"
+        writer.write(
+            f"GET {address} HTTP/1.1\r\nHost: {one.host}\r\nCookie: {cookie}\r\n\r\n".encode()
+        )
+        head = await reader.readuntil(b"\r\n\r\n")
+        assert b" 200 " in head
+        await _until(lambda: one.server._excerpts._value == MOST_EXCERPTS)
+        length = head.lower().partition(b"content-length: ")[2].split()[0]
+        assert len(await reader.read()) < int(length)
+        writer.close()
 
     served(test, journal=tmp_path)
 
@@ -766,6 +846,10 @@ _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
     ("person is urgent", "POST /api/do/scene", _PERSON, '{"urgent":true}'),
     ("person looks back", "GET /api/journals", _PERSON, ""),
     ("person sees a timeline", "GET /api/journals/a.mcap/events", _PERSON, ""),
+    ("messages without cookie", "GET /api/journals/a.mcap/messages", {"Cookie": None}, ""),
+    ("person exports", "GET /api/journals/a.mcap/messages?from=0&to=9", _PERSON, ""),
+    ("messages of no recording", "GET /api/journals/a.mcap/messages?from=0&to=9", {}, ""),
+    ("messages of another file", "GET /api/journals/..%2Fa/messages?from=0&to=9", {}, ""),
     ("timeline of no recording", "GET /api/journals/a.mcap/events", {}, ""),
     ("timeline of another file", "GET /api/journals/..%2Fa.mcap/events", {}, ""),
     ("answer of a viewer", "POST /api/do/answer", _VIEWER, '{"text":"yes"}'),
