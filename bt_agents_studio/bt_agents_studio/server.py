@@ -302,7 +302,7 @@ class Server:
                             while part := excerpt.read(_PART_BYTES):
                                 await sent.write(part)
                 except TimeoutError:
-                    # Whoever does not read it keeps no place.
+                    # A client that does not read it keeps no place.
                     if request.transport is not None:
                         request.transport.abort()
                 return sent
