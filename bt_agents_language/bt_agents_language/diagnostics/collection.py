@@ -42,6 +42,8 @@ _SAME = (
     ("on_failure", "on_error", "on_fail", "catch"),
     ("on_cancel", "on_stop", "on_abort"),
     ("tunables", "parameters", "params", "settings", "variables"),
+    ("min", "minimum"),
+    ("max", "maximum"),
     ("weight", "chance", "probability"),
     ("name", "id", "label"),
     ("forever", "always", "endless", "infinite", "unlimited"),

@@ -26,18 +26,29 @@ _NUMBER_ONLY = re.compile(_NUMBER)
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+")
 _QUANTITY = re.compile(rf"({_NUMBER})\s*([^\W\d_]*|°)")
-_SEVERAL = re.compile(rf"{_NUMBER}\s*[^\W\d_]+\s*{_NUMBER}\s*[^\W\d_]*")
+_SEVERAL = re.compile(rf"{_NUMBER}\s*[^\W\d_]+\s*(?:and\s*)?{_NUMBER}\s*[^\W\d_]*")
 _CLOCK = re.compile(r"[0-9]{1,4}(:[0-9]{1,2})+")
-_COMMENT = re.compile(r".*\S\s+//.*")
 _CONDITION = re.compile(r"[a-z]\w*\.\w+|.*([<>=]|\b(and|or|not)\b).*")
 _NOT_FINITE = re.compile(r"[-+]?\.?(inf|infinity|nan)", re.IGNORECASE)
-_WORDS = (
-    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten",
-)  # fmt: skip
+_UNIT = r"([^\W\d_]*)"
+_TO = r"(?(between)\band\b|(?:-|–|…|\.\.+|\bto\b))"
+_RANGE = re.compile(
+    rf"(?P<between>between\s+)?({_NUMBER})\s*{_UNIT}\s*{_TO}\s*({_NUMBER})\s*{_UNIT}"
+)
+_WORDS = {
+    "half": 0.5, "zero": 0, "one": 1, "once": 1, "two": 2, "twice": 2, "couple": 2, "three": 3,
+    "few": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8, "nine": 9, "ten": 10,
+    "eleven": 11, "twelve": 12, "fifteen": 15, "twenty": 20, "thirty": 30, "forty": 40,
+    "fifty": 50, "sixty": 60, "ninety": 90,
+}  # fmt: skip
+_FILLERS = ("a", "an", "and", "of", "for", "about", "times")
 _NO_LIMIT = ("none", "never", "forever", "infinite", "unlimited", "endless", "no", "off", "false")
 _LARGEST_INTEGER = 2**63 - 1
 _MAX_LENGTH = 400
 _LONGEST_QUANTITY = 40
+
+COMMENT = re.compile(r"(?<!\S)(?://(?!\S*/)|/\*(?=[\s\w*]))")
+"""Mark that starts a comment in other languages; there is none in ``https://…``."""
 
 
 class QuantityError(BtAgentsError):
@@ -57,7 +68,7 @@ def number(text: str) -> float:
     """
     text = text.strip()
     if len(text) > _MAX_LENGTH or not _NUMBER_ONLY.fullmatch(text):
-        raise _no_number(text, "a number", bare=True)
+        raise _no_number(text, "a number")
     _check_zero(text)
     return _finite(float(text), text)
 
@@ -75,7 +86,7 @@ def integer(text: str) -> int:
             whole = math.isfinite(value) and value.is_integer() and abs(value) < 1e15
             hint = f"write {value:.0f}" if whole else ""
             raise QuantityError(f"expected a whole number, found '{ellipsize(text)}'", hint)
-        raise _no_number(text, "a whole number", bare=True)
+        raise _no_number(text, "a whole number")
     _check_zero(text)
     value = int(text) if len(text) < 25 else _LARGEST_INTEGER + 1
     if abs(value) > _LARGEST_INTEGER:
@@ -179,6 +190,8 @@ def _no_quantity(text: str, dimension: Dimension) -> QuantityError:
     hint = ""
     if dimension is TIME and _CLOCK.fullmatch(text):
         hint = "write minutes and seconds as one number, for example 90 s or 1.5 min"
+    elif len(text) <= _MAX_LENGTH and (digits := _in_digits(text, dimension)):
+        hint = digits
     elif len(text) <= _MAX_LENGTH and _SEVERAL.fullmatch(text):
         hint = f"write one number with one unit, for example {dimension.example}"
     elif dimension is TIME and text.lower() in _NO_LIMIT:
@@ -187,7 +200,7 @@ def _no_quantity(text: str, dimension: Dimension) -> QuantityError:
         hint = "to wait until something is true, write 'wait_for: …'"
     if hint:
         return QuantityError(f"expected {dimension.wanted}, found '{ellipsize(text)}'", hint)
-    return _no_number(text, dimension.wanted)
+    return _no_number(text, dimension.wanted, dimension)
 
 
 def _wrong_unit(text: str, amount: str, unit: str, dimension: Dimension) -> QuantityError:
@@ -230,19 +243,50 @@ def _check_zero(text: str) -> None:
         )
 
 
-def _no_number(text: str, wanted: str, *, bare: bool = False) -> QuantityError:
+def ends_of(text: str) -> tuple[str, str] | None:
+    """Return the ends of a range: ``5 s`` and ``10 s`` of ``5 to 10 s``; None for other texts."""
+    match = _RANGE.fullmatch(text) if len(text) <= _MAX_LENGTH else None
+    if match is None:
+        return None
+    _, low, first, high, last = match.groups()
+    return f"{low} {first or last}".strip(), f"{high} {last or first}".strip()
+
+
+def _in_digits(text: str, dimension: Dimension | None) -> str:
+    """Return how to write ``half an hour`` or ``5 to 10 s``; empty for any other text."""
+    such = ""
+    if ends := ends_of(text):
+        (low, *first), (high, *last) = (end.split(" ") for end in ends)
+        middle = (float(low) + float(high)) / 2
+        words = [f"{middle if '.' in low + high else round(middle, 0):g}", *{*first, *last}]
+        such = "one value, such as "
+    else:
+        found = re.split(r"[\s-]+", text.lower().rstrip("."))
+        numbers = [_WORDS[one] for one in found if one in _WORDS]
+        words = [one for one in found if one not in _WORDS and one not in _FILLERS]
+        if numbers or {"a", "an"}.intersection(found):
+            words.insert(0, f"{sum(numbers) if numbers else 1:g}")
+    match = _QUANTITY.fullmatch(" ".join(words))
+    if match is None or (dimension is None and match[2]):
+        return ""
+    unit = dimension.meant(match[2] or dimension.si) if dimension is not None else ""
+    return "" if unit is None else f"write {such}{match[1]} {unit}".strip()
+
+
+def _no_number(text: str, wanted: str, dimension: Dimension | None = None) -> QuantityError:
     if len(text) > _MAX_LENGTH:
         return QuantityError(f"expected {wanted}, found '{ellipsize(text)}'")
-    hint = "write a finite number" if _NOT_FINITE.fullmatch(text) else _number_hint(text, bare)
+    finite = not _NOT_FINITE.fullmatch(text)
+    hint = _number_hint(text, dimension) if finite else "write a finite number"
     return QuantityError(f"expected {wanted}, found '{ellipsize(text)}'", hint)
 
 
-def _number_hint(text: str, bare: bool) -> str:
-    """Return how to write a number; ``bare`` if no unit is possible."""
-    if _COMMENT.fullmatch(text):
+def _number_hint(text: str, dimension: Dimension | None) -> str:
+    """Return how to write a number, or a quantity of a dimension."""
+    if COMMENT.search(text):
         return "a comment starts with '#'"
-    if text.lower() in _WORDS:
-        return f"write {_WORDS.index(text.lower())}"
+    if digits := _in_digits(text, dimension):
+        return digits
     until = re.fullmatch(r"until\s+(.+)", text)
     if until:
         condition = f"answer == '{until[1]}'" if until[1].isalnum() else ellipsize(until[1])
@@ -264,5 +308,5 @@ def _number_hint(text: str, bare: bool) -> str:
     share = re.fullmatch(rf"({_NUMBER})\s*(?:%|/\s*([1-9][0-9]{{0,8}}))", text)
     if share:
         return f"write {float(share[1]) / float(share[2] or 100):.6g}"
-    quantity = _QUANTITY.fullmatch(text)
-    return f"no unit is possible here: write {quantity[1]}" if quantity and bare else ""
+    bare = _QUANTITY.fullmatch(text) if dimension is None else None
+    return f"no unit is possible here: write {bare[1]}" if bare else ""

@@ -12,9 +12,11 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import ellipsize, join_words, quote
 from bt_agents_language.expression.expression_tokens import NAME, ExpressionError
 from bt_agents_language.expression.expressions import Expression, Foregone, Mention, MisfitError
+from bt_agents_language.expression.quantities import COMMENT
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.fields.texts import TEXT_PREFIX, NoText
 from bt_agents_language.model.specs import Computed, Literal, Reference, Text, Variants
+from bt_agents_language.yaml.source import line_at
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
@@ -41,6 +43,7 @@ def read_parts(
     ``$${`` means the plain text ``${``. A text may insert one of several texts only if
     ``variants`` are possible.
     """
+    warn_of_comment(reading, node)
     if "${" not in node.text:
         return (node.text,)
     alone = ONE_NAME.fullmatch(node.text)
@@ -130,26 +133,41 @@ def _read_text(
     return found[0] if len(found) == 1 else (Variants(texts=tuple(map(text_of, found))),)
 
 
-def warn_of_unmarked_expression(reading: TypedReader, node: Scalar, names: NameScope) -> None:
-    """Report a text without quotes that is an expression with known names: ``x + 1``."""
-    text = node.text
-    named = any(map(names.knows, _DOTTED.findall(text)))
-    if not (node.plain and named and _COMPUTES.search(text)):
+def warn_of_comment(reading: TypedReader, node: Scalar) -> None:
+    """Report a comment of another language, which is part of a text without quotes."""
+    match = COMMENT.search(node.text)
+    if match is None or node.style in ("'", '"'):
         return
+    hint = "write '# …' in a line above"
+    if node.plain and not line_at(node.source, node.end).strip():
+        before, note = node.text[: match.start()].strip(), node.text[match.end() :].strip(" */")
+        hint = f"a comment starts with ' #': write '{ellipsize(f'{before} # {note}'.lstrip())}'"
+    reading.error_in(
+        "comment-in-text",
+        node,
+        match.start(),
+        len(match[0]),
+        f"'{match[0]}' starts no comment, so this is part of the text",
+        f"{hint}, or put the text in quotes",
+        Severity.WARNING,
+    )
+
+
+def unmarked_expression(node: Scalar, names: NameScope) -> tuple[str, str] | None:
+    """Return message and hint for a text that is an expression with known names: ``x + 1``."""
+    text = node.text
+    if not (any(map(names.knows, _DOTTED.findall(text))) and _COMPUTES.search(text)):
+        return None
     try:
         mentions = names.parse(text).mentions
     except ExpressionError:
-        return
-    if mentions and all(names.knows(one.name) for one in mentions):
-        reading.error_in(
-            "unmarked-name",
-            node,
-            0,
-            len(text),
-            f"this is the text {quote(text)}, which is not computed",
-            f"write ${{{ellipsize(text)}}}, or put the text in quotes",
-            Severity.WARNING,
-        )
+        return None
+    if not mentions or not all(names.knows(one.name) for one in mentions):
+        return None
+    return (
+        f"this is the text {quote(text)}, which is not computed",
+        f"write ${{{ellipsize(text)}}}{', or put the text in quotes' if node.plain else ''}",
+    )
 
 
 def inserted_texts(text: str) -> list[str]:

@@ -27,8 +27,11 @@ from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.interfaces import MessageFields
 from bt_agents_language.fields.texts import TEXT_PREFIX, NoText, Texts, WrittenText
 
+GROUPS = ("scene", "live", "mood", "profile", "clock", "cancel")
+"""Groups of names with a point, which no other name may have."""
+
 RESERVED = (
-    "scene", "live", "mood", "profile", "clock", "cancel", "msg", "result",
+    *GROUPS, "msg", "result",
     "true", "false", "null", *OPERATOR_WORDS, *FUNCTIONS,
 )  # fmt: skip
 """Words that are not allowed as names of tunables, inputs and outputs."""

@@ -12,7 +12,8 @@ from bt_agents_language.fields.references import (
     read_expression,
     read_parts,
     text_of,
-    warn_of_unmarked_expression,
+    unmarked_expression,
+    warn_of_comment,
 )
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import (
@@ -85,7 +86,7 @@ def read_value(
     if field_type is FieldType.ANY:
         return _read_any(reading, node, names, what)
     if not isinstance(node, Scalar):
-        shape = Shape.TEXT if field_type is FieldType.TEXT else Shape.OTHER
+        shape = Shape.TEXT if field_type is FieldType.TEXT else Shape.VALUE
         if shape is Shape.TEXT and isinstance(node, Sequence):
             reading.error(
                 "wrong-type",
@@ -101,6 +102,7 @@ def read_value(
         if field_type is FieldType.TEXT:
             # An empty text can be intended, but then it is in quotes.
             text = reading.text(node, what, empty=not node.plain)
+            warn_of_comment(reading, node)
             return None if text is None else Literal(value=text)
         return _literal(reading, node, field_type, what, minimum)
     parts = read_parts(reading, node, names, variants=variants)
@@ -212,7 +214,9 @@ def _read_any_scalar(
         return Text(parts=parts)
     if "${" in node.text:
         return Literal(value="".join(map(str, parts)))
-    warn_of_unmarked_expression(reading, node, names)
+    unmarked = unmarked_expression(node, names) if node.plain else None
+    if unmarked is not None:
+        reading.warning("unmarked-name", node, *unmarked)
     try:
         return Literal(value=plain_value(node))
     except quantities.QuantityError as error:

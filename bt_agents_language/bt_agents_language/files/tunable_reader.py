@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import MAX_VALUE
-from bt_agents_core.text import join_quoted, join_words, quote
+from bt_agents_core.text import ellipsize, join_quoted, join_words, quote
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.quantities import format_quantity
 from bt_agents_language.expression.units import UNITS
@@ -13,7 +13,7 @@ from bt_agents_language.model.specs import Tunable
 from bt_agents_language.yaml.field_tables import AMOUNT, TEXT, FieldDecl, KeyTable
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, adding, found
-from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of
 
 TUNABLE = KeyTable(
     fields=(
@@ -31,6 +31,7 @@ TUNABLE = KeyTable(
 )
 
 _RANGE = ("min", "max", "step")
+_SPANS = ("range", "limits", "between")
 _QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 _STEP_TOLERANCE = 1e-6
 _DIGITS = 6
@@ -51,6 +52,14 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
             f"{what} needs a default and a range, found {found(entry.value)}",
             f"write {{default: {entry.value.text[:20]}, min: …, max: …, description: …}}",
         )
+        return None
+    span = next((one for one in entries_of(entry.value) if one.key.text in _SPANS), None)
+    if span is not None:
+        parts = span.value.items if isinstance(span.value, Sequence) else (span.value,)
+        written = " to ".join(one.text for one in parts if isinstance(one, Scalar))
+        low, high = map(ellipsize, quantities.ends_of(written) or ("…", "…"))
+        message = f"{what} has no key '{span.key.text}'"
+        reading.error("unknown-key", span.key, message, f"write min: {low}, max: {high}")
         return None
     fields = reading.keys(entry.value, TUNABLE, what)
     default = fields.get("default") if fields is not None else None

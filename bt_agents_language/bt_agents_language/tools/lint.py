@@ -13,6 +13,7 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
+from bt_agents_language.fields.scope import GROUPS
 from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, UnusedInput, iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
@@ -30,7 +31,7 @@ _PERSON = "person."
 _PATIENCE = 20
 """Number of repetitions beyond which the same speech is suspicious."""
 
-_NAME = r"((?:(?:scene|live|profile|mood|clock|person)\.)?[^\W\d]\w*)"
+_NAME = rf"((?:(?:{'|'.join(GROUPS)}|person)\.)?[^\W\d]\w*)"
 _UNMARKED = re.compile(rf"(?<![$\w])(?:\${_NAME}|\{{{{1,2}}\s*{_NAME}\s*\}}{{1,2}})")
 
 # A comment starts with a word; a number, as in "gate #4", is part of the speech.

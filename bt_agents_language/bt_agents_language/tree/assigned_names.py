@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_core.text import ellipsize
 from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import ANY_LABELS, ValueKind
@@ -17,8 +16,8 @@ from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.fields.bindings import FEEDBACK
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.interfaces import Interfaces, MessageFields
-from bt_agents_language.fields.references import ONE_NAME
-from bt_agents_language.fields.scope import KINDS, Assigned
+from bt_agents_language.fields.references import ONE_NAME, unmarked_expression
+from bt_agents_language.fields.scope import KINDS, Assigned, NameScope
 from bt_agents_language.fields.values import EXPECTED, may_be
 from bt_agents_language.model.specs import NOTHING, FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.node_type import MessageSource, RawNode
@@ -139,15 +138,14 @@ class AssignedNames:
         hint = "give it values of one kind, or take another name here"
         if truth is not None:
             hint = f"did you mean '{truth}'?"
-        elif this.kind is ValueKind.TEXT and re.search(rf"\b{re.escape(name)}\s*[-+*/]", word):
-            hint = f"to compute it, write ${{{ellipsize(word)}}}"
-        self._reading.error(
-            "wrong-value",
-            place if value is None else value,
+        message = (
             f"'{name}' gets {this.kind.one} here, but {first.kind.one} from '{first.node}' in "
-            f"line {first.line}",
-            hint,
+            f"line {first.line}"
         )
+        if isinstance(value, Scalar) and this.kind is ValueKind.TEXT:
+            unmarked = unmarked_expression(value, NameScope(self._types))
+            message, hint = unmarked or (message, hint)
+        self._reading.error("wrong-value", place if value is None else value, message, hint)
 
     def below(self, raw: RawNode) -> set[str]:
         """Return the names that a node and all nodes below it assign."""

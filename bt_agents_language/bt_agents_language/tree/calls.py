@@ -25,7 +25,7 @@ from bt_agents_language.nodes.subtree import SUBTREE
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
 
 
 class CallReader:
@@ -96,6 +96,8 @@ class CallReader:
         """Return the node of a subtree, before its expansion."""
         name_node = raw.value
         if isinstance(name_node, MappingNode):
+            if name_node.entries and self._refuse_inputs(name_node):
+                return None
             fields = self._reading.fields(
                 name_node, "'subtree'", ("name",), ("name",), beside=SIBLING_KEYS
             )
@@ -123,6 +125,27 @@ class CallReader:
             fields=self._inputs(subtree.inputs, self._given(raw, subtree), names),
             outputs=self._outputs(raw, subtree.outputs, f"subtree '{called}'"),
         )
+
+    def _refuse_inputs(self, call: MappingNode) -> bool:
+        """Return whether inputs stand in a node ``subtree``, which is reported."""
+        named = call.get("name")
+        inputs = [one for one in call.entries if one.value is not named]
+        given = inputs[0] if inputs else call.entries[0]
+        called = named.text if isinstance(named, Scalar) else given.key.text
+        if called not in self._subtrees or given.key.text in SIBLING_KEYS:
+            return False
+        if isinstance(given.value, MappingNode) or named is None:
+            inputs = [*entries_of(given.value)]
+        source = self._reading.source.text
+        pairs = [source[one.key.start : one.value.end] for one in inputs]
+        written = ellipsize(" ".join(", ".join(pairs).split())) or "…"
+        self._reading.error(
+            "unknown-key",
+            given.key,
+            f"'subtree' has no key {quote(given.key.text)}",
+            f"write 'subtree: {called}', and 'with: {{{written}}}' beside it",
+        )
+        return True
 
     def _missing(self, called: str) -> str:
         """Return how to get a subtree that the file does not have."""

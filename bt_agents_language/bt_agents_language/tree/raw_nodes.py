@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 
 from bt_agents_core.text import ellipsize, join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean, nearest
+from bt_agents_language.expression.quantities import COMMENT
 from bt_agents_language.model.specs import NOTHING
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLING_KEYS, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeType, RawNode
@@ -22,6 +23,7 @@ from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequ
 _MAX_LABEL = 64
 _PLAIN_WORDS = re.compile(r"[^\W\d_](?:[\w ,!?'-]|\.(?!\w))*")
 _SIBLING_KEYS = frozenset(SIBLING_KEYS)
+_FLAGS = frozenset(one.key for one in DECORATORS.values() if not (one.fields or one.handler))
 _HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
 _CONTRARIES = tuple((one.key, one.contrary) for one in DECORATORS.values() if one.contrary)
 _COMMENT = "write a comment, a line that starts with '#'"
@@ -282,9 +284,14 @@ class RawNodeReader:
             return
         hint = "a node is a key with its value, for example 'say: Hello.'"
         if isinstance(node, Scalar):
-            meant = self._meant_pair(node.text)
+            word = node.text.lower()
+            meant = self._meant_pair(node.text) or _OTHER_LANGUAGES.get(word, "")
             if meant:
                 hint = meant
+            elif COMMENT.match(node.text):
+                hint = "a comment starts with '#'"
+            elif word in _FLAGS:
+                hint = _alone(word, node)
             elif node.text.startswith("${"):
                 hint = "names stand in the fields of a node"
             elif _PLAIN_WORDS.fullmatch(node.text) and "say" in self._skills:
@@ -312,14 +319,11 @@ class RawNodeReader:
         """Report that there is no node; return the intended one, so that reading continues."""
         if not unknown:
             first = node.entries[0]
-            inside = isinstance(first.value, MappingNode)
             self._reading.error(
                 "no-node",
                 first.key,
                 f"'{first.key.text}' decorates a node, but there is no node beside it",
-                f"write the node itself, and '{first.key.text}: …' beside it"
-                if inside
-                else "indent it like the key of its node, without a '-' of its own",
+                _alone(first.key.text, first.value),
             )
             return None
         words = [*self._types, *self._skills]
@@ -366,13 +370,28 @@ class RawNodeReader:
         elif word in [one.name for one in fields] or word == "children":
             hint = f"it belongs to '{key}': indent it below, or write both inside {{ … }}"
         elif key == SUBTREE.key and word not in _OTHER_LANGUAGES:
-            hint = f"write 'with: {{{word[:40]}: …}}' beside 'subtree'"
+            inputs = f"{{{word[:40]}: …}}" if isinstance(entry.value, Scalar) else "…"
+            hint = f"write 'with: {inputs}' beside 'subtree'"
         else:
             other = _OTHER_LANGUAGES.get(word.lower())
             hint = other or did_you_mean(word, SIBLING_KEYS)
         self._reading.error(
             "unknown-key", entry.key, f"there is no decorator {quote(word)} beside a node", hint
         )
+
+
+def _alone(word: str, value: Node) -> str:
+    """Return a hint for a decorator without a node."""
+    switch = f"'{word}: {'true' if word in _FLAGS else '…'}'"
+    if isinstance(value, MappingNode):
+        return f"write the node itself, and {switch} beside it"
+    indented = "indent it like the key of its node, without a '-' of its own"
+    if not isinstance(value, Scalar) or word not in _FLAGS:
+        return indented
+    if _PLAIN_WORDS.fullmatch(value.text) and value.text not in ("true", "false", word):
+        return f"write 'say: {ellipsize(value.text)}', and {switch} beside it"
+    check = {"fail": "write 'check: false' to fail here; or ", "succeed": "remove it, or "}
+    return check.get(word, "") + indented
 
 
 def _is_on(known: Mapping[str, MappingEntry], *switches: str) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bt_agents_core.text import ellipsize, quote
+from bt_agents_language.expression.quantities import COMMENT
 from bt_agents_language.yaml.source import Edit, Source, indentation, line_at, line_start
 
 _LEAD = r"^(?P<lead>\s*(?:-\s+)*)"
@@ -17,7 +18,7 @@ _ONE_WORD = re.compile(rf"{_LEAD}{_KEY}\s*(?:#.*)?$")
 _EQUALS = re.compile(rf"{_LEAD}{_KEY}\s*=(?=\s)")
 _WIDE_COLON = re.compile(rf"{_LEAD}{_KEY}\s*(?P<colon>[：︰﹕∶ː])")  # noqa: RUF001 - meant
 _DASH = re.compile(r"^\s*(?P<dash>[-–—•*])(?=\w)|^\s*(?P<other>[–—•*])\s")
-_SLASHES = re.compile(r"^\s*(?P<mark>//)")
+_PLAIN = re.compile(r"[^'\"#{\[]*")
 _NO_COLON = re.compile(rf"{_LEAD}{_KEY}[ ]+(?!.*:(\s|$))(?P<rest>[^\s#].*)$")
 
 QUOTE_INSIDE = "inside { … } and [ … ], quote texts with ':', '?', ',' or brackets in them"
@@ -46,21 +47,27 @@ class SyntaxHint:
 
 def line_hint(line: str, start: int) -> SyntaxHint | None:
     """Return a hint for the line that starts at an index of the text; None if it looks correct."""
-    slashes = _SLASHES.match(line)
-    if slashes is not None:
-        at = start + slashes.start("mark")
-        return SyntaxHint(
-            index=at,
-            width=2,
-            message="'//' starts no comment here",
-            hint="write '# …'",
-            fix=Edit(start=at, stop=at + 2, text="# "),
-        )
     dash = _DASH.match(line)
     if dash is not None:
         return _dash(dash, start)
     no_colon = _NO_COLON.match(line)
-    return key_hint(line, start) or (_without_colon(no_colon, start) if no_colon else None)
+    found = comment_hint(line, start) or key_hint(line, start)
+    return found or (_without_colon(no_colon, start) if no_colon else None)
+
+
+def comment_hint(line: str, start: int) -> SyntaxHint | None:
+    """Return a hint for a comment of another language, like :func:`line_hint`."""
+    comment = COMMENT.search(line)
+    if comment is None or not _PLAIN.fullmatch(line, 0, comment.start()):
+        return None
+    at = start + comment.start()
+    return SyntaxHint(
+        index=at,
+        width=2,
+        message=f"'{comment[0]}' starts no comment here",
+        hint=f"write '# {ellipsize(line[comment.end() :].strip(' */'))}'",
+        fix=Edit(start=at, stop=at + 2, text="# "),
+    )
 
 
 def key_hint(line: str, start: int) -> SyntaxHint | None:
@@ -244,6 +251,9 @@ def _no_deeper(source: Source, index: int, begun: int) -> bool:
 def after_value(source: Source, index: int) -> SyntaxHint:
     """Return the error for text after the end of a value."""
     found = source.text[index : index + 1]
+    comment = comment_hint(line_at(source, index), index)
+    if comment is not None and comment.index == index:
+        return comment
     if found in _CLOSING.values():
         return SyntaxHint(
             index=index,

@@ -20,7 +20,7 @@ from bt_agents_core.diagnostic import Position, Severity
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneParameter
-from bt_agents_core.text import join_quoted, join_words, quote
+from bt_agents_core.text import ellipsize, join_quoted, join_words, quote
 from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean, nearest
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.units import DIMENSIONS
@@ -33,7 +33,7 @@ from bt_agents_language.yaml.field_tables import (
     Value,
     WordChoice,
 )
-from bt_agents_language.yaml.scalars import boolean
+from bt_agents_language.yaml.scalars import as_scalar, boolean
 from bt_agents_language.yaml.source import Source, aligned, read_source
 from bt_agents_language.yaml.yaml_reader import (
     Mapping,
@@ -51,6 +51,7 @@ MAX_NAME = 64
 """Longest name of an agent, skill or tunable in characters."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
+_PAIR = re.compile(r"([^\W\d][\w.]*)\s*(?:([-+*/])|:)?=\s*([^\s=][^=]*)")
 _HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 _SKILLS = ("a skills file", "put it under skills/ or libraries/")
 _FILES = {
@@ -78,6 +79,7 @@ class Shape(Enum):
     LIST = "list"
     MAPPING = "mapping"
     CONDITION = "condition"
+    VALUE = "value"
     OTHER = "other"
 
 
@@ -261,7 +263,7 @@ class TypedReader:
                 node,
                 f"{what}: expected a mapping with the keys {join_quoted(required or known)}, "
                 "found words in braces",
-                "put a text in quotes instead of braces",
+                _as_mapping(unknown[0].key.text) or "put a text in quotes instead of braces",
             )
             return None
         for entry in unknown:
@@ -308,6 +310,10 @@ class TypedReader:
             hint = "write 'key: value' without '- ' or [ ] around it"
         elif isinstance(node, Sequence) and shape is Shape.CONDITION:
             hint = "write one condition, and join its parts with 'and' or 'or'"
+        elif isinstance(node, Sequence) and shape is Shape.VALUE:
+            hint = "write one value, without [ ] or '- '"
+        elif isinstance(node, Scalar) and shape is Shape.MAPPING:
+            hint = _as_mapping(node.text)
         elif shape is Shape.LIST:
             hint = "start each item with '- ', or write [ … ] around them"
         self.error("wrong-type", node, f"{what}: expected {expected}, found {found(node)}", hint)
@@ -346,7 +352,7 @@ class TypedReader:
             node,
             f"{what} is {quote(text)}, expected small letters a-z, digits and '_', "
             f"a letter first, at most {MAX_NAME} characters",
-            hint,
+            _as_mapping(text) or hint,
         )
         return None
 
@@ -389,7 +395,7 @@ class TypedReader:
         maximum: float | None = None,
     ) -> NumberT | None:
         if not isinstance(node, Scalar) or node.empty:
-            self.wrong_type(node, what, expected)
+            self.wrong_type(node, what, expected, Shape.VALUE)
             return None
         try:
             value = convert(node.text)
@@ -621,6 +627,16 @@ def found(node: Node) -> str:
             return "a mapping"
         case Scalar():
             return "nothing" if node.empty else quote(node.text)
+
+
+def _as_mapping(text: str) -> str:
+    """Return how to write ``x = 3`` or ``x += 1`` here; empty for any other text."""
+    pair = _PAIR.fullmatch(text)
+    if pair is None:
+        return ""
+    name, sign, value = pair.groups()
+    value = f"${{{name} {sign} {value}}}" if sign else value
+    return f"write {{{name}: {as_scalar(ellipsize(value))}}}"
 
 
 def _other_file(root: Node, known: Collection[str]) -> tuple[MappingEntry, str, str] | None:

@@ -17,6 +17,7 @@ from bt_agents_language.yaml.syntax_hints import (
     QUOTE_INSIDE,
     SyntaxHint,
     after_value,
+    comment_hint,
     in_brackets,
     key_hint,
     line_hint,
@@ -55,6 +56,11 @@ def _hint_for(source: Source, error: yaml.MarkedYAMLError) -> SyntaxHint:
             message="a tab indents this line",
             hint="use spaces (most editors can turn tabs into spaces)",
         )
+    above = line_start(source, len(source.text[:start].rstrip()))
+    for at in (start, above):
+        comment = comment_hint(line_at(source, at), at)
+        if comment is not None:
+            return comment
     text = f"{error.context or ''}: {error.problem or ''}"
     for pattern, explain in _EXPLANATIONS.items():
         if re.search(pattern, text):

@@ -189,10 +189,67 @@ def test_common_node_misspelling_hint_shows_correct_line(text, wanted):
             "feedback: [{when: mood.change < -1, for: 2 s, give: bad}]\ntree: {say: Hello.}",
             "did you mean 'negative'?",
         ),
-        ("tree: {sequence: [{set: {x: 1}}, {set: {x: x + 1}}]}", "to compute it, write ${x + 1}"),
+        (
+            "tree: {sequence: [{set: {x: 1}}, {set: {x: x + 1}}]}",
+            "write ${x + 1}, or put the text in quotes",
+        ),
+        ("tree: {sequence: [{set: {x: 1}}, {set: {x: 'x + 1'}}]}", "write ${x + 1}"),
+        ("tree: {sequence: [// hello]}", "a comment starts with '#'"),
+        ("tree: {check: live.person // now}", "write round(a / b); a comment starts with '#'"),
     ],
 )
 def test_word_of_another_program_gets_ours(text, wanted):
+    assert hints(text)[0] == wanted
+
+
+GREET = "subtrees: {greet: {inputs: {text: text}, tree: {say: '${text}'}}}\n"
+FAILS = "write 'check: false' to fail here; or "
+INDENT = "indent it like the key of its node, without a '-' of its own"
+RANGE = "tunables: {{pause: {{default: 5 s, {}}}}}\ntree: {{wait: '${{pause}}'}}"
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("tree: {fail: I am lost.}", "write 'say: I am lost.', and 'fail: true' beside it"),
+        ("tree: {succeed: Done.}", "write 'say: Done.', and 'succeed: true' beside it"),
+        ("tree: {fail: {say: Lost.}}", "write the node itself, and 'fail: true' beside it"),
+        ("tree: {fail: true}", FAILS + INDENT),
+        ("tree: {sequence: [fail]}", FAILS + INDENT),
+        ("tree: {sequence: [{timeout: 5 s}]}", INDENT),
+        ("tree: {set: x = 3}", "write {x: 3}"),
+        ("tree: {set: 'x := gate 3, left'}", 'write {x: "gate 3, left"}'),
+        ("tree: {set: x += 1}", 'write {x: "${x + 1}"}'),
+        ("tree: {set: {x = 3}}", "write {x: 3}"),
+        ("tree: {say: {text = Hello}}", "write {text: Hello}"),
+        ("tree: {wait: five seconds}", "write 5 s"),
+        ("tree: {wait: [5 s, 10 s]}", "write one value, without [ ] or '- '"),
+        ("tree: {say: Hello., timeout: half an hour}", "write 0.5 h"),
+        ("tree: {say: Hello., retry: twice}", "write 2"),
+        (RANGE.format("range: [0, 9 s]"), "write min: 0 s, max: 9 s"),
+        (RANGE.format("range: 0..9"), "write min: 0, max: 9"),
+        (RANGE.format("limits: 1 s to 2 min"), "write min: 1 s, max: 2 min"),
+        (RANGE.format("range: {min: 0}"), "write min: …, max: …"),
+        (RANGE.format("minimum: 0 s, max: 9 s"), "did you mean 'min'?"),
+        *[
+            (
+                GREET + f"tree: {{subtree: {call}}}",
+                f"write 'subtree: greet', and {inputs} beside it",
+            )
+            for call, inputs in [
+                ("{name: greet, text: hi}", "'with: {text: hi}'"),
+                ("{greet: {text: hi}}", "'with: {text: hi}'"),
+                ("{name: greet, inputs: {text: hi}}", "'with: {text: hi}'"),
+                ("{greet: hi}", "'with: {…}'"),
+            ]
+        ],
+        (
+            GREET + "tree: {subtree: {name: greet, with: {text: hi}}}",
+            "'with' stands beside 'subtree', not in it",
+        ),
+    ],
+)
+def test_natural_line_gets_line_to_write(text, wanted):
     assert hints(text)[0] == wanted
 
 
@@ -223,12 +280,24 @@ def test_unquoted_reference_in_braces_hides_no_errors():
     ]  # fmt: skip
 
 
-def test_profile_label_hint_gives_numeric_value():
+@pytest.mark.parametrize(
+    ("mood", "hint"),
+    [
+        ("upset", "write 1, which scene.yaml calls so"),
+        ("three", "write 3"),
+        *[
+            (ends, "write one value, such as 4")
+            for ends in ("3-5", "3..5", "3 to 5", "between 3 and 5")
+        ],
+        ("[3, 5]", "write one value, without [ ] or '- '"),
+    ],
+)
+def test_profile_value_hint_gives_number(mood, hint):
     with pytest.raises(ReadError) as caught:
         read_agent_text(
-            HEAD.replace("mood: 3", "mood: upset") + "tree: {say: Hello.}", "a.yaml", SYMBOLS
+            HEAD.replace("mood: 3", f"mood: {mood}") + "tree: {say: Hello.}", "a.yaml", SYMBOLS
         )
-    assert caught.value.diagnostics[0].hint == "write 1, which scene.yaml calls so"
+    assert caught.value.diagnostics[0].hint == hint
 
 
 def test_mood_rule_stop_hint_suggests_cancel():

@@ -258,10 +258,47 @@ def test_subtree_or_on_cancel_use_counts_for_tunable():
     assert warnings_of("subtree: pause", head) == []
 
 
-@pytest.mark.parametrize("text", ["Are you {scene.age}?", "So {{answer}}.", "So $answer."])
+@pytest.mark.parametrize(
+    "text", ["Are you {scene.age}?", "By {cancel.by}.", "So {{answer}}.", "So $answer."]
+)
 def test_unmarked_name_in_text_is_warned_about(text):
     tree = f"sequence:\n  - ask: Well?\n  - say: '{text}'"
     assert warnings_of(tree) == ["unmarked-name"]
+
+
+@pytest.mark.parametrize(
+    ("node", "place", "hint"),
+    [
+        ("say: Hello. // a note", "9:17", "a comment starts with ' #': write 'Hello. # a note'"),
+        ("say: Hello. /* note */", "9:17", "a comment starts with ' #': write 'Hello. # note'"),
+        ("log: Look here //note", "9:20", "a comment starts with ' #': write 'Look here # note'"),
+        ("say: {one_of: [Hi. // a, Ho.]}", "9:24", "write '# …' in a line above"),
+        ("ask: {text: Yes?, choices: [yes, no // a]}", "9:41", "write '# …' in a line above"),
+        ("set: {place: gate 3 // x}", "9:25", "write '# …' in a line above"),
+        ("say: >\n    Hello.\n    /* note */", "11:7", "write '# …' in a line above"),
+    ],
+)
+def test_comment_in_text_is_warned_about(node, place, hint):
+    (warning,) = lint(agent(f"sequence:\n- {node}"))
+    assert f"{warning.code} {warning.position.line}:{warning.position.column}" == (
+        f"comment-in-text {place}"
+    )
+    assert warning.hint == f"{hint}, or put the text in quotes"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "See https://a.org.",
+        "See //server/share.",
+        "'Say // aloud.'",
+        "either//or",
+        "5 */ 3",
+        "Hello. # note",
+    ],
+)
+def test_text_without_comment_mark_is_not_warned_about(text):
+    assert warnings_of(f"sequence:\n- say: Hello.\n- log: {text}") == []
 
 
 def test_unmarked_expression_is_warned_about():

@@ -117,6 +117,13 @@ def test_longest_variant_decides_cut_speech_warning(folder):
     assert [one.code for one in lint(folder.read().agents[0])] == ["cut-speech"]
 
 
+def test_comment_in_text_is_warned_about_in_its_file(folder):
+    folder.write("texts/de.yaml", DE + "  bye: Ade. // laut\n")
+    folder.tree("tree: {say: '${t.bye}'}\n")
+    found = [one for one in folder.problems() if "comment-in-text" in one]
+    assert [one.partition(": '")[0] for one in found] == ["texts/de.yaml:5:13: comment-in-text"]
+
+
 def test_condition_may_compare_with_plain_text(folder):
     folder.tree("tree: {sequence: [ask: a, check: 'lower(answer) == t.hello']}\n")
     condition = folder.read().agents[0].tree.children[1].fields["condition"]

@@ -145,7 +145,22 @@ def tree(text: str) -> str:
             "say: A.\n// and then\ntimeout: 5 s",
             "6:3",
             "'//' starts no comment here",
-            "write '# …'",
+            "write '# and then'",
+        ),
+        ("/* first */\nsay: A.", "5:3", "'/*' starts no comment here", "write '# first'"),
+        ("say: 'A.' // note", "5:13", "'//' starts no comment here", "write '# note'"),
+        ("say: A. // a: b", "5:11", "'//' starts no comment here", "write '# a: b'"),
+        (
+            "sequence: // steps\n- say: A.",
+            "5:13",
+            "'//' starts no comment here",
+            "write '# steps'",
+        ),
+        (
+            "say: 'A // B'\nname: y: z",
+            "6:10",
+            "this line has a second ':'",
+            "quote a text with ': ' in it: \"…: …\"",
         ),
     ],
 )
