@@ -14,7 +14,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.formatting import print_line
 from bt_agents_tools.launcher import components
-from bt_agents_tools.launcher.process_report import ProcessReport
+from bt_agents_tools.launcher.process_report import UP_ON, ProcessReport
 from bt_agents_tools.launcher.supervisor import Component, Supervisor
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ def watch(observer: Observer, supervisor: Supervisor, processes: Sequence[Compon
     observer.watch_heartbeats(supervisor.on_heartbeat, beating)
     managed = components.nodes_of(processes, components.MANAGED)
     observer.watch_states(supervisor.on_state, managed)
-    report = ProcessReport(supervisor.processes)
-    observer.judge_health(f"up on {socket.gethostname()}", report.parts)
+    report = ProcessReport(supervisor.processes, supervisor.unknown_parameters)
+    observer.judge_health(f"{UP_ON}{socket.gethostname()}", report.parts)
 
 
 def print_supervised(console: Console, observer: Observer, supervisor: Supervisor) -> None:
