@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -36,6 +37,24 @@ def watch(observer: Observer, supervisor: Supervisor, processes: Sequence[Compon
     observer.watch_states(supervisor.on_state, managed)
     report = ProcessReport(supervisor.processes, supervisor.unknown_parameters)
     observer.judge_health(f"{UP_ON}{socket.gethostname()}", report.parts)
+
+
+@contextmanager
+def stopping(
+    console: Console, observer: Observer, supervisor: Supervisor, interrupt: Interrupt
+) -> Iterator[None]:
+    """End the processes at the end of this block, close the observer, and say how it ended."""
+    try:
+        try:
+            yield
+        finally:
+            killed = supervisor.stop()
+    finally:
+        observer.close()
+    if interrupt:
+        console.print("\nstopped")
+    if killed:
+        console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
 
 
 def print_supervised(console: Console, observer: Observer, supervisor: Supervisor) -> None:
