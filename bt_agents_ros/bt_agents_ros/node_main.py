@@ -17,7 +17,13 @@ RESTARTED = "BT_AGENTS_RESTARTED"
 """Environment variable that the parent sets when it restarts a process."""
 
 READY = "BT_AGENTS_READY"
-"""Environment variable with the file descriptor on which a node's process reports its start."""
+"""Environment variable with the file descriptor on which a node's process reports its start.
+
+The report is a JSON object; see :func:`bt_agents_ros.spinner.report_ready`.
+"""
+
+READY_BYTES = 65_536
+"""Longest report of a start, which an empty pipe takes at once [bytes]."""
 
 
 def start(module: str) -> int:

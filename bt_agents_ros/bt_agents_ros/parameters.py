@@ -114,28 +114,39 @@ def declare_slow_network(node: Node) -> float:
     return float(declare(node, SLOW_NETWORK, 1.0, limits))
 
 
-def report_unknown(node: Node, *others: Node) -> None:
+def report_unknown(node: Node, *others: Node) -> dict[str, str]:
     """Log each parameter that was given to a node but that no node of the process has.
 
     Args:
         node: The node.
         others: Other nodes of the process, which gets the parameters of all its nodes.
+
+    Returns:
+        Each parameter that the node itself does not have → the nearest one that it has, empty for
+        none. QoS overrides are left out, because their endpoints may still come.
     """
+    unknown: dict[str, str] = {}
     for name in sorted(getattr(node, "_parameter_overrides", {})):
-        if any(one.has_parameter(name) for one in (node, *others)):
+        if node.has_parameter(name):
             continue
+        is_of_process = any(one.has_parameter(name) for one in others)
         if name.startswith(QOS_OVERRIDES):
-            node.get_logger().warning(
-                f"QOS_OVERRIDE: '{ellipsize(printable_line(name), 200)}' is for a publisher or "
-                f"subscription that {node.get_name()} does not have, at least not yet"
-            )
+            if not is_of_process:
+                node.get_logger().warning(
+                    f"QOS_OVERRIDE: '{ellipsize(printable_line(name), 200)}' is for a publisher "
+                    f"or subscription that {node.get_name()} does not have, at least not yet"
+                )
             continue
         known = difflib.get_close_matches(name, node.list_parameters([], 0).names, n=1)
-        near = f"did you mean '{known[0]}'?" if known else "'ros2 param list' shows what it has"
+        unknown[name] = near = known[0] if known else ""
+        if is_of_process:
+            continue
+        hint = f"did you mean '{near}'?" if near else "'ros2 param list' shows what it has"
         node.get_logger().warning(
             f"{RefusalCode.UNKNOWN_PARAMETER}: {node.get_name()} has no parameter "
-            f"'{ellipsize(printable_line(name))}', so its value counts for nothing; {near}"
+            f"'{ellipsize(printable_line(name))}', so its value counts for nothing; {hint}"
         )
+    return unknown
 
 
 @dataclass(frozen=True, kw_only=True)

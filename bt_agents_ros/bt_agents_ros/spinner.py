@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Any, Protocol
 
@@ -22,7 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from bt_agents_core.errors import NodeMustEnd
 from bt_agents_core.liveness import LONGEST_PAUSE_S, StallDetector
 from bt_agents_ros.local_bus import LocalBus
-from bt_agents_ros.node_main import READY, RESTARTED, SUPERVISED
+from bt_agents_ros.node_main import READY, READY_BYTES, RESTARTED, SUPERVISED
 from bt_agents_ros.parameters import report_unknown
 from bt_agents_ros.signals import Interrupt, Interrupted
 from bt_agents_ros.workarounds.bounded_end import ending_in_time
@@ -137,10 +138,13 @@ def run_together(
                 with interrupt.ending_at_second():
                     for make_node in makers:
                         nodes.append(make_node())
-                    for node in nodes:
+                    unknown = {
                         # An inactive node has not yet declared most of its parameters.
-                        if getattr(node, "is_active", True):
-                            report_unknown(node, *nodes)
+                        node.get_fully_qualified_name(): report_unknown(node, *nodes)
+                        if getattr(node, "is_active", True)
+                        else None
+                        for node in nodes
+                    }
             except BaseException as error:
                 with ending_in_time():
                     for node in nodes:
@@ -153,6 +157,7 @@ def run_together(
                 return 1
             spinner = Spinner(*nodes, bus=connecting)
             try:
+                report_ready(unknown)
                 return _spin(spinner, interrupt)
             finally:
                 spinner.close()
@@ -164,7 +169,6 @@ def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
     """Spin until the end, then let nodes end their ongoing work; return the exit code."""
     code = 0
     with suppress(ExternalShutdownException, NodeMustEnd):
-        report_ready()
         try:
             with interrupt.waking(spinner.executor.wake):
                 restarted = RESTARTED in os.environ
@@ -190,13 +194,22 @@ def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
     return code
 
 
-def report_ready() -> None:
-    """Report to the supervisor, if any, that this process is up."""
+def report_ready(unknown: Mapping[str, Mapping[str, str] | None] | None = None) -> None:
+    """Report to the supervisor, if any, that this process is up.
+
+    Args:
+        unknown: Full name of a node → result of :func:`report_unknown`, None while it is inactive.
+            If they are too long together, the report has None for each.
+    """
     descriptor = os.environ.pop(READY, "")
     if descriptor.isdecimal():
+        unknown = unknown or {}
+        report = json.dumps(unknown).encode()
+        if len(report) > READY_BYTES:
+            report = json.dumps(dict.fromkeys(unknown)).encode()
         # The parent may have ended.
         with suppress(OSError), os.fdopen(int(descriptor), "wb") as parent:
-            parent.write(b"up")
+            parent.write(report)
 
 
 def die_with_parent() -> None:

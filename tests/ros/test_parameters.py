@@ -219,7 +219,7 @@ def test_unknown_parameter_is_named_with_closest_match(
     given = [NodeParameter("hieght", value=1.0), NodeParameter("use_sim_time", value=False)]
     node = ros.add(BaseNode("tower", parameter_overrides=given))
     declare(node, "height", 2.0, describe("how high it is [m]"))
-    report_unknown(node)
+    assert report_unknown(node) == {"hieght": "height"}
     log = capfd.readouterr().err
     assert "UNKNOWN_PARAMETER: tower has no parameter 'hieght'" in log
     assert "did you mean 'height'?" in log

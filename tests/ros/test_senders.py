@@ -148,6 +148,23 @@ def test_forged_result_does_not_end_run(ros: Any) -> None:
     ros.until(lambda: host.goal is None)
     host.token = own
     assert harness.until_event(Run.ENDED).outcome == Run.LOST
+    assert harness.market._hosts._goals == {}
+
+
+def test_results_without_run_do_not_pile_up(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    answered = []
+
+    async def claim_end(_host: FakeHost, handle: Any) -> RunAgent.Result:
+        answered.append(handle.request.round)
+        handle.abort()
+        return RunAgent.Result(outcome=RunAgent.Result.FAILED)
+
+    monkeypatch.setattr(FakeHost, "execute", claim_end)
+    harness = MarketNodeHarness(ros, goal_deadline=0.1)
+    harness.host().explains = {GUIDE, EXPRESS}
+    harness.scene()
+    ros.until(lambda: len(answered) == 10)
+    assert len(harness.market._hosts._goals) < 5
 
 
 def test_foreign_heartbeats_do_not_keep_host_alive(

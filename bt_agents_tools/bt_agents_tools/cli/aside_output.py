@@ -10,7 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, TextIO
+from typing import Any
 
 MOST_BYTES = 1_000_000
 """Longest output that waits to be written [bytes]; further output is dropped."""
@@ -98,25 +98,30 @@ def printing_aside() -> Iterator[None]:
 
     The errors include the log lines of ROS, which are not written with Python.
     """
-    before = sys.stdout
-    before.flush()
-    output = AsideOutput(before.fileno())
-    aside = _text(output, before)
-    sys.stdout = aside
+    sys.stdout.flush()
+    with _aside("stdout", sys.stdout.fileno()), _errors_aside():
+        yield
+
+
+@contextmanager
+def _aside(stream: str, descriptor: int) -> Iterator[AsideOutput]:
+    """Let a thread write a stream of ``sys`` to a descriptor within this block."""
+    before = getattr(sys, stream)
+    output = AsideOutput(descriptor)
+    aside = io.TextIOWrapper(
+        io.BufferedWriter(output),
+        encoding=before.encoding,
+        errors=before.errors,
+        line_buffering=True,
+    )
+    setattr(sys, stream, aside)
     try:
-        with _errors_aside():
-            yield
+        yield output
     finally:
-        sys.stdout = before
+        setattr(sys, stream, before)
         aside.flush()
         output.end()
         aside.detach()
-
-
-def _text(output: AsideOutput, like: TextIO) -> io.TextIOWrapper:
-    return io.TextIOWrapper(
-        io.BufferedWriter(output), encoding=like.encoding, errors=like.errors, line_buffering=True
-    )
 
 
 @contextmanager
@@ -130,26 +135,19 @@ def _errors_aside() -> Iterator[None]:
     reading, writing = os.pipe()
     # A log line that does not fit is lost: its writer may keep the emptying thread from running.
     os.set_blocking(writing, False)
-    output = AsideOutput(before)
+    with _aside("stderr", before) as output:
 
-    def empty() -> None:
-        with open(reading, "rb", buffering=0) as pipe:
-            while data := pipe.read(_PIPE_BYTES):
-                output.write(data)
+        def empty() -> None:
+            with open(reading, "rb", buffering=0) as pipe:
+                while data := pipe.read(_PIPE_BYTES):
+                    output.write(data)
 
-    thread = threading.Thread(target=empty, name="errors", daemon=True)
-    thread.start()
-    os.dup2(writing, _ERRORS)
-    os.close(writing)
-    errors = sys.stderr
-    aside = _text(output, errors)
-    sys.stderr = aside
-    try:
-        yield
-    finally:
-        sys.stderr = errors
-        aside.flush()
-        os.dup2(before, _ERRORS)
-        thread.join(END_LIMIT_S)
-        output.end()
-        aside.detach()
+        thread = threading.Thread(target=empty, name="errors", daemon=True)
+        thread.start()
+        os.dup2(writing, _ERRORS)
+        os.close(writing)
+        try:
+            yield
+        finally:
+            os.dup2(before, _ERRORS)
+            thread.join(END_LIMIT_S)

@@ -24,6 +24,7 @@ from bt_agents_tools.cli.supervision import (
     INDENT,
     POLL_S,
     print_supervised,
+    stopping,
     wait_until_ready,
     watch,
 )
@@ -161,33 +162,22 @@ def run_parts(
         supervisor = Supervisor(logs, fork_server=fork_server)
         observer = Observer()
         watch(observer, supervisor, parts)
-        try:
+        with stopping(console, observer, supervisor, interrupt):
             _check_free(observer, names, domain, interrupt)
-            try:
-                if not interrupt:
-                    supervisor.start(*parts)
-                wait_until_ready(
-                    console,
-                    observer,
-                    supervisor,
-                    interrupt,
-                    lambda: all(supervisor.has_been_up(name) for name in names),
-                )
-                if not interrupt:
-                    where = f"on {socket.gethostname()}, ROS domain {domain}"
-                    text = f"after {time.monotonic() - start:.1f} s: {', '.join(names)} {where}, "
-                    print_line(
-                        console, "[green]ready[/] ", text + discovery_text(os.environ), INDENT
-                    )
-                _tell_market(console, observer, supervisor, interrupt, fleet)
-            finally:
-                killed = supervisor.stop()
-        finally:
-            observer.close()
-    if interrupt:
-        console.print("\nstopped")
-    if killed:
-        console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
+            if not interrupt:
+                supervisor.start(*parts)
+            wait_until_ready(
+                console,
+                observer,
+                supervisor,
+                interrupt,
+                lambda: all(supervisor.has_been_up(name) for name in names),
+            )
+            if not interrupt:
+                where = f"on {socket.gethostname()}, ROS domain {domain}"
+                text = f"after {time.monotonic() - start:.1f} s: {', '.join(names)} {where}, "
+                print_line(console, "[green]ready[/] ", text + discovery_text(os.environ), INDENT)
+            _tell_market(console, observer, supervisor, interrupt, fleet)
 
 
 def _check_free(

@@ -8,7 +8,7 @@ import os
 import time
 import webbrowser
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -34,6 +34,7 @@ from bt_agents_tools.cli.supervision import (
     INDENT,
     POLL_S,
     print_supervised,
+    stopping,
     wait_until_ready,
     watch,
 )
@@ -159,9 +160,12 @@ def run_system(
     who = f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})"
     hold_parts(int(domain), [name for one in processes for name in one.parts or (one.name,)], who)
     # It loads the modules of the nodes while this process loads its own.
-    with closing(
-        ForkServer(one for component in processes for one in component.modules)
-    ) as fork_server:
+    with (
+        closing(studio.listening) if studio is not None else nullcontext(),
+        closing(
+            ForkServer(one for component in processes for one in component.modules)
+        ) as fork_server,
+    ):
         with loading():
             from bt_agents_ros.installed import InstalledInterfaces
             from bt_agents_tools.client.observer import Observer, profiles_by_agent
@@ -177,39 +181,26 @@ def run_system(
         printer = EventPrinter(console, folder.scene.space)
         observer = Observer(printer)
         watch(observer, supervisor, processes)
-        try:
+        with stopping(console, observer, supervisor, interrupt):
             observer.spin_until(lambda: bool(interrupt) or observer.market is not None, 0.5)
             if observer.market is not None:
                 raise BtAgentsError(
                     f"a system already runs on ROS domain {domain}; end it, or set ROS_DOMAIN_ID "
                     "to another number"
                 )
-            try:
-                if not interrupt:
-                    supervisor.start(*processes)
-                agents = len(folder.agents)
-                _wait_until_ready(console, observer, supervisor, agents, interrupt, processes)
-                if not interrupt:
-                    printer.profiles(profiles_by_agent(observer.profiles))
-                    _print_ready(console, observer.cards.values(), time.monotonic() - start)
-                    _print_problems(console, observer.cards.values())
-                    _print_kept_orders(console, observer.market)
-                    _print_events(
-                        console, observer, supervisor, interrupt, visitors, studio, fleet
-                    )
-                if visitors is not None and not interrupt:
-                    printer.summary()
-                    console.print(f"done in {time.monotonic() - start:.0f} s")
-            finally:
-                killed = supervisor.stop()
-                if studio is not None:
-                    studio.listening.close()
-        finally:
-            observer.close()
-    if interrupt:
-        console.print("\nstopped")
-    if killed:
-        console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
+            if not interrupt:
+                supervisor.start(*processes)
+            agents = len(folder.agents)
+            _wait_until_ready(console, observer, supervisor, agents, interrupt, processes)
+            if not interrupt:
+                printer.profiles(profiles_by_agent(observer.profiles))
+                _print_ready(console, observer.cards.values(), time.monotonic() - start)
+                _print_problems(console, observer.cards.values())
+                _print_kept_orders(console, observer.market)
+                _print_events(console, observer, supervisor, interrupt, visitors, studio, fleet)
+            if visitors is not None and not interrupt:
+                printer.summary()
+                console.print(f"done in {time.monotonic() - start:.0f} s")
     return visitors is None or bool(interrupt) or not printer.remarks
 
 

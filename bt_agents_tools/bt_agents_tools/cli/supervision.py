@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -14,7 +15,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.formatting import print_line
 from bt_agents_tools.launcher import components
-from bt_agents_tools.launcher.process_report import ProcessReport
+from bt_agents_tools.launcher.process_report import UP_ON, ProcessReport
 from bt_agents_tools.launcher.supervisor import Component, Supervisor
 
 if TYPE_CHECKING:
@@ -34,8 +35,26 @@ def watch(observer: Observer, supervisor: Supervisor, processes: Sequence[Compon
     observer.watch_heartbeats(supervisor.on_heartbeat, beating)
     managed = components.nodes_of(processes, components.MANAGED)
     observer.watch_states(supervisor.on_state, managed)
-    report = ProcessReport(supervisor.processes)
-    observer.judge_health(f"up on {socket.gethostname()}", report.parts)
+    report = ProcessReport(supervisor.processes, supervisor.unknown_parameters)
+    observer.judge_health(f"{UP_ON}{socket.gethostname()}", report.parts)
+
+
+@contextmanager
+def stopping(
+    console: Console, observer: Observer, supervisor: Supervisor, interrupt: Interrupt
+) -> Iterator[None]:
+    """End the processes at the end of this block, close the observer, and say how it ended."""
+    try:
+        try:
+            yield
+        finally:
+            killed = supervisor.stop()
+    finally:
+        observer.close()
+    if interrupt:
+        console.print("\nstopped")
+    if killed:
+        console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
 
 
 def print_supervised(console: Console, observer: Observer, supervisor: Supervisor) -> None:

@@ -10,6 +10,8 @@ from typing import Any
 
 from rclpy.parameter import Parameter, parameter_value_to_python
 
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_interfaces.msg import Scene, SceneValue
 from bt_agents_ros.messages import header_at
 from bt_agents_tools.client.observer import Observer
@@ -17,6 +19,8 @@ from bt_agents_tools.client.strategies import Strategies, parameter_names, strat
 
 _OF_LAST_SCENE = ("person_id", "place", "persons", "visits", "remembered")
 """Fields that a scene with given values takes from the last scene."""
+
+_NO_ANSWER = "the marketplace does not answer; look at 'bt-agents status'"
 
 
 def scene_of(
@@ -72,28 +76,33 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
     return SceneValue(name=name, value=math.nan, origin=SceneValue.MISSING, age_s=math.nan)
 
 
-def strategies(observer: Observer) -> Strategies | None:
-    """Return the strategies of the market with their current values; None without an answer.
+def strategies(observer: Observer) -> Strategies:
+    """Return the strategies of the market with their current values.
 
     Raises:
-        Refused: ``NO_ANSWER``: the answer lacks a part.
+        Refused: ``NO_ANSWER``: there is none, or it lacks a part.
     """
     infos = observer.market.strategies
     names = parameter_names(infos)
     described = observer.ask("marketplace/describe_parameters", names=names)
     got = observer.ask("marketplace/get_parameters", names=names)
     if described is None or got is None:
-        return None
+        raise Refused(RefusalCode.NO_ANSWER, _NO_ANSWER)
     values = [parameter_value_to_python(one) for one in got.values]
     return strategies_of(infos, described.descriptors, values)
 
 
-def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> str | None:
-    """Set parameters of the market together; return why not, empty if set, None if unanswered."""
+def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> None:
+    """Set parameters of the market together.
+
+    Raises:
+        BtAgentsError: It refuses them, or does not answer (``NO_ANSWER``).
+    """
     parameters = [
         Parameter(name, value=value).to_parameter_msg() for name, value in changes.items()
     ]
     answer = observer.ask("marketplace/set_parameters_atomically", parameters=parameters)
     if answer is None:
-        return None
-    return "" if answer.result.successful else str(answer.result.reason or "it gives no reason")
+        raise Refused(RefusalCode.NO_ANSWER, _NO_ANSWER)
+    if not answer.result.successful:
+        raise BtAgentsError(answer.result.reason or "it gives no reason")

@@ -47,6 +47,7 @@ from bt_agents_interfaces.srv import (
 )
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.health_publisher import TOPIC as HEALTH
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.spinner import Spinner
@@ -140,6 +141,9 @@ _LEAVING = (
     State.TRANSITION_STATE_ERRORPROCESSING,
 )
 
+_NAME = "_bt_agents_observer"
+"""Name of the node: hidden, so that 'ros2 param list' does not wait for it."""
+
 _NAMESPACE_UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_"
 """Name that ROS uses for the namespace of a process whose nodes it has not discovered yet."""
 
@@ -198,9 +202,7 @@ class Observer:
     def __init__(self, listener: Listener | None = None) -> None:
         rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node(
-            "_bt_agents_observer",  # hidden, so that 'ros2 param list' does not wait for it
-            namespace=os.environ.get("ROS_NAMESPACE", ""),
-            start_parameter_services=False,
+            _NAME, namespace=os.environ.get("ROS_NAMESPACE", ""), start_parameter_services=False
         )
         self.namespace = self.node.get_namespace()
         self._health: HealthPublisher | None = None
@@ -370,6 +372,11 @@ class Observer:
         """Return True when a journal subscribes to the traces of runs."""
         listeners = self.node.get_subscriptions_info_by_topic("agents/status")
         return any(one.node_name == "journal" for one in listeners)
+
+    def is_supervised(self) -> bool:
+        """Return True when another observer publishes the health of processes."""
+        ends = self.node.get_publishers_info_by_topic(HEALTH)
+        return any(one.node_name == _NAME for one in ends)
 
     def is_visited(self) -> bool:
         """Return True when visitors of a script are already there."""

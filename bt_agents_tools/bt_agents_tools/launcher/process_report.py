@@ -6,12 +6,18 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from bt_agents_core.health import Health, PartHealth
 from bt_agents_core.text import ellipsize
 from bt_agents_tools.launcher.supervisor import ProcessState, SupervisedProcess
+
+UP_ON = "up on "
+"""Start of the name in front of those of the parts; the name of the machine follows."""
+
+PARAMETERS = "parameters"
+"""Name of the part with the parameters that no node has."""
 
 PERIOD_S = 1.0
 """Time between two looks at processor time, memory and logs [s]."""
@@ -64,6 +70,7 @@ class ProcessReport:
 
     Args:
         processes: Returns them as they are now.
+        unknown_parameters: Returns sentences about parameters that no node has, by name.
         clock: Steady time, as that of the supervisor [s].
         wall_clock: Time of day [s since 1970].
         usage: Returns what the process with an id uses.
@@ -72,12 +79,14 @@ class ProcessReport:
     def __init__(
         self,
         processes: Callable[[], Sequence[SupervisedProcess]],
+        unknown_parameters: Callable[[], Mapping[str, str]] = dict,
         *,
         clock: Callable[[], float] = time.monotonic,
         wall_clock: Callable[[], float] = time.time,
         usage: Callable[[int], Usage | None] = read_usage,
     ) -> None:
         self._processes = processes
+        self._unknown_parameters = unknown_parameters
         self._clock = clock
         self._wall_clock = wall_clock
         self._usage = usage
@@ -89,14 +98,20 @@ class ProcessReport:
         self._measured: dict[str, dict[str, str]] = {}
 
     def parts(self) -> tuple[PartHealth, ...]:
-        """Return one part for each process."""
+        """Return one part for each process, and one for parameters if no node has some."""
         processes = self._processes()
         now = self._clock()
         if now - self._looked_at >= PERIOD_S:
             spent_s = now - self._looked_at
             self._looked_at = now
             self._measured = {one.name: self._look(one, spent_s) for one in processes}
-        return tuple(self._part(one) for one in processes)
+        parts = [self._part(one) for one in processes]
+        if unknown := self._unknown_parameters():
+            text = "no node has some parameters of the file"
+            parts.append(
+                PartHealth(part=PARAMETERS, level=Health.WARN, message=text, values=unknown)
+            )
+        return tuple(parts)
 
     def _part(self, one: SupervisedProcess) -> PartHealth:
         if self._since.get(one.name, (None,))[0] != one.since:

@@ -21,10 +21,16 @@ from bt_agents_core.liveness import LONGEST_PAUSE_S
 from bt_agents_core.text import quote
 from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_ros.log_files import NO_LOG_FILE
-from bt_agents_ros.node_main import READY, RESTARTED, SUPERVISED
+from bt_agents_ros.node_main import READY, READY_BYTES, RESTARTED, SUPERVISED
 from bt_agents_ros.signals import block_sigint
 from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile, make_log_folder
+from bt_agents_tools.launcher.parameter_file import (
+    Sections,
+    UnknownByNode,
+    read_sections,
+    unknown_in,
+)
 
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 LAN_PROFILE = Path(__file__).with_name("lan.xml")
@@ -222,6 +228,7 @@ class _Supervised:
         ended_at: Time at which the supervisor noticed its end; None while it runs.
         restart_at: Time of the next start; None if none is planned.
         last_exit: How it ended last, in words; empty if it never has.
+        unknown: What its nodes reported of their parameters; None before the first report.
     """
 
     component: Component
@@ -238,6 +245,7 @@ class _Supervised:
     ended_at: float | None = None
     restart_at: float | None = None
     last_exit: str = ""
+    unknown: UnknownByNode | None = None
 
     @property
     def state(self) -> ProcessState:
@@ -253,13 +261,16 @@ class _Supervised:
         if self.ready < 0:
             return False
         try:
-            up = bool(os.read(self.ready, 8))
+            report = os.read(self.ready, READY_BYTES)
         except BlockingIOError:
             return False
         self.close()
-        if up:
+        if report:
             self.been_up, self.up_at, self.since = True, now, now
-        return up
+            # Incomplete if the kernel has given the pipe less room than usual.
+            with suppress(ValueError):
+                self.unknown = json.loads(report)
+        return bool(report)
 
     def close(self) -> None:
         """Close the pipe."""
@@ -288,11 +299,20 @@ class Supervisor:
         self._clock = clock
         self._fork_server = fork_server
         self._components: dict[str, _Supervised] = {}
+        self._sections: dict[Path, Sections] = {}
+        self._reports: list[UnknownByNode | None] = []
+        self._unknown: dict[str, str] = {}
         self._events: list[str] = []
         self._last_poll = clock()
 
     def start(self, *components: Component) -> None:
-        """Start processes in their own sessions, so that a Ctrl-C reaches only this process."""
+        """Start processes in their own sessions, so that a Ctrl-C reaches only this process.
+
+        Raises:
+            BtAgentsError: There is no place for the logs, or as in :func:`read_sections`.
+        """
+        for file in {one.file for one in components if one.file is not None}:
+            self._sections[file] = read_sections(file)
         try:
             make_log_folder(self._logs)
         except OSError as error:
@@ -329,6 +349,13 @@ class Supervisor:
             )
             for name, one in self._components.items()
         )
+
+    def unknown_parameters(self) -> Mapping[str, str]:
+        """Return the parameters of files that no node has, as in :func:`unknown_in`.
+
+        There are none until all processes that get a file were up.
+        """
+        return self._unknown
 
     def failure(self) -> str:
         """Return the component that ended by itself, with the end of its log; empty for none."""
@@ -396,7 +423,23 @@ class Supervisor:
                 one.last_heartbeat = now if pause_s <= LONGEST_PAUSE_S else None
             one.log.rotate()
             events += self._poll_one(one)
-        return events
+        return events + self._judge_parameters()
+
+    def _judge_parameters(self) -> list[str]:
+        """Return the sentences about further parameters that no node has, if reports changed."""
+        reports = [one.unknown for one in self._components.values() if one.component.file]
+        if reports == self._reports:
+            return []
+        self._reports = reports
+        unknown: dict[str, Mapping[str, str] | None] = {}
+        for report in reports:
+            if report is None:
+                return []
+            unknown |= report
+        before, self._unknown = self._unknown, {}
+        for file, sections in self._sections.items():
+            self._unknown |= unknown_in(file.name, sections, unknown)
+        return [text for key, text in self._unknown.items() if before.get(key) != text]
 
     def _poll_one(self, one: _Supervised) -> list[str]:
         events: list[str] = []

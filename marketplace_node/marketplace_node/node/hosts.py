@@ -32,6 +32,7 @@ from marketplace_node.node.messages import (
     earlier_run_from_msg,
     goal_to_msg,
     heartbeat_of,
+    names_start,
     registration_from_msg,
     run_end_from_msg,
 )
@@ -70,6 +71,8 @@ class _Sending:
         accepted: Whether the action has accepted it, possibly only to report why it is refused.
         begun: Whether the host's heartbeat names its run.
         reported: Whether the market knows that the host has accepted it.
+        unproven: Whether its result has come, but perhaps from another server of this name. Then
+            the heartbeat says how the run continues.
     """
 
     link: _Link
@@ -78,6 +81,7 @@ class _Sending:
     accepted: bool = False
     begun: bool = False
     reported: bool = False
+    unproven: bool = False
 
 
 class HostConnections:
@@ -168,6 +172,11 @@ class HostConnections:
         request = RunAgent.Impl.SendGoalService.Request()
         request.goal_id.uuid = list(uuid.uuid4().bytes)
         request.goal = goal_to_msg(effect, self._market.epoch, link.entry.token)
+        self._goals = {
+            other: sending
+            for other, sending in self._goals.items()
+            if not (sending.link is link and sending.unproven)
+        }
         self._goals[goal] = _Sending(link=link, request=request)
         self.send_waiting()
 
@@ -254,7 +263,7 @@ class HostConnections:
             message = heartbeat_of(link.entry, data)
         except Refused as refused:
             # One of another start is from a host that has not registered yet.
-            if link.heard and link.entry.instance.encode() in data:
+            if link.heard and names_start(link.entry, data):
                 self._log_refused(link.entry.heartbeat, refused)
             return
         link.heard = True
@@ -309,7 +318,8 @@ class HostConnections:
             return
         answer = future.result()
         if answer.status == GoalStatus.STATUS_UNKNOWN:
-            return  # from another server of this name; the heartbeat says how the run continues
+            self._leave_to_heartbeat(goal, sending)
+            return
         result = answer.result
         if result.outcome == RunAgent.Result.REFUSED and not sending.reported:
             del self._goals[goal]
@@ -320,8 +330,18 @@ class HostConnections:
             sending.link.entry.check_token(bytes(result.token))
         except Refused as refused:
             self._log_refused(sending.link.entry.run_action, refused)
-            return  # the heartbeat says how the run continues
+            self._leave_to_heartbeat(goal, sending)
+            return
         self._report_end(goal, sending, run_end_from_msg(result))
+
+    def _leave_to_heartbeat(self, goal: RunGoal, sending: _Sending) -> None:
+        """Free a goal whose result proves nothing, at the latest when the host gets the next one.
+
+        Until the market knows that the run has begun, the heartbeat has to name the goal.
+        """
+        if sending.reported:
+            del self._goals[goal]
+        sending.unproven = True
 
     def _report_end(self, goal: RunGoal, sending: _Sending, end: RunEnd) -> None:
         sending.begun = True

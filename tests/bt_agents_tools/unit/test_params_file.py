@@ -81,6 +81,7 @@ def test_node_in_the_namespace_is_silent(
         ("[1, 2]", "there is no 'ros__parameters' in it"),
         ("a: {b: 1\nc: }", "line 2: it is no YAML"),
         ("a: \x07", "it is no YAML"),
+        ("a: &x {ros__parameters: {}}\nb: *x", "it has an alias such as '*name'"),
         (f"a: {'{a: ' * 40}1{'}' * 40}", "there is no 'ros__parameters' below 'a'"),
         ("#" * 1_000_001, "is larger than 1,000,000 bytes"),
     ],

@@ -27,6 +27,7 @@ class Reported:
         self.now = 100.0
         self.looks = 0
         self.usage: Usage | None = Usage(cpu_s=1.0, memory_bytes=50_000_000)
+        self.unknown: dict[str, str] = {}
         self.process = SupervisedProcess(
             name="robot",
             pid=17,
@@ -38,6 +39,7 @@ class Reported:
         )
         self.report = ProcessReport(
             lambda: [self.process],
+            lambda: self.unknown,
             clock=lambda: self.now,
             wall_clock=lambda: MORNING_S + self.now - 100.0,
             usage=self._used,
@@ -105,6 +107,13 @@ def test_gone_process_reports_no_usage(reported: Reported) -> None:
     reported.usage = None
     values = reported.values()
     assert (values["cpu"], values["memory"]) == ("", "")
+
+
+def test_unknown_parameters_are_one_part_with_warning(reported: Reported) -> None:
+    reported.unknown = {"/** pacee": "my.yaml: no node here has a parameter 'pacee'"}
+    _, part = reported.report.parts()
+    assert (part.part, part.level) == ("parameters", Health.WARN)
+    assert part.values == reported.unknown
 
 
 def test_last_log_line_is_bounded_and_printable(reported: Reported) -> None:

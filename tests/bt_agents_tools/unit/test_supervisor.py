@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -282,6 +283,48 @@ def test_hang_detection_awaits_heartbeat_after_long_pause(watched: Watched) -> N
         watched.now += 0.5
     [hangs] = watched.supervisor.poll()
     assert hangs == "agents hangs (no heartbeat for 10 s): killing it"
+
+
+UP_WITH_REPORT = """
+import os, signal, time
+def main():
+    signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
+    os.write(int(os.environ["BT_AGENTS_READY"]), b'''%s''')
+    while True:
+        time.sleep(60)
+"""
+
+
+def test_parameters_are_judged_after_last_report(watched: Watched, tmp_path: Path) -> None:
+    file = tmp_path / "my.yaml"
+    file.write_text("/**: {ros__parameters: {pace: 2.0, tick_rate: 9.0, tick_rat: 9.0}}")
+    robot, agents = (
+        replace(watched.write(name, UP_WITH_REPORT % json.dumps({f"/{name}": said})), file=file)
+        for name, said in (
+            ("robot", {"tick_rate": "", "tick_rat": ""}),
+            ("agents", {"pace": "", "tick_rat": "tick_rate"}),
+        )
+    )
+    supervisor = watched.supervisor
+    supervisor.start(robot, watched.write("studio", UP_FOR_EVER))
+    supervisor.start(agents)
+    events = watched.until(lambda events: bool(events))
+    assert all(map(supervisor.has_been_up, ("robot", "agents")))
+    told = (
+        "my.yaml: no node here has a parameter 'tick_rat', so its value counts for nothing; did "
+        "you mean 'tick_rate'?"
+    )
+    assert events == [told]
+    assert supervisor.unknown_parameters() == {"** tick_rat": told}
+    assert supervisor.poll() == []
+
+
+def test_report_that_is_no_json_counts_as_up(watched: Watched, tmp_path: Path) -> None:
+    file = tmp_path / "my.yaml"
+    file.write_text("/**: {ros__parameters: {pace: 2.0}}")
+    watched.supervisor.start(replace(watched.write("robot", UP_FOR_EVER), file=file))
+    watched.until(lambda _events: watched.supervisor.has_been_up("robot"))
+    assert watched.supervisor.unknown_parameters() == {}
 
 
 UP_AND_GONE = """

@@ -36,10 +36,12 @@ from bt_agents_tools.cli.formatting import (
     since_text,
 )
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
+from bt_agents_tools.launcher.process_report import PARAMETERS, UP_ON
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
+_HEALTH_S = 2.0  # `up` publishes the health of its processes once a second
 _ENDS_SHOWN = 3
 _AGENTS_SHOWN = 50
 _DIFFERS = (
@@ -58,12 +60,14 @@ def status(form: TableForm, shows_all: bool) -> None:
             observer.received("bt_agents/scene"),
             observer.received("bt_agents/scene_ends"),
         )
+        health = observer.received("/diagnostics")
         auctions = last_decisions(observer)
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         at = _node_at_work(observer)
         pause = _pause(observer)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         observer.spin_until(lambda: observer.profiles is not None, SOON_S)
+        unknown = _unknown_parameters(observer, health)
         market, names = observer.market, names_of_scenes(auctions)
         for scene in scenes:  # a refused scene has no decision
             names.add(scene)
@@ -77,7 +81,8 @@ def status(form: TableForm, shows_all: bool) -> None:
                 "differing": differing_agents(observer.profiles),
                 "pauses": [] if pause is None else [pause],
             }
-            print_json({name: as_plain_data(one) for name, one in found.items()})
+            plain = {name: as_plain_data(one) for name, one in found.items()}
+            print_json({**plain, "unknown_parameters": unknown})
             return
         if form is TableForm.CSV:
             _print_agents(cards)
@@ -104,6 +109,8 @@ def status(form: TableForm, shows_all: bool) -> None:
             _print("          ", line)
         for problem in rule_problems(market, observer.profiles):
             _print("  problem: ", problem_text(problem))
+        for text in unknown.values():
+            _print("  problem: ", text)
         most = sys.maxsize if shows_all else _AGENTS_SHOWN
         for card, shown in zip(cards, shown_agents(cards, most), strict=True):
             _print("host      ", host_text(card.host, card))
@@ -204,6 +211,24 @@ def _pause(observer: Observer) -> Any:
     observer.spin_until(lambda: bool(received), SOON_S)
     control = received[-1] if received else None
     return control if control is not None and control.paused else None
+
+
+def _unknown_parameters(observer: Observer, received: Sequence[Any]) -> dict[str, str]:
+    """Return sentences about parameters of files that no node has, as `up` reports them."""
+    name = f"{observer.namespace}/{UP_ON}".lstrip("/")
+
+    def of_up() -> list[Any]:
+        every = (one for message in received for one in message.status)
+        return [one for one in every if one.name.startswith(name)]
+
+    if observer.is_supervised():
+        observer.spin_until(lambda: bool(of_up()), _HEALTH_S)
+    return {
+        value.key: value.value
+        for part in of_up()
+        if part.name.endswith(f": {PARAMETERS}")
+        for value in part.values
+    }
 
 
 def _ranking_lines(market: Any, last: Any) -> Iterator[str]:

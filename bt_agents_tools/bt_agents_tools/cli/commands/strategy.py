@@ -10,7 +10,6 @@ import click
 from rich.console import Console
 from rich.markup import escape
 
-from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.assignments import assignments
 from bt_agents_tools.cli.connection import connect
 from bt_agents_tools.cli.decisions import disagreements, last_decisions
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.strategies import Strategies
 
 _INDENT = 6
-_NO_ANSWER = "the marketplace does not answer; look at 'bt-agents status'"
 
 
 @click.command()
@@ -50,17 +48,11 @@ def strategy(
         from bt_agents_tools.client.strategies import changed_parameters
 
         found = market.strategies(observer)
-        if found is None:
-            raise BtAgentsError(_NO_ANSWER)
         observing = "" if shadow == "none" else shadow
         changes = changed_parameters(found, name, values, observing)
         if changes:
-            refusal = market.set_parameters(observer, changes)
-            if refusal is None:
-                raise BtAgentsError(_NO_ANSWER)
-            if refusal:
-                raise BtAgentsError(refusal)
-            found = market.strategies(observer) or found
+            market.set_parameters(observer, changes)
+            found = market.strategies(observer)
         if form.for_program:
             print_table([Column(key=key) for key in _KEYS], list(_rows(found)), form)
             return
