@@ -119,7 +119,7 @@ function bySeverity([a, one]: Told, [b, other]: Told): number {
 }
 
 /** Name of a process in the health that "bt-agents up" reports, after a namespace: machine, process. */
-const PROCESS = /(?:^|\/)up on ([^:]*): (.*)$/;
+const PROCESS = /(?:^|\/)up on ([^:]*): (?!parameters$)(.*)$/;
 
 /** Processes that "bt-agents up" has started, the worst first. */
 function Processes() {
