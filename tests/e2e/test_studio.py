@@ -251,7 +251,7 @@ def test_visitor_stop_works_or_reports_that_it_cannot(page: Page, tablet: Page) 
     expect(page.get_by_label("What happened")).to_contain_text("stopped by the person")
     tablet.context.set_offline(True)
     button.click()
-    expect(tablet.get_by_role("alert")).to_contain_text("Could not be stopped")
+    expect(tablet.get_by_role("alert")).to_contain_text("The robot does not answer")
 
 
 def test_visitor_sees_only_robot_and_cannot_tune(tablet: Page) -> None:

@@ -92,7 +92,7 @@ class FakeNode:
         return [("/bt_agents/market", ["bt_agents_interfaces/msg/MarketStatus"])]
 
     def get_publishers_info_by_topic(self, _: str) -> list[Any]:
-        return [SimpleNamespace(node_namespace=HOSTILE)]
+        return [SimpleNamespace(node_name=HOSTILE, node_namespace=HOSTILE)]
 
 
 @pytest.fixture
