@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from checkout import PYTHON_PACKAGES, ROOT
+from npm_packages import node_environment
 
 PAGE = (ROOT / "docs" / "how_to_add.md").read_text(encoding="utf-8")
 MOST_FILES = {
@@ -25,13 +26,15 @@ MOST_FILES = {
     "An option of scene sources": 3,
     "A learning rule": 3,
     "A mood action": 4,
+    "A message on the graph": 2,
+    "A page of the studio": 4,
     "A command": 2,
     "A diagnostic code": 2,
 }
 """Heading of the page → how many files of the product an addition of the kind touches."""
 
 COPIED = (*[package.name for package in PYTHON_PACKAGES], "bt_agents_interfaces", "trees")
-NEW_FILE = re.compile(r"^`([^`]+)`:\n\n```(?:py|yml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+NEW_FILE = re.compile(r"^`([^`]+)`:\n\n```(?:py|tsx|yml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 DIFF = re.compile(r"^```diff\n(.*?)^```", re.MULTILINE | re.DOTALL)
 SESSION = re.compile(r"^```sh\n(.*?)^```\n(?:\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 BT_AGENTS = '#!/bin/sh\nexec "{python}" -S -P -m bt_agents_tools.cli "$@"\n'
@@ -101,7 +104,7 @@ def make(text: str, folder: Path) -> None:
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The packages and trees, with the tests of this checkout and programs that use the copy."""
-    ignored = shutil.ignore_patterns("__pycache__", "*.so", "build")
+    ignored = shutil.ignore_patterns("__pycache__", "*.so", "build", "node_modules")
     for name in COPIED:
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
     shutil.copytree(ROOT / "tests", tmp_path / "tests", ignore=ignored)
@@ -126,7 +129,7 @@ def run(commands: str, folder: Path) -> str:
         cwd=folder,
         env={
             **os.environ,
-            "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
+            "PATH": f"{folder / 'bin'}{os.pathsep}{node_environment()['PATH']}",
             "PYTHONPATH": os.pathsep.join(
                 [*map(str, folders), str(folder / "tests" / "harness"), *installed]
             ),
@@ -174,7 +177,8 @@ def test_addition_works_as_documented(heading: str, copy: Path) -> None:
     text = section(heading)
     make(text, copy)
     written = {path for path, _ in NEW_FILE.findall(text)} | {*touched(text)}
-    check_style(sorted(path for path in written if path.endswith(".py")), copy)
+    if modules := sorted(path for path in written if path.endswith(".py")):
+        check_style(modules, copy)
     sessions = SESSION.findall(text)
     assert sessions
     for commands, output in sessions:

@@ -23,7 +23,13 @@ const LATER = {
   world: () => import("./world").then((one) => ({ default: one.World })),
   system: () => import("./system").then((one) => ({ default: one.System })),
 };
-const SHOWN = { live: Live, market: lazy(LATER.market), tune: lazy(LATER.tune), world: lazy(LATER.world), system: lazy(LATER.system) };
+const SHOWN = {
+  live: Live,
+  market: lazy(LATER.market),
+  tune: lazy(LATER.tune),
+  world: lazy(LATER.world),
+  system: lazy(LATER.system),
+};
 /** After so long they are loaded anyway, so that they open without a studio, too. */
 const LATER_MS = 3000;
 
