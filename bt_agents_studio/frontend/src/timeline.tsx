@@ -183,7 +183,7 @@ function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
           {isPending && " …"}
         </button>
       </div>
-      <output className="failure">{failure}</output>
+      <output className={failure && "failure"}>{failure}</output>
     </Menu>
   );
 }
