@@ -16,7 +16,7 @@ DOCUMENTS = ("CONTRIBUTING.md", "README.md", "docs/how_to_add.md", "docs/archite
 # What benchmarks and pages leave in "build" is not of the checkout.
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build"}
 NAMED = re.compile(r"`((?:\.\w|\w)[\w.*/-]*)`")
-ADDED = re.compile(r"^`([^`]+)`:\n\n```(?:py|yml)\n", re.MULTILINE)
+ADDED = re.compile(r"^`([^`]+)`:\n\n```(?:py|tsx|yml)\n", re.MULTILINE)
 MOST_STEPS = 60
 MOST_ASKED = 20
 
