@@ -341,7 +341,8 @@ class HostConnections:
         """
         if sending.reported:
             del self._goals[goal]
-        sending.unproven = True
+        else:
+            sending.unproven = True
 
     def _report_end(self, goal: RunGoal, sending: _Sending, end: RunEnd) -> None:
         sending.begun = True
