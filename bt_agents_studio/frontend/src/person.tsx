@@ -14,7 +14,7 @@ import { useStop } from "./stop";
 import { useEntry } from "./store";
 
 const SCAN_MS = 2000;
-/** What the log and the rounds say of what was done here. */
+/** Words for the log and the rounds. */
 const STOPPED = "stopped by the person";
 const VISITOR = "a visitor at the screen";
 
@@ -106,7 +106,7 @@ function Toggle({ on, set, children }: ToggleProps) {
 }
 
 function Light({ colour, blinks }: { colour: string; blinks: boolean }) {
-  const known = colour in words.colours ? colour : "off";
+  const known = Object.hasOwn(words.colours, colour) ? colour : "off";
   const label = `${words.light}: ${words.colours[known]}${blinks ? `, ${words.blinking}` : ""}`;
   return <span className={`light ${known} ${blinks ? "blinks" : ""}`} role="img" aria-label={label} title={label} />;
 }

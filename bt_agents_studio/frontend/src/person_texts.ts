@@ -147,5 +147,5 @@ const LANGUAGES: Record<string, Words> = { en: EN, de: DE, es: ES, fr: FR };
 
 const preferred = [...navigator.languages, navigator.language].map((tag) => tag.toLowerCase().split(/[^a-z]/)[0] ?? "");
 
-export const language = preferred.find((name) => name in LANGUAGES) ?? "en";
+export const language = preferred.find((name) => Object.hasOwn(LANGUAGES, name)) ?? "en";
 export const words: Words = LANGUAGES[language] ?? EN;
