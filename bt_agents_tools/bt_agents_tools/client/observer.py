@@ -47,7 +47,6 @@ from bt_agents_interfaces.srv import (
 )
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
-from bt_agents_ros.health_publisher import TOPIC as HEALTH
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.spinner import Spinner
@@ -372,11 +371,6 @@ class Observer:
         """Return True when a journal subscribes to the traces of runs."""
         listeners = self.node.get_subscriptions_info_by_topic("agents/status")
         return any(one.node_name == "journal" for one in listeners)
-
-    def is_supervised(self) -> bool:
-        """Return True when another observer publishes the health of processes."""
-        ends = self.node.get_publishers_info_by_topic(HEALTH)
-        return any(one.node_name == _NAME for one in ends)
 
     def is_visited(self) -> bool:
         """Return True when visitors of a script are already there."""

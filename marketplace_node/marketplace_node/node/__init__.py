@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import time
 import uuid
@@ -33,6 +34,7 @@ from bt_agents_ros.calls import Calls
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.managed_node import ManagedNode, make_managed
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg
+from bt_agents_ros.node_main import RESTARTED
 from bt_agents_ros.outbox import Outbox
 from bt_agents_ros.parameters import TREES, StartParameter
 from bt_agents_ros.spinner import run
@@ -505,7 +507,10 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         if self._state_entered is None or self._state_entered[0] != key:
             self._state_entered = (key, self._now())
         stamp = self._state_entered[1]
-        self._status.publish(status_to_msg(status, self._market.epoch, stamp))
+        supervised = RESTARTED in os.environ
+        self._status.publish(
+            status_to_msg(status, self._market.epoch, stamp, supervised=supervised)
+        )
 
     def _now(self) -> Any:
         return self.get_clock().now().to_msg()

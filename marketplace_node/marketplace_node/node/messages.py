@@ -225,8 +225,10 @@ def goal_to_msg(effect: SendGoal, epoch: str, token: bytes) -> RunAgent.Goal:
     )
 
 
-def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus:
-    """Return the message of the market's state since ``stamp``."""
+def status_to_msg(
+    status: StatusChanged, epoch: str, stamp: Any, *, supervised: bool = False
+) -> MarketStatus:
+    """Return the message of the market's state since ``stamp``; see ``MarketStatus.msg``."""
     fields = {**vars(status)}
     problems = [FileProblem(**vars(one)) for one in fields.pop("undecided")]
     return MarketStatus(
@@ -234,6 +236,7 @@ def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus
         epoch=epoch,
         strategies=strategies_to_msg(),
         problems=problems,
+        supervised=supervised,
         **fields,
     )
 

@@ -41,7 +41,7 @@ from bt_agents_tools.launcher.process_report import PARAMETERS, UP_ON
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_HEALTH_S = 2.0  # `up` publishes the health of its processes once a second
+_HEALTH_S = 5.0  # `up` publishes the health of its processes within a second of its discovery
 _ENDS_SHOWN = 3
 _AGENTS_SHOWN = 50
 _DIFFERS = (
@@ -221,7 +221,7 @@ def _unknown_parameters(observer: Observer, received: Sequence[Any]) -> dict[str
         every = (one for message in received for one in message.status)
         return [one for one in every if one.name.startswith(name)]
 
-    if observer.is_supervised():
+    if observer.market.supervised:
         observer.spin_until(lambda: bool(of_up()), _HEALTH_S)
     return {
         value.key: value.value
