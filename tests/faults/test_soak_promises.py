@@ -16,6 +16,7 @@ from soak_promises import (
     ONE_END,
     PROMISES,
     RECOVERY,
+    REPLAY,
     SETTINGS_STORED,
     Acted,
     Event,
@@ -25,6 +26,7 @@ from soak_promises import (
     FilesCounted,
     LedgerRead,
     Measured,
+    Replayed,
     SceneAcknowledged,
     SceneEnded,
     SceneShown,
@@ -87,6 +89,7 @@ def test_correct_history_checks_every_promise_without_violation() -> None:
         request(3.0, 0.2), read(8.0, 0.2),
         Acted(at=1.0, until=2.0, run="/agents 1", what="/say"),
         Acted(at=2.0, until=3.0, run="/agents 2", what="/say"),
+        Replayed(at=9.0, item="round 3", difference=""),
         *life(), *(FilesCounted(at=float(at), files=12) for at in range(0, 600, 5)),
     ]  # fmt: skip
     assert broken(*events) == {}
@@ -219,3 +222,8 @@ def test_slope_follows_majority_of_points() -> None:
     assert slope(line) == 2.0
     assert slope([*line, (1000.0, 1e9)]) == 2.0
     assert slope([(1.0, 5.0)]) == 0.0
+
+
+def test_different_replay_is_reported() -> None:
+    event = Replayed(at=9.0, item="round 3", difference="the winner is alma, not bruno")
+    assert broken(event) == {REPLAY: ["round 3: the winner is alma, not bruno"]}

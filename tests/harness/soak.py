@@ -40,6 +40,11 @@ from bt_agents_interfaces.srv import (
     ReloadAgents,
     Tune,
 )
+from bt_agents_lab.recorder.daily_recorder import newest_files
+from bt_agents_lab.replay.decisions import replay_decisions
+from bt_agents_lab.replay.findings import ReplayVerdict
+from bt_agents_lab.replay.recording_index import read
+from bt_agents_lab.replay.replay_learning import replay_feedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import seconds
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
@@ -61,6 +66,7 @@ from soak_promises import (
     FilesCounted,
     LedgerRead,
     Measured,
+    Replayed,
     SceneAcknowledged,
     SceneEnded,
     SceneShown,
@@ -81,6 +87,7 @@ MODULES = {
     "bt_agents.host.node": "agents",
     "feedback_node.node": "feedback",
     "bt_agents_robot.robot": "robot",
+    "bt_agents_lab.node": "journal",
 }
 """Module of a process of ``bt-agents up`` → its component."""
 
@@ -272,6 +279,8 @@ class Soak:
                 "--no-voice",
                 "--state",
                 str(state),
+                "--journal",
+                str(self.folder / "journal"),
                 "--on-new-scene",
                 "preempt",
             ),
@@ -891,6 +900,7 @@ class Soak:
             rclpy.try_shutdown()
             (self.folder / "up.log").write_text(self._up.output)
         self._read_ledger(at)
+        self._replay_journal(at)
         for log in sorted(self.folder.rglob("*.log*")):
             text = log.read_text(errors="replace")
             for trace in TRACES:
@@ -909,6 +919,14 @@ class Soak:
         with closing(sqlite3.connect(f"file:{ledger}?mode=ro", uri=True)) as db:
             rows = db.execute("SELECT feedback_id FROM revision WHERE feedback_id IS NOT NULL")
             self.events.append(LedgerRead(at=at, feedback=frozenset(row[0] for row in rows)))
+
+    def _replay_journal(self, at: float) -> None:
+        """Note how what the journal holds replays; it lacks what happened while it was dead."""
+        recording = read(newest_files(self.folder / "journal"))
+        for findings in (replay_decisions(recording.rounds), replay_feedback(recording.feedbacks)):
+            for one in findings:
+                if one.verdict is not ReplayVerdict.NOT_RECORDED:
+                    self.events.append(Replayed(at=at, item=one.where, difference=one.text))
 
 
 def table(verdicts: list[Verdict]) -> Iterator[str]:

@@ -16,9 +16,10 @@ ONE_ACTS = "no two agents act at the same time"
 NO_GROWTH = "no process grows, nor does the state folder"
 RECOVERY = "after a fault nobody waits longer than 3 s for the next act"
 NO_FAILURE = "no process ends or fails by itself"
+REPLAY = "all decisions and all learning in the journal replay equal"
 
 PROMISES = (
-    ONE_END, FEEDBACK_STORED, SETTINGS_STORED, ONE_ACTS, NO_GROWTH, RECOVERY, NO_FAILURE,
+    ONE_END, FEEDBACK_STORED, SETTINGS_STORED, ONE_ACTS, NO_GROWTH, RECOVERY, NO_FAILURE, REPLAY,
 )  # fmt: skip
 
 RECOVERY_S = 3.0
@@ -173,6 +174,19 @@ class Failed(Event):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Replayed(Event):
+    """A recorded decision or profile change was repeated.
+
+    Attributes:
+        item: Which one.
+        difference: How the result differs from the recorded one; empty if it is equal.
+    """
+
+    item: str
+    difference: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Breach:
     """One moment at which a promise was broken."""
 
@@ -205,6 +219,7 @@ def check(events: Iterable[Event]) -> list[Verdict]:
         NO_GROWTH: _check_growth,
         RECOVERY: _check_recovery,
         NO_FAILURE: _check_failures,
+        REPLAY: _check_replay,
     }
     return [_verdict(promise, checks[promise](ordered)) for promise in PROMISES]
 
@@ -414,6 +429,11 @@ def _check_failures(events: Sequence[Event]) -> _Findings:
             yield None
     for one in _of(Failed, events):
         yield one.at, f"{one.component}: {one.text}"
+
+
+def _check_replay(events: Sequence[Event]) -> _Findings:
+    for one in _of(Replayed, events):
+        yield (one.at, f"{one.item}: {one.difference}") if one.difference else None
 
 
 def _join(words: Iterable[str]) -> str:

@@ -98,7 +98,7 @@ class ProcessReport:
         self._measured: dict[str, dict[str, str]] = {}
 
     def parts(self) -> tuple[PartHealth, ...]:
-        """Return one part for each process, and one for parameters if no node has some."""
+        """Return one part for each process, and one for unknown parameters, if any."""
         processes = self._processes()
         now = self._clock()
         if now - self._looked_at >= PERIOD_S:
@@ -107,7 +107,7 @@ class ProcessReport:
             self._measured = {one.name: self._look(one, spent_s) for one in processes}
         parts = [self._part(one) for one in processes]
         if unknown := self._unknown_parameters():
-            text = "no node has some parameters of the file"
+            text = "the parameter file has parameters that no node has"
             parts.append(
                 PartHealth(part=PARAMETERS, level=Health.WARN, message=text, values=unknown)
             )
