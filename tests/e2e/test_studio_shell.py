@@ -28,6 +28,7 @@ from bt_agents_studio.records import (
 )
 from programs import Program
 from studio_browser import look_back, open_page, opened_page, strip
+from studio_entries import tunable
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -145,6 +146,7 @@ def studio() -> Iterator[BackgroundStudio]:
         for name, title in (("greeter", "The greeter"), ("carrier", "The carrier")):
             served.put("agents", name, agent(name, title))
             served.put("trees", name, tree(name))
+        served.put("tunables", "carrier.pace", tunable("carrier", "pace", 0.4))
         yield served
 
 
@@ -244,6 +246,44 @@ def test_single_or_typed_escape_stops_nothing(page: Page, running: BackgroundStu
     strip(page).get_by_role("button", name="Stop").click()
     until_stopped(page, running)
     assert len(stops(running)) == 1
+
+
+@pytest.mark.parametrize(
+    ("typed", "keys", "named", "address"),
+    [
+        ("", ["ArrowDown"], "Market page", r"/market$"),
+        ("carrier", [], "The carrier agent · carrier", r"/live\?agent=carrier$"),
+        ("carrier say", [], 'say "I am carrier." node · The carrier · tree/0.say', r"0\.say$"),
+        ("PACE", [], "pace tunable value · The carrier", r"/tune\?search=carrier\.pace$"),
+    ],
+)
+def test_palette_goes_to_what_is_named(
+    page: Page, typed: str, keys: list[str], named: str, address: str
+) -> None:
+    open_page(page, "World")
+    page.keyboard.press("Control+k")
+    field = page.get_by_role("combobox", name="Go to …")
+    expect(field).to_be_focused()
+    field.press_sequentially(typed)
+    for key in keys:
+        page.keyboard.press(key)
+    shown = page.get_by_role("listbox", name="Go to …")
+    expect(shown.get_by_role("option", selected=True)).to_have_text(named)
+    page.keyboard.press("Enter")
+    expect(field).to_be_hidden()
+    expect(page).to_have_url(re.compile(address))
+
+
+def test_closed_palette_changes_nothing(page: Page, running: BackgroundStudio) -> None:
+    open_page(page, "Market")
+    page.keyboard.press("Control+k")
+    page.get_by_role("combobox", name="Go to …").fill("nobody is called so")
+    expect(page.get_by_text("Nothing has this name.")).to_be_in_viewport()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("combobox", name="Go to …")).to_be_hidden()
+    expect(page).to_have_url(re.compile(r"/market$"))
+    assert stops(running) == []
 
 
 def test_refused_stop_is_told_in_words(page: Page, running: BackgroundStudio) -> None:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The address of what is shown: page, agent, node, round, and moment of a recording or of the running system.
+// The address of what is shown: page, agent, node, round, search, and moment of a recording or of the running system.
 
 export const PAGES = ["live", "market", "tune", "world", "system"] as const;
 export type Page = (typeof PAGES)[number];
@@ -19,6 +19,8 @@ export interface Address {
   node: string;
   /** Chosen on the page Market; empty for the newest. */
   round: string;
+  /** What the page Tune searches. */
+  search: string;
   /** Recording that is shown; empty for the running system. */
   source: string;
   /** Moment that is shown [s since 1970]; null for now. */
@@ -46,6 +48,7 @@ export function readAddress(path: string, query: string): Address {
     agent: text("agent"),
     node: text("node"),
     round: text("round"),
+    search: text("search"),
     source,
     atS: at ?? (source ? END_S : null),
   };
@@ -53,8 +56,8 @@ export function readAddress(path: string, query: string): Address {
 
 /** Return path and query; a recording without a moment is shown at its end. */
 export function writeAddress(address: Address): string {
-  const { page, agent, node, round, source, atS } = address;
+  const { page, agent, node, round, search, source, atS } = address;
   const at = atS === null || (source && atS >= END_S) ? "" : String(Math.round(atS * 1000) / 1000);
-  const fields = Object.entries({ agent, node, round, from: source, at }).filter(([, value]) => value);
+  const fields = Object.entries({ agent, node, round, search, from: source, at }).filter(([, value]) => value);
   return `/${page ?? ""}${fields.length > 0 ? `?${new URLSearchParams(fields)}` : ""}`;
 }

@@ -8,6 +8,7 @@ import { PAGES, writeAddress, type Page } from "./address";
 import { Keys } from "./keys";
 import { Live } from "./live";
 import { go, startNavigation, useAddress, useMomentInAddress } from "./navigation";
+import { Palette } from "./palette";
 import { PanelBoundary } from "./panel_boundary";
 import { Phase } from "./phase";
 import { StatusStrip } from "./status_strip";
@@ -79,6 +80,7 @@ function App() {
         {!isPerson && (
           <>
             <Keys />
+            <Palette />
             <PanelBoundary label={texts.time.bar}>
               <Timeline />
             </PanelBoundary>

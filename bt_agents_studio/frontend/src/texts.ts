@@ -25,6 +25,7 @@ export const texts = {
     list: [
       ["Esc Esc", "stop what runs, from any page"],
       ["?", "show this list"],
+      ["Ctrl K", "go to a page, an agent, a node or a tunable value"],
       ["arrows, Home, End", "walk over the tree"],
       ["Enter", "fold or unfold the node"],
       ["+ - 0", "zoom in, out, or to fit, on the tree or the timeline"],
@@ -35,6 +36,11 @@ export const texts = {
       ["Space", "on the timeline: play on from an earlier moment, or stop playing"],
       ["1 to 9", "answer on the page Person"],
     ],
+  },
+  palette: {
+    title: "Go to …",
+    none: "Nothing has this name.",
+    kinds: { page: "page", agent: "agent", node: "node", tunable: "tunable value" },
   },
   stop: {
     stop: "Stop",

@@ -7,6 +7,7 @@ import { useConnection, type Answer } from "./connection";
 import { Empty } from "./empty";
 import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding } from "./fields";
 import { exactNumber, formatNumber, formatTime } from "./formatting";
+import { go, useAddress } from "./navigation";
 import { isUnheard, OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { AgentRecord, KeepRecord, PresetRecord, TunableRecord, TuningRecord, TuningsRecord } from "./protocol";
@@ -25,7 +26,7 @@ export function Tune() {
   const running = useRunning();
   const may = useOperation("tune");
   const [onlyDifferent, setOnlyDifferent] = useState(false);
-  const [search, setSearch] = useState("");
+  const { search } = useAddress();
   const latest = new Map<string, TuningRecord>();
   const revisions = new Map<string, number>();
   for (const [host, one] of tunings) {
@@ -53,7 +54,7 @@ export function Tune() {
             aria-label={words.search}
             placeholder={words.search}
             value={search}
-            onChange={(event) => setSearch(event.target.value)}
+            onChange={(event) => go({ search: event.target.value }, false)}
           />
           <label>
             <input type="checkbox" checked={onlyDifferent} onChange={(event) => setOnlyDifferent(event.target.checked)} />{" "}
