@@ -110,7 +110,7 @@ def test_tuning_and_undo_appear_on_other_pages(
     page.locator(name).press("Enter")
     expect(other.locator(name)).to_have_value("12")
     expect(page.get_by_label("Changes")).to_contain_text("8 s → 12 s")
-    page.get_by_role("button", name="Undo").click()
+    page.get_by_label("Changes").get_by_role("button", name="Undo").click()
     expect(other.locator(name)).to_have_value("8")
     other.context.close()
 

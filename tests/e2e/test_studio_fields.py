@@ -58,7 +58,7 @@ class Host:
             accepted = fields["seen"] == self._revision
             self.authors.append(fields["author"])
             if accepted:
-                self._set(fields["names"][0], fields["values"][0])
+                self.set(fields["names"][0], fields["values"][0])
         else:
             self.other.append({"service": service, **fields})
         code = "" if accepted else "CHANGED_MEANWHILE"
@@ -77,7 +77,8 @@ class Host:
         for answer in self._late:
             answer()
 
-    def _set(self, name: str, text: str) -> None:
+    def set(self, name: str, text: str) -> None:
+        """Change a value, for whoever asks."""
         self._revision += 1
         self.sent.append((time.monotonic(), name, text))
         value = float(text.removesuffix(" s"))
@@ -116,6 +117,44 @@ def page(browser: Browser, studio: BackgroundStudio, host: Host) -> Iterator[Pag
 
 def field(page: Page, key: str = "patience") -> Locator:
     return page.locator(f"#tunable-guide-{key}")
+
+
+def undo(page: Page) -> Locator:
+    """The offer to take the newest change back."""
+    return page.locator(".undo")
+
+
+def test_change_is_taken_back_from_another_page(page: Page, host: Host) -> None:
+    field(page).fill("12")
+    field(page).press("Enter")
+    open_page(page, "Market")
+    expect(undo(page)).to_have_text("guide.patience: 8 s → 12 s Undo")
+    expect(undo(page)).to_be_in_viewport()
+    undo(page).get_by_role("button").click()
+    expect(undo(page)).to_have_text("done")
+    assert host.values == ["12 s", "8 s"]
+
+
+def test_slider_moves_are_taken_back_together(page: Page, host: Host) -> None:
+    for end in (0.5, 0.7, 0.9):
+        before = undo(page).text_content() or ""
+        press(page, slider(page), end)
+        expect(undo(page)).not_to_have_text(before)
+        expect(undo(page)).to_contain_text("guide.patience: 8 s → ")
+    assert len(host.values) == 3
+    undo(page).get_by_role("button").click()
+    expect(undo(page)).to_have_text("done")
+    assert host.values[-1] == "8 s"
+
+
+def test_overtaken_change_is_not_taken_back(page: Page, host: Host) -> None:
+    field(page).fill("12")
+    field(page).press("Enter")
+    expect(undo(page)).to_contain_text("8 s → 12 s")
+    host.set("guide.patience", "3 s")
+    undo(page).get_by_role("button").click()
+    expect(undo(page)).to_have_text("done")
+    assert host.values == ["12 s", "3 s"]
 
 
 def slider(page: Page) -> Locator:

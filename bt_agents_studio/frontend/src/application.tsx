@@ -16,6 +16,7 @@ import { usePresent } from "./store";
 import { texts } from "./texts";
 import { startTheme } from "./theme";
 import { Timeline } from "./timeline";
+import { Undo } from "./undo";
 
 /** Pages that are loaded when they are opened. */
 const LATER = {
@@ -99,6 +100,7 @@ function App() {
           </PanelBoundary>
         )}
       </main>
+      <Undo />
       <Title page={page} chosen={isPerson ? "" : address.agent} />
     </>
   );

@@ -4,6 +4,7 @@
 import { useState } from "react";
 import { author } from "./author";
 import { Bids, smallestChange } from "./bids";
+import { operate } from "./connection";
 import { causeOf, ProfileCourse, Shares } from "./course";
 import { DryRun } from "./dry_run";
 import { Empty } from "./empty";
@@ -15,6 +16,7 @@ import type { RoundRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
 import { Strategy } from "./strategy";
 import { texts } from "./texts";
+import { offerUndo } from "./undo";
 
 const words = texts.market;
 
@@ -115,12 +117,25 @@ function Round({ round }: { round: RoundRecord }) {
   );
 }
 
+const INVERSE = { PIN: "UNPIN", UNPIN: "PIN", VETO: "ALLOW", ALLOW: "VETO" } as const;
+
 function Agents() {
   const agents = useCollection("agents");
   const market = useEntry("market");
   const order = useOperation("operate");
-  const give = (action: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD", agent: string) =>
-    order.ask({ action, agent, author: author() });
+  const award = (agent: string) => order.ask({ action: "AWARD", agent, author: author() });
+  const toggle = async (action: keyof typeof INVERSE, agent: string): Promise<void> => {
+    const pinned = market?.pinned ?? "";
+    const done = await order.ask({ action, agent, author: author() });
+    if (!done?.accepted) return;
+    const before = action === "PIN" && pinned ? { action, agent: pinned } : { action: INVERSE[action], agent };
+    offerUndo({
+      topic: `${action} ${agent}`,
+      from: "",
+      text: () => done.message,
+      takeBack: () => operate("operate", { ...before, author: author() }),
+    });
+  };
   return (
     <section className="panel" aria-label={words.profiles}>
       <h2>
@@ -146,13 +161,13 @@ function Agents() {
                 ))}
               </div>
               <div className="bar">
-                <OperationButton of={order} ask={() => give(pinned ? "UNPIN" : "PIN", name)}>
+                <OperationButton of={order} ask={() => toggle(pinned ? "UNPIN" : "PIN", name)}>
                   {pinned ? words.unpin : words.pin}
                 </OperationButton>
-                <OperationButton of={order} ask={() => give(vetoed ? "ALLOW" : "VETO", name)}>
+                <OperationButton of={order} ask={() => toggle(vetoed ? "ALLOW" : "VETO", name)}>
                   {vetoed ? words.allow : words.veto}
                 </OperationButton>
-                <OperationButton of={order} ask={() => give("AWARD", name)}>
+                <OperationButton of={order} ask={() => award(name)}>
                   {words.award}
                 </OperationButton>
               </div>

@@ -42,6 +42,10 @@ export const texts = {
     none: "Nothing has this name.",
     kinds: { page: "page", agent: "agent", node: "node", tunable: "tunable value" },
   },
+  undo: {
+    undo: "Undo",
+    pending: "taking it back …",
+  },
   stop: {
     stop: "Stop",
     stopping: "stopping …",

@@ -3,7 +3,7 @@
 
 import { useRef, useState } from "react";
 import { author, AuthorField } from "./author";
-import { useConnection, type Answer } from "./connection";
+import { operate, useConnection, type Answer } from "./connection";
 import { Empty } from "./empty";
 import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding } from "./fields";
 import { exactNumber, formatNumber, formatTime } from "./formatting";
@@ -13,6 +13,7 @@ import { PanelBoundary } from "./panel_boundary";
 import type { AgentRecord, KeepRecord, PresetRecord, TunableRecord, TuningRecord, TuningsRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
+import { offerUndo } from "./undo";
 
 const words = texts.tune;
 const RUNS_MS = 1000;
@@ -181,8 +182,16 @@ function Control({ tunable, latest, revision }: ControlProps) {
     compare: true,
     seen,
   });
-  const note = (done: Answer): void => {
-    if (done.accepted) confirmed.current = done.revision ?? 0;
+  const note = (done: Answer, value: string): void => {
+    if (!done.accepted) return;
+    const revision = done.revision ?? 0;
+    confirmed.current = revision;
+    offerUndo({
+      topic: tunable.name,
+      from: current,
+      text: (from) => `${tunable.name}: ${written(tunable, from)} → ${written(tunable, value)}`,
+      takeBack: (from) => operate("tune", fields(from, revision)),
+    });
   };
   const newest = useNewest();
   const commit = async (text: string, seenBefore?: number): Promise<void> => {
@@ -190,7 +199,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
     const seen = seenBefore ?? seenNow.current;
     const done = await set.ask(fields(text, seen));
     if (done === null) return;
-    note(done);
+    note(done, text);
     // What nobody has taken is still there to be set, and so is what meanwhile rests on another value.
     if (isUnheard(done)) drafting.keep({ text, over: draft?.over ?? current, seen });
     else if (done.code === "CHANGED_MEANWHILE" && draft) drafting.keep({ ...draft, seen: seenNow.current });
@@ -204,7 +213,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
   const moved = useRef(0);
   const slideTo = async (value: number): Promise<boolean> => {
     const done = await slide.ask(fields(exactNumber(value), seenNow.current));
-    if (done !== null) note(done);
+    if (done !== null) note(done, exactNumber(value));
     if (done?.accepted) return true;
     if (done !== null && isUnheard(done)) drafting.write(exactNumber(moved.current));
     sliding.drop();
@@ -299,21 +308,40 @@ function Profile({ agent }: { agent: AgentRecord }) {
   const give = useOperation("feedback");
   const manage = useOperation("profiles");
   const newest = useNewest();
+  const fields = (name: string, value: number) => ({
+    feedback_id: `tuning/${crypto.randomUUID()}`,
+    agent: agent.name,
+    kind: "SET" as const,
+    values: Object.keys(order?.values ?? agent.current).map((one) => (one === name ? value : null)),
+    source: "tuning",
+    reason: words.tunedBy,
+  });
   const set = async (name: string, value: number, drop: () => void): Promise<boolean> => {
-    const done = await give.ask({
-      feedback_id: `tuning/${crypto.randomUUID()}`,
-      agent: agent.name,
-      kind: "SET",
-      values: Object.keys(order?.values ?? agent.current).map((one) => (one === name ? value : null)),
-      source: "tuning",
-      reason: words.tunedBy,
+    const from = exact(agent.current[name] ?? null);
+    const done = await give.ask(fields(name, value));
+    if (!done?.accepted) {
+      drop();
+      return false;
+    }
+    offerUndo({
+      topic: `profile ${agent.name} ${name}`,
+      from,
+      text: (before) => `${agent.name}: ${name} ${before} → ${exact(value)}`,
+      takeBack: (before) => operate("feedback", fields(name, Number(before))),
     });
-    if (!done?.accepted) drop();
-    return done?.accepted === true;
+    return true;
   };
   const reset = async (): Promise<void> => {
     await newest.stop();
-    await manage.ask({ action: "RESET", agent: agent.name, author: author() });
+    const done = await manage.ask({ action: "RESET", agent: agent.name, author: author() });
+    if (done?.accepted) {
+      offerUndo({
+        topic: `profile ${agent.name}`,
+        from: "",
+        text: () => done.message,
+        takeBack: () => operate("profiles", { action: "UNDO", agent: agent.name, author: author() }),
+      });
+    }
   };
   return (
     <details>
@@ -408,6 +436,17 @@ function History({ host, record }: HistoryProps) {
   const [name, setName] = useState("");
   const ask = (action: "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET", preset = ""): Promise<Answer | null> =>
     tune.ask({ host, action, preset, author: author() });
+  const apply = async (preset: string): Promise<void> => {
+    const done = await ask("APPLY", preset);
+    if (done?.accepted) {
+      offerUndo({
+        topic: `${host} ${preset}`,
+        from: "",
+        text: () => done.message,
+        takeBack: () => operate("tune", { host, action: "UNDO", author: author() }),
+      });
+    }
+  };
   return (
     <section className="panel" aria-label={words.history}>
       <h2>
@@ -426,7 +465,7 @@ function History({ host, record }: HistoryProps) {
       {record.presets.length === 0 && <p className="empty">{words.noPresets}</p>}
       {record.presets.map((one) => (
         <Preset key={one.name} host={host} preset={one}>
-          <OperationButton of={tune} ask={() => ask("APPLY", one.name)}>
+          <OperationButton of={tune} ask={() => apply(one.name)}>
             {words.apply}
           </OperationButton>
           <OperationButton of={tune} ask={() => ask("FORGET", one.name)}>

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// The newest change of this tab, at the foot of every page for a while, with a button that takes it back.
+
+import { useEffect, useState, useSyncExternalStore } from "react";
+import type { Answer } from "./connection";
+import { texts } from "./texts";
+
+const words = texts.undo;
+const SHOWN_MS = 10_000;
+
+interface Change {
+  /** What was changed: further changes of it, as of a slider that moves, are one change with their first. */
+  topic: string;
+  /** Its value before. */
+  from: string;
+  /** The change in words. */
+  text: (from: string) => string;
+  /** Bring the value before back. */
+  takeBack: (from: string) => Promise<Answer>;
+}
+
+let newest: Change | null = null;
+const listeners = new Set<() => void>();
+
+function show(change: Change | null): void {
+  newest = change;
+  for (const listener of listeners) listener();
+}
+
+/** Offer to take back a change that the system has accepted. */
+export function offerUndo(change: Change): void {
+  show(newest?.topic === change.topic ? { ...change, from: newest.from } : change);
+}
+
+export function Undo() {
+  const change = useSyncExternalStore(
+    (listener) => {
+      listeners.add(listener);
+      return () => listeners.delete(listener);
+    },
+    () => newest,
+  );
+  const [isHeld, setHeld] = useState(false);
+  const [told, setTold] = useState<string | null>(null);
+  useEffect(() => setTold(null), [change]);
+  useEffect(() => {
+    if (change === null || isHeld) return;
+    const timer = window.setTimeout(() => show(null), SHOWN_MS);
+    return () => window.clearTimeout(timer);
+  }, [change, isHeld, told]);
+  const takeBack = async ({ takeBack, from }: Change): Promise<void> => {
+    setTold(words.pending);
+    setTold((await takeBack(from)).message);
+  };
+  return (
+    <div
+      className="undo"
+      role="status"
+      onPointerEnter={() => setHeld(true)}
+      onPointerLeave={() => setHeld(false)}
+      onFocus={() => setHeld(true)}
+      onBlur={() => setHeld(false)}
+    >
+      {change && (
+        <p>
+          {told ?? change.text(change.from)}{" "}
+          {told === null && (
+            <button type="button" onClick={() => void takeBack(change)}>
+              {words.undo}
+            </button>
+          )}
+        </p>
+      )}
+    </div>
+  );
+}
