@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from bt_agents_studio.records import CountdownRecord, TreeRecord
+from bt_agents_studio.records import CountdownRecord, LogRecord, TreeRecord
 from npm_packages import installed_packages
 from studio_browser import box, opened_page, style
 from studio_harness import BackgroundStudio, background_studio
@@ -204,3 +204,16 @@ def test_outline_is_accessible_in_every_status(
     page.evaluate((installed_packages() / "axe-core" / "axe.min.js").read_text("utf-8"))
     found = page.evaluate(f"axe.run('.tree-panel', {RULES})")
     assert [(one["id"], one["nodes"][0]["html"]) for one in found["violations"]] == []
+
+
+def test_chosen_node_lists_its_last_results(page: Page, studio: BackgroundStudio) -> None:
+    for number in range(30):
+        path = DRIVE if number % 2 else "tree/2.wait"
+        text = f"result {number:02d}"
+        line = LogRecord(at_s=1000.0 + number, kind="tree", agent=AGENT, path=path, text=text)
+        studio.put("log", str(number), line)
+    shown(page, DRIVE).click()
+    results = page.get_by_label("Last results").get_by_role("listitem")
+    expect(results.first).to_contain_text("result 29")
+    expect(results).to_have_count(15)
+    expect(results.last).to_contain_text("result 01")

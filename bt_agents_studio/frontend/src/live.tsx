@@ -8,7 +8,7 @@ import { nameWithoutKind } from "./badges";
 import { BusyTime, Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
 import { Empty } from "./empty";
 import { formatNumber, formatSeconds } from "./formatting";
-import { Log } from "./log";
+import { Log, NodeResults } from "./log";
 import { go, useAddress } from "./navigation";
 import { useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
@@ -162,6 +162,7 @@ function NodeDetails({ agent, path, panel }: NodeDetailsProps) {
             </dl>
           )}
           <NodeValues agent={agent} path={path} />
+          <NodeResults agent={agent} path={path} />
           <p className="place">
             {node.file}:{node.line} · {node.path}
           </p>

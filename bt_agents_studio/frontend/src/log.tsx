@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Log of a run: sorted by time, the newest line in view unless the reader has scrolled up.
+// Log of a run: sorted by time, the newest line in view unless the reader has scrolled up; and its lines about a node.
 
 import { memo, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import { useConnection } from "./connection";
@@ -10,6 +10,7 @@ import { texts } from "./texts";
 
 const PERIOD_MS = 250;
 const MOST_LINES = 100;
+const MOST_RESULTS = 20;
 /** The end is in view when not more than this is below it. */
 const END_PX = 8;
 
@@ -54,6 +55,28 @@ export function Log() {
         ))}
       </ol>
     </section>
+  );
+}
+
+/** The last results of a node, the newest first. */
+export function NodeResults({ agent, path }: { agent: string; path: string }) {
+  const lines = useCollection("log", PERIOD_MS);
+  const shown = useMemo(() => {
+    const own = lines.filter(([, line]) => line.agent === agent && line.path === path);
+    return own.slice(-MOST_RESULTS).reverse();
+  }, [lines, agent, path]);
+  if (shown.length === 0) return null;
+  return (
+    <>
+      <h3>{texts.live.results}</h3>
+      <ol className="feedback" tabIndex={0} aria-label={texts.live.results}>
+        {shown.map(([key, { at_s, text }]) => (
+          <li key={key}>
+            <time>{formatTime(at_s)}</time> {text}
+          </li>
+        ))}
+      </ol>
+    </>
   );
 }
 

@@ -122,6 +122,7 @@ export const texts = {
     failures: "failures",
     busy: "running for",
     last: "last",
+    results: "Last results",
     agent: "Agent",
     round: "round",
     tick: "tick",
