@@ -40,14 +40,15 @@ After a stall, a process handles its timers before the messages that arrived mea
 MOST_UNCONFIRMED = 100
 """Most given-up goals that are remembered; beyond it, the oldest are abandoned."""
 
-REPEATS = 4
-"""Number of times that a server that has joined is asked, :data:`GRAPH_S` apart.
-
-A server that appears on the graph may not be matched yet; a request or its answer is then lost.
-"""
-
 GRAPH_S = 0.25
 """Time between two looks at the graph while a goal is open [s]."""
+
+REPEAT_FACTOR = 1.5
+"""Factor of the pauses after which a server that has joined is asked again, from :data:`GRAPH_S`.
+
+A server that appears on the graph may not be matched yet, which takes seconds on a busy machine;
+until then a request or its answer is lost.
+"""
 
 TURN_S = 2.0
 """Longest wait for the end of an earlier goal of the same server before the next one is sent [s].
@@ -136,7 +137,8 @@ class GoalTrack:
         self._cancel_sent = False
         self._servers: frozenset[str] = frozenset()
         self._look_at = 0.0
-        self._repeats = 0
+        self._repeat_at = math.inf
+        self._repeat_s = GRAPH_S
 
     @property
     def unsent(self) -> bool:
@@ -179,7 +181,8 @@ class GoalTrack:
         """
         self._sent_at = self._steady()
         self._servers = servers
-        self._repeats = REPEATS if len(servers) > 1 else 0
+        if len(servers) > 1:
+            self._repeat_at = self._sent_at
         self._look_at = self._sent_at + GRAPH_S
         if self._kind is not BindingKind.ACTION:
             self.accepted()
@@ -242,12 +245,15 @@ class GoalTrack:
         again, and the answer shows whether the goal is unknown. If the graph shows several servers
         at once, one of them may be dead and another one new.
         """
+        now = self._steady()
         if not servers <= self._servers:
-            self._repeats = REPEATS
+            self._repeat_at, self._repeat_s = now, GRAPH_S
         self._servers |= servers
-        due = self._repeats > 0
-        self._repeats -= due
-        return due
+        if now < self._repeat_at:
+            return False
+        self._repeat_at = now + self._repeat_s
+        self._repeat_s *= REPEAT_FACTOR
+        return True
 
     def poll(self, server_there: bool) -> None:
         """Check its deadlines, and whether its server is on the graph."""
