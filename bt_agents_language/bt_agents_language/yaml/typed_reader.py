@@ -284,7 +284,8 @@ class TypedReader:
                 hint = f"indent it, if it belongs to '{above}:'"
                 del nodes[above]
             elif missing and len(unknown) == 1:
-                hint = f"did you mean {join_quoted(missing)}? That is missing"
+                asked = f"did you mean {join_quoted(missing)}? That is missing"
+                hint = _as_quantity(entry) or asked
                 missing = []
             self.error("unknown-key", entry.key, f"{what} has no key {quote(word)}", hint)
         if missing:
@@ -659,6 +660,14 @@ def _name_meant(text: str) -> str:
 def _without_value(entry: MappingEntry) -> bool:
     start, end = entry.value.span
     return isinstance(entry.value, Scalar) and entry.value.plain and start == end
+
+
+def _as_quantity(entry: MappingEntry) -> str:
+    """Return a hint for a unit that is written as a key, as in {minutes: 5}; empty for others."""
+    amount = entry.value.text if isinstance(entry.value, Scalar) else ""
+    units = (dimension.meant(entry.key.text) for dimension in DIMENSIONS.values())
+    unit = next(filter(None, units), None)
+    return f"write {amount} {unit}" if unit and re.fullmatch(r"\d+(\.\d+)?", amount) else ""
 
 
 def _cut_by_comma(node: Mapping, entry: MappingEntry) -> str | None:

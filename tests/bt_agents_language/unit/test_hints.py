@@ -318,3 +318,15 @@ def test_quoted_quantity_is_fixed_in_one_step():
         spec_text = HEAD + text.format(written).replace("'${pause}'", "1 s")
         (warning,) = read_agent_text(spec_text, "a.yaml", SYMBOLS).warnings
         assert (warning.code, warning.hint) == ("quantity-as-text", hint)
+
+
+@pytest.mark.parametrize(
+    ("field", "hint"),
+    [
+        ("{minutes: 5}", "write 5 min"),
+        ("{seconds: 1.5}", "write 1.5 s"),
+        ("{minutes: a few}", "did you mean 'duration'? That is missing"),
+    ],
+)
+def test_unit_written_as_key_becomes_quantity(field, hint):
+    assert hints(f"tree:\n  wait: {field}\n") == [hint]
