@@ -22,6 +22,7 @@ MAX_DURATION_S = 365 * 24 * 3600.0
 """Longest duration: a year [s]."""
 
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_PART = re.compile(rf"({_NUMBER})\s*([^\W\d_]+)\s*(?:and\b)?\s*")
 _NUMBER_ONLY = re.compile(_NUMBER)
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+")
@@ -186,6 +187,15 @@ def _amount(value: float, digits: int) -> str:
     return f"{value:.{digits}g}"
 
 
+def _sum(text: str, dimension: Dimension) -> str:
+    """Return the sum of several quantities, or an example if a part is none: ``1 min 30 s``."""
+    parts = [(float(amount), dimension.meant(unit)) for amount, unit in _PART.findall(text)]
+    total = sum(dimension.si_value(amount, unit) for amount, unit in parts if unit)
+    if _PART.sub("", text) or not all(unit for _, unit in parts) or not math.isfinite(total):
+        return f"for example {dimension.example}"
+    return f"here {total:.10g} {dimension.si}"
+
+
 def _no_quantity(text: str, dimension: Dimension) -> QuantityError:
     hint = ""
     if dimension is TIME and _CLOCK.fullmatch(text):
@@ -193,7 +203,7 @@ def _no_quantity(text: str, dimension: Dimension) -> QuantityError:
     elif len(text) <= _MAX_LENGTH and (digits := _in_digits(text, dimension)):
         hint = digits
     elif len(text) <= _MAX_LENGTH and _SEVERAL.fullmatch(text):
-        hint = f"write one number with one unit, for example {dimension.example}"
+        hint = f"write one number with one unit, {_sum(text, dimension)}"
     elif dimension is TIME and text.lower() in _NO_LIMIT:
         hint = "where no time is meant, leave the key out"
     elif dimension is TIME and len(text) <= _MAX_LENGTH and _CONDITION.fullmatch(text):

@@ -330,3 +330,18 @@ def test_quoted_quantity_is_fixed_in_one_step():
 )
 def test_unit_written_as_key_becomes_quantity(field, hint):
     assert hints(f"tree:\n  wait: {field}\n") == [hint]
+
+
+@pytest.mark.parametrize(
+    ("written", "hint"),
+    [
+        ("1 min 30 s", "here 90 s"),
+        ("1h 30min", "here 5400 s"),
+        ("2 minutes and 5 seconds", "here 125 s"),
+        ("1h30", "for example 8 s"),
+        ("2 min 3 apples", "for example 8 s"),
+        ("1e308 h 1e308 h", "for example 8 s"),
+    ],
+)
+def test_several_quantities_become_their_sum(written, hint):
+    assert hints(f"tree:\n  wait: {written}\n") == [f"write one number with one unit, {hint}"]
