@@ -27,7 +27,7 @@ from bt_agents_studio.records import (
     ValueRecord,
 )
 from programs import Program
-from studio_browser import look_back, open_page, opened_page, strip
+from studio_browser import box, look_back, open_page, opened_page, strip
 from studio_entries import tunable
 from studio_harness import BackgroundStudio, background_studio
 
@@ -272,6 +272,29 @@ def test_palette_goes_to_what_is_named(
     page.keyboard.press("Enter")
     expect(field).to_be_hidden()
     expect(page).to_have_url(re.compile(address))
+
+
+def test_column_keeps_the_width_that_somebody_gave_it(page: Page) -> None:
+    edge = page.get_by_role("separator", name="Width of the right column")
+
+    def width() -> float:
+        return box(page.locator(".side"))["width"]
+
+    usual, place = width(), box(edge)
+    page.mouse.move(place["x"] + 6, place["y"] + 40)
+    page.mouse.down()
+    page.mouse.move(place["x"] - 94, place["y"] + 40, steps=5)
+    page.mouse.up()
+    dragged = width()
+    assert dragged == pytest.approx(usual + 100, abs=10)
+    open_page(page, "Market")
+    page.reload()
+    expect(edge).to_be_visible()
+    assert width() == dragged
+    edge.press("ArrowRight")
+    expect(edge).to_have_attribute("aria-valuenow", str(round(dragged - 20)))
+    edge.dblclick()
+    expect(edge).to_have_attribute("aria-valuenow", str(round(usual)))
 
 
 def test_closed_palette_changes_nothing(page: Page, running: BackgroundStudio) -> None:

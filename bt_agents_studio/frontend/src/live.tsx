@@ -6,6 +6,7 @@ import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { nameWithoutKind } from "./badges";
 import { BusyTime, Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
+import { Divider } from "./divider";
 import { Empty } from "./empty";
 import { formatNumber, formatSeconds } from "./formatting";
 import { Log, NodeResults } from "./log";
@@ -95,6 +96,7 @@ export function Live() {
         </PanelBoundary>
       </div>
       <div className="side">
+        <Divider />
         <PanelBoundary label={texts.live.scene}>
           <ScenePanel />
         </PanelBoundary>

@@ -6,6 +6,7 @@ import { author } from "./author";
 import { Bids, smallestChange } from "./bids";
 import { operate } from "./connection";
 import { causeOf, ProfileCourse, Shares } from "./course";
+import { Divider } from "./divider";
 import { DryRun } from "./dry_run";
 import { Empty } from "./empty";
 import { formatNumber, formatTime } from "./formatting";
@@ -47,6 +48,7 @@ export function Market() {
         </PanelBoundary>
       </div>
       <div className="side">
+        <Divider />
         <PanelBoundary label={words.profiles}>
           <Agents />
         </PanelBoundary>

@@ -3,6 +3,7 @@
 
 import { useEffect, useState } from "react";
 import { seek, useConnection } from "./connection";
+import { Divider } from "./divider";
 import { Empty } from "./empty";
 import { formatTime } from "./formatting";
 import { PanelBoundary } from "./panel_boundary";
@@ -30,6 +31,7 @@ export function System() {
         </PanelBoundary>
       </div>
       <div className="side">
+        <Divider />
         <PanelBoundary label={words.parts}>
           <Parts />
         </PanelBoundary>

@@ -37,6 +37,7 @@ export const texts = {
       ["1 to 9", "answer on the page Person"],
     ],
   },
+  divider: { label: "Width of the right column", hint: "Drag it, or press arrow keys; a double click brings the usual width back" },
   palette: {
     title: "Go to …",
     none: "Nothing has this name.",

@@ -4,6 +4,7 @@
 import { useRef, useState } from "react";
 import { author, AuthorField } from "./author";
 import { operate, useConnection, type Answer } from "./connection";
+import { Divider } from "./divider";
 import { Empty } from "./empty";
 import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding } from "./fields";
 import { exactNumber, formatNumber, formatTime } from "./formatting";
@@ -83,6 +84,7 @@ export function Tune() {
         ))}
       </div>
       <div className="side">
+        <Divider />
         <PanelBoundary label={words.keep}>
           <Keep />
         </PanelBoundary>

@@ -3,6 +3,7 @@
 
 import { useEffect, useState } from "react";
 import { useConnection } from "./connection";
+import { Divider } from "./divider";
 import { Empty } from "./empty";
 import { NumberPair, scaleOf } from "./fields";
 import { exactNumber } from "./formatting";
@@ -25,6 +26,7 @@ export function World() {
         </PanelBoundary>
       </div>
       <div className="side">
+        <Divider />
         <PanelBoundary label={words.person}>
           <Presence />
         </PanelBoundary>
