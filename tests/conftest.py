@@ -23,6 +23,8 @@ os.environ["XDG_RUNTIME_DIR"] = str(runtime_folder())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
 set_discovery(os.environ)
+if "HOME" not in os.environ:  # below it are the logs of rclpy
+    os.environ.setdefault("ROS_LOG_DIR", os.path.join(os.environ["XDG_RUNTIME_DIR"], "log"))
 
 
 @pytest.hookimpl(optionalhook=True)
