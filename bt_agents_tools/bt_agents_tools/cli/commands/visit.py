@@ -34,15 +34,15 @@ def visit(script: Path) -> None:
         trees = Path(observer.cards[find_hosts(observer)[0]].trees)
         scene = read_scene(trees / "scene.yaml")
         check_visitors(scene, read_script(script, scene.space))
-        if observer.is_visited():
-            raise BtAgentsError("visitors of a script are there already; wait until they are gone")
         visitors, done = observer.received("visitors/current"), observer.received("visitors/done")
         remarks = observer.received("visitors/remarks")
         ends, auctions = (
             observer.received("bt_agents/scene_ends"),
             observer.received("bt_agents/auctions"),
         )
-        observer.spin_until(lambda: False, SOON_S)
+        observer.spin_until(observer.is_visited, SOON_S)
+        if observer.is_visited():
+            raise BtAgentsError("visitors of a script are there already; wait until they are gone")
         came, ended, remarked = 0, len(ends), 0
         supervisor = Supervisor(new_log_folder())
         interrupt = Interrupt()
