@@ -157,6 +157,17 @@ def test_overtaken_change_is_not_taken_back(page: Page, host: Host) -> None:
     assert host.values == ["12 s", "3 s"]
 
 
+def test_applied_preset_is_taken_back(page: Page, host: Host) -> None:
+    preset = page.locator(".preset", has_text="evening")
+    preset.locator("summary").click()
+    preset.get_by_role("button", name="Apply").click()
+    expect(undo(page)).to_have_text("done Undo")
+    undo(page).get_by_role("button").click()
+    expect(undo(page)).to_have_text("done")
+    assert [one["preset"] for one in host.other] == ["evening"]
+    assert host.values == ["8 s"]
+
+
 def slider(page: Page) -> Locator:
     return page.get_by_label("guide.patience slider")
 

@@ -9,7 +9,7 @@ import { Empty } from "./empty";
 import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding } from "./fields";
 import { exactNumber, formatNumber, formatTime } from "./formatting";
 import { go, useAddress } from "./navigation";
-import { isUnheard, OperationButton, Outcome, useOperation, WhyNot } from "./operation";
+import { isUnheard, OperationButton, Outcome, useOperation, WhyNot, type Operation } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { AgentRecord, KeepRecord, PresetRecord, TunableRecord, TuningRecord, TuningsRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
@@ -319,17 +319,18 @@ function Profile({ agent }: { agent: AgentRecord }) {
     reason: words.tunedBy,
   });
   const set = async (name: string, value: number, drop: () => void): Promise<boolean> => {
-    const from = exact(agent.current[name] ?? null);
+    const before = agent.current[name] ?? null;
     const done = await give.ask(fields(name, value));
     if (!done?.accepted) {
       drop();
       return false;
     }
+    if (before === null) return true;
     offerUndo({
       topic: `profile ${agent.name} ${name}`,
-      from,
-      text: (before) => `${agent.name}: ${name} ${before} → ${exact(value)}`,
-      takeBack: (before) => operate("feedback", fields(name, Number(before))),
+      from: exact(before),
+      text: (from) => `${agent.name}: ${name} ${from} → ${exact(value)}`,
+      takeBack: (from) => operate("feedback", fields(name, Number(from))),
     });
     return true;
   };
@@ -436,19 +437,8 @@ interface HistoryProps {
 function History({ host, record }: HistoryProps) {
   const tune = useOperation("tune");
   const [name, setName] = useState("");
-  const ask = (action: "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET", preset = ""): Promise<Answer | null> =>
+  const ask = (action: "UNDO" | "REDO" | "SAVE", preset = ""): Promise<Answer | null> =>
     tune.ask({ host, action, preset, author: author() });
-  const apply = async (preset: string): Promise<void> => {
-    const done = await ask("APPLY", preset);
-    if (done?.accepted) {
-      offerUndo({
-        topic: `${host} ${preset}`,
-        from: "",
-        text: () => done.message,
-        takeBack: () => operate("tune", { host, action: "UNDO", author: author() }),
-      });
-    }
-  };
   return (
     <section className="panel" aria-label={words.history}>
       <h2>
@@ -466,14 +456,7 @@ function History({ host, record }: HistoryProps) {
       <h3>{words.presets}</h3>
       {record.presets.length === 0 && <p className="empty">{words.noPresets}</p>}
       {record.presets.map((one) => (
-        <Preset key={one.name} host={host} preset={one}>
-          <OperationButton of={tune} ask={() => apply(one.name)}>
-            {words.apply}
-          </OperationButton>
-          <OperationButton of={tune} ask={() => ask("FORGET", one.name)}>
-            {words.delete}
-          </OperationButton>
-        </Preset>
+        <Preset key={one.name} host={host} preset={one} tune={tune} />
       ))}
       <form
         className="bar"
@@ -502,17 +485,36 @@ function History({ host, record }: HistoryProps) {
 interface PresetProps {
   host: string;
   preset: PresetRecord;
-  children: React.ReactNode;
+  tune: Operation<"tune">;
 }
 
 /** A preset, and what it would change now. */
-function Preset({ host, preset, children }: PresetProps) {
+function Preset({ host, preset, tune }: PresetProps) {
   const tunables = new Map(useCollection("tunables").map(([key, one]) => [key, one]));
   const changes = Object.entries(preset.settings).flatMap(([name, setting]) => {
     const tunable = tunables.get(`${host}|${name}`);
     if (tunable === undefined || String(tunable.value) === String(setting)) return [];
     return [{ name, tunable, written: preset.values[name] ?? "" }];
   });
+  const ask = (action: "APPLY" | "FORGET"): Promise<Answer | null> =>
+    tune.ask({ host, action, preset: preset.name, author: author() });
+  const apply = async (): Promise<void> => {
+    const before = {
+      host,
+      action: "SET" as const,
+      author: author(),
+      names: changes.map(({ name }) => name),
+      values: changes.map(({ tunable }) => written(tunable, exact(tunable.value))),
+    };
+    const done = await ask("APPLY");
+    if (!done?.accepted || changes.length === 0) return;
+    offerUndo({
+      topic: `preset ${host} ${preset.name}`,
+      from: "",
+      text: () => done.message,
+      takeBack: () => operate("tune", { ...before, compare: true, seen: done.revision ?? 0 }),
+    });
+  };
   return (
     <details className="preset">
       <summary>
@@ -534,7 +536,14 @@ function Preset({ host, preset, children }: PresetProps) {
           </tbody>
         </table>
       )}
-      <div className="bar">{children}</div>
+      <div className="bar">
+        <OperationButton of={tune} ask={apply}>
+          {words.apply}
+        </OperationButton>
+        <OperationButton of={tune} ask={() => ask("FORGET")}>
+          {words.delete}
+        </OperationButton>
+      </div>
     </details>
   );
 }
