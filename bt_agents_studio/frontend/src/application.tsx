@@ -3,6 +3,7 @@
 
 import { lazy, StrictMode, Suspense, useEffect } from "react";
 import { createRoot } from "react-dom/client";
+import "./shell.css";
 import { connect, useConnection } from "./connection";
 import { PAGES, writeAddress, type Page } from "./address";
 import { Keys } from "./keys";
