@@ -665,9 +665,8 @@ def _without_value(entry: MappingEntry) -> bool:
 def _as_quantity(entry: MappingEntry) -> str:
     """Return a hint for a unit that is written as a key, as in {minutes: 5}; empty for others."""
     amount = entry.value.text if isinstance(entry.value, Scalar) else ""
-    units = (dimension.meant(entry.key.text) for dimension in DIMENSIONS.values())
-    unit = next(filter(None, units), None)
-    return f"write {amount} {unit}" if unit and re.fullmatch(r"\d+(\.\d+)?", amount) else ""
+    found = quantities.quantity_type(f"{amount} {entry.key.text}", strict=False)
+    return f"write {amount} {DIMENSIONS[found].meant(entry.key.text)}" if found else ""
 
 
 def _cut_by_comma(node: Mapping, entry: MappingEntry) -> str | None:
