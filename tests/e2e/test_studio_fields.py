@@ -157,6 +157,23 @@ def test_overtaken_change_is_not_taken_back(page: Page, host: Host) -> None:
     assert host.values == ["12 s", "3 s"]
 
 
+def test_late_answer_leaves_the_next_change_on_offer(page: Page, host: Host) -> None:
+    field(page).fill("12")
+    field(page).press("Enter")
+    expect(undo(page)).to_contain_text("8 s → 12 s")
+    host.is_slow = True
+    undo(page).get_by_role("button").click()
+    expect(undo(page)).to_have_text("taking it back …")
+    expect(field(page)).to_have_value("8")
+    host.is_slow = False
+    field(page, "fine").fill("2")
+    field(page, "fine").press("Enter")
+    expect(undo(page)).to_have_text("guide.fine: 0.00123456789 s → 2 s Undo")
+    host.answer_late()
+    page.wait_for_timeout(300)
+    expect(undo(page)).to_have_text("guide.fine: 0.00123456789 s → 2 s Undo")
+
+
 def test_applied_preset_is_taken_back(page: Page, host: Host) -> None:
     preset = page.locator(".preset", has_text="evening")
     preset.locator("summary").click()

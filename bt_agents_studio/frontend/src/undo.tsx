@@ -48,9 +48,11 @@ export function Undo() {
     const timer = window.setTimeout(() => show(null), SHOWN_MS);
     return () => window.clearTimeout(timer);
   }, [change, isHeld, told]);
-  const takeBack = async ({ takeBack, from }: Change): Promise<void> => {
+  const undo = async (taken: Change): Promise<void> => {
     setTold(words.pending);
-    setTold((await takeBack(from)).message);
+    setHeld(false); // the button is gone, and loses no focus
+    const { message } = await taken.takeBack(taken.from);
+    if (newest === taken) setTold(message);
   };
   return (
     <div
@@ -65,7 +67,7 @@ export function Undo() {
         <p>
           {told ?? change.text(change.from)}{" "}
           {told === null && (
-            <button type="button" onClick={() => void takeBack(change)}>
+            <button type="button" onClick={() => void undo(change)}>
               {words.undo}
             </button>
           )}
