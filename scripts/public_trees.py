@@ -30,6 +30,7 @@ from tree_shape import shape
 
 ROOT = Path(__file__).parents[1]
 RAW = re.compile(r'R"(\w*)\((.*?)\)\1"', re.DOTALL)
+NAME = re.compile(r'<BehaviorTree\s+ID="([^"]+)"')
 STEPS = ("trees", "imported", "without a loss", "pass check", "equal after export")
 
 
@@ -54,11 +55,17 @@ def texts(clone: Path) -> Iterator[tuple[str, str]]:
                 yield f"{name}:{number}", text
 
 
+def main_tree(text: str) -> str:
+    """Return the first of several trees of which the file names none as the main one."""
+    names = NAME.findall(text)
+    return str(names[0]) if len(names) > 1 and "main_tree_to_execute" not in text else ""
+
+
 def follow(text: str, symbols: SymbolTable) -> Iterator[str]:
     """Yield each step that a tree comes through; the last one may be why it goes no further."""
     yield "trees"
     try:
-        made = import_agent(Source("tree.xml", text), "agent", symbols)
+        made = import_agent(Source("tree.xml", text), "agent", symbols, main=main_tree(text))
         yield "imported"
         if not any(one.level is RemarkLevel.LOST for one in made.remarks):
             yield "without a loss"
