@@ -490,7 +490,7 @@ def test_committed_page_matches_build_of_its_source(
 
 @pytest.fixture
 def build_page() -> Callable[[Path], Path]:
-    """Build the page from a copy of its source."""
+    """Check, test and build the page from a copy of its source."""
     import shutil
     import subprocess
 
@@ -501,8 +501,12 @@ def build_page() -> Callable[[Path], Path]:
         ignored = shutil.ignore_patterns("node_modules")
         shutil.copytree(ROOT / "bt_agents_studio" / "frontend", source, ignore=ignored)
         npm("ci", folder=source)
-        for tool in (("typescript/bin/tsc", "--noEmit"), ("vite/bin/vite.js", "build")):
-            command = [program("node"), str(source / "node_modules" / tool[0]), tool[1]]
+        for tool, *arguments in (
+            ("typescript/bin/tsc", "--noEmit"),
+            ("vitest/vitest.mjs", "run"),
+            ("vite/bin/vite.js", "build"),
+        ):
+            command = [program("node"), str(source / "node_modules" / tool), *arguments]
             done = subprocess.run(
                 command,
                 cwd=source,

@@ -10,7 +10,8 @@ export function formatNumber(value: number): string {
 
 export function formatSeconds(seconds: number): string {
   if (seconds < 90) return `${formatNumber(Math.round(seconds * 10) / 10)} s`;
-  return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+  const whole = Math.round(seconds);
+  return `${Math.floor(whole / 60)} min ${whole % 60} s`;
 }
 
 // Making one takes longer than drawing a line of the log.
