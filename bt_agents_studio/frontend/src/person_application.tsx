@@ -5,6 +5,7 @@ import { StrictMode } from "react";
 import { createRoot } from "react-dom/client";
 import { connect, useConnection } from "./connection";
 import { PanelBoundary } from "./panel_boundary";
+import "./person.css";
 import { Person } from "./person";
 import { language } from "./person_texts";
 import { Phase } from "./phase";
