@@ -187,6 +187,7 @@ OWN_OPERATIONS: Mapping[str, OwnOperation] = {
     "keep": OwnOperation(
         roles=frozenset({SessionRole.AUTHOR}), fields={"profile": "bool", "digest": "text"}
     ),
+    "person_link": OwnOperation(fields={}),
     "publish": OwnOperation(fields={"topic": "text", "values": "texts"}),
     "strategy": OwnOperation(fields={"name": "text", "options": "texts", "values": "numbers"}),
 }

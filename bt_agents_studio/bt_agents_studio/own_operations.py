@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Own operations of pages: answers, messages for trees, dry runs, strategies, kept values."""
+"""Own operations of pages: answers, messages, dry runs, strategies, kept values, links."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from bt_agents_core.errors import BtAgentsError, Refusal, Refused, RefusedElsewhere
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_studio.access import is_loopback
 from bt_agents_studio.projection.market import round_record
 from bt_agents_studio.records import (
     DryRunRecord,
     KeepRecord,
     MarketRecord,
+    PersonLinkRecord,
     SceneMapRecord,
     StrategiesRecord,
     StrategyOptionRecord,
@@ -79,17 +82,20 @@ class OwnOperations:
     Args:
         studio: Knows the scene parameters.
         caller: Asks and publishes.
+        person_address: Of the page Person, token included.
     """
 
-    def __init__(self, studio: Studio, caller: Caller) -> None:
+    def __init__(self, studio: Studio, caller: Caller, person_address: str) -> None:
         self._studio = studio
         self._caller = caller
+        self._person_address = person_address
         # One at a time, so that two pages do not write one file together.
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="own")
         self._done: Mapping[str, Callable[..., Awaitable[Mapping[str, object]]]] = {
             "answer": self._answer,
             "dry_run": self._dry_run,
             "keep": self._keep,
+            "person_link": self._person_link,
             "publish": self._publish,
             "strategy": self._strategy,
         }
@@ -116,6 +122,13 @@ class OwnOperations:
     async def _publish(self, topic: str = "", values: Sequence[str] = ()) -> Mapping[str, object]:
         done = await asyncio.wrap_future(self._caller.publish(topic, values))
         return _answer(True, "", done)
+
+    async def _person_link(self) -> Mapping[str, object]:
+        record = PersonLinkRecord(
+            address=self._person_address,
+            is_local=is_loopback(urlsplit(self._person_address).hostname or ""),
+        )
+        return _answer(True, "", "") | {"record": record}
 
     async def _dry_run(
         self,

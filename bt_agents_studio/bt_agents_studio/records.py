@@ -647,6 +647,14 @@ class DryRunRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PersonLinkRecord:
+    """Where the page Person can be opened, also by a phone unless only this machine reaches it."""
+
+    address: str
+    is_local: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class StrategyOptionRecord:
     """What can be set about a strategy, and its value in force."""
 

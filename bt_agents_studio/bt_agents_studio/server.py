@@ -117,6 +117,7 @@ class Server:
         caller: Asks the services.
         watch: Called with whether any page, and a page Person, is open, whenever one is opened or
             closed.
+        person_address: Of the page Person, token included.
         namespace: Of the system.
         secure: The server speaks TLS.
     """
@@ -128,6 +129,7 @@ class Server:
         caller: Caller,
         watch: Callable[[bool, bool], None],
         *,
+        person_address: str,
         namespace: str = "/",
         secure: bool = False,
     ) -> None:
@@ -145,7 +147,7 @@ class Server:
         self._changed = asyncio.Event()
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
-        self._own = OwnOperations(studio, caller)
+        self._own = OwnOperations(studio, caller, person_address)
         self._labels = ThreadPoolExecutor(max_workers=1, thread_name_prefix="labels")
         self._recordings = JournalWorker(studio.mood, studio.namespace)
         self._reading: set[asyncio.Task[None]] = set()

@@ -158,22 +158,21 @@ async def _serve(
             kept=file.read(),
             keep=file.write,
         )
+        base = f"{scheme}://{address.host}:{port}/"
+        addresses = {
+            role: f"{base}{_PAGES.get(role, '')}#{access.token(role)}" for role in SessionRole
+        }
         server = Server(
             studio,
             access,
             node,
             node.watch,
+            person_address=addresses[SessionRole.PERSON],
             namespace=node.get_namespace(),
             secure=context is not None,
         )
         async with server.serving(listening, context):
-            base = f"{scheme}://{address.host}:{port}/"
-            ready(
-                {
-                    role: f"{base}{_PAGES.get(role, '')}#{access.token(role)}"
-                    for role in SessionRole
-                }
-            )
+            ready(addresses)
             while not stopped.is_set():
                 studio.check_parts()
                 server.changed()

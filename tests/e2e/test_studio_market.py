@@ -97,7 +97,7 @@ def previews(studio: BackgroundStudio) -> PreviewingMarket:
 @pytest.fixture
 def page(browser: Browser, studio: BackgroundStudio, previews: PreviewingMarket) -> Iterator[Page]:
     del previews
-    with opened_page(browser, studio.address_of(SessionRole.OPERATE, "market")) as opened:
+    with opened_page(browser, studio.address_for(SessionRole.OPERATE, "market")) as opened:
         expect(opened.locator(".phase")).to_have_text("connected")
         panel(opened).scroll_into_view_if_needed()
         yield opened
@@ -214,7 +214,7 @@ def test_map_of_other_scene_says_so(page: Page) -> None:
 def test_viewer_sees_strategy_but_cannot_switch(
     browser: Browser, studio: BackgroundStudio
 ) -> None:
-    with opened_page(browser, studio.address_of(SessionRole.VIEW, "market")) as page:
+    with opened_page(browser, studio.address_for(SessionRole.VIEW, "market")) as page:
         shown = page.get_by_label("Strategy", exact=True)
         expect(shown).to_contain_text("the nearest")
         expect(shown).to_contain_text("This link is for viewing only")

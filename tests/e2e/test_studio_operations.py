@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.access import SessionRole
-from studio_browser import look_back, open_page, opened_page
+from studio_browser import box, look_back, open_page, opened_page
 from studio_entries import HOST, agent, part, tunable, tunings
 from studio_harness import BackgroundStudio, background_studio
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.e2e
 CHANGING = {
     "market": ("Pin", "Veto", "Award", "Good", "Bad", "Draw the map"),
     "tune": ("As in the file", "Show what would be written"),
-    "world": ("Announce the scene", "Only change what is sensed now"),
+    "world": ("Announce the scene", "Only change what is sensed now", "Show its address"),
     "person": ("Begin", "I leave", "Good", "worse"),
 }
 """Page → buttons on it that change something, or ask the system."""
@@ -84,11 +84,33 @@ def test_operation_is_sent_once_while_it_waits(page: Page, studio: BackgroundStu
     assert len(asked) == 1
 
 
+def test_visitor_gets_code_of_reachable_studio_only(page: Page, studio: BackgroundStudio) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Phone or tablet for a visitor")
+    panel.get_by_role("button", name="Show its address").click()
+    expect(panel.get_by_text("Only this machine can open it")).to_be_visible()
+    expect(panel.get_by_role("img")).to_have_count(0)
+
+    address = f"https://192.168.1.20:8770/person#{'0123456789abcdef' * 4}"
+    reachable = {"accepted": True, "code": "", "message": ""} | {
+        "record": {"address": address, "is_local": False}
+    }
+    page.route("**/api/do/person_link", lambda route: route.fulfill(json=reachable))
+    page.reload()
+    panel.get_by_role("button", name="Show its address").click()
+    code = panel.get_by_role("img", name="QR code of the page Person")
+    code.scroll_into_view_if_needed()
+    expect(code).to_be_in_viewport(ratio=1)
+    assert box(code)["width"] >= 200
+    expect(panel).to_contain_text(address)
+    page.unroute("**/api/do/person_link")
+
+
 @pytest.mark.parametrize("name", CHANGING)
 def test_viewer_sees_why_controls_are_disabled(
     browser: Browser, studio: BackgroundStudio, name: str
 ) -> None:
-    with opened_page(browser, studio.address_of(SessionRole.VIEW)) as page:
+    with opened_page(browser, studio.address_for(SessionRole.VIEW)) as page:
         open_page(page, name.capitalize())
         expect(page.get_by_text("This link is for viewing only").first).to_be_in_viewport()
         for label in CHANGING[name]:
@@ -138,7 +160,7 @@ def test_empty_page_says_what_is_missing(browser: Browser, name: str) -> None:
         expect(stranger.get_by_role("main")).to_contain_text("Not signed in")
         expect(stranger.get_by_text(EMPTY[name])).to_have_count(0)
         context.close()
-        with opened_page(browser, fresh.address_of(SessionRole.OPERATE, name)) as page:
+        with opened_page(browser, fresh.address_for(SessionRole.OPERATE, name)) as page:
             main = page.get_by_role("main")
             expect(main.get_by_text("No system is running here").first).to_be_in_viewport()
             expect(page.get_by_text(EMPTY[name], exact=name == "system")).to_have_count(0)

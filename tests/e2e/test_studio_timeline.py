@@ -484,7 +484,7 @@ def test_recording_is_started_and_stopped_from_timeline(
 
 def test_viewer_cannot_record_from_timeline(browser: Browser, studio: BackgroundStudio) -> None:
     studio.put("recording", "", replace(recording(), recording=False))
-    with opened_page(browser, studio.address_of(SessionRole.VIEW)) as page:
+    with opened_page(browser, studio.address_for(SessionRole.VIEW)) as page:
         menu(page, "Record").locator("summary").click()
         panel = page.get_by_label("Recording", exact=True)
         expect(panel).to_contain_text("This link is for viewing only")
@@ -633,7 +633,7 @@ def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: Backgro
 def test_messages_of_window_are_saved_as_recording(
     browser: Browser, recorded: BackgroundStudio, tmp_path: Path
 ) -> None:
-    address = recorded.address_of(SessionRole.VIEW, f"live?from={FILE}")
+    address = recorded.address_for(SessionRole.VIEW, f"live?from={FILE}")
     with opened_page(browser, address) as page:
         expect(page.locator(".block")).to_have_count(RUNS)
         assert len(saved_messages(page, tmp_path)) == 2 * RUNS

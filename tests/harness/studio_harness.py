@@ -119,6 +119,10 @@ class ServedStudio:
     def origin(self) -> str:
         return f"http://{self.host}"
 
+    def address_for(self, role: SessionRole, page: str = "") -> str:
+        """Return the address of a page for a role."""
+        return f"{self.origin}/{page}#{self.access.token(role)}"
+
     def session(self, role: SessionRole) -> str:
         return self.access.log_in(self.access.token(role))
 
@@ -163,10 +167,16 @@ async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
         random_bytes=secrets.token_bytes,
         clock=time.time,
     )
-    one.server = Server(one.studio, one.access, one.caller, one.watch)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         one.port = listening.getsockname()[1]
         hosts.add(one.host)
+        one.server = Server(
+            one.studio,
+            one.access,
+            one.caller,
+            one.watch,
+            person_address=one.address_for(SessionRole.PERSON, "person"),
+        )
         async with one.server.serving(listening):
             yield one
 
@@ -185,16 +195,12 @@ class BackgroundStudio:
 
     def address_for(self, role: SessionRole, page: str = "") -> str:
         """Return the address of a page for a role."""
-        return f"{self._one.origin}/{page}#{self._one.access.token(role)}"
+        return self._one.address_for(role, page)
 
     @property
     def caller(self) -> RecordingCaller:
         """What the services were asked, and answer."""
         return self._one.caller
-
-    def address_of(self, role: SessionRole, page: str = "") -> str:
-        """Return the address of a page for a role."""
-        return f"{self._one.origin}/{page}#{self._one.access.token(role)}"
 
     def put(self, collection: str, key: str, value: object) -> None:
         """Change an entry, as a message of the system does."""
@@ -229,7 +235,7 @@ def background_studio(journal: Path | None = None) -> Iterator[BackgroundStudio]
 async def _serve_until_killed() -> None:
     async with serving() as one:
         one.put("parts", "marketplace", PartRecord(alive=False, seen_s=time.time()))
-        print(f"{one.origin}/#{one.access.token(SessionRole.OPERATE)}", flush=True)
+        print(one.address_for(SessionRole.OPERATE), flush=True)
         await asyncio.Event().wait()
 
 

@@ -414,6 +414,11 @@ export interface DryRunRecord {
   map: SceneMapRecord | null;
 }
 
+export interface PersonLinkRecord {
+  address: string;
+  is_local: boolean;
+}
+
 export interface StrategyOptionRecord {
   name: string;
   value: number;
@@ -540,6 +545,7 @@ export interface Operations {
   answer: { text?: string };
   dry_run: { names?: string[]; values?: (number | null)[]; across?: string; up?: string };
   keep: { profile?: boolean; digest?: string };
+  person_link: {  };
   publish: { topic?: string; values?: string[] };
   strategy: { name?: string; options?: string[]; values?: (number | null)[] };
 }
@@ -557,6 +563,7 @@ export const OPERATION_ROLES: Record<keyof Operations, readonly string[]> = {
   answer: ["author", "operate", "person"],
   dry_run: ["author", "operate"],
   keep: ["author"],
+  person_link: ["author", "operate"],
   publish: ["author", "operate"],
   strategy: ["author", "operate"],
 };

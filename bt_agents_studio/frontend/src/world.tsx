@@ -9,6 +9,7 @@ import { NumberPair, scaleOf } from "./fields";
 import { exactNumber } from "./formatting";
 import { OperationButton, Outcome, useOperation, WhyNot, type Operation } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
+import { PersonLink } from "./person_link";
 import type { ListeningRecord, Operations, ParameterRecord, QuestionRecord } from "./protocol";
 import { Recording } from "./recording";
 import { useCollection, useEntry } from "./store";
@@ -35,6 +36,9 @@ export function World() {
         </PanelBoundary>
         <PanelBoundary label={words.topics}>
           <Topics />
+        </PanelBoundary>
+        <PanelBoundary label={words.visitor}>
+          <PersonLink />
         </PanelBoundary>
         <PanelBoundary label={words.recording}>
           <Recording />

@@ -45,6 +45,20 @@ async def ask(
         return dict(await answer.json())
 
 
+def test_operators_get_the_address_of_the_page_person() -> None:
+    async def test(one: ServedStudio) -> None:
+        done = await ask(one, "person_link", SessionRole.OPERATE)
+        record = done["record"]
+        assert record == {
+            "address": f"{one.origin}/person#{one.access.token(SessionRole.PERSON)}",
+            "is_local": True,
+        }
+        for role in (SessionRole.VIEW, SessionRole.PERSON):
+            assert (await ask(one, "person_link", role))["code"] == "FORBIDDEN"
+
+    served(test)
+
+
 def test_answers_and_messages_are_forwarded() -> None:
     async def test(one: ServedStudio) -> None:
         done = await ask(one, "answer", text="yes")

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Address of the page Person as a QR code, for the phone or tablet of a visitor.
+
+import { encode } from "uqr";
+import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
+import type { PersonLinkRecord } from "./protocol";
+import { texts } from "./texts";
+
+const words = texts.world;
+/** Light modules around the code, which readers need. */
+const BORDER = 4;
+
+export function PersonLink() {
+  const link = useOperation("person_link");
+  const found = link.answer?.accepted ? (link.answer.record as PersonLinkRecord) : null;
+  return (
+    <section className="panel" aria-label={words.visitor}>
+      <h2>{words.visitor}</h2>
+      <p className="empty">{words.visitorExplain}</p>
+      <WhyNot of={link} />
+      {found === null && (
+        <OperationButton of={link} ask={() => link.ask({})}>
+          {words.showAddress}
+        </OperationButton>
+      )}
+      {found?.is_local && <p>{words.onlyHere}</p>}
+      {found?.is_local === false && (
+        <>
+          <QrCode text={found.address} />
+          <code>{found.address}</code>
+        </>
+      )}
+      {found === null && <Outcome of={[link]} />}
+    </section>
+  );
+}
+
+/** Dark on light in both themes, since not every camera reads the opposite. */
+function QrCode({ text }: { text: string }) {
+  const { data, size } = encode(text, { border: BORDER });
+  const path = data.flatMap((row, y) => row.map((dark, x) => (dark ? `M${x} ${y}h1v1h-1z` : ""))).join("");
+  return (
+    <svg className="qr" role="img" aria-label={words.code} viewBox={`0 0 ${size} ${size}`}>
+      <rect width={size} height={size} fill="#fff" />
+      <path d={path} fill="#000" />
+    </svg>
+  );
+}
