@@ -97,14 +97,21 @@ class System:
             for kind, topic, seen, quality in (
                 (CallForBids, "bt_agents/calls", self._calls, EVENTS),
                 (TreeStatus, "agents0/status", self._ticks, EVENTS),
-                (SceneEnd, "bt_agents/scene_ends", self._ends, LATCHED),
                 (MarketStatus, "bt_agents/market", self._market, LATCHED),
             )
         ]
+        self._heard.append(
+            probe.create_subscription(SceneEnd, "bt_agents/scene_ends", self._take_end, LATCHED)
+        )
         self._analyze = probe.create_client(Analyze, "scene_layer/analyze", qos_profile=EVENTS)
         self._preview = probe.create_client(
             PreviewAuction, "marketplace/preview", qos_profile=EVENTS
         )
+
+    def _take_end(self, end: Any) -> None:
+        # The first scene may be sent twice, to a market that is just starting.
+        if end.code != "DUPLICATE":
+            self._ends.append(end)
 
     def until_ready(self) -> None:
         """Wait until all agents are registered."""

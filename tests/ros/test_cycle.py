@@ -14,7 +14,8 @@ import pytest
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, Empty, Float64
 
-from bt_agents_interfaces.srv import GiveFeedback
+from bt_agents_interfaces.msg import SceneValue
+from bt_agents_interfaces.srv import Analyze, GiveFeedback
 from bt_agents_robot.robot import RobotNode
 from bt_agents_ros import qos
 from checkout import ROOT
@@ -71,11 +72,16 @@ def test_cycle_passes_every_file_named_on_page(ros: Any, tmp_path: Path) -> None
     ros.until(lambda: all(one.get_subscription_count() for one in everybody))
     give = ros.node.create_client(GiveFeedback, "feedback/give")
 
-    def encounter(count: int) -> None:
+    def is_sensed() -> bool:
         for name, value in READINGS.items():
             message = Bool(data=value) if value is True else Float64(data=value)
             publishers[name].publish(message)
-        ros.turns()
+        scene = system.analyze(announce=False, person=Analyze.Request.AS_MEASURED).scene
+        measured = {one.origin == SceneValue.MEASURED for one in scene.values}
+        return bool(scene.person) and measured == {True}
+
+    def encounter(count: int) -> None:
+        ros.until(is_sensed)
         trigger.publish(Empty())
         ros.until(lambda: len(system.ends) == count)
 

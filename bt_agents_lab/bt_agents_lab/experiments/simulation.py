@@ -20,13 +20,10 @@ from bt_agents_lab.experiments.simulated_world import (
     SimulatedWorld,
 )
 from feedback_node.learning import updates
-from marketplace_node.strategies import STRATEGIES, Bid, RoundBids, differences, round_rng, total
+from marketplace_node.strategies import STRATEGIES, Bid, RoundBids, differences, total
 
 NEVER = 1_000_000
 """Time of an event that never happens [s]."""
-
-_UNUSED = np.random.default_rng(0)
-"""Random source of strategies that draw nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,9 +161,7 @@ class _Run:
                 for agent in left
             ],
         )
-        random = _UNUSED
-        if self._spec.draws:
-            random = round_rng(round_seed(self._seed, index, attempt))
+        random = self._spec.random(round_seed(self._seed, index, attempt))
         scores = self._spec.score(given, self._options, random)
         keys: dict[str, Sequence[float]] = {
             "random": ties,

@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from bt_agents_core.errors import Refused
 from marketplace_node.round.decision import Counterfactual
@@ -43,12 +46,38 @@ def smallest_change(model: RoundModel, runner_up: int) -> Counterfactual:
         for step in range(steps + 1):
             value = one.minimum + (one.maximum - one.minimum) * step / steps
             tries.append((abs(value - now), index, value))
+    tries.sort()
     try:
-        for _, index, value in sorted(tries):
-            changed = model.with_value(index, value)
-            if changed.order(changed.score().scores)[0] == runner_up:
+        for (_, index, value), winner in zip(tries, _winners(model, tries), strict=True):
+            if winner == runner_up:
                 name = model.space.parameters[index].name
                 return Counterfactual(names=(name,), values=(value,))
     except Refused as refused:
         return Counterfactual(obstacle=refused.reason)
     return Counterfactual()
+
+
+def _winners(model: RoundModel, tries: Sequence[tuple[float, int, float]]) -> Iterator[int]:
+    """Yield the index of the winner for each change of a parameter to a value."""
+    difference = model.spec.difference
+    if difference is None:
+        for _, index, value in tries:
+            changed = model.with_value(index, value)
+            yield changed.order(changed.score().scores)[0]
+        return
+    # Columns are bids in the order of ties, of which argmin takes the first.
+    scores = model.score().scores
+    columns = model.order([score._replace(score=0.0) for score in scores])
+    bids = [model.given.bids[column] for column in columns]
+    parts = np.array([scores[column].contributions for column in columns])
+    bonuses = np.array([scores[column].bonus for column in columns])
+    indices = np.array([index for _, index, _ in tries])
+    values = np.array([value for _, _, value in tries])
+    distances = np.zeros((len(tries), len(columns)))
+    # In the order in which a strategy adds: the last digit decides ties.
+    for place, own in enumerate(parts.T):
+        profiles = np.array([bid.profile[place] for bid in bids])
+        weights = np.array([bid.weights[place] for bid in bids])
+        changed = difference(profiles, values[:, np.newaxis], weights)
+        distances += np.where(indices[:, np.newaxis] == place, changed, own)
+    yield from (columns[place] for place in np.argmin(distances - bonuses, axis=1))

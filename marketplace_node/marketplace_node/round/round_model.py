@@ -14,7 +14,7 @@ from marketplace_node.formatting import shown
 from marketplace_node.round.decision import AcceptedBid, External, Terms, UndecidedRule
 from marketplace_node.round.precedence import AppliedRules, apply_precedence, apply_rules
 from marketplace_node.settings import EXTERNAL, RULES
-from marketplace_node.strategies import Bid, RoundBids, Score, StrategySpec, order, round_rng
+from marketplace_node.strategies import Bid, RoundBids, Score, StrategySpec, order
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,15 +67,17 @@ class RoundModel:
 
     def with_value(self, index: int, value: float) -> RoundModel:
         """Return the same round for a scene in which one parameter has another value."""
+        vector = list(self.given.scene)
+        vector[index] = value
+        given = replace(self.given, scene=tuple(vector))
+        if self.spec.name != RULES:
+            # Nothing else looks at the scene of the terms.
+            return replace(self, given=given)
         scene = self.terms.scene
         values = list(scene.values)
         values[index] = replace(values[index], value=value)
         scene = replace(scene, values=tuple(values))
-        return replace(
-            self,
-            terms=replace(self.terms, scene=scene),
-            given=replace(self.given, scene=self.space.compared(scene).vector),
-        )
+        return replace(self, given=given, terms=replace(self.terms, scene=scene))
 
     def _applied_rules(self) -> AppliedRules:
         if self.spec.name != RULES:
@@ -129,7 +131,7 @@ def scored(
         Refused: ``STRATEGY_FAILED``; it raised, or it did not return one finite score per bid.
     """
     try:
-        found = spec.score(given, spec.values(options), round_rng(seed))
+        found = spec.score(given, spec.values(options), spec.random(seed))
         scores = [
             Score(float(distance), float(bonus), float(score), tuple(map(float, contributions)))
             for distance, bonus, score, contributions in found

@@ -8,9 +8,11 @@ from types import MappingProxyType
 
 from marketplace_node.strategies import exploration
 from marketplace_node.strategies.distances import (
+    difference,
     euclidean,
     expected_manhattan,
     manhattan,
+    weighted_difference,
     weighted_manhattan,
 )
 from marketplace_node.strategies.exploration import (
@@ -27,11 +29,13 @@ _OWN = (
         name="manhattan",
         description="The nearest bid wins: the sum of the differences, as in the paper.",
         score=manhattan,
+        difference=difference,
     ),
     StrategySpec(
         name="weighted_manhattan",
         description="As manhattan, but parameters count by their weight.",
         score=weighted_manhattan,
+        difference=weighted_difference,
     ),
     StrategySpec(
         name="euclidean",
@@ -50,6 +54,7 @@ _OWN = (
         score=softmax,
         options=(exploration.TEMPERATURE,),
         draws=True,
+        difference=difference,
     ),
     StrategySpec(
         name="epsilon_greedy",
@@ -64,6 +69,7 @@ _OWN = (
         score=ucb,
         options=(exploration.UCB_C,),
         counts=True,
+        difference=difference,
     ),
     StrategySpec(
         name="bounded_ucb",
@@ -71,6 +77,7 @@ _OWN = (
         score=bounded_ucb,
         options=(exploration.BOUNDED_C, exploration.MARGIN),
         counts=True,
+        difference=difference,
     ),
     StrategySpec(
         name="thompson",

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bt_agents_core.scene import Vector
-from marketplace_node.strategies.strategy import RoundBids, Score, total
+from marketplace_node.strategies.strategy import FloatArray, RoundBids, Score, total
 
 
 def manhattan(
@@ -22,6 +22,19 @@ def manhattan(
     """Measure by ``Σ |p - x|``, formula (1) of the paper."""
     del options, random
     return [Score.of(differences(bid.profile, given.scene)) for bid in given.bids]
+
+
+def difference(profiles: FloatArray, values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return ``|p - x|`` of one parameter."""
+    del weights
+    return np.abs(profiles - values)
+
+
+def weighted_difference(
+    profiles: FloatArray, values: FloatArray, weights: FloatArray
+) -> FloatArray:
+    """Return ``w |p - x|`` of one parameter."""
+    return np.abs(profiles - values) * weights
 
 
 def differences(profile: Vector, scene: Vector) -> list[float]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from bt_agents_core.scene import Vector
 
@@ -97,6 +98,11 @@ class Option:
 
 ScoreFunction = Callable[[RoundBids, Mapping[str, float], np.random.Generator], Sequence[Score]]
 
+FloatArray = npt.NDArray[np.float64]
+
+DifferenceFunction = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+"""Values in profiles, values of a scene, weights → contributions of one parameter to distances."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class StrategySpec:
@@ -110,6 +116,8 @@ class StrategySpec:
         options: Its options.
         draws: True if it uses the random source.
         counts: True if it uses the total number of runs.
+        difference: For a score that is the sum of these contributions, less a bonus that no value
+            of the scene changes: other scenes can then be ranked many at a time. None for others.
     """
 
     name: str
@@ -118,10 +126,15 @@ class StrategySpec:
     options: tuple[Option, ...] = ()
     draws: bool = False
     counts: bool = False
+    difference: DifferenceFunction | None = None
 
     def values(self, given: Mapping[str, float]) -> dict[str, float]:
         """Return the value of every option: the given one, else the default."""
         return {option.name: given.get(option.name, option.default) for option in self.options}
+
+    def random(self, seed: str) -> np.random.Generator:
+        """Return the random source of a round; without ``draws``, one that is not to be used."""
+        return round_rng(seed) if self.draws else _UNUSED
 
 
 def round_rng(seed: str) -> np.random.Generator:
@@ -131,6 +144,9 @@ def round_rng(seed: str) -> np.random.Generator:
     """
     words = np.frombuffer(hashlib.sha256(seed.encode()).digest()[::-1], dtype="<u4")
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words.astype(np.uint32))))
+
+
+_UNUSED = round_rng("")
 
 
 def total(parts: Sequence[float]) -> float:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from market_harness import SPACE, scene
+from marketplace_node.round import ranking
 from marketplace_node.round.counterfactual import FINEST
 from marketplace_node.round.decision import AcceptedBid, Decision, Terms
 from marketplace_node.round.ranking import decide
@@ -93,6 +95,26 @@ def test_no_smaller_single_parameter_change_suffices(
                 smaller = abs(value - now) < size - 1e-9
                 there = {parameter.name: float(value)}
                 assert not (smaller and wins_with(decision, accepted, there))
+
+
+@pytest.mark.parametrize("strategy", [name for name in NAMES if STRATEGIES[name].difference])
+@few
+@given(data=st.data())
+def test_search_by_differences_matches_ranking_each_scene(
+    strategy: str, data: st.DataObject
+) -> None:
+    uneven = st.tuples(*[st.floats(1.0, 5.0)] * 3)
+    vectors = data.draw(st.dictionaries(st.sampled_from("abcdef"), uneven, min_size=2))
+    weights = {agent: data.draw(st.tuples(WEIGHTS, WEIGHTS, WEIGHTS)) for agent in vectors}
+    of, _ = data.draw(rounds(st.just(strategy)))
+    accepted = bids(vectors, **weights)
+    ranked_anew = {strategy: replace(STRATEGIES[strategy], difference=None)}
+
+    found = decide(SPACE, of, accepted).change
+    with mock.patch.object(ranking, "STRATEGIES", ranked_anew):
+        expected = decide(SPACE, of, accepted).change
+
+    assert found == expected
 
 
 def test_only_value_winning_by_tie_is_found() -> None:
