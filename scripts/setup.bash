@@ -95,14 +95,17 @@ install_wheel() {
 
 # Install the lowest versions that pyproject.toml allows, in place of those of the lock.
 install_lowest() {
-  local lowest=$venv/lowest.txt
+  local lowest=$venv/lowest.txt compiled
+  # Versions that are older than this Python have no wheel for it.
+  compiled=(aiohttp matplotlib numpy psycopg pyarrow pyyaml zstandard)
   export UV_SYSTEM_CERTS=1 UV_PYTHON_DOWNLOADS=never
   rm -f "$venv"/*.stamp
   # The ROS wheels are built together, so they have no lowest versions of their own.
   "$venv/bin/uv" export --project "$root" --frozen --all-extras --no-hashes --no-emit-project --quiet |
     grep '^ros-' >"$lowest.ros"
   "$venv/bin/uv" pip compile --quiet --python "$venv/bin/python" --all-extras --resolution lowest-direct \
-    --constraints "$lowest.ros" --output-file "$lowest" "$root/pyproject.toml" >/dev/null
+    "${compiled[@]/#/--only-binary=}" --constraints "$lowest.ros" --output-file "$lowest" \
+    "$root/pyproject.toml" >/dev/null
   "$venv/bin/uv" pip install --quiet --python "$venv/bin/python" --requirements "$lowest"
 }
 

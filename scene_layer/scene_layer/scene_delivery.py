@@ -44,11 +44,14 @@ class SceneDelivery:
 
     A market has taken a scene if it shows the scene, or if it is still alive a second after the
     scene was sent. It refuses a scene that it already has, so resending one does no harm.
+
+    Attributes:
+        epoch: Market that was heard last; empty before.
     """
 
     def __init__(self) -> None:
+        self.epoch = ""
         self._scenes: list[_Undelivered] = []
-        self._epoch = ""
         self._heard_at = -LEASE_S
 
     @property
@@ -58,7 +61,7 @@ class SceneDelivery:
 
     def market_there(self, now: float) -> bool:
         """Return whether a market has recently sent a heartbeat."""
-        return bool(self._epoch) and now - self._heard_at < LEASE_S
+        return bool(self.epoch) and now - self._heard_at < LEASE_S
 
     def announce(self, scene: Scene, now: float, *, listens: bool) -> bool:
         """Add a scene that is being published; return whether it is kept for a later market.
@@ -71,13 +74,13 @@ class SceneDelivery:
         one = _Undelivered(scene=scene, announced_at=now)
         sent = listens and self.market_there(now)
         if sent:
-            one.epoch, one.sent_at = self._epoch, now
+            one.epoch, one.sent_at = self.epoch, now
         self._scenes = [*self._scenes[-_MOST_UNSURE:], one]
         return not sent
 
     def heartbeat(self, epoch: str, now: float) -> None:
         """Handle the heartbeat of a market."""
-        self._epoch, self._heard_at = epoch, now
+        self.epoch, self._heard_at = epoch, now
         self._scenes = [one for one in self._scenes if not self._is_taken(one)]
 
     def shown(self, names: Collection[str]) -> None:
@@ -90,9 +93,9 @@ class SceneDelivery:
             return []
         due = []
         for one in self._scenes:
-            if one.epoch != self._epoch:
+            if one.epoch != self.epoch:
                 # A message to a market that is just starting may be lost, so it is sent twice.
-                one.epoch, one.sends = self._epoch, 2
+                one.epoch, one.sends = self.epoch, 2
             elif now - one.sent_at < _TAKEN_S:
                 continue
             if one.sends:
@@ -115,9 +118,9 @@ class SceneDelivery:
         return [one.scene for one in given_up]
 
     def _is_taken(self, one: _Undelivered) -> bool:
-        sent = one.epoch == self._epoch and not one.sends
+        sent = one.epoch == self.epoch and not one.sends
         return sent and self._heard_at - one.sent_at >= _TAKEN_S
 
     def _is_shown(self, one: _Undelivered, names: Collection[str]) -> bool:
-        sent = bool(one.scene.label) and one.epoch == self._epoch
+        sent = bool(one.scene.label) and one.epoch == self.epoch
         return one.scene.scene_id in names or (sent and one.scene.label in names)

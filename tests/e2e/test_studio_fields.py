@@ -230,6 +230,23 @@ def test_half_typed_profile_value_is_not_sent(page: Page, host: Host) -> None:
     assert [one["values"][0] for one in host.other] == [3.0]
 
 
+def test_overtaken_profile_value_is_not_taken_back(
+    page: Page, host: Host, studio: BackgroundStudio
+) -> None:
+    page.get_by_text("Profile", exact=True).click()
+    shown = page.locator("#profile-guide-age-value")
+    shown.fill("2")
+    shown.press("Enter")
+    expect(undo(page)).to_contain_text("guide: age 1.23456789 → 2")
+    learned = replace(agent("guide", "A guide"), current={"age": 4.5, "mood": 3.0})
+    studio.put("agents", "guide", learned)
+    expect(shown).to_have_value("4.5")
+    undo(page).get_by_role("button").click()
+    expect(undo(page)).to_have_text("Meanwhile it was changed: 4.5")
+    assert [one["service"] for one in host.other] == ["feedback/give"]
+    studio.put("agents", "guide", agent("guide", "A guide"))
+
+
 def test_reset_profile_forgets_waiting_values(page: Page, host: Host) -> None:
     page.get_by_text("Profile", exact=True).click()
     profile = page.locator("details details")

@@ -12,7 +12,7 @@ import { go, useAddress } from "./navigation";
 import { isUnheard, OperationButton, Outcome, useOperation, WhyNot, type Operation } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { AgentRecord, KeepRecord, PresetRecord, TunableRecord, TuningRecord, TuningsRecord } from "./protocol";
-import { useCollection, useEntry } from "./store";
+import { readEntry, useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 import { offerUndo } from "./undo";
 
@@ -330,7 +330,12 @@ function Profile({ agent }: { agent: AgentRecord }) {
       topic: `profile ${agent.name} ${name}`,
       from: exact(before),
       text: (from) => `${agent.name}: ${name} ${from} → ${exact(value)}`,
-      takeBack: (from) => operate("feedback", fields(name, Number(from))),
+      takeBack: async (from) => {
+        const now = readEntry("agents", agent.name)?.current[name] ?? null;
+        // The page may not have heard of the change yet.
+        if (now === value || now === before) return operate("feedback", fields(name, Number(from)));
+        return { accepted: false, code: "CHANGED_MEANWHILE", message: `${words.meanwhile}: ${exact(now)}` };
+      },
     });
     return true;
   };

@@ -20,6 +20,7 @@ from marketplace_node.strategies.plugins import add_installed
 from marketplace_node.strategies.strategy import (
     TIE_BREAKS,
     Bid,
+    DifferenceFunction,
     Option,
     RoundBids,
     Score,
@@ -33,6 +34,7 @@ __all__ = [
     "STRATEGIES",
     "TIE_BREAKS",
     "Bid",
+    "DifferenceFunction",
     "Option",
     "RoundBids",
     "Score",
