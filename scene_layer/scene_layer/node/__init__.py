@@ -126,7 +126,8 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         self._estimate = SceneEstimator(spec, self._sources, known)
         self._runs = RunTracker()
         self._delivery = SceneDelivery()
-        self._market_is_matched = False
+        # Market and number of subscribers of scenes when the market was found to be one of them.
+        self._matched: tuple[str, int] | None = None
         self._announced_id = ""
         self._answers: dict[str, Any] = {}
         self._live_at = 0.0
@@ -386,10 +387,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
                 self._scene.publish(scene_to_msg(scene))
 
     def _on_heartbeat(self, message: Any) -> None:
-        now = time.monotonic()
-        if not self._delivery.market_there(now) or message.epoch != self._delivery.epoch:
-            self._market_is_matched = False
-        self._delivery.heartbeat(message.epoch, now)
+        self._delivery.heartbeat(message.epoch, time.monotonic())
 
     def _on_scene_end(self, message: Any) -> None:
         self._delivery.shown({message.scene_id})
@@ -474,15 +472,15 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
     def _market_listens(self) -> bool:
         """Whether the publisher of the market's status also matches as a subscriber of scenes.
 
-        The graph is searched until it does, and during and after a silence of the market.
+        The graph is searched again only for another market, or when subscribers come or go.
         """
-        if not (self._market_is_matched and self._delivery.market_there(time.monotonic())):
+        count = self._scene.get_subscription_count()
+        if self._matched != (self._delivery.epoch, count):
             markets = {_who(e) for e in self.get_publishers_info_by_topic("bt_agents/market")}
             readers = self.get_subscriptions_info_by_topic("bt_agents/scene")
-            self._market_is_matched = bool(markets & {_who(e) for e in readers}) and (
-                self._scene.get_subscription_count() >= len(readers)
-            )
-        return self._market_is_matched
+            listens = bool(markets & {_who(e) for e in readers}) and count >= len(readers)
+            self._matched = (self._delivery.epoch, count) if listens else None
+        return self._matched is not None
 
 
 def _who(endpoint: Any) -> tuple[str, str]:
