@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 from bt_agents_core.person_mention import PersonMention
 from bt_agents_core.state_folder import StateFolder, claim_state
@@ -19,6 +19,7 @@ from bt_agents_lab.recorder.erasure import erase_from_journals
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_tools.cli.connection import NoSystemError
 from bt_agents_tools.cli.main import bt_agents
+from command_results import split_runner
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.rows import LAYER, RevisionCause
 from journal_fixture import JournaledSystem, index_of
@@ -61,7 +62,7 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StateFolder:
 
 def forget(kept: StateFolder, *arguments: str, answer: str = "") -> Result:
     command = ["forget", "carla", "--state", str(kept.path), *arguments]
-    return CliRunner().invoke(bt_agents, command, input=answer)
+    return split_runner().invoke(bt_agents, command, input=answer)
 
 
 def places(kept: StateFolder, name: str) -> list[str]:

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 from bt_agents_interfaces.msg import TreeStatus
 from bt_agents_lab.cli.trace import trace
+from command_results import split_runner
 from hostile_texts import HOSTILE
 from journal_fixture import JournaledSystem, morning
 
@@ -24,7 +25,7 @@ def journaled(tmp_path_factory: pytest.TempPathFactory) -> JournaledSystem:
 
 
 def shown(path: Path, *options: str) -> Result:
-    return CliRunner().invoke(trace, ["--journal", str(path), *options])
+    return split_runner().invoke(trace, ["--journal", str(path), *options])
 
 
 def test_each_element_has_its_status_and_values(

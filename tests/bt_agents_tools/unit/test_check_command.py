@@ -9,7 +9,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import PERIOD_S, changes, poll
@@ -17,6 +16,7 @@ from bt_agents_language.tools import folder_check
 from bt_agents_language.tools.folder_check import Checked, check_folder
 from bt_agents_tools.cli.commands import check as check_module
 from bt_agents_tools.cli.commands.check import check, check_paths, summary, watched
+from command_results import split_runner
 from fake_interfaces import FakeInterfaces
 from tree_harness import TREES
 
@@ -54,7 +54,7 @@ def write(name: str, text: str) -> Path:
 
 
 def run(*arguments: str) -> tuple[int, str]:
-    result = CliRunner().invoke(check, arguments)
+    result = split_runner().invoke(check, arguments)
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result.exit_code, result.stdout

@@ -9,13 +9,13 @@ from typing import Any
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli import connection
 from bt_agents_tools.cli.connection import connect, wait_for_market
 from bt_agents_tools.cli.table import TableForm, table_options
 from bt_agents_tools.client import observer
+from command_results import split_runner
 
 UP = "'bt-agents up' of /trees (process 1)"
 
@@ -92,7 +92,7 @@ def test_command_names_trees_folder_of_running_system(
     monkeypatch: pytest.MonkeyPatch, folders: list[str], words: list[str], said: str
 ) -> None:
     monkeypatch.setattr(observer, "Observer", lambda: System(*folders))
-    result = CliRunner().invoke(talking, words)
+    result = split_runner().invoke(talking, words)
     assert (result.stdout, result.stderr) == ("done\n", said)
 
 

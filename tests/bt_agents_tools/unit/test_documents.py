@@ -13,7 +13,6 @@ from pathlib import Path
 import click
 import pytest
 import yaml
-from click.testing import CliRunner
 
 from bag_fixture import write_bag
 from bt_agents_lab.experiments.sweep_reader import SWEEP, read_sweep
@@ -34,6 +33,7 @@ from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from bt_agents_tools.rehearsal.suite import failure, run_case
+from command_results import split_runner
 from file_texts import read_agent_text, read_scene_text, read_test_text
 from journal_fixture import morning
 from marketplace_node.strategies import StrategySpec
@@ -270,7 +270,7 @@ def _run(line: str) -> str | None:
         return None
     # It would watch for ever.
     words = [word for word in words if word != "--watch"]
-    result = CliRunner().invoke(bt_agents, words, catch_exceptions=False)
+    result = split_runner().invoke(bt_agents, words, catch_exceptions=False)
     assert result.exit_code == 0, f"{line}\n{result.output}"
     return result.stdout
 

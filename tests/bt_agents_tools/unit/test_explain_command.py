@@ -19,6 +19,7 @@ from bt_agents_language.reference.file_pages import file_words
 from bt_agents_language.reference.node_pages import node_pages
 from bt_agents_tools.cli.commands.explain import explain, explanation, print_page
 from bt_agents_tools.cli.installed_kinds import installed_kinds
+from command_results import split_runner
 from tree_harness import SYMBOLS, TREES
 
 
@@ -219,6 +220,6 @@ def test_language_is_explained_without_trees_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("AMENT_PREFIX_PATH", "")
     monkeypatch.setattr("sys.prefix", str(tmp_path))
-    result = CliRunner().invoke(explain, ["wait"], catch_exceptions=False)
-    assert "Waits for a time." in result.output
+    result = split_runner().invoke(explain, ["wait"], catch_exceptions=False)
+    assert "Waits for a time." in result.stdout
     assert "without the skills of a trees folder" in result.stderr

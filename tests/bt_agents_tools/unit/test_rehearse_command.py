@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.cli.scenario_options import event_yaml
+from command_results import split_runner
 from tree_harness import TREES, agent
 
 ROOT = TREES.parent
@@ -25,7 +26,7 @@ def _in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def rehearse(*words: str, typed: str | None = None) -> Result:
-    return CliRunner().invoke(bt_agents, ["rehearse", *words], input=typed)
+    return split_runner().invoke(bt_agents, ["rehearse", *words], input=typed)
 
 
 @pytest.mark.parametrize("name", ["attentive_guide", f"{GUIDE}.yaml"])

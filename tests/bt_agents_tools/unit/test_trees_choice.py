@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import TuningCause, TuningChange, TuningRevision
@@ -20,6 +20,7 @@ from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_tools.cli.commands import demo, profile, tune, why
 from bt_agents_tools.cli.connection import NoSystemError
 from bt_agents_tools.cli.main import bt_agents
+from command_results import split_runner
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.rows import RevisionCause
 from journal_fixture import EPOCH, morning
@@ -41,7 +42,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
 
     for module in (profile, tune, why):
         monkeypatch.setattr(module, "connect", no_system)
-    return lambda *words: CliRunner().invoke(bt_agents, words)
+    return lambda *words: split_runner().invoke(bt_agents, words)
 
 
 @pytest.fixture
