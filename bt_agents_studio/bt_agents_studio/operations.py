@@ -83,6 +83,7 @@ OPERATIONS: Mapping[str, Operation] = {
             "agent": "text",
             "kind": {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3},
             "values": "numbers",
+            "expected": "numbers",
             "source": "text",
             "reason": "text",
         },
@@ -124,6 +125,7 @@ OPERATIONS: Mapping[str, Operation] = {
             "layer": "text",
             "author": "text",
             "reason": "text",
+            "expected": "numbers",
         },
     ),
     "scene": Operation(

@@ -22,6 +22,7 @@ pytestmark = pytest.mark.e2e
 
 PATIENCE = tunable("guide", "patience", 8.0, default=15.0, maximum=30.0)
 FINE = tunable("guide", "fine", 0.00123456789, default=0.0004, minimum=None, maximum=None)
+AGE = 1.23456789
 VOLUME = tunable("carrier", "volume", 0.5, description="how loud it speaks", maximum=1.0)
 
 
@@ -36,6 +37,7 @@ class Host:
         self.authors: list[str] = []
         self.is_slow = False
         self._late: list[Callable[[], None]] = []
+        self.age = AGE
         self.other: list[Mapping[str, Any]] = []
         studio.caller.call = self.call  # type: ignore[method-assign]
         for one in self.tunables.values():
@@ -53,7 +55,7 @@ class Host:
     ) -> Future[Any]:
         del limit_s
         done: Future[Any] = Future()
-        accepted = True
+        accepted, message = True, "done"
         if kind == "Tune" and fields["action"] == 0:
             accepted = fields["seen"] == self._revision
             self.authors.append(fields["author"])
@@ -61,9 +63,13 @@ class Host:
                 self.set(fields["names"][0], fields["values"][0])
         else:
             self.other.append({"service": service, **fields})
+            if "expected" in fields and fields["expected"][0] != self.age:
+                accepted, message = False, f"age of guide is {self.age} now"
+            elif kind == "GiveFeedback":
+                self.age = fields["values"][0]
         code = "" if accepted else "CHANGED_MEANWHILE"
         answer = SimpleNamespace(
-            accepted=accepted, code=code, message="done", revision=self._revision
+            accepted=accepted, code=code, message=message, revision=self._revision
         )
         if self.is_slow:
             self._late.append(lambda: done.set_result(answer))
@@ -230,21 +236,32 @@ def test_half_typed_profile_value_is_not_sent(page: Page, host: Host) -> None:
     assert [one["values"][0] for one in host.other] == [3.0]
 
 
-def test_overtaken_profile_value_is_not_taken_back(
-    page: Page, host: Host, studio: BackgroundStudio
-) -> None:
+def test_profile_value_is_taken_back_unless_changed(page: Page, host: Host) -> None:
     page.get_by_text("Profile", exact=True).click()
     shown = page.locator("#profile-guide-age-value")
     shown.fill("2")
     shown.press("Enter")
-    expect(undo(page)).to_contain_text("guide: age 1.23456789 → 2")
-    learned = replace(agent("guide", "A guide"), current={"age": 4.5, "mood": 3.0})
-    studio.put("agents", "guide", learned)
-    expect(shown).to_have_value("4.5")
+    expect(undo(page)).to_contain_text(f"guide: age {AGE} → 2")
     undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("Meanwhile it was changed: 4.5")
-    assert [one["service"] for one in host.other] == ["feedback/give"]
-    studio.put("agents", "guide", agent("guide", "A guide"))
+    expect(undo(page)).to_have_text("done")
+    assert host.age == AGE
+    shown.fill("2.5")
+    shown.press("Enter")
+    expect(undo(page)).to_contain_text("→ 2.5")
+    host.age = 4.5
+    undo(page).get_by_role("button").click()
+    expect(undo(page)).to_have_text("age of guide is 4.5 now")
+    assert host.age == 4.5
+
+
+def test_reset_profile_is_taken_back_unless_changed(page: Page, host: Host) -> None:
+    page.get_by_text("Profile", exact=True).click()
+    in_file = agent("guide", "A guide").profile["age"]
+    for host.age, answer in ((in_file, "done"), (4.5, "age of guide is 4.5 now")):
+        profile = page.locator("details details")
+        profile.get_by_role("button", name="As in the file").click()
+        undo(page).get_by_role("button").click()
+        expect(undo(page)).to_have_text(answer)
 
 
 def test_reset_profile_forgets_waiting_values(page: Page, host: Host) -> None:

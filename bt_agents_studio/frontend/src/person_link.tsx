@@ -11,7 +11,7 @@ const words = texts.world;
 const BORDER = 4;
 
 export function PersonLink() {
-  const link = useOperation("person_link");
+  const link = useOperation("person_link", true);
   const found = link.answer?.accepted ? (link.answer.record as PersonLinkRecord) : null;
   return (
     <section className="panel" aria-label={words.visitor}>

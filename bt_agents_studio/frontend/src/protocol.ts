@@ -536,10 +536,10 @@ export type ClientMessage = Resume | Seek | Follow;
 export interface Operations {
   cancel: { reason?: string; round?: number; by?: "OPERATOR" };
   control: { host: string; action?: "PAUSE" | "RESUME" | "STEP" | "BREAKPOINTS"; author?: string; epoch?: string; round?: number; agent?: string; paths?: string[] };
-  feedback: { feedback_id?: string; agent?: string; kind?: "DIRECT" | "POSITIVE" | "NEGATIVE" | "SET"; values?: (number | null)[]; source?: string; reason?: string };
+  feedback: { feedback_id?: string; agent?: string; kind?: "DIRECT" | "POSITIVE" | "NEGATIVE" | "SET"; values?: (number | null)[]; expected?: (number | null)[]; source?: string; reason?: string };
   operate: { action?: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD"; agent?: string; author?: string; reason?: string };
   record: { action?: "START" | "STOP" | "BOOKMARK"; author?: string; label?: string; notes?: string; age_s?: number };
-  profiles: { action?: "UNDO" | "RESET"; agent?: string; layer?: string; author?: string; reason?: string };
+  profiles: { action?: "UNDO" | "RESET"; agent?: string; layer?: string; author?: string; reason?: string; expected?: (number | null)[] };
   scene: { label?: string; names?: string[]; values?: (number | null)[]; person?: "AS_MEASURED" | "PRESENT" | "ABSENT"; name?: string; urgent?: boolean; announce?: boolean };
   tune: { host: string; action?: "SET" | "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET"; author?: string; reason?: string; names?: string[]; values?: string[]; compare?: boolean; seen?: number; preset?: string; agents?: string[] };
   answer: { text?: string };

@@ -12,7 +12,7 @@ import { go, useAddress } from "./navigation";
 import { isUnheard, OperationButton, Outcome, useOperation, WhyNot, type Operation } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { AgentRecord, KeepRecord, PresetRecord, TunableRecord, TuningRecord, TuningsRecord } from "./protocol";
-import { readEntry, useCollection, useEntry } from "./store";
+import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 import { offerUndo } from "./undo";
 
@@ -310,11 +310,13 @@ function Profile({ agent }: { agent: AgentRecord }) {
   const give = useOperation("feedback");
   const manage = useOperation("profiles");
   const newest = useNewest();
+  const names = Object.keys(order?.values ?? agent.current);
+  const vector = (name: string, value: number) => names.map((one) => (one === name ? value : null));
   const fields = (name: string, value: number) => ({
     feedback_id: `tuning/${crypto.randomUUID()}`,
     agent: agent.name,
     kind: "SET" as const,
-    values: Object.keys(order?.values ?? agent.current).map((one) => (one === name ? value : null)),
+    values: vector(name, value),
     source: "tuning",
     reason: words.tunedBy,
   });
@@ -330,12 +332,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
       topic: `profile ${agent.name} ${name}`,
       from: exact(before),
       text: (from) => `${agent.name}: ${name} ${from} → ${exact(value)}`,
-      takeBack: async (from) => {
-        const now = readEntry("agents", agent.name)?.current[name] ?? null;
-        // The page may not have heard of the change yet.
-        if (now === value || now === before) return operate("feedback", fields(name, Number(from)));
-        return { accepted: false, code: "CHANGED_MEANWHILE", message: `${words.meanwhile}: ${exact(now)}` };
-      },
+      takeBack: (from) => operate("feedback", { ...fields(name, Number(from)), expected: vector(name, value) }),
     });
     return true;
   };
@@ -347,7 +344,10 @@ function Profile({ agent }: { agent: AgentRecord }) {
         topic: `profile ${agent.name}`,
         from: "",
         text: () => done.message,
-        takeBack: () => operate("profiles", { action: "UNDO", agent: agent.name, author: author() }),
+        takeBack: () => {
+          const expected = names.map((name) => agent.profile[name] ?? null);
+          return operate("profiles", { action: "UNDO", agent: agent.name, author: author(), expected });
+        },
       });
     }
   };

@@ -43,6 +43,7 @@ class FeedbackRequest:
     agent: str = ""
     kind: int
     values: tuple[float, ...] = ()
+    expected: tuple[float, ...] = ()
     source: str = ""
     reason: str = ""
     leaf: str = ""
@@ -243,7 +244,7 @@ class FeedbackController:
 
         Raises:
             Refused: ``NO_AGENT``, ``UNKNOWN_AGENT``, ``UNKNOWN_KIND``, ``NO_SCENE``,
-                ``WRONG_LENGTH``, ``FEEDBACK_ID_TAKEN``, or as in :meth:`Profiles.apply`; nothing
+                ``WRONG_LENGTH``, ``CHANGED_MEANWHILE``, ``FEEDBACK_ID_TAKEN``, or as in :meth:`Profiles.apply`; nothing
                 has changed.
         """
         if given.feedback_id and (known := self.profiles.recorded(given.feedback_id)) is not None:
@@ -258,6 +259,7 @@ class FeedbackController:
                 f"feedback: kind {given.kind}, expected 0 (direct), 1 (positive), 2 (negative) "
                 f"or 3 (set)",
             ) from None
+        self.profiles.check_expected(agent, "", given.expected)
         run = self._runs.last(agent)
         if given.scene is not None and (run is None or run.scene.scene_id != given.scene.scene_id):
             run = AnnouncedRun(epoch="", round=0, agent=agent, scene=given.scene)

@@ -185,6 +185,34 @@ class Profiles:
             [values.get(key, own) for key, own in zip(self.space.names, authored, strict=True)]
         )
 
+    def check_expected(self, name: str, layer: str, expected: Vector) -> None:
+        """Check that a profile still has the values on which a request rests.
+
+        Args:
+            name: Name of the agent.
+            layer: As in :meth:`profile`.
+            expected: NaN for any value, empty for all.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``, ``WRONG_LENGTH`` or ``CHANGED_MEANWHILE``.
+        """
+        if not expected:
+            return
+        self.agent(name)
+        names = self.space.names
+        if len(expected) != len(names):
+            raise Refused(
+                RefusalCode.WRONG_LENGTH,
+                f"{len(expected)} expected values, the scene has {len(names)} parameters",
+            )
+        current = self.profile(name, layer)
+        for parameter, value, wanted in zip(names, current, expected, strict=True):
+            if not (math.isnan(wanted) or math.isclose(value, wanted)):
+                raise Refused(
+                    RefusalCode.CHANGED_MEANWHILE,
+                    f"{parameter} of {name} is {value:g} now, expected {wanted:g}",
+                )
+
     def _bids_otherwise(self, agent: Agent) -> bool:
         """Return whether the card of an agent has other values than the ledger."""
         ledger = self.profile(agent.name)

@@ -45,6 +45,7 @@ class ManagementCommand:
     layer: str = ""
     author: str = ""
     reason: str = ""
+    expected: tuple[float, ...] = ()
     older_s: float = 0.0
     document: str = ""
 
@@ -89,7 +90,8 @@ class Management:
         Raises:
             Refused: ``UNKNOWN_ACTION``, ``TOO_LONG``, ``BAD_LAYER``, ``UNKNOWN_AGENT``,
                 ``UNKNOWN_LAYER``, ``NOTHING_TO_UNDO``, ``BAD_AGE``, ``TOO_MANY_LAYERS``, or as in
-                :func:`from_document` and :class:`Ledger`; nothing has changed.
+                :meth:`Profiles.check_expected`, :func:`from_document` and :class:`Ledger`; nothing
+                has changed.
         """
         try:
             action = ManagementAction(command.action)
@@ -126,6 +128,7 @@ class Management:
         self, restore: Callable[..., ProfileRevision], command: ManagementCommand
     ) -> ManagementResult:
         self._documents.known(command.agent, command.layer)
+        self._profiles.check_expected(command.agent, command.layer, command.expected)
         revision = restore(
             command.agent, command.layer, source=command.author, reason=command.reason
         )

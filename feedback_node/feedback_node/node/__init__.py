@@ -444,6 +444,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             layer=request.layer,
             author=request.author,
             reason=request.reason,
+            expected=tuple(request.expected),
             older_s=request.older_s,
             document=request.document,
         )

@@ -154,6 +154,7 @@ def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> Feedback
         agent=request.agent,
         kind=request.kind,
         values=tuple(request.values),
+        expected=tuple(request.expected),
         source=request.source,
         reason=request.reason,
         leaf=request.leaf,

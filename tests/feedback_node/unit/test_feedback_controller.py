@@ -464,6 +464,17 @@ def test_set_feedback_ignores_learning_rate():
     assert harness.profile() == (3.0, 4.5)
 
 
+def test_feedback_applies_to_expected_values_once():
+    harness = FeedbackHarness()
+    given = FeedbackRequest(
+        feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5), expected=(NAN, 3.0)
+    )
+    assert harness.controller.give(given).fresh
+    assert not harness.controller.give(given).fresh
+    with pytest.raises(Refused, match="CHANGED_MEANWHILE: mood of guide is 4.5 now, expected 3"):
+        harness.controller.give(replace(given, feedback_id="t2"))
+
+
 def test_direct_feedback_needs_no_run():
     harness = FeedbackHarness()
     change = harness.controller.give(FeedbackRequest(agent="guide", kind=0, values=(5.0, NAN)))
@@ -487,6 +498,10 @@ def test_direct_feedback_needs_no_run():
         (FeedbackRequest(agent="guide", kind=3, values=(NAN, NAN)), "NO_OPINION"),
         (FeedbackRequest(agent="guide", kind=3, values=(3.0, 5.1)), "OUT_OF_RANGE"),
         (FeedbackRequest(agent="guide", kind=3, values=(-math.inf, 3.0)), "NOT_FINITE"),
+        (FeedbackRequest(agent="guide", kind=1, scene=LATE, expected=(3.0,)), "WRONG_LENGTH"),
+        (FeedbackRequest(agent="ghost", kind=3, expected=(3.0, 3.0)), "UNKNOWN_AGENT"),
+        (FeedbackRequest(agent="guide", kind=3, values=(2.0, 3.0), expected=(NAN, 3.1)),
+         "CHANGED_MEANWHILE"),
         (FeedbackRequest(agent="guide", kind=0), "WRONG_LENGTH"),
         (FeedbackRequest(agent="guide", kind=0, values=(1.0, 2.0, 3.0)), "WRONG_LENGTH"),
         (FeedbackRequest(agent="guide", kind=0, values=(NAN, NAN)), "NO_OPINION"),
