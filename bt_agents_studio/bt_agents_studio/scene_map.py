@@ -11,7 +11,7 @@ import numpy as np
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.records import SceneMapRecord
-from marketplace_node.strategies import STRATEGIES, Bid, RoundBids, manhattan, order
+from marketplace_node.strategies import STRATEGIES, Bid, winners
 
 FINEST = 41
 """Places along each side of a computed map, at most."""
@@ -38,13 +38,6 @@ class Axis:
         return tuple(float(one) for one in np.linspace(self.minimum, self.maximum, count))
 
 
-_DISTANCES = frozenset({"manhattan", "weighted_manhattan", "euclidean"})
-"""Strategies whose score is the distance alone."""
-
-_WITH_BONUS = frozenset({"ucb", "bounded_ucb"})
-"""Strategies that subtract from the Manhattan distance what no value of the scene changes."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class MapBid:
     """Bid of an agent; without weights every parameter counts 1.
@@ -62,9 +55,11 @@ class MapBid:
 def is_computed(strategy: str) -> bool:
     """Return whether a map can be computed for a strategy.
 
-    That is where the score is a distance, perhaps less a bonus that no value of the scene moves.
+    That is where the score is a sum over the parameters, perhaps less a bonus that no value of the
+    scene moves.
     """
-    return strategy in _DISTANCES or strategy in _WITH_BONUS
+    spec = STRATEGIES.get(strategy)
+    return spec is not None and spec.difference is not None and not spec.draws
 
 
 def computed_map(
@@ -95,7 +90,6 @@ def computed_map(
     width = min(len(names), *(len(bid.vector) for bid in bids))
     sides = side_length(len(bids), width)
     xs, ys = across.places(sides), up.places(sides)
-    measure = STRATEGIES[strategy].score if strategy in _DISTANCES else manhattan
     offered = [
         Bid(
             agent=bid.agent,
@@ -105,26 +99,15 @@ def computed_map(
         )
         for bid in bids
     ]
-
-    def winner(x: float, y: float) -> str:
-        values = list(scene.values())
-        values[columns[0]], values[columns[1]] = x, y
-        given = RoundBids(
-            scene=tuple(values[:width]),
-            std=(0.0,) * width,
-            widths=(1.0,) * width,
-            rounds=0,
-            bids=offered,
-        )
-        scores = [
-            one.distance - bid.bonus
-            for one, bid in zip(measure(given, {}, random), bids, strict=True)
-        ]
-        return bids[order(scores, offered, tie_break)[0]].agent
-
-    random = np.random.default_rng(0)
-    winners = [[winner(x, y) for x in xs] for y in ys]
-    return map_record(across, up, xs, ys, winners, is_asked=False)
+    scenes = np.tile(list(scene.values()), (sides * sides, 1))
+    scenes[:, columns[0]] = np.tile(xs, sides)
+    scenes[:, columns[1]] = np.repeat(ys, sides)
+    difference = STRATEGIES[strategy].difference
+    assert difference is not None, "see is_computed"
+    found = winners(difference, scenes[:, :width], offered, [bid.bonus for bid in bids], tie_break)
+    names = [bids[index].agent for index in found]
+    rows = [names[row * sides : (row + 1) * sides] for row in range(sides)]
+    return map_record(across, up, xs, ys, rows, is_asked=False)
 
 
 def map_record(

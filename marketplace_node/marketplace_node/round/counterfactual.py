@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from bt_agents_core.errors import Refused
 from marketplace_node.round.decision import Counterfactual
 from marketplace_node.round.round_model import RoundModel
 from marketplace_node.settings import EXTERNAL
-from marketplace_node.strategies import DifferenceFunction
+from marketplace_node.strategies import Score, winners
 
 FINEST = 80
 """Most steps in which the range of a parameter is tried."""
@@ -28,11 +28,16 @@ _Try = tuple[float, int, float]
 """Size of a change, index of the parameter, and its changed value."""
 
 
-def smallest_change(model: RoundModel, runner_up: int) -> Counterfactual:
+def smallest_change(model: RoundModel, scores: Sequence[Score], runner_up: int) -> Counterfactual:
     """Return the smallest change of one parameter that makes the runner-up win.
 
     It ranks the round again with each parameter at each step of its range, and takes the nearest
     value.
+
+    Args:
+        model: The round.
+        scores: Of the round as it is.
+        runner_up: Index of a bid.
     """
     known = [index for index, x in enumerate(model.given.scene) if not math.isnan(x)]
     external = model.external
@@ -54,7 +59,7 @@ def smallest_change(model: RoundModel, runner_up: int) -> Counterfactual:
             tries.append((abs(value - now), index, value))
     tries.sort()
     try:
-        for (_, index, value), winner in zip(tries, _winners(model, tries), strict=True):
+        for (_, index, value), winner in zip(tries, _winners(model, scores, tries), strict=True):
             if winner == runner_up:
                 name = model.space.parameters[index].name
                 return Counterfactual(names=(name,), values=(value,))
@@ -63,33 +68,16 @@ def smallest_change(model: RoundModel, runner_up: int) -> Counterfactual:
     return Counterfactual()
 
 
-def _winners(model: RoundModel, tries: Sequence[_Try]) -> Iterator[int]:
-    """Yield the index of the winner for each change of a parameter to a value."""
-    if model.spec.difference is not None:
-        yield from _by_differences(model, model.spec.difference, tries)
-        return
-    for _, index, value in tries:
-        changed = model.with_value(index, value)
-        yield changed.order(changed.score().scores)[0]
+def _winners(model: RoundModel, scores: Sequence[Score], tries: Sequence[_Try]) -> Iterable[int]:
+    """Return the index of the winner for each change of a parameter to a value."""
+    if model.spec.difference is None:
+        return (_winner(model.with_value(index, value)) for _, index, value in tries)
+    scenes = np.tile(model.given.scene, (len(tries), 1))
+    for scene, (_, index, value) in zip(scenes, tries, strict=True):
+        scene[index] = value
+    bonuses = [score.bonus for score in scores]
+    return winners(model.spec.difference, scenes, model.given.bids, bonuses, model.terms.tie_break)
 
 
-def _by_differences(
-    model: RoundModel, difference: DifferenceFunction, tries: Sequence[_Try]
-) -> list[int]:
-    """Return the same for all changes at once; see :class:`StrategySpec`."""
-    # Columns are bids in the order of ties, of which argmin takes the first.
-    scores = model.score().scores
-    columns = model.order([score._replace(score=0.0) for score in scores])
-    bids = [model.given.bids[column] for column in columns]
-    parts = np.array([scores[column].contributions for column in columns])
-    bonuses = np.array([scores[column].bonus for column in columns])
-    indices = np.array([index for _, index, _ in tries])[:, np.newaxis]
-    values = np.array([value for _, _, value in tries])[:, np.newaxis]
-    distances = np.zeros((len(tries), len(columns)))
-    # In the order in which a strategy adds: the last digit decides ties.
-    for place, part in enumerate(parts.T):
-        profiles = np.array([bid.profile[place] for bid in bids])
-        weights = np.array([bid.weights[place] for bid in bids])
-        changed = difference(profiles, values, weights)
-        distances += np.where(indices == place, changed, part)
-    return [columns[place] for place in np.argmin(distances - bonuses, axis=1)]
+def _winner(model: RoundModel) -> int:
+    return model.order(model.score().scores)[0]

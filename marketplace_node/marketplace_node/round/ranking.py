@@ -64,7 +64,9 @@ def decide(
         shadow_winner=shadow.winner,
         shadow_failure=shadow.failure,
         undecided=scored.undecided or shadow.undecided,
-        find_change=(lambda: smallest_change(model, places[1])) if len(places) > 1 else None,
+        find_change=(
+            (lambda: smallest_change(model, scored.scores, places[1])) if len(places) > 1 else None
+        ),
     )
 
 

@@ -20,7 +20,6 @@ from marketplace_node.strategies.plugins import add_installed
 from marketplace_node.strategies.strategy import (
     TIE_BREAKS,
     Bid,
-    DifferenceFunction,
     Option,
     RoundBids,
     Score,
@@ -28,13 +27,13 @@ from marketplace_node.strategies.strategy import (
     order,
     round_rng,
     total,
+    winners,
 )
 
 __all__ = [
     "STRATEGIES",
     "TIE_BREAKS",
     "Bid",
-    "DifferenceFunction",
     "Option",
     "RoundBids",
     "Score",
@@ -53,4 +52,5 @@ __all__ = [
     "total",
     "ucb",
     "weighted_manhattan",
+    "winners",
 ]

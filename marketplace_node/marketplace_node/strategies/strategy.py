@@ -101,7 +101,7 @@ ScoreFunction = Callable[[RoundBids, Mapping[str, float], np.random.Generator], 
 FloatArray = npt.NDArray[np.float64]
 
 DifferenceFunction = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
-"""Values in profiles, values of a scene, weights → contributions of one parameter to distances."""
+"""Values in profiles, values of scenes, weights → contributions of one parameter to distances."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,3 +178,32 @@ def order(
         for score, bid in zip(scores, bids, strict=True)
     ]
     return sorted(range(len(keys)), key=keys.__getitem__)
+
+
+def winners(
+    difference: DifferenceFunction,
+    scenes: FloatArray,
+    bids: Sequence[Bid],
+    bonuses: Sequence[float],
+    tie_break: str,
+) -> list[int]:
+    """Return the index of the winner for each of many scenes.
+
+    Args:
+        difference: See :class:`StrategySpec`.
+        scenes: A row per scene, a column per parameter; NaN where missing.
+        bids: At least one.
+        bonuses: What exploration subtracts from the distance of each bid.
+        tie_break: As in :func:`order`.
+    """
+    # Columns are bids in the order of ties, of which argmin takes the first.
+    columns = order([0.0] * len(bids), bids, tie_break)
+    profiles = np.array([bids[column].profile for column in columns])
+    weights = np.array([bids[column].weights for column in columns])
+    distances = np.zeros((len(scenes), len(columns)))
+    # In the order in which a strategy adds: the last digit decides ties.
+    for values, profile, weight in zip(scenes.T, profiles.T, weights.T, strict=True):
+        parts = difference(profile, values[:, np.newaxis], weight)
+        distances += np.where(np.isnan(parts), 0.0, parts)
+    best = np.argmin(distances - np.array([bonuses[column] for column in columns]), axis=1)
+    return [columns[place] for place in best]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import pytest
@@ -12,11 +13,11 @@ from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.yaml.source import Source
 from market_harness import SPACE, MarketHarness, scene
 from marketplace_node.effects import PublishAuction, SendGoal
-from marketplace_node.round import counterfactual, round_model
+from marketplace_node.round import counterfactual
 from marketplace_node.round.decision import Counterfactual, External, Ranked
 from marketplace_node.round.ranking import decide
-from marketplace_node.round.round_model import scored as measured
-from marketplace_node.strategies import RoundBids, Score, StrategySpec
+from marketplace_node.round.round_model import RoundModel
+from marketplace_node.strategies import Score
 from ranked_rounds import bids, decided, terms
 from ranking import case
 
@@ -106,11 +107,12 @@ def test_the_search_compares_so_much_and_no_more(
     ranked = decide(of.space, of.terms, of.bids)
     compared: list[int] = []
 
-    def counted(spec: StrategySpec, given: RoundBids, *rest: Any) -> list[Score]:
-        compared.append(len(given.bids) * len(given.scene))
-        return measured(spec, given, *rest)
+    def counted(model: RoundModel, scores: Sequence[Score], tries: Sequence[Any]) -> Iterable[int]:
+        compared.append(len(tries) * len(model.given.bids) * len(model.given.scene))
+        return found_winners(model, scores, tries)
 
-    monkeypatch.setattr(round_model, "scored", counted)
+    found_winners = counterfactual._winners
+    monkeypatch.setattr(counterfactual, "_winners", counted)
     found = ranked.change
     assert found is not None
 
