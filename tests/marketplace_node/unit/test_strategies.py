@@ -65,9 +65,9 @@ def test_expected_distance_to_certain_value_equals_distance() -> None:
 @pytest.mark.parametrize("gap", [0.0, 0.3, -1.0, 2.5, -8.0, 60.0])
 @pytest.mark.parametrize("std", [1e-3, 0.4, 1.0, 7.0])
 def test_folded_mean_matches_its_integral(gap: float, std: float) -> None:
-    points = np.linspace(-12.0, 12.0, 200_001)
+    points, step = np.linspace(-12.0, 12.0, 200_001, retstep=True)
     density = np.exp(-0.5 * points**2) / math.sqrt(2 * math.pi)
-    integral = np.trapezoid(np.abs(gap + std * points) * density, points)
+    integral = np.sum(np.abs(gap + std * points) * density) * step
 
     assert folded_mean(gap, std) == pytest.approx(float(integral), rel=1e-7)
 
