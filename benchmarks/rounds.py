@@ -93,16 +93,14 @@ class System:
             qos_profile=EVENTS,
         )
         self._heard = [
-            probe.create_subscription(kind, topic, seen.append, quality)
-            for kind, topic, seen, quality in (
-                (CallForBids, "bt_agents/calls", self._calls, EVENTS),
-                (TreeStatus, "agents0/status", self._ticks, EVENTS),
-                (MarketStatus, "bt_agents/market", self._market, LATCHED),
+            probe.create_subscription(kind, topic, take, quality)
+            for kind, topic, take, quality in (
+                (CallForBids, "bt_agents/calls", self._calls.append, EVENTS),
+                (TreeStatus, "agents0/status", self._ticks.append, EVENTS),
+                (MarketStatus, "bt_agents/market", self._market.append, LATCHED),
+                (SceneEnd, "bt_agents/scene_ends", self._take_end, LATCHED),
             )
         ]
-        self._heard.append(
-            probe.create_subscription(SceneEnd, "bt_agents/scene_ends", self._take_end, LATCHED)
-        )
         self._analyze = probe.create_client(Analyze, "scene_layer/analyze", qos_profile=EVENTS)
         self._preview = probe.create_client(
             PreviewAuction, "marketplace/preview", qos_profile=EVENTS
