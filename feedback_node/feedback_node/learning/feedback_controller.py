@@ -244,8 +244,8 @@ class FeedbackController:
 
         Raises:
             Refused: ``NO_AGENT``, ``UNKNOWN_AGENT``, ``UNKNOWN_KIND``, ``NO_SCENE``,
-                ``WRONG_LENGTH``, ``CHANGED_MEANWHILE``, ``FEEDBACK_ID_TAKEN``, or as in :meth:`Profiles.apply`; nothing
-                has changed.
+                ``WRONG_LENGTH``, ``CHANGED_MEANWHILE``, ``FEEDBACK_ID_TAKEN``, or as in
+                :meth:`Profiles.apply`; nothing has changed.
         """
         if given.feedback_id and (known := self.profiles.recorded(given.feedback_id)) is not None:
             return _same(given, known)

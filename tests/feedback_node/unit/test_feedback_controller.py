@@ -471,7 +471,9 @@ def test_feedback_applies_to_expected_values_once():
     )
     assert harness.controller.give(given).fresh
     assert not harness.controller.give(given).fresh
-    with pytest.raises(Refused, match="CHANGED_MEANWHILE: mood of guide is 4.5 now, expected 3"):
+    with pytest.raises(
+        Refused, match=r"CHANGED_MEANWHILE: mood of guide is 4\.5 now, expected 3$"
+    ):
         harness.controller.give(replace(given, feedback_id="t2"))
 
 
@@ -500,8 +502,10 @@ def test_direct_feedback_needs_no_run():
         (FeedbackRequest(agent="guide", kind=3, values=(-math.inf, 3.0)), "NOT_FINITE"),
         (FeedbackRequest(agent="guide", kind=1, scene=LATE, expected=(3.0,)), "WRONG_LENGTH"),
         (FeedbackRequest(agent="ghost", kind=3, expected=(3.0, 3.0)), "UNKNOWN_AGENT"),
-        (FeedbackRequest(agent="guide", kind=3, values=(2.0, 3.0), expected=(NAN, 3.1)),
-         "CHANGED_MEANWHILE"),
+        (
+            FeedbackRequest(agent="guide", kind=3, values=(2.0, 3.0), expected=(NAN, 3.1)),
+            "CHANGED_MEANWHILE",
+        ),
         (FeedbackRequest(agent="guide", kind=0), "WRONG_LENGTH"),
         (FeedbackRequest(agent="guide", kind=0, values=(1.0, 2.0, 3.0)), "WRONG_LENGTH"),
         (FeedbackRequest(agent="guide", kind=0, values=(NAN, NAN)), "NO_OPINION"),
