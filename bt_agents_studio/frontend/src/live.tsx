@@ -189,7 +189,7 @@ function ScenePanel() {
   return (
     <section className="panel" aria-label={texts.live.scene}>
       <h2>
-        {texts.live.scene} <span>{scene?.label || scene?.scene_id.slice(0, 8)}</span>
+        {texts.live.scene} <span>{scene?.label}</span>
       </h2>
       <table>
         <thead>
