@@ -34,7 +34,7 @@ class ControlService:
         self._instance = instance
         self._publisher = node.create_publisher(RunControlMsg, "~/run_control", qos.FACT)
         node.create_service(ControlRun, "~/control", self._control, qos_profile=qos.SERVICE)
-        runs.on_control(self._publish)
+        runs.on_control.append(self._publish)
         self._publish()
 
     def _control(

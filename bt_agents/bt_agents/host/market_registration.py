@@ -170,8 +170,8 @@ class MarketRegistration:
             MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.HEARTBEATS
         )
         node.create_subscription(Run, "bt_agents/runs", self._on_run_event, qos.HISTORY)
-        runs.on_begin(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
-        runs.on_end(self._on_run_end)
+        runs.on_begin.append(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
+        runs.on_end.append(self._on_run_end)
         steady_timer(node, _RETRY_S, self._retry)
         self._pending_epoch = ""
         self._match_timer = steady_timer(node, _POLL_S, self._register_matched, running=False)

@@ -102,7 +102,7 @@ class ReloadService:
         self._enabled = bool(
             declare_and_watch(node, "reload", True, describe(what), self._set_enabled)
         )
-        runs.on_end(lambda goal, _result: self.run_ended(goal.agent))
+        runs.on_end.append(lambda goal, _result: self.run_ended(goal.agent))
         self._timer = steady_timer(node, PERIOD_S, self._on_timer)
 
     def close(self) -> None:

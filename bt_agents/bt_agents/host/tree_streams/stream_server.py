@@ -94,9 +94,9 @@ class TreeStreams:
                 getattr(interfaces.srv, kind), name, callbacks[kind], qos_profile=qos.SERVICE
             )
         self._declare_default_stream()
-        runs.on_start(self._on_start)
-        runs.on_tick(self._on_tick)
-        runs.on_end(lambda *_: self._on_end())
+        runs.on_start.append(self._on_start)
+        runs.on_tick.append(self._on_tick)
+        runs.on_end.append(lambda *_: self._on_end())
 
     def check_subscribers(self) -> None:
         """Check the subscribers and close unused streams; called with each heartbeat."""
