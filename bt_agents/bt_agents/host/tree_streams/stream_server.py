@@ -321,10 +321,10 @@ class TreeStreams:
             return
         self._open(
             topic,
-            SnapshotParameters.checked(
-                values[DEFAULT_PERIOD],
-                values["default_snapshot_blackboard_data"],
-                values["default_snapshot_blackboard_activity"],
+            SnapshotParameters(
+                period_s=values[DEFAULT_PERIOD],
+                blackboard_data=values["default_snapshot_blackboard_data"],
+                blackboard_activity=values["default_snapshot_blackboard_activity"],
             ),
             kept=True,
         )
@@ -380,6 +380,8 @@ def offer_tree_streams(node: Node, runs: RunServer) -> TreeStreams | None:
 
 
 def _parameters(message: Any) -> SnapshotParameters:
-    return SnapshotParameters.checked(
-        message.snapshot_period, message.blackboard_data, message.blackboard_activity
+    return SnapshotParameters(
+        period_s=message.snapshot_period,
+        blackboard_data=message.blackboard_data,
+        blackboard_activity=message.blackboard_activity,
     )
