@@ -19,7 +19,6 @@ from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.market_registration import NO_TOKEN, MarketRegistration
-from bt_agents.host.reload.reload_server import ReloadServer
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
 from bt_agents.host.run_server import RunServer
@@ -203,7 +202,6 @@ class HostNode(ManagedNode[HostConfiguration]):
             self, self._versions, self._runs, apply=self._change, applied=self._publish_changes
         )
         closing.callback(self._reloading.close)
-        ReloadServer(self, self._reloading, self._runs)
         ControlService(self, self._runs, self.instance)
         self._details = DetailPublisher(self, self._runs, self.instance)
         self._tree_streams = offer_tree_streams(self, self._runs)
