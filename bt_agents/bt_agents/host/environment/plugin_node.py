@@ -8,7 +8,6 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from action_msgs.msg import GoalInfo
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.task import Future
@@ -58,13 +57,8 @@ class PluginGoal(RosGoalRun):
         """Name of its action."""
         return self._identity.action
 
-    def _send(self) -> Any:
-        goal_id = GoalInfo().goal_id
-        goal_id.uuid = list(self._identity.goal_id)
-        self._open_goals.add(self._identity)
-        return self.client.send_goal_async(
-            self._message, feedback_callback=self._on_feedback, goal_uuid=goal_id
-        )
+    def _feedback_callback(self) -> Any:
+        return self._on_feedback
 
     def _answered(self, handle: Any) -> None:
         if self._answer.done():
