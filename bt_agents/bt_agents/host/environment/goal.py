@@ -531,7 +531,7 @@ class RosGoalRun(SentGoal):
         return self._found.participants
 
     def _feedback_callback(self) -> Callable[[Any], None] | None:
-        """Return a callback with a weak reference: rclpy keeps it forever if a goal is rejected."""
+        """Return a callback without a strong reference: rclpy keeps it if a goal is rejected."""
         known = weakref.WeakMethod(self._store_feedback)
 
         def handle(message: Any) -> None:
