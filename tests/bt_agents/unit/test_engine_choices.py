@@ -101,12 +101,6 @@ def test_choose_without_matching_case_fails_with_reasons() -> None:
     )
 
 
-def test_case_with_missing_value_does_not_match() -> None:
-    harness = TreeHarness(CASES, awarded=scene(mood=3))
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["Hello."]
-
-
 def test_case_of_earlier_round_keeps_no_status() -> None:
     harness = TreeHarness(f"{CASES}repeat: 2", awarded=scene(age=1, mood=3))
     harness.tick()

@@ -345,19 +345,6 @@ def test_invalid_cooldown_fails_when_evaluated() -> None:
     assert "expected a time" in harness.message
 
 
-def test_succeed_and_fail_override_result_at_node_end() -> None:
-    for answers in (
-        [ScriptedReply(after_s=1.0)],
-        [ScriptedReply(after_s=1.0, state=GoalState.ABORTED)],
-    ):
-        harness = TreeHarness("drive: x\nsucceed: true", answers={"drive": answers})
-        assert harness.tick() == "running"
-        assert harness.after(1.0) == "succeeded"
-        harness = TreeHarness("drive: x\nfail: true", answers={"drive": answers})
-        assert harness.tick() == "running"
-        assert harness.after(1.0) == "failed"
-
-
 def test_fail_keeps_reason_of_failed_child() -> None:
     harness = TreeHarness("drive: x\nfail: true", answers={"drive": FAILS})
     assert harness.tick() == "failed"
