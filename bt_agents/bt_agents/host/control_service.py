@@ -20,13 +20,7 @@ _LONGEST_AUTHOR = 100
 
 
 class ControlService:
-    """Serves ``~/control``, and publishes the state of the control on ``~/run_control``.
-
-    Args:
-        node: The host's node.
-        runs: Its runs.
-        instance: This start of the host.
-    """
+    """Serves ``~/control``, and publishes the state of the control on ``~/run_control``."""
 
     def __init__(self, node: Node, runs: RunServer, instance: str) -> None:
         self._node = node

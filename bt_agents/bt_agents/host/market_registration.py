@@ -114,10 +114,6 @@ class MarketRegistration:
     has not announced, is reported to the next market.
 
     Args:
-        node: The host's node.
-        registry: The host's agents.
-        runs: The host's action.
-        instance: This start of the host.
         token: Token of the previous start in the same process.
         slowness: Factor for the lease of the market; see :func:`declare_slow_network`.
         ready: Returns whether the host may register; it waits until then.

@@ -82,8 +82,6 @@ class RunServer:
     client may send a goal, which only needs the name of an agent.
 
     Args:
-        node: The host's node.
-        registry: The host's agents.
         instance: This start of the host; goals meant for another one are refused.
         live: Takes the scene of a run; returns a function for its live scene.
         open_goals_file: Keeps the open goals of its trees across a kill; None keeps nothing.

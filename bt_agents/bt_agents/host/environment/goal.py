@@ -100,8 +100,6 @@ class GoalTrack:
     =================== ==================================== ============================
 
     Args:
-        goal: The goal or request.
-        steady: A clock that never stops [s].
         last_heartbeat: Returns the time of the server's last heartbeat [s], minus infinity for
             none so far; None for a server without heartbeats.
         on_end: Called with state and message when the goal has ended for its leaf.

@@ -130,7 +130,6 @@ class RosPluginNode:
     Its action clients never wait for their server in ``setup``; their goals do.
 
     Args:
-        node: The host's node.
         send: Makes a goal.
     """
 

@@ -66,11 +66,6 @@ class TreeStreams:
     """Streams of the current run and its blackboard; each watcher opens its own stream.
 
     Without subscribers, nothing is noted during ticks. The last snapshot of a run stays latched.
-
-    Args:
-        node: The host's node.
-        runs: Its runs.
-        interfaces: The types of the tools.
     """
 
     def __init__(self, node: Node, runs: RunServer, interfaces: WatcherInterfaces) -> None:
