@@ -132,19 +132,21 @@ def test_unwritten_output_keeps_caller_value() -> None:
     assert harness.said == ["old"]
 
 
+TRIES = """
+subtrees:
+  one:
+    outputs: {word: text}
+    tree:
+      sequence:
+        - set: {word: tried}
+        - drive: x
+"""
+
+
 def test_failed_subtree_still_returns_its_outputs() -> None:
-    head = """
-    subtrees:
-      one:
-        outputs: {word: text}
-        tree:
-          sequence:
-            - set: {word: tried}
-            - drive: x
-    """
     harness = TreeHarness(
         "sequence:\n  - {subtree: one, succeed: true}\n  - say: ${word}",
-        head=head,
+        head=TRIES,
         answers={"drive": [ScriptedReply(state=GoalState.ABORTED)]},
     )
     assert harness.tick() == "succeeded"
@@ -152,16 +154,7 @@ def test_failed_subtree_still_returns_its_outputs() -> None:
 
 
 def test_interrupted_subtree_returns_no_outputs() -> None:
-    head = """
-    subtrees:
-      one:
-        outputs: {word: text}
-        tree:
-          sequence:
-            - set: {word: tried}
-            - drive: x
-    """
-    harness = TreeHarness("subtree: one", head=head, answers={"drive": LONG})
+    harness = TreeHarness("subtree: one", head=TRIES, answers={"drive": LONG})
     harness.tick()
     harness.interrupt()
     assert harness.environment.running() == []
