@@ -18,12 +18,8 @@ from bt_agents_core.field_types import Plain
 from bt_agents_ros.types import to_plain
 
 _DESTROYED_BY = {
-    "create_client": "destroy_client",
-    "create_guard_condition": "destroy_guard_condition",
-    "create_publisher": "destroy_publisher",
-    "create_service": "destroy_service",
-    "create_subscription": "destroy_subscription",
-    "create_timer": "destroy_timer",
+    f"create_{kind}": f"destroy_{kind}"
+    for kind in ("client", "guard_condition", "publisher", "service", "subscription", "timer")
 }
 
 _UNANSWERED = (GoalState.UNREACHABLE, GoalState.TIMED_OUT)
