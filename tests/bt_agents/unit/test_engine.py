@@ -54,18 +54,6 @@ def test_check_fails_when_its_value_is_missing() -> None:
     assert "a.yaml:" in harness.message
 
 
-def test_set_writes_what_later_nodes_read() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - set: {place: gate 12}
-          - say: Going to ${place}
-        """
-    )
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["Going to gate 12"]
-
-
 def test_running_wait_follows_tuned_duration() -> None:
     harness = TreeHarness(
         "wait: ${pause}",
@@ -90,19 +78,6 @@ def test_condition_indexes_list_and_fails_out_of_range() -> None:
     short.tick()
     short.environment.arrive("scan", {"ranges": [0.2]})
     assert short.tick() == "failed"
-
-
-def test_later_node_reads_skill_output() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - ask: Where to?
-          - drive: ${answer}
-        """,
-        answers={"ask": [ScriptedReply(result={"answer": "gate 7", "message": ""})]},
-    )
-    assert harness.tick() == "succeeded"
-    assert harness.environment.goals[-1].goal.fields["destination"] == "gate 7"
 
 
 def test_skill_fails_when_its_result_condition_is_false() -> None:
@@ -173,28 +148,6 @@ def test_when_is_evaluated_once_at_node_start() -> None:
     harness.set_mood(1.0)
     assert harness.after(1.0) == "running"
     assert harness.after(1.0) == "succeeded"
-
-
-def test_subtree_receives_inputs_from_its_caller() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - subtree: greet
-            with: {who: "${name}"}
-          - subtree: greet
-            with: {who: Bob}
-        """,
-        head="""
-        tunables: {name: {default: Ann, description: d}}
-        subtrees:
-          greet:
-            inputs: {who: text}
-            tree: {say: "Hello ${who}."}
-        """,
-    )
-    harness.tunables["name"] = "Eve"
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["Hello Eve.", "Hello Bob."]
 
 
 def test_only_live_names_follow_the_live_scene() -> None:

@@ -519,12 +519,3 @@ def test_plugin_keeps_its_overridden_tick() -> None:
 
     harness = TreeHarness(plugged(Twice, times=Literal(value=2)))
     assert harness.tick() == "succeeded"
-
-
-def test_plugin_calling_exit_does_not_end_program() -> None:
-    class Quitter(Nod):
-        def update(self) -> Status:
-            sys.exit(1)
-
-    harness = TreeHarness(plugged(Quitter))
-    assert harness.tick() == "failed"
