@@ -5,12 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import TreeHarness, scene
-
-LONG = [ScriptedReply(after_s=100.0)]
-FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
+from tree_harness import FAILS, LONG, TreeHarness, scene
 
 
 def test_sequence_runs_children_in_order() -> None:

@@ -8,12 +8,8 @@ from random import Random
 
 import pytest
 
-from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import TreeHarness, scene
-
-FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
-LONG = [ScriptedReply(after_s=100.0)]
+from tree_harness import FAILS, LONG, TreeHarness, scene
 
 CASES = """
     choose:

@@ -14,14 +14,11 @@ import pytest
 from bt_agents.engine import builder
 from bt_agents.engine import nodes as behaviours
 from bt_agents.engine.builder import BEHAVIOURS
-from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_language.nodes import catalogue
-from tree_harness import TreeHarness, scene
+from tree_harness import FAILS, LONG, TreeHarness, scene
 
-LONG = [ScriptedReply(after_s=100.0)]
 SECOND = [ScriptedReply(after_s=1.0)]
-FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
 def test_behaviours_match_node_types_exactly() -> None:

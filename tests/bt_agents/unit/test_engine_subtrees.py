@@ -5,9 +5,7 @@ from __future__ import annotations
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import TreeHarness, agent
-
-LONG = [ScriptedReply(after_s=100.0)]
+from tree_harness import LONG, TreeHarness, agent
 
 COUNT = """
 subtrees:
