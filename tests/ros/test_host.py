@@ -12,16 +12,15 @@ from action_msgs.msg import GoalStatus
 from rcl_interfaces.msg import Log, ParameterType, ParameterValue
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.srv import SetParameters
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.task import Future
 
 from bt_agents.host.node import HostNode
-from bt_agents_interfaces.action import RunAgent, Say
+from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, HostCard, StatusChange, Trees, TreeStatus
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from fake_market import Market, folder, make_host
+from scripted_server import Script, ScriptedServer
 from tree_harness import scene
 
 pytestmark = pytest.mark.ros
@@ -68,42 +67,6 @@ tree:
 """
 
 
-class Mouth:
-    """A ``say`` server that speaks until it is told to end, and counts what it hears."""
-
-    def __init__(self, ros: Any) -> None:
-        self.texts: list[str] = []
-        self.cancelled = 0
-        self.end: Any = None
-        self._ros = ros
-        node = ros.node
-        self.server = ActionServer(
-            node,
-            Say,
-            "say",
-            execute_callback=self._speak,
-            goal_callback=lambda _goal: GoalResponse.ACCEPT,
-            cancel_callback=self._cancel,
-        )
-
-    def _cancel(self, _handle: Any) -> CancelResponse:
-        self.cancelled += 1
-        self.end.set_result("cancel")
-        return CancelResponse.ACCEPT
-
-    async def _speak(self, handle: Any) -> Any:
-        self.texts.append(handle.request.text)
-        self.end = Future(executor=self._ros.executor)
-        how = await self.end
-        if how == "cancel":
-            handle.canceled()
-        elif how == "abort":
-            handle.abort()
-        else:
-            handle.succeed()
-        return Say.Result(message="" if how == "succeed" else "no breath")
-
-
 @pytest.fixture
 def market(ros: Any) -> Market:
     return Market(ros)
@@ -115,6 +78,11 @@ def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
     market.open()
     ros.until(lambda: node.registered)
     return node
+
+
+@pytest.fixture
+def mouth(ros: Any) -> ScriptedServer:
+    return ScriptedServer(ros, script=Script(finish_s=None))
 
 
 def test_host_registers_all_agents_with_its_scene_parameters(
@@ -217,17 +185,18 @@ def test_host_publishes_card_only_while_registered(
     assert (len(cards), late) == (1, [])
 
 
-def test_successful_run_publishes_status_changes(ros: Any, host: HostNode, market: Market) -> None:
-    mouth = Mouth(ros)
+def test_successful_run_publishes_status_changes(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
     handle = market.send(market.goal(host))
     assert handle.accepted
-    ros.until(lambda: mouth.end)
-    mouth.end.set_result("succeed")
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
     answer = market.result(handle)
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
-    assert mouth.texts == ["hello"]
+    assert [goal.request.text for goal in mouth.goals] == ["hello"]
     changes = [(c.path, c.status) for s in statuses for c in s.changes]
     assert changes == [
         ("tree", StatusChange.RUNNING),
@@ -238,12 +207,12 @@ def test_successful_run_publishes_status_changes(ros: Any, host: HostNode, marke
 
 
 def test_failing_tree_aborts_with_readable_reason(
-    ros: Any, host: HostNode, market: Market
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
-    mouth = Mouth(ros)
+    mouth.script = Script(finish_s=None, aborts=True, result={"message": "no breath"})
     handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.end)
-    mouth.end.set_result("abort")
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
     answer = market.result(handle)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert answer.result.outcome == RunAgent.Result.FAILED
@@ -294,7 +263,7 @@ def test_host_survives_engine_fault_that_ends_run(
 
 
 def test_busy_host_and_mismatched_goals_are_refused(
-    ros: Any, host: HostNode, market: Market
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
     for wrong, code in (
         ({"host_instance": "another"}, "WRONG_INSTANCE"),
@@ -302,25 +271,23 @@ def test_busy_host_and_mismatched_goals_are_refused(
         ({"agent_id": 99}, "WRONG_ID"),
     ):
         assert market.refusal(market.goal(host, **wrong)) == code
-    mouth = Mouth(ros)
     first = market.send(market.goal(host))
     assert first.accepted
     assert market.refusal(market.goal(host, agent="quick")) == "BUSY"
-    ros.until(lambda: mouth.end)
-    mouth.end.set_result("succeed")
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
     market.result(first)
     assert market.send(market.goal(host, agent="quick")).accepted
 
 
 def test_stopping_host_cancels_its_run_and_refuses_goals(
-    ros: Any, host: HostNode, market: Market
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
-    mouth = Mouth(ros)
     handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.end)
+    ros.until(lambda: mouth.goals)
     host.request_stop()
     ros.until(host.stopped)
-    assert mouth.cancelled == 1
+    assert mouth.goals[0].cancels == 1
     assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED
     assert market.refusal(market.goal(host, agent="quick")) == "SHUTTING_DOWN"
 
@@ -351,11 +318,12 @@ def test_last_given_profile_counts_whatever_its_revision(ros: Any, host: HostNod
     assert host.registry.members["talker"].profile == (5.0, 3.0, 3.0)
 
 
-def test_heartbeats_name_running_agent(ros: Any, host: HostNode, market: Market) -> None:
+def test_heartbeats_name_running_agent(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
     beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
     ros.until(lambda: beats)
     assert beats[-1].agent == ""
-    Mouth(ros)
     market.send(market.goal(host))
     ros.until(lambda: beats[-1].agent == "talker")
     assert beats[-1].round == 1
