@@ -68,21 +68,8 @@ tree:
 
 
 @pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
-@pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
-    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER, QUICK)))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
-
-
-@pytest.fixture
-def mouth(ros: Any) -> ScriptedServer:
-    return ScriptedServer(ros, script=Script(finish_s=None))
+    return market.host(folder(tmp_path, TALKER, QUICK))
 
 
 def test_host_registers_all_agents_with_its_scene_parameters(
@@ -150,9 +137,7 @@ def test_agent_with_undecidable_requirement_does_not_bid(
 ) -> None:
     cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
     unsure = TALKER.replace("requires: scene.person", "requires: 1 / (scene.age - 3) > 0")
-    host = ros.add(make_host(folder(tmp_path, unsure, QUICK)))
-    market.open()
-    ros.until(lambda: host.registered)
+    market.host(folder(tmp_path, unsure, QUICK))
     market.call(scene=scene_to_msg(scene(age=3)))
     ros.until(lambda: market.bids and cards and cards[-1].problems)
     reason = "needs what cannot be decided: 1 / (scene.age - 3) > 0 ('/' by zero)"
@@ -232,9 +217,7 @@ def test_tree_logs_and_gives_feedback_as_its_agent(
     ros.node.create_service(GiveFeedback, "feedback/give", take, qos_profile=qos.SERVICE)
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
-    host = ros.add(make_host(folder(tmp_path, CRITIC)))
-    market.open()
-    ros.until(lambda: host.registered)
+    host = market.host(folder(tmp_path, CRITIC))
     answer = market.result(market.send(market.goal(host, agent="critic")))
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
     [request] = requests

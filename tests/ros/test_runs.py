@@ -29,7 +29,7 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, MarketHeartbeat, Run, StatusChange, TreeStatus
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_ros import qos
-from fake_market import Market, folder, make_host
+from fake_market import Market, folder
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -53,22 +53,9 @@ GoalEvent = rclpy_implementation.GoalEvent
 
 
 @pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
-@pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
     path = folder(tmp_path, TALKER, LISTENER, SLEEPER, LINGERER, QUICK, TWO_WORDS)
-    node: HostNode = ros.add(make_host(path))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
-
-
-@pytest.fixture
-def mouth(ros: Any) -> ScriptedServer:
-    return ScriptedServer(ros, script=Script(finish_s=None))
+    return market.host(path)
 
 
 def set_parameter(node: Any, name: str, value: Any) -> None:
@@ -596,10 +583,7 @@ def test_host_between_two_markets_limits_its_registrations(
 def simulated(ros: Any, market: Market, tmp_path: Path) -> HostNode:
     path = folder(tmp_path, SLEEPER, QUICK)
     overrides = [Parameter("use_sim_time", value=True)]
-    node: HostNode = ros.add(make_host(path, parameter_overrides=overrides))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
+    return market.host(path, parameter_overrides=overrides)
 
 
 class Bag:
@@ -658,9 +642,7 @@ def test_deadlines_expire_while_simulated_time_stands_still(
 ) -> None:
     mouth = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
     overrides = [Parameter("use_sim_time", value=True)]
-    host = ros.add(make_host(folder(tmp_path, TALKER), parameter_overrides=overrides))
-    market.open()
-    ros.until(lambda: host.registered)
+    host = market.host(folder(tmp_path, TALKER), parameter_overrides=overrides)
     Bag(ros).play(host, 100)
     handle = market.send(market.goal(host))
     ros.until(lambda: mouth.goals)

@@ -16,7 +16,7 @@ from bt_agents.host.run_server import _STOP_SETTLE_S
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Run
 from bt_agents_ros.spinner import STOP_LIMIT_S
-from fake_market import Market, folder, make_host
+from fake_market import Market, folder
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -32,16 +32,8 @@ TELLER = TALKER.replace("talker", "teller").replace(
 
 
 @pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
-@pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
-    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER, TELLER)))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
+    return market.host(folder(tmp_path, TALKER, TELLER))
 
 
 def result(ros: Any, handle: Any) -> Any:

@@ -115,21 +115,13 @@ class Watcher:
 
 
 @pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
-@pytest.fixture
 def trees(tmp_path: Path) -> Path:
     return folder(tmp_path, SHOWER, QUICK)
 
 
 @pytest.fixture
 def host(ros: Any, market: Market, trees: Path) -> HostNode:
-    node: HostNode = ros.add(make_host(trees))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
+    return market.host(trees)
 
 
 @pytest.fixture
