@@ -147,7 +147,8 @@ class TreeStreams:
     @property
     def _watched(self) -> list[_SnapshotStream | _BlackboardStream]:
         """The streams that have subscribers."""
-        streams = (*self._snapshots.values(), *self._blackboards.values())
+        streams: list[_SnapshotStream | _BlackboardStream] = [*self._snapshots.values()]
+        streams += self._blackboards.values()
         return [one for one in streams if one.use.watched]
 
     def _note(self) -> None:
