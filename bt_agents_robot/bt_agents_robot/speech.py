@@ -124,11 +124,6 @@ class Voice:
         self._program = next(filter(None, map(find, PROGRAMS)), None)
         self._stopped: list[Process] = []
 
-    @property
-    def audible(self) -> bool:
-        """Whether a speech program exists and has not failed."""
-        return self._program is not None
-
     def say(self, text: str, rate: float, pace: float) -> Process | None:
         """Start speaking a text; return None without sound."""
         self._stopped = [process for process in self._stopped if process.poll() is None]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rosidl_parser import definition as idl
@@ -21,20 +21,12 @@ class InstalledInterfaces:
         return bool(types_of(package))
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
-        try:
-            load_type(type_name, kind)
-        except Refused as refused:
-            return refused.reason
-        return None
+        return _problem(lambda: load_type(type_name, kind))
 
     def field_problem(
         self, kind: BindingKind, type_name: str, section: str, path: str
     ) -> str | None:
-        try:
-            slot_at(_section(kind, type_name, section), path)
-        except Refused as refused:
-            return refused.reason
-        return None
+        return _problem(lambda: slot_at(_section(kind, type_name, section), path))
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
         try:
@@ -53,11 +45,16 @@ class InstalledInterfaces:
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        try:
-            fill(_section(kind, type_name, section)(), values)
-        except Refused as refused:
-            return refused.reason
-        return None
+        return _problem(lambda: fill(_section(kind, type_name, section)(), values))
+
+
+def _problem(attempt: Callable[[], object]) -> str | None:
+    """Return why an attempt is refused; None if it is not."""
+    try:
+        attempt()
+    except Refused as refused:
+        return refused.reason
+    return None
 
 
 def _section(kind: BindingKind, type_name: str, section: str) -> Any:

@@ -29,7 +29,6 @@ class Lifecycle:
     as long as it needs, so here transitions can be awaited.
 
     Args:
-        node: The node that offers the services.
         change: Makes the transition with an id, which is possible in the current state.
     """
 

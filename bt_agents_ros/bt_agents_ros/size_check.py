@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sized
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -128,64 +128,48 @@ class RefusalLog:
         return f"{refused.code}: {name}: {refused.reason}; {count} refused since the start"
 
 
-@dataclass(frozen=True)
-class _Text:
-    """Field with a text or a list of texts, and the maximum number of characters of each."""
-
-    field: str
-    characters: int
-
-
-@dataclass(frozen=True)
-class _List:
-    """Field with a list, and its maximum number of entries."""
-
-    field: str
-    entries: int | None
-
-
-@dataclass(frozen=True)
-class _Nested:
-    """Field with a message or a list of messages whose type has texts or lists."""
-
-    field: str
-    kind: Any
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Checks:
-    """Checks of a type: lists first, because the others go through their entries."""
+    """Checks of a type, by field; lists first, because the others go through their entries.
 
-    lists: tuple[_List, ...]
-    texts: tuple[_Text, ...]
-    text_lists: tuple[_Text, ...]
-    nested: tuple[_Nested, ...]
-    nested_lists: tuple[_Nested, ...]
+    Attributes:
+        lists: Most entries; None for any number.
+        texts: Most characters.
+        text_lists: Most characters of each text.
+        nested: Type of the message, if it has texts or lists.
+        nested_lists: The same of the messages in a list.
+    """
+
+    lists: dict[str, int | None] = field(default_factory=dict)
+    texts: dict[str, int] = field(default_factory=dict)
+    text_lists: dict[str, int] = field(default_factory=dict)
+    nested: dict[str, Any] = field(default_factory=dict)
+    nested_lists: dict[str, Any] = field(default_factory=dict)
 
 
 def _content(message: Any, kind: Any) -> int:
     """Check all fields of a message; return the number of their characters and entries."""
     checks = _checks_of(kind)
     content = 0
-    for one in checks.lists:
-        value: Sized = getattr(message, one.field)
+    for name, most in checks.lists.items():
+        value: Sized = getattr(message, name)
         content += len(value)
-        check_entries(kind, one.field, len(value), one.entries)
-    for text in checks.texts:
-        value = getattr(message, text.field)
+        check_entries(kind, name, len(value), most)
+    for name, characters in checks.texts.items():
+        value = getattr(message, name)
         content += len(value)
-        if len(value) > text.characters:
-            raise _too_large(kind, text.field, len(value), "characters", text.characters)
-    for text in checks.text_lists:
-        lengths = [len(entry) for entry in getattr(message, text.field)]
+        if len(value) > characters:
+            raise _too_large(kind, name, len(value), "characters", characters)
+    for name, characters in checks.text_lists.items():
+        lengths = [len(entry) for entry in getattr(message, name)]
         content += sum(lengths)
         longest = max(lengths, default=0)
-        if longest > text.characters:
-            raise _too_large(kind, text.field, longest, "characters in a text", text.characters)
-    for part in checks.nested:
-        content += _content(getattr(message, part.field), part.kind)
-    for part in checks.nested_lists:
-        content += sum(_content(entry, part.kind) for entry in getattr(message, part.field))
+        if longest > characters:
+            raise _too_large(kind, name, longest, "characters in a text", characters)
+    for name, part in checks.nested.items():
+        content += _content(getattr(message, name), part)
+    for name, part in checks.nested_lists.items():
+        content += sum(_content(entry, part) for entry in getattr(message, name))
     return content
 
 
@@ -198,27 +182,21 @@ def _too_large(kind: Any, field: str, found: int, what: str, expected: int) -> R
 
 @cache
 def _checks_of(kind: Any) -> _Checks:
-    lists: list[_List] = []
-    texts: list[_Text] = []
-    text_lists: list[_Text] = []
-    nested: list[_Nested] = []
-    nested_lists: list[_Nested] = []
-    for field, slot in slots_of(kind).items():
-        name = f"{kind.__name__}.{field}"
+    checks = _Checks()
+    for name, slot in slots_of(kind).items():
         is_list = isinstance(slot, idl.AbstractNestedType)
         if isinstance(slot, idl.AbstractSequence):
-            lists.append(_List(field, most_entries(kind, field, slot.value_type)))
+            checks.lists[name] = most_entries(kind, name, slot.value_type)
         entry = slot.value_type if is_list else slot
         if isinstance(entry, idl.AbstractGenericString):
-            text = _Text(field, limits.CHARACTERS_OF.get(name, limits.TEXT_CHARACTERS))
-            (text_lists if is_list else texts).append(text)
+            usual = limits.TEXT_CHARACTERS
+            most = limits.CHARACTERS_OF.get(f"{kind.__name__}.{name}", usual)
+            (checks.text_lists if is_list else checks.texts)[name] = most
         elif isinstance(entry, idl.NamespacedType):
-            part = _Nested(field, resolved(entry))
-            if any(vars(_checks_of(part.kind)).values()):
-                (nested_lists if is_list else nested).append(part)
-    return _Checks(
-        tuple(lists), tuple(texts), tuple(text_lists), tuple(nested), tuple(nested_lists)
-    )
+            part = resolved(entry)
+            if any(vars(_checks_of(part)).values()):
+                (checks.nested_lists if is_list else checks.nested)[name] = part
+    return checks
 
 
 @cache
@@ -226,8 +204,9 @@ def _smallest(kind: Any) -> int:
     """Return the smallest limit in a type; a message with fewer bytes keeps all limits."""
     checks = _checks_of(kind)
     own = [
-        *(one.entries for one in checks.lists if one.entries is not None),
-        *(text.characters for text in (*checks.texts, *checks.text_lists)),
+        *(most for most in checks.lists.values() if most is not None),
+        *checks.texts.values(),
+        *checks.text_lists.values(),
     ]
-    inner = [_smallest(part.kind) for part in (*checks.nested, *checks.nested_lists)]
+    inner = [_smallest(part) for part in (*checks.nested.values(), *checks.nested_lists.values())]
     return min([*own, *inner], default=limits.MESSAGE_BYTES)

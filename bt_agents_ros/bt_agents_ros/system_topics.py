@@ -8,6 +8,7 @@ other names on a robot, such as ``scene`` or ``feedback``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 HOST = "{host}"
 """Placeholder for the name of each host in names of topics and nodes."""
@@ -48,10 +49,15 @@ class SystemTopic:
         return name.endswith(slash + rest) and name != slash + rest
 
 
+def _full_type(kind: str, folder: str) -> str:
+    package, _, name = kind.rpartition("/")
+    return f"{package or _OWN_PACKAGE}/{folder}/{name}"
+
+
 def _topic(name: str, kind: str, profile: str, publishers: str, listeners: str) -> SystemTopic:
     return SystemTopic(
         name=name,
-        type=f"{kind if '/' in kind else f'{_OWN_PACKAGE}/{kind}'}".replace("/", "/msg/"),
+        type=_full_type(kind, "msg"),
         profile=profile,
         publishers=frozenset(publishers.split()),
         listeners=frozenset(listeners.split()),
@@ -158,22 +164,15 @@ class SystemService:
     callers: frozenset[str]
 
 
-def _service(name: str, kind: str, server: str, callers: str = "") -> SystemService:
+def _service(
+    name: str, kind: str, server: str, callers: str = "", *, folder: str = "srv"
+) -> SystemService:
     return SystemService(
-        name=name,
-        type=f"{kind if '/' in kind else f'{_OWN_PACKAGE}/{kind}'}".replace("/", "/srv/"),
-        server=server,
-        callers=frozenset(callers.split()),
+        name=name, type=_full_type(kind, folder), server=server, callers=frozenset(callers.split())
     )
 
 
-def _action(name: str, kind: str, server: str, callers: str = "") -> SystemService:
-    return SystemService(
-        name=name,
-        type=f"{_OWN_PACKAGE}/action/{kind}",
-        server=server,
-        callers=frozenset(callers.split()),
-    )
+_action = partial(_service, folder="action")
 
 
 _READ, _DESCRIBE = "rcl_interfaces/GetParameters", "rcl_interfaces/DescribeParameters"
@@ -224,11 +223,6 @@ ACTIONS = (
     _action("show", "Show", "robot"),
     _action(f"{HOST}/run", "RunAgent", HOST, "marketplace"),
 )
-
-
-def published_by(name: str) -> tuple[SystemTopic, ...]:
-    """Return the topics that a node or a role publishes."""
-    return tuple(topic for topic in TOPICS if name in topic.publishers)
 
 
 def heard_by(name: str) -> tuple[SystemTopic, ...]:

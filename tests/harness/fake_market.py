@@ -90,6 +90,13 @@ class Market:
         """Say that it is there."""
         self._status.publish(MarketStatus(epoch=self.epoch))
 
+    def host(self, trees: Path, **options: Any) -> HostNode:
+        """Start a host; return it as soon as it is registered."""
+        node: HostNode = self.ros.add(make_host(trees, **options))
+        self.open()
+        self.ros.until(lambda: node.registered)
+        return node
+
     def beat(self) -> None:
         """Give a sign of life."""
         number, agent = self.award

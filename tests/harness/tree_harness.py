@@ -12,6 +12,7 @@ from random import Random
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Run, RunLimits, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.field_types import Plain
@@ -25,6 +26,9 @@ from file_texts import read_agent_text
 TREES = Path(__file__).parents[2] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
 SYMBOLS: SymbolTable = read_symbols(TREES)
+
+LONG = [ScriptedReply(after_s=100.0)]
+FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
 def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:

@@ -13,7 +13,9 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from checkout import ROOT
+from fake_market import Market
 from graph import Ros, fresh_graph
+from scripted_server import Script, ScriptedServer
 
 
 @pytest.fixture
@@ -21,6 +23,18 @@ def ros() -> Iterator[Ros]:
     """A fresh ROS context of this test."""
     with fresh_graph() as graph:
         yield graph
+
+
+@pytest.fixture
+def market(ros: Ros) -> Market:
+    """A market, which is silent until a test has opened it."""
+    return Market(ros)
+
+
+@pytest.fixture
+def mouth(ros: Ros) -> ScriptedServer:
+    """A server that says a text until a test finishes it."""
+    return ScriptedServer(ros, script=Script(finish_s=None))
 
 
 @pytest.fixture

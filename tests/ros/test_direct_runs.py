@@ -27,7 +27,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.types import fill
 from fake_market import folder, make_host
 from programs import ROOT
-from scripted_server import Script, ScriptedServer
+from scripted_server import ScriptedServer
 
 pytestmark = pytest.mark.ros
 
@@ -86,11 +86,6 @@ def host(ros: Any, tmp_path: Path) -> HostNode:
     trees = folder(tmp_path, QUICK, TALKER, TELLER)
     node: HostNode = ros.add(make_host(trees, market=False))
     return node
-
-
-@pytest.fixture
-def mouth(ros: Any) -> ScriptedServer:
-    return ScriptedServer(ros, script=Script(finish_s=None))
 
 
 @pytest.fixture

@@ -137,13 +137,6 @@ def test_goal_waits_for_starting_server(ros: Any, host: Host) -> None:
     assert [goal.request.text for goal in server.goals] == ["Hello."]
 
 
-def test_missing_server_is_noticed_without_tick(ros: Any, host: Host) -> None:
-    run = host.send(timeouts=Timeouts(server_s=0.2))
-    assert news(ros, host, run) is GoalState.UNREACHABLE
-    assert run.message == "its server is not there (looked for 0.2 s)"
-    assert run.confirmed
-
-
 def test_rejection_abort_and_foreign_cancel_differ(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(rejects=True))
     run = host.send()
@@ -249,13 +242,6 @@ def test_unresponsive_server_gets_next_goal_after_timeout(ros: Any, host: Host) 
     assert not first.confirmed
     assert second.state is GoalState.REJECTED
     assert second.message == "its server had not ended the goal before after 2 s"
-
-
-def test_concurrent_goals_do_not_wait_for_each_other(ros: Any, host: Host) -> None:
-    server = ScriptedServer(ros, script=Script(finish_s=None))
-    first, second = host.accepted(), host.accepted()
-    assert first.state is second.state is GoalState.ACTIVE
-    assert len(server.goals) == 2
 
 
 def test_late_acceptance_by_second_server_is_cancelled(ros: Any, host: Host) -> None:
@@ -365,14 +351,6 @@ def test_missing_server_heartbeat_is_noticed_without_tick(ros: Any, host: Host) 
     assert re.fullmatch(r"its server has gone silent \(no heartbeat for \d+\.\d s\)", run.message)
     assert not run.confirmed
     ros.until(lambda: server.goals[0].cancels == 1)
-
-
-def test_missing_first_heartbeat_is_named(ros: Any, host: Host) -> None:
-    host.prepare(SPEAK)
-    ScriptedServer(ros, script=Script(finish_s=None))
-    run = host.send(heartbeat=BEAT)
-    assert news(ros, host, run) is GoalState.UNREACHABLE
-    assert run.message.endswith("nor ever one on robot/heartbeat)")
 
 
 def test_feedback_wakes_tree_only_when_leaf_uses_it(ros: Any, host: Host) -> None:

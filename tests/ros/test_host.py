@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,24 +11,16 @@ import pytest
 from action_msgs.msg import GoalStatus
 from rcl_interfaces.msg import Log, ParameterType, ParameterValue
 from rcl_interfaces.msg import Parameter as ParameterMsg
-from rcl_interfaces.srv import DescribeParameters, SetParameters
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.task import Future
+from rcl_interfaces.srv import SetParameters
 
 from bt_agents.host.node import HostNode
-from bt_agents_interfaces.action import RunAgent, Say
-from bt_agents_interfaces.msg import (
-    Heartbeat,
-    HostCard,
-    MarketStatus,
-    StatusChange,
-    Trees,
-    TreeStatus,
-)
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Heartbeat, HostCard, StatusChange, Trees, TreeStatus
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from fake_market import Market, folder, make_host
+from scripted_server import Script, ScriptedServer
 from tree_harness import scene
 
 pytestmark = pytest.mark.ros
@@ -76,53 +67,9 @@ tree:
 """
 
 
-class Mouth:
-    """A ``say`` server that speaks until it is told to end, and counts what it hears."""
-
-    def __init__(self, ros: Any) -> None:
-        self.texts: list[str] = []
-        self.cancelled = 0
-        self.end: Any = None
-        self._ros = ros
-        node = ros.node
-        self.server = ActionServer(
-            node,
-            Say,
-            "say",
-            execute_callback=self._speak,
-            goal_callback=lambda _goal: GoalResponse.ACCEPT,
-            cancel_callback=self._cancel,
-        )
-
-    def _cancel(self, _handle: Any) -> CancelResponse:
-        self.cancelled += 1
-        self.end.set_result("cancel")
-        return CancelResponse.ACCEPT
-
-    async def _speak(self, handle: Any) -> Any:
-        self.texts.append(handle.request.text)
-        self.end = Future(executor=self._ros.executor)
-        how = await self.end
-        if how == "cancel":
-            handle.canceled()
-        elif how == "abort":
-            handle.abort()
-        else:
-            handle.succeed()
-        return Say.Result(message="" if how == "succeed" else "no breath")
-
-
-@pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
 @pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
-    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER, QUICK)))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
+    return market.host(folder(tmp_path, TALKER, QUICK))
 
 
 def test_host_registers_all_agents_with_its_scene_parameters(
@@ -190,9 +137,7 @@ def test_agent_with_undecidable_requirement_does_not_bid(
 ) -> None:
     cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
     unsure = TALKER.replace("requires: scene.person", "requires: 1 / (scene.age - 3) > 0")
-    host = ros.add(make_host(folder(tmp_path, unsure, QUICK)))
-    market.open()
-    ros.until(lambda: host.registered)
+    market.host(folder(tmp_path, unsure, QUICK))
     market.call(scene=scene_to_msg(scene(age=3)))
     ros.until(lambda: market.bids and cards and cards[-1].problems)
     reason = "needs what cannot be decided: 1 / (scene.age - 3) > 0 ('/' by zero)"
@@ -225,17 +170,18 @@ def test_host_publishes_card_only_while_registered(
     assert (len(cards), late) == (1, [])
 
 
-def test_successful_run_publishes_status_changes(ros: Any, host: HostNode, market: Market) -> None:
-    mouth = Mouth(ros)
+def test_successful_run_publishes_status_changes(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
     handle = market.send(market.goal(host))
     assert handle.accepted
-    ros.until(lambda: mouth.end)
-    mouth.end.set_result("succeed")
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
     answer = market.result(handle)
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
-    assert mouth.texts == ["hello"]
+    assert [goal.request.text for goal in mouth.goals] == ["hello"]
     changes = [(c.path, c.status) for s in statuses for c in s.changes]
     assert changes == [
         ("tree", StatusChange.RUNNING),
@@ -246,26 +192,16 @@ def test_successful_run_publishes_status_changes(ros: Any, host: HostNode, marke
 
 
 def test_failing_tree_aborts_with_readable_reason(
-    ros: Any, host: HostNode, market: Market
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
-    mouth = Mouth(ros)
+    mouth.script = Script(finish_s=None, aborts=True, result={"message": "no breath"})
     handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.end)
-    mouth.end.set_result("abort")
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
     answer = market.result(handle)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert answer.result.outcome == RunAgent.Result.FAILED
     assert "say aborted: no breath" in answer.result.message
-
-
-def test_skill_without_server_fails_with_readable_reason(
-    ros: Any, host: HostNode, market: Market
-) -> None:
-    handle = market.send(market.goal(host))
-    answer = market.result(handle)
-    assert answer.result.outcome == RunAgent.Result.FAILED
-    assert "say unreachable: " in answer.result.message
-    assert "3 s" in answer.result.message
 
 
 def test_tree_logs_and_gives_feedback_as_its_agent(
@@ -281,9 +217,7 @@ def test_tree_logs_and_gives_feedback_as_its_agent(
     ros.node.create_service(GiveFeedback, "feedback/give", take, qos_profile=qos.SERVICE)
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
-    host = ros.add(make_host(folder(tmp_path, CRITIC)))
-    market.open()
-    ros.until(lambda: host.registered)
+    host = market.host(folder(tmp_path, CRITIC))
     answer = market.result(market.send(market.goal(host, agent="critic")))
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
     [request] = requests
@@ -311,111 +245,48 @@ def test_host_survives_engine_fault_that_ends_run(
     assert again.result.outcome == RunAgent.Result.SUCCEEDED
 
 
-def test_cancel_stops_leaf_and_its_goal(ros: Any, host: HostNode, market: Market) -> None:
-    mouth = Mouth(ros)
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.end)
-    cancel = handle.cancel_goal_async()
-    ros.until(cancel.done)
-    answer = market.result(handle)
-    assert answer.status == GoalStatus.STATUS_CANCELED
-    assert answer.result.outcome == RunAgent.Result.CANCELLED
-    assert list(answer.result.orphans) == []
-    assert mouth.cancelled == 1
-
-
 def test_busy_host_and_mismatched_goals_are_refused(
-    ros: Any, host: HostNode, market: Market
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
-    bad_scene = scene_to_msg(scene(age=3, familiarity=3, mood=3))
-    bad_scene.values[0].value = NAN
     for wrong, code in (
         ({"host_instance": "another"}, "WRONG_INSTANCE"),
         ({"agent": "nobody"}, "UNKNOWN_AGENT"),
         ({"agent_id": 99}, "WRONG_ID"),
-        ({"scene": bad_scene}, "NOT_FINITE"),
     ):
         assert market.refusal(market.goal(host, **wrong)) == code
-    mouth = Mouth(ros)
     first = market.send(market.goal(host))
     assert first.accepted
     assert market.refusal(market.goal(host, agent="quick")) == "BUSY"
-    ros.until(lambda: mouth.end)
-    mouth.end.set_result("succeed")
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
     market.result(first)
     assert market.send(market.goal(host, agent="quick")).accepted
 
 
 def test_stopping_host_cancels_its_run_and_refuses_goals(
-    ros: Any, host: HostNode, market: Market
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
-    mouth = Mouth(ros)
     handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.end)
+    ros.until(lambda: mouth.goals)
     host.request_stop()
     ros.until(host.stopped)
-    assert mouth.cancelled == 1
+    assert mouth.goals[0].cancels == 1
     assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED
     assert market.refusal(market.goal(host, agent="quick")) == "SHUTTING_DOWN"
 
 
-def set_parameter(ros: Any, name: str, value: Any) -> Any:
-    kinds = {
-        float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
-        int: (ParameterType.PARAMETER_INTEGER, "integer_value"),
-    }
-    kind, attribute = kinds[type(value)]
-    message = ParameterMsg(name=name, value=ParameterValue(type=kind, **{attribute: value}))
+def set_rate(ros: Any, value: float) -> bool:
+    name, kind = "talker.learning_rate", ParameterType.PARAMETER_DOUBLE
+    message = ParameterMsg(name=name, value=ParameterValue(type=kind, double_value=value))
     client = ros.node.create_client(SetParameters, "agents/set_parameters")
-    return ros.call(client, SetParameters.Request(parameters=[message])).results[0]
-
-
-def test_tunable_is_ranged_parameter_affecting_running_tree(
-    ros: Any, host: HostNode, market: Market
-) -> None:
-    client = ros.node.create_client(DescribeParameters, "agents/describe_parameters")
-    described = ros.call(client, DescribeParameters.Request(names=["talker.patience"]))
-    descriptor = described.descriptors[0]
-    assert descriptor.description.startswith("how long it may take")
-    assert descriptor.floating_point_range[0].to_value == 60.0
-    assert not set_parameter(ros, "talker.patience", 61.0).successful
-    assert not set_parameter(ros, "talker.patience", NAN).successful
-    mouth = Mouth(ros)
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.end)
-    assert set_parameter(ros, "talker.patience", 1.0).successful
-    answer = market.result(handle)
-    assert "not done within 1 s" in answer.result.message
-    assert mouth.cancelled == 1
+    answer = ros.call(client, SetParameters.Request(parameters=[message]))
+    return bool(answer.results[0].successful)
 
 
 def test_learning_rate_is_parameter_and_appears_on_card(ros: Any, host: HostNode) -> None:
     cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
-    assert not set_parameter(ros, "talker.learning_rate", 1.5).successful
-    assert not set_parameter(ros, "talker.learning_rate", NAN).successful
-    assert set_parameter(ros, "talker.learning_rate", 0.5).successful
+    assert [set_rate(ros, value) for value in (1.5, NAN, 0.5)] == [False, False, True]
     ros.until(lambda: cards and cards[-1].agents[1].learning_rate == 0.5)
-
-
-@pytest.mark.parametrize(
-    ("values", "code"),
-    [
-        ([NAN, 3, 3], "NOT_FINITE"),
-        ([math.inf, 3, 3], "NOT_FINITE"),
-        ([], "WRONG_LENGTH"),
-        ([3, 3], "WRONG_LENGTH"),
-        ([3, 3, 3, 3], "WRONG_LENGTH"),
-        ([3, 3, 6], "OUT_OF_RANGE"),
-    ],
-)
-def test_bad_profile_is_refused_by_name_without_effect(
-    ros: Any, host: HostNode, values: Sequence[float], code: str
-) -> None:
-    client = ros.node.create_client(SetProfile, "agents/set_profile")
-    request = SetProfile.Request(agent="talker", values=[float(v) for v in values], revision=1)
-    answer = ros.call(client, request)
-    assert (answer.accepted, answer.code) == (False, code)
-    assert host.registry.members["talker"].profile == (3.0, 3.0, 3.0)
 
 
 def test_last_given_profile_counts_whatever_its_revision(ros: Any, host: HostNode) -> None:
@@ -430,11 +301,12 @@ def test_last_given_profile_counts_whatever_its_revision(ros: Any, host: HostNod
     assert host.registry.members["talker"].profile == (5.0, 3.0, 3.0)
 
 
-def test_heartbeats_name_running_agent(ros: Any, host: HostNode, market: Market) -> None:
+def test_heartbeats_name_running_agent(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
     beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
     ros.until(lambda: beats)
     assert beats[-1].agent == ""
-    Mouth(ros)
     market.send(market.goal(host))
     ros.until(lambda: beats[-1].agent == "talker")
     assert beats[-1].round == 1
@@ -451,12 +323,6 @@ def test_late_subscriber_receives_structure_of_every_tree(ros: Any, host: HostNo
         ("on_cancel", "wait", -1),
     ]
     assert talker.nodes[1].line == 12
-
-
-def test_host_notices_restarted_market(ros: Any, host: HostNode, market: Market) -> None:
-    before = len(market.requests)
-    market._status.publish(MarketStatus(epoch="e2"))
-    ros.until(lambda: len(market.requests) > before)
 
 
 def test_unanswered_registration_gets_a_new_client(

@@ -136,7 +136,7 @@ def test_restarted_leaf_reuses_one_subscription_and_releases_it(ros: Any, tmp_pa
     harness = PluginHarness(ros, tmp_path, "tree: {door: true, repeat: {times: 300}}\n")
     harness.host._runs.set_rate(1000.0)
     seen: list[int] = []
-    harness.host._runs.on_tick(lambda: seen.append(harness.count()[0]))
+    harness.host._runs.on_tick.append(lambda: seen.append(harness.count()[0]))
     harness.begin()
     harness.publish(Bool, "door", True)
     result = harness.result()

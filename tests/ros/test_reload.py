@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 from rcl_interfaces.srv import SetParameters
-from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 
 from active_nodes import active_host, active_market
@@ -28,12 +27,12 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
 )
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_interfaces.srv import CancelRun, RegisterHost, ReloadAgents, SetProfile
+from bt_agents_interfaces.srv import CancelRun, ReloadAgents, SetProfile
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from fake_market import TOKEN, make_host
+from fake_market import Market
 from marketplace_node.settings import Settings
 from reload_harness import SKILLS, agent, new_folder, write
 
@@ -50,61 +49,26 @@ def often_polled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bt_agents.host.reload.reload_service.PERIOD_S", 0.05)
 
 
-class Market:
-    """Takes every agent, and sends goals when a test wants it."""
+class AgeMarket(Market):
+    """A market whose scenes have an age only."""
 
-    def __init__(self, ros: Any) -> None:
-        self.ros = ros
-        self.registered: list[list[str]] = []
-        self._ids: dict[str, int] = {}
-        self._status = ros.node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
-        ros.node.create_service(
-            RegisterHost, "marketplace/register", self._register, qos_profile=qos.SERVICE
-        )
-        self._action = ActionClient(ros.node, RunAgent, "agents/run")
-
-    def open(self) -> None:
-        self._status.publish(MarketStatus(epoch="e1"))
-
-    def _register(self, request: Any, response: Any) -> Any:
-        self.registered.append(list(request.agents))
-        response.accepted = True
-        response.epoch = "e1"
-        response.token = TOKEN
-        response.reasons = [""] * len(request.agents)
-        response.agent_ids = [
-            self._ids.setdefault(name, len(self._ids) + 1) for name in request.agents
-        ]
-        return response
+    @property
+    def registered(self) -> list[list[str]]:
+        """The agents of each registration so far."""
+        return [list(request.agents) for request in self.requests]
 
     def start(self, host: HostNode, name: str) -> Any:
         """Run an agent; return the handle of its goal."""
         value = SceneValue(name="age", value=3.0, origin=Origin.GIVEN)
         awarded = Scene(scene_id="s", label="", person=True, values=(value,))
-        self.ros.until(self._action.server_is_ready)
-        goal = RunAgent.Goal(
-            epoch="e1",
-            round=1,
-            host_instance=host.instance,
-            agent=name,
-            agent_id=host.registry.members[name].agent_id,
-            token=TOKEN,
-            scene=scene_to_msg(awarded),
-        )
-        future = self._action.send_goal_async(goal)
-        self.ros.until(future.done)
-        assert future.result().accepted
-        return future.result()
+        handle = self.send(self.goal(host, name, scene=scene_to_msg(awarded)))
+        assert handle.accepted
+        return handle
 
     def end(self, handle: Any) -> Any:
         """Cancel a run; return its result."""
         handle.cancel_goal_async()
-        return self.result(handle)
-
-    def result(self, handle: Any) -> Any:
-        future = handle.get_result_async()
-        self.ros.until(future.done)
-        return future.result().result
+        return self.result(handle).result
 
 
 class Host:
@@ -115,12 +79,10 @@ class Host:
         self.folder = new_folder(path / "trees")
         for name, text in agents.items():
             write(self.folder, name, text)
-        self.market = Market(ros)
+        self.market = AgeMarket(ros)
         self.cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
         self.trees = ros.collect(Trees, "agents/trees", qos.FACTS)
-        self.node: HostNode = ros.add(make_host(self.folder))
-        self.market.open()
-        ros.until(lambda: self.node.registered)
+        self.node = self.market.host(self.folder)
         ros.until(lambda: self.cards and len(self.cards[-1].agents) == len(agents))
 
     def edit(self, name: str, text: str) -> None:
@@ -259,7 +221,7 @@ def test_forced_reload_cancels_run_with_clean_up(ros: Any, tmp_path: Path) -> No
     )
     answer = host.ask(ReloadAgents, "reload", now=True)
     assert answer.message == "version 2 of bob waits: the run of bob is cancelled for it"
-    result = host.market.result(handle)
+    result = host.market.result(handle).result
     assert result.outcome == RunAgent.Result.CANCELLED
     assert result.message == "version 2 of bob waits, and somebody wants it now"
     assert any(c.message == "cleaned up" for status in statuses for c in status.changes)
@@ -311,7 +273,7 @@ def test_broken_file_is_reported_and_last_version_runs(ros: Any, tmp_path: Path)
     assert "bob.yaml:4:8: error[unknown-node]" in problem.message
     assert list(host.cards[-1].problems) == [problem]
     assert [Path(file).name for file in host.cards[-1].broken_files] == ["bob.yaml"]
-    result = host.market.result(host.market.start(host.node, "bob"))
+    result = host.market.result(host.market.start(host.node, "bob")).result
     assert result.outcome == RunAgent.Result.SUCCEEDED
     host.edit("bob", agent("bob", "{wait: 0.01 s}"))
     host.await_version("bob", 2)

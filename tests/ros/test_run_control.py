@@ -25,7 +25,7 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.srv import ControlRun
 from bt_agents_ros import qos
-from fake_market import Market, folder, make_host
+from fake_market import Market, folder
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -82,21 +82,9 @@ class Host:
 
 
 @pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
-@pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> Host:
-    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER, SLEEPER, FILLED)))
-    market.open()
-    ros.until(lambda: node.registered)
+    node = market.host(folder(tmp_path, TALKER, SLEEPER, FILLED))
     return Host(ros, market, node)
-
-
-@pytest.fixture
-def mouth(ros: Any) -> ScriptedServer:
-    return ScriptedServer(ros, script=Script(finish_s=None))
 
 
 def pass_time(ros: Any, seconds: float) -> None:
@@ -306,9 +294,7 @@ def test_simulated_time_does_not_pass_for_paused_tree(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     overrides = [Parameter("use_sim_time", value=True)]
-    node: HostNode = ros.add(make_host(folder(tmp_path, SLEEPER), parameter_overrides=overrides))
-    market.open()
-    ros.until(lambda: node.registered)
+    node = market.host(folder(tmp_path, SLEEPER), parameter_overrides=overrides)
     host = Host(ros, market, node)
     clock = ros.node.create_publisher(Clock, "/clock", qos.SENSOR)
 

@@ -29,7 +29,7 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, MarketHeartbeat, Run, StatusChange, TreeStatus
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_ros import qos
-from fake_market import Market, folder, make_host
+from fake_market import Market, folder
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -53,22 +53,9 @@ GoalEvent = rclpy_implementation.GoalEvent
 
 
 @pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
-@pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
     path = folder(tmp_path, TALKER, LISTENER, SLEEPER, LINGERER, QUICK, TWO_WORDS)
-    node: HostNode = ros.add(make_host(path))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
-
-
-@pytest.fixture
-def mouth(ros: Any) -> ScriptedServer:
-    return ScriptedServer(ros, script=Script(finish_s=None))
+    return market.host(path)
 
 
 def set_parameter(node: Any, name: str, value: Any) -> None:
@@ -76,17 +63,11 @@ def set_parameter(node: Any, name: str, value: Any) -> None:
     assert answer.successful, answer.reason
 
 
-def results(ros: Any, handle: Any) -> Any:
-    future = handle.get_result_async()
-    ros.until(future.done)
-    return future.result()
-
-
-def assert_undisturbed(ros: Any, handle: Any, goal: Any) -> None:
+def assert_undisturbed(market: Market, handle: Any, goal: Any) -> None:
     """Nobody has cancelled what a run does; it succeeds when that has ended."""
     assert goal.cancels == 0
     goal.finish()
-    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
 
 
 def running(ros: Any, host: HostNode) -> Any:
@@ -102,7 +83,7 @@ def test_goal_result_triggers_tick_at_any_tick_rate(
     handle = market.send(market.goal(host))
     ros.until(lambda: mouth.goals)
     mouth.goals[0].finish()
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
     # Without a tick for the result there would be one a second.
     assert answer.result.duration_s < 0.9
@@ -142,7 +123,7 @@ def test_cancel_takes_effect_immediately_at_any_tick_rate(
     ros.until(lambda: len(mouth.goals) == 2)
     assert mouth.goals[0].cancels == 1
     mouth.goals[1].finish()
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert answer.result.duration_s < 0.9
 
@@ -188,7 +169,7 @@ def test_message_flood_delays_neither_ticks_nor_heartbeats(
     extra = run.ticks - ticks - 20 * took_s
     flood.publish(Bool(data=True))
     pouring.cancel()
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
     # Of 1,000 messages a second each would be a tick, without a rest of 2 ms.
     assert 0 < extra < 500 * took_s
@@ -207,7 +188,7 @@ def test_stalled_host_does_not_catch_up_missed_ticks(
     # Forty have been missed.
     assert run.ticks - before <= (time.monotonic() - began) * 100.0 + 2
     handle.cancel_goal_async()
-    results(ros, handle)
+    market.result(handle)
 
 
 def test_stalled_host_waits_for_market_before_ticking(
@@ -220,7 +201,7 @@ def test_stalled_host_waits_for_market_before_ticking(
     # A regular tick is due, the result is there, and the market has not spoken yet.
     ros.until(lambda: mouth.goals[0].outcome)
     handle.cancel_goal_async()
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert "the market stopped it, after this host had been held up for" in answer.result.message
     assert answer.result.stop_cause == RunAgent.Result.BY_MARKET
@@ -236,7 +217,7 @@ def test_stalled_host_continues_run_when_nothing_changed(
     mouth.script = Script()
     mouth.goals[0].finish()
     time.sleep(0.7)
-    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
     assert len(mouth.goals) == 2
 
 
@@ -256,7 +237,7 @@ def test_stalled_host_silently_stops_reassigned_run(
     mouth.goals[0].finish()
     beating.award = (1, "talker")
     time.sleep(0.7)
-    answer = results(ros, handle)
+    answer = beating.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert answer.result.message.startswith(
         "the market has given its run away, after this host had been held up for 0."
@@ -280,7 +261,7 @@ def test_stalled_host_continues_only_after_market_confirms_run(
     ros.until(lambda: time.monotonic() > end)
     assert len(mouth.goals) == 1
     beating.live()
-    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert beating.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
     assert len(mouth.goals) == 2
 
 
@@ -292,7 +273,7 @@ def test_stalled_host_stops_clean_up_already_begun(
     handle.cancel_goal_async()
     ros.until(lambda: len(mouth.goals) == 2)
     time.sleep(0.7)
-    answer = results(ros, handle)
+    answer = beating.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert mouth.goals[1].cancels == 1
 
@@ -321,7 +302,7 @@ def test_replaced_host_stops_its_run_silently_and_withdraws(
     ros.until(lambda: mouth.goals)
     beating.refuses_host = "HOST_EXISTS: another /agents is alive"
     time.sleep(0.7)
-    answer = results(ros, handle)
+    answer = beating.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert answer.result.message.startswith("the market refuses this host: HOST_EXISTS")
     assert [goal.outcome for goal in mouth.goals] == ["cancelled"]
@@ -343,7 +324,7 @@ def test_refused_host_accepts_no_goal_while_run_ends(
     ros.until(lambda: not host._registration.accepted)
     assert host._runs.busy
     assert market.refusal(market.goal(host, agent="quick", round=2)) == "UNREGISTERED"
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.result.message.startswith("the market refuses this host: OTHER_PARAMETERS")
     assert list(answer.result.orphans) == ["tree"]
 
@@ -378,7 +359,7 @@ def test_tick_overrun_is_counted_and_names_slowest_node(
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
     plug_in(host, "quick", Sleepy)
     set_parameter(host, "tick_rate", 50.0)
-    answer = results(ros, market.send(market.goal(host, agent="quick")))
+    answer = market.result(market.send(market.goal(host, agent="quick")))
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
     assert answer.result.overruns == 1
     ros.until(lambda: any("tree alone took" in line.msg for line in lines))
@@ -390,7 +371,7 @@ def test_blocking_plugin_fails_without_affecting_others(
     plug_in(host, "quick", Dead)
     beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
     ros.until(lambda: beats)
-    answer = results(ros, market.send(market.goal(host, agent="quick")))
+    answer = market.result(market.send(market.goal(host, agent="quick")))
     assert answer.result.outcome == RunAgent.Result.FAILED
     assert answer.result.message == "blocked for more than 0.25 s (tree, guide.yaml:12:5)"
     before = len(beats)
@@ -398,7 +379,7 @@ def test_blocking_plugin_fails_without_affecting_others(
     sequences = [beat.sequence for beat in beats]
     assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
     ScriptedServer(ros)
-    answer = results(ros, market.send(market.goal(host, agent="talker", round=2)))
+    answer = market.result(market.send(market.goal(host, agent="talker", round=2)))
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
 
 
@@ -414,7 +395,7 @@ def test_cancel_arriving_with_goal_starts_nothing(
 
     host._runs._server.register_handle_accepted_callback(cancelled_at_once)
     handle = market.send(market.goal(host))
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert (answer.result.outcome, answer.result.ticks) == (RunAgent.Result.CANCELLED, 0)
     ros.turns(NOT_ONCE_MORE)
@@ -436,7 +417,7 @@ def test_cancel_of_unknown_goal_is_refused_without_effect(
     answer = cancel(ros, [7] * 16)
     assert answer.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
     ros.turns(NOT_ONCE_MORE)
-    assert_undisturbed(ros, handle, mouth.goals[0])
+    assert_undisturbed(market, handle, mouth.goals[0])
 
 
 def test_cancel_of_ended_run_does_not_affect_next(
@@ -445,13 +426,13 @@ def test_cancel_of_ended_run_does_not_affect_next(
     first = market.send(market.goal(host))
     ros.until(lambda: mouth.goals)
     mouth.goals[0].finish()
-    assert results(ros, first).result.outcome == RunAgent.Result.SUCCEEDED
+    assert market.result(first).result.outcome == RunAgent.Result.SUCCEEDED
     second = market.send(market.goal(host, round=2))
     ros.until(lambda: len(mouth.goals) == 2)
     answer = cancel(ros, first.goal_id.uuid)
     assert answer.return_code != CancelGoal.Response.ERROR_NONE
     ros.turns(NOT_ONCE_MORE)
-    assert_undisturbed(ros, second, mouth.goals[1])
+    assert_undisturbed(market, second, mouth.goals[1])
 
 
 def test_repeated_cancel_keeps_host_busy_until_goals_settle(
@@ -467,7 +448,7 @@ def test_repeated_cancel_keeps_host_busy_until_goals_settle(
     ros.until(again.done)
     assert mouth.goals[1].cancels == 0
     mouth.goals[1].finish()
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert list(answer.result.orphans) == []
     assert [goal.outcome for goal in mouth.goals] == ["cancelled", "succeeded"]
@@ -482,7 +463,7 @@ def test_goal_ignoring_its_cancel_is_a_named_orphan(
     ros.until(lambda: mouth.goals)
     mouth.script = Script()
     handle.cancel_goal_async()
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert list(answer.result.orphans) == ["tree"]
 
@@ -498,7 +479,7 @@ def test_run_of_silent_market_stops_and_is_reported(
     assert mouth.goals[0].cancels == 0
     beating.fall_silent()
     mouth.script = Script()
-    answer = results(ros, handle)
+    answer = beating.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert re.match(r"its market has been silent for \d+\.\d", answer.result.message)
     assert [goal.outcome for goal in mouth.goals] == ["cancelled", "succeeded"]
@@ -528,7 +509,7 @@ def test_market_lost_before_first_heartbeat_is_detected(
     handle = market.send(market.goal(host))
     ros.until(lambda: mouth.goals)
     mouth.script = Script()
-    assert results(ros, handle).result.stop_cause == RunAgent.Result.MARKET_LOST
+    assert market.result(handle).result.stop_cause == RunAgent.Result.MARKET_LOST
 
 
 def test_run_of_restarted_market_stops_and_is_reported(
@@ -542,7 +523,7 @@ def test_run_of_restarted_market_stops_and_is_reported(
     assert mouth.goals[0].cancels == 1
     assert all(not request.unreported for request in market.requests)
     mouth.goals[1].finish()
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.result.message == "its market is gone"
     ros.until(lambda: market.requests[-1].unreported)
     [run] = market.requests[-1].unreported
@@ -554,7 +535,7 @@ def test_run_of_restarted_market_stops_and_is_reported(
 def test_announced_run_is_not_reported_again(ros: Any, host: HostNode, market: Market) -> None:
     for number in (1, 2):
         goal = market.goal(host, agent="quick", round=number)
-        results(ros, market.send(goal))
+        market.result(market.send(goal))
     ros.until(market._runs.get_subscription_count)
     market.announce(1, "quick")
     closed = RunKey(epoch="e1", round=1, agent="quick")
@@ -596,10 +577,7 @@ def test_host_between_two_markets_limits_its_registrations(
 def simulated(ros: Any, market: Market, tmp_path: Path) -> HostNode:
     path = folder(tmp_path, SLEEPER, QUICK)
     overrides = [Parameter("use_sim_time", value=True)]
-    node: HostNode = ros.add(make_host(path, parameter_overrides=overrides))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
+    return market.host(path, parameter_overrides=overrides)
 
 
 class Bag:
@@ -658,13 +636,11 @@ def test_deadlines_expire_while_simulated_time_stands_still(
 ) -> None:
     mouth = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
     overrides = [Parameter("use_sim_time", value=True)]
-    host = ros.add(make_host(folder(tmp_path, TALKER), parameter_overrides=overrides))
-    market.open()
-    ros.until(lambda: host.registered)
+    host = market.host(folder(tmp_path, TALKER), parameter_overrides=overrides)
     Bag(ros).play(host, 100)
     handle = market.send(market.goal(host))
     ros.until(lambda: mouth.goals)
     handle.cancel_goal_async()
-    answer = results(ros, handle)
+    answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert list(answer.result.orphans) == ["tree", "on_cancel"]

@@ -246,9 +246,7 @@ def test_goal_without_market_token_is_refused(
     ros: Any, tmp_path: Path, token: bytes, capfd: pytest.CaptureFixture[str]
 ) -> None:
     market = Market(ros)
-    host = ros.add(make_host(folder(tmp_path, WAITER)))
-    market.open()
-    ros.until(lambda: host.registered)
+    host = market.host(folder(tmp_path, WAITER))
     assert market.refusal(market.goal(host, token=list(token))) == "NOT_THE_MARKET"
     assert "NOT_THE_MARKET" in capfd.readouterr().err
     assert market.send(market.goal(host)).accepted
@@ -262,9 +260,7 @@ def test_forged_future_revision_does_not_block_later_profiles(
     ros: Any, tmp_path: Path, stranger: Stranger
 ) -> None:
     market = Market(ros)
-    host = ros.add(make_host(folder(tmp_path, WAITER)))
-    market.open()
-    ros.until(lambda: host.registered)
+    host = market.host(folder(tmp_path, WAITER))
     # A host cannot tell who sets a profile.
     assert stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
     member = host.registry.members["talker"]
@@ -290,7 +286,5 @@ def test_forged_future_revision_does_not_block_later_profiles(
 def test_goals_of_market_without_token_are_refused(ros: Any, tmp_path: Path) -> None:
     market = Market(ros)
     market.token = bytes(16)
-    host = ros.add(make_host(folder(tmp_path, WAITER)))
-    market.open()
-    ros.until(lambda: host.registered)
+    host = market.host(folder(tmp_path, WAITER))
     assert market.refusal(market.goal(host, token=[0] * 16)) == "NOT_THE_MARKET"

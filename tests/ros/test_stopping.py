@@ -16,7 +16,7 @@ from bt_agents.host.run_server import _STOP_SETTLE_S
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Run
 from bt_agents_ros.spinner import STOP_LIMIT_S
-from fake_market import Market, folder, make_host
+from fake_market import Market, folder
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -32,22 +32,8 @@ TELLER = TALKER.replace("talker", "teller").replace(
 
 
 @pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
-@pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
-    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER, TELLER)))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
-
-
-def result(ros: Any, handle: Any) -> Any:
-    future = handle.get_result_async()
-    ros.until(future.done)
-    return future.result().result
+    return market.host(folder(tmp_path, TALKER, TELLER))
 
 
 @pytest.mark.parametrize("cancelled_before", [False, True])
@@ -67,7 +53,7 @@ def test_stopped_host_reports_run_despite_unfinished_goal(
     ros.until(host.stopped)
     assert _STOP_SETTLE_S < STOP_LIMIT_S
     assert time.monotonic() - began < RunLimits().settle_s
-    ended = result(ros, handle)
+    ended = market.result(handle).result
     assert ended.outcome == RunAgent.Result.CANCELLED
     assert "tree" in ended.orphans
     assert len(mouth.goals) == 1 + cancelled_before
@@ -86,14 +72,14 @@ def test_run_failing_to_abort_ends_and_next_starts(
     run = host._runs.run
     monkeypatch.setattr(run, "tick", broken)
     monkeypatch.setattr(run, "give_up", broken)
-    ended = result(ros, handle)
+    ended = market.result(handle).result
     assert ended.outcome == RunAgent.Result.FAILED
     assert ended.message == "RuntimeError: cogwheel"
     assert not host._runs.busy
     again = market.send(market.goal(host, "talker"))
     ros.until(lambda: len(mouth.goals) == 2)
     mouth.goals[1].finish()
-    assert result(ros, again).outcome == RunAgent.Result.SUCCEEDED
+    assert market.result(again).result.outcome == RunAgent.Result.SUCCEEDED
 
 
 @pytest.mark.parametrize("news_first", [True, False])
@@ -115,7 +101,7 @@ def test_clean_up_knows_announced_stop_reason(
     ros.until(lambda: len(mouth.goals) == 2)
     assert mouth.goals[1].request.text == "mood rule: she frowns"
     mouth.goals[1].finish()
-    assert result(ros, handle).outcome == RunAgent.Result.CANCELLED
+    assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED
 
 
 def test_clean_up_starts_without_announced_stop_reason(
@@ -129,4 +115,4 @@ def test_clean_up_starts_without_announced_stop_reason(
     ros.until(lambda: len(mouth.goals) == 2)
     assert mouth.goals[1].request.text == "nobody: no reason"
     mouth.goals[1].finish()
-    assert result(ros, handle).outcome == RunAgent.Result.CANCELLED
+    assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED

@@ -115,21 +115,13 @@ class Watcher:
 
 
 @pytest.fixture
-def market(ros: Any) -> Market:
-    return Market(ros)
-
-
-@pytest.fixture
 def trees(tmp_path: Path) -> Path:
     return folder(tmp_path, SHOWER, QUICK)
 
 
 @pytest.fixture
 def host(ros: Any, market: Market, trees: Path) -> HostNode:
-    node: HostNode = ros.add(make_host(trees))
-    market.open()
-    ros.until(lambda: node.registered)
-    return node
+    return market.host(trees)
 
 
 @pytest.fixture
@@ -196,7 +188,7 @@ def test_watcher_joins_running_tree_and_sees_its_end(
         tree["bt_agents.parallel"].own_id.uuid
     )
     assert not any(tree["bt_agents.wait_for"].tip_id.uuid)
-    ros.until(lambda: host._tree_streams._is_watched)
+    ros.until(lambda: host._tree_streams._watched)
     press(ros)
     assert market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
     ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 3)
@@ -256,7 +248,7 @@ def test_stream_keeps_node_identifiers_across_agent_changes(
 
 def watched(host: HostNode) -> bool:
     assert host._tree_streams is not None
-    return host._tree_streams._is_watched
+    return bool(host._tree_streams._watched)
 
 
 def test_a_cancelled_run_shows_its_clean_up(

@@ -288,12 +288,6 @@ def test_stale_change_is_refused_naming_other_author(host: Host, tuner: Tuner) -
     assert (again.accepted, host.value("a.patience")) == (True, 20.0)
 
 
-def test_set_without_seen_revision_overwrites_other_changes(host: Host, tuner: Tuner) -> None:
-    tuner.set(author="anna", a__patience="12 s")
-    assert tuner.set(author="ben", a__patience="20 s").accepted
-    assert host.value("a.patience") == 20.0
-
-
 @pytest.mark.parametrize(
     ("fields", "code"),
     [
@@ -321,21 +315,6 @@ def test_invalid_request_is_refused_by_name(
     assert not answer.accepted
     assert answer.code == code
     assert answer.message
-
-
-def test_undo_and_redo_treat_sets_as_single_revisions(host: Host, tuner: Tuner) -> None:
-    tuner.set(a__patience="12", b__patience="12")
-    tuner.set(b__attempts="4")
-    undone = tuner.undo("a")
-    assert undone.message.startswith("undo of revision 1: a.patience: 12 s → 8 s")
-    assert (host.value("a.patience"), host.value("b.patience")) == (8.0, 8.0)
-    assert host.member("b").tunables == {**host.member("a").tunables, "attempts": 4}
-    assert tuner.redo().accepted
-    assert host.value("b.patience") == 12.0
-    assert tuner.undo("b").message.startswith("undo of revision 1")
-    assert tuner.undo("b").message.startswith("undo of revision 2")
-    tuner.set(a__loud="false")
-    assert tuner.redo().code == "NOTHING_TO_REDO"
 
 
 def test_preset_is_saved_applied_and_deleted(ros: Any, host: Host, tuner: Tuner) -> None:

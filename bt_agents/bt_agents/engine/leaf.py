@@ -9,6 +9,7 @@ from typing import ClassVar
 from py_trees.common import Status
 
 from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.environment import GoalRun
 from bt_agents.engine.fields import NodeFields
 from bt_agents.engine.light_behaviour import FAILURE, LightBehaviour
 from bt_agents.engine.node_errors import reason_of, with_location
@@ -88,3 +89,13 @@ class Leaf(LightBehaviour):
             if self._error:
                 return  # the first error counts
             self.feedback_message = with_location(reason_of(error), self.spec)
+
+
+class GoalLeaf(Leaf):
+    """A leaf that follows one goal or request, and cancels it when it is stopped."""
+
+    _run: GoalRun | None = None
+
+    def end(self) -> None:
+        if self._run is not None and not self._run.state.ended:
+            self._run.cancel()

@@ -132,6 +132,7 @@ class Run:
         host: Fully qualified name of the node that ticks the tree.
 
     Attributes:
+        scope: The names of the run.
         root: The tree.
         clean_up: The tree of the agent's ``on_cancel``; None until it begins.
         period_s: Time between two ticks [s]; a tick that takes longer is an overrun. If it is
@@ -181,7 +182,7 @@ class Run:
         self.changes: list[StatusChange] = []
         self._values_left = _MOST_VALUES
         self.result: RunResult | None = None
-        self._scope = scope
+        self.scope = scope
         self._context = context(environment, scope, random or Random())
         self.deadlines = self._context.deadlines
         self._steady = steady
@@ -228,11 +229,6 @@ class Run:
         return self._phase is _Phase.TICKING
 
     @property
-    def scope(self) -> RunScope:
-        """The names of the run."""
-        return self._scope
-
-    @property
     def _tip(self) -> Behaviour | None:
         tip: Behaviour | None = (self.clean_up or self.root).tip()
         return tip
@@ -262,8 +258,8 @@ class Run:
         self._values_left = _MOST_VALUES
         self.overrun = None
         self.deadlines.clear()
-        if self._scope.mood_start.is_given:
-            self._scope.mood_start.follow(self._scope.live())
+        if self.scope.mood_start.is_given:
+            self.scope.mood_start.follow(self.scope.live())
         if self._breakpoints is not None:
             self._breakpoints.begin_tick()
         if self._phase is _Phase.HALTED and self._steady() >= self.deadline:
@@ -348,7 +344,7 @@ class Run:
     def _clean(self, cancellation: Cancellation | None) -> None:
         """Begin the agent's ``on_cancel``, even if it is unknown who stopped the run."""
         assert self.spec.on_cancel is not None
-        self._scope.cancellation = cancellation
+        self.scope.cancellation = cancellation
         self.clean_up = build(self.spec.on_cancel, self._context)
         self._phase = _Phase.CLEANING
         self.deadline = self._steady() + self.spec.clean_up_s

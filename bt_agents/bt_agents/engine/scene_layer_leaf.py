@@ -8,19 +8,18 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
-from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
-from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.environment import GoalState, SkillGoal
+from bt_agents.engine.leaf import GoalLeaf
 from bt_agents_core.field_types import Plain
 from bt_agents_language.model.specs import Binding, Timeouts
 
 _TIMEOUTS = Timeouts(server_s=1.0, accept_s=1.0, result_s=1.0)
 
 
-class SceneLayerLeaf(Leaf):
+class SceneLayerLeaf(GoalLeaf):
     """FAILURE with the reason if the scene layer refuses, is missing or does not answer."""
 
     binding: ClassVar[Binding]
-    _run: GoalRun | None = None
 
     def request(self, fields: Mapping[str, Plain]) -> None:
         """Send the request."""
@@ -52,7 +51,3 @@ class SceneLayerLeaf(Leaf):
                 f": {reason}" if reason else ""
             )
         return Status.FAILURE
-
-    def end(self) -> None:
-        if self._run is not None and not self._run.state.ended:
-            self._run.cancel()

@@ -106,15 +106,11 @@ class RunScope:
         """Do nothing: written names hide no others here."""
 
     def write(self, name: str, value: Plain) -> bool:
-        changes = self.blackboard.get(name, _NOTHING) != value
-        self.blackboard[name] = value
-        return changes
+        return _assign(self.blackboard, name, value)
 
     def tell(self, name: str, value: Plain) -> bool:
         """Assign a value to a name of the scene or the person; return as :meth:`write`."""
-        changes = self.told.get(name, _NOTHING) != value
-        self.told[name] = value
-        return changes
+        return _assign(self.told, name, value)
 
     def read_only_value(self, name: str) -> Plain:
         """Return the value of a name that no node writes; see :class:`ValueSource`."""
@@ -210,9 +206,14 @@ class SubtreeScope:
         self.own.update(names)
 
     def write(self, name: str, value: Plain) -> bool:
-        changes = self.written.get(name, _NOTHING) != value
-        self.written[name] = value
-        return changes
+        return _assign(self.written, name, value)
+
+
+def _assign(values: dict[str, Plain], name: str, value: Plain) -> bool:
+    """Assign a value to a name; return as :meth:`Scope.write`."""
+    changes = values.get(name, _NOTHING) != value
+    values[name] = value
+    return changes
 
 
 @dataclass(frozen=True, kw_only=True)

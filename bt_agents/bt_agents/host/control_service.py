@@ -20,13 +20,7 @@ _LONGEST_AUTHOR = 100
 
 
 class ControlService:
-    """Serves ``~/control``, and publishes the state of the control on ``~/run_control``.
-
-    Args:
-        node: The host's node.
-        runs: Its runs.
-        instance: This start of the host.
-    """
+    """Serves ``~/control``, and publishes the state of the control on ``~/run_control``."""
 
     def __init__(self, node: Node, runs: RunServer, instance: str) -> None:
         self._node = node
@@ -34,7 +28,7 @@ class ControlService:
         self._instance = instance
         self._publisher = node.create_publisher(RunControlMsg, "~/run_control", qos.FACT)
         node.create_service(ControlRun, "~/control", self._control, qos_profile=qos.SERVICE)
-        runs.on_control(self._publish)
+        runs.on_control.append(self._publish)
         self._publish()
 
     def _control(

@@ -52,9 +52,9 @@ class DetailPublisher:
         self._publisher = node.create_publisher(NodeDetails, "~/details", qos.EVENTS)
         self._wanted = False
         self._tree: _WatchedTree | None = None
-        runs.on_control(self._on_tick)
-        runs.on_tick(self._on_tick)
-        runs.on_end(lambda *_: self._forget())
+        runs.on_control.append(self._on_tick)
+        runs.on_tick.append(self._on_tick)
+        runs.on_end.append(lambda *_: self._forget())
 
     def check_subscribers(self) -> None:
         """Check whether there are subscribers; called with each heartbeat."""

@@ -114,10 +114,6 @@ class MarketRegistration:
     has not announced, is reported to the next market.
 
     Args:
-        node: The host's node.
-        registry: The host's agents.
-        runs: The host's action.
-        instance: This start of the host.
         token: Token of the previous start in the same process.
         slowness: Factor for the lease of the market; see :func:`declare_slow_network`.
         ready: Returns whether the host may register; it waits until then.
@@ -170,8 +166,8 @@ class MarketRegistration:
             MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.HEARTBEATS
         )
         node.create_subscription(Run, "bt_agents/runs", self._on_run_event, qos.HISTORY)
-        runs.on_begin(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
-        runs.on_end(self._on_run_end)
+        runs.on_begin.append(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
+        runs.on_end.append(self._on_run_end)
         steady_timer(node, _RETRY_S, self._retry)
         self._pending_epoch = ""
         self._match_timer = steady_timer(node, _POLL_S, self._register_matched, running=False)

@@ -19,7 +19,6 @@ from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.market_registration import NO_TOKEN, MarketRegistration
-from bt_agents.host.reload.reload_server import ReloadServer
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
 from bt_agents.host.run_server import RunServer
@@ -198,24 +197,23 @@ class HostNode(ManagedNode[HostConfiguration]):
             )
             # It reports to the market, before the tree acts, that the goal is not refused;
             # otherwise a host that dies at once would leave no sign that it has acted.
-            self._runs.on_begin(lambda _: self._publish_heartbeat())
+            self._runs.on_begin.append(lambda _: self._publish_heartbeat())
         self._reloading = ReloadService(
             self, self._versions, self._runs, apply=self._change, applied=self._publish_changes
         )
         closing.callback(self._reloading.close)
-        ReloadServer(self, self._reloading, self._runs)
         ControlService(self, self._runs, self.instance)
         self._details = DetailPublisher(self, self._runs, self.instance)
         self._tree_streams = offer_tree_streams(self, self._runs)
         self._changed = False
-        self._runs.on_end(lambda *_: self._tidy_up())
+        self._runs.on_end.append(lambda *_: self._tidy_up())
         steady_timer(self, HEARTBEAT_S, self._beat)
         self._host_card.trees()
         self._host_card.files()
         self._host_card.card()
         self._tick_counts = TickCounts()
         self._health = HealthPublisher(self, self._judge)
-        self._runs.on_end(self._count_ticks)
+        self._runs.on_end.append(self._count_ticks)
         names = list(self.registry.members)
         shown = ", ".join(names[:_NAMES_SHOWN]) + (" …" if names[_NAMES_SHOWN:] else "")
         self.get_logger().info(f"{len(names)} agents: {shown}")

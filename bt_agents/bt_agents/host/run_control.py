@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.text import join_quoted
 from bt_agents_language.diagnostics.collection import did_you_mean
 
@@ -15,15 +15,6 @@ MOST_BREAKPOINTS = 500
 """Most breakpoints of all agents of a host."""
 
 _LONGEST_SHOWN = 80
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlledRun:
-    """A run that a person can pause; its epoch and round identify it uniquely."""
-
-    epoch: str
-    round: int
-    agent: str
 
 
 class RunControl:
@@ -41,7 +32,7 @@ class RunControl:
     """
 
     def __init__(self, changed: Callable[[], None]) -> None:
-        self.run: ControlledRun | None = None
+        self.run: RunKey | None = None
         self.paused = False
         self.paused_at = ""
         self.author = ""
@@ -49,7 +40,7 @@ class RunControl:
         self._changed = changed
         self._ticking = False
 
-    def begin(self, run: ControlledRun) -> None:
+    def begin(self, run: RunKey) -> None:
         """Start the control of a run whose tree will be ticked."""
         self.run, self._ticking = run, True
         self._changed()
@@ -67,7 +58,7 @@ class RunControl:
             self.paused, self.paused_at = False, ""
             self._changed()
 
-    def check(self, epoch: str, round_number: int) -> ControlledRun:
+    def check(self, epoch: str, round_number: int) -> RunKey:
         """Return the current run if a request is about it; empty and 0 mean any run.
 
         Raises:

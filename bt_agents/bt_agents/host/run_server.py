@@ -23,7 +23,7 @@ from bt_agents.host.award_monitor import AwardMonitor
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.ros_environment import RosEnvironment
-from bt_agents.host.run_control import ControlledRun, RunControl
+from bt_agents.host.run_control import RunControl
 from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -82,8 +82,6 @@ class RunServer:
     client may send a goal, which only needs the name of an agent.
 
     Args:
-        node: The host's node.
-        registry: The host's agents.
         instance: This start of the host; goals meant for another one are refused.
         live: Takes the scene of a run; returns a function for its live scene.
         open_goals_file: Keeps the open goals of its trees across a kill; None keeps nothing.
@@ -95,6 +93,12 @@ class RunServer:
         run: Its run; None before its tree is built.
         control: Its pause and the breakpoints of all agents.
         tick_began: When the last tick began, on the steady clock [s].
+        on_begin: Called with each accepted goal.
+        on_start: Called with each run whose tree is built and not ticked yet.
+        on_end: Called with each ended goal and its result, before the result is sent; the host is
+            no longer busy then.
+        on_control: Called after each change of the pause or the breakpoints.
+        on_tick: Called after each tick.
     """
 
     def __init__(
@@ -110,7 +114,7 @@ class RunServer:
     ) -> None:
         self.goal: Any = None
         self.run: Run | None = None
-        self.control = RunControl(self._on_control)
+        self.control = RunControl(lambda: self._notify(self.on_control))
         self.tick_began = 0.0
         self._market = market
         self._runs_begun = 0
@@ -136,11 +140,11 @@ class RunServer:
         self._stepping = False
         self._period_s = 0.05
         self._scheduler = TickScheduler(self._period_s, time.monotonic())
-        self._begin_listeners: list[Callable[[Any], None]] = []
-        self._start_listeners: list[Callable[[Run], None]] = []
-        self._end_listeners: list[Callable[[Any, RunAgent.Result], None]] = []
-        self._control_listeners: list[Callable[[], None]] = []
-        self._tick_listeners: list[Callable[[], None]] = []
+        self.on_begin: list[Callable[[Any], None]] = []
+        self.on_start: list[Callable[[Run], None]] = []
+        self.on_end: list[Callable[[Any, RunAgent.Result], None]] = []
+        self.on_control: list[Callable[[], None]] = []
+        self.on_tick: list[Callable[[], None]] = []
         self.environment = RosEnvironment(
             node,
             self._on_arrival,
@@ -216,29 +220,6 @@ class RunServer:
             self.run.period_s = self._period_s
             self._scheduler.change(self._period_s, time.monotonic())
             self._set_timer()
-
-    def on_begin(self, listener: Callable[[Any], None]) -> None:
-        """Register a listener for each accepted goal."""
-        self._begin_listeners.append(listener)
-
-    def on_start(self, listener: Callable[[Run], None]) -> None:
-        """Register a listener for each run whose tree is built and not ticked yet."""
-        self._start_listeners.append(listener)
-
-    def on_end(self, listener: Callable[[Any, RunAgent.Result], None]) -> None:
-        """Register a listener for each ended goal with its result, before the result is sent.
-
-        The host is no longer busy then.
-        """
-        self._end_listeners.append(listener)
-
-    def on_control(self, listener: Callable[[], None]) -> None:
-        """Register a listener for each change of the pause or the breakpoints."""
-        self._control_listeners.append(listener)
-
-    def on_tick(self, listener: Callable[[], None]) -> None:
-        """Register a listener for the end of each tick."""
-        self._tick_listeners.append(listener)
 
     def pause(self, author: str) -> None:
         """Stop ticking the tree; see :meth:`RunControl.pause`."""
@@ -366,8 +347,7 @@ class RunServer:
         self._handle = handle
         self.goal = handle.request
         handle.execute()
-        for listener in self._begin_listeners:
-            self._notify(listener, self.goal)
+        self._notify(self.on_begin, self.goal)
 
     def _check(self, goal: Any) -> Scene:
         if self._shutting_down:
@@ -454,8 +434,7 @@ class RunServer:
         answer.token = goal.token
         if stop is not None and result.outcome is TreeOutcome.CANCELLED:
             answer.stop_cause, answer.host_reason = int(stop.cause), stop.host_reason
-        for listener in self._end_listeners:
-            self._notify(listener, goal, answer)
+        self._notify(self.on_end, goal, answer)
         _close(handle, result)
         if self._stopped is not None:
             # Two tasks deep, so that the callback that sends the result runs first.
@@ -480,18 +459,18 @@ class RunServer:
         self.run.period_s = self._period_s
         self.run.set_breakpoints(self.control.breakpoints.get(goal.agent, ()))
         self._scheduler = TickScheduler(self._period_s, time.monotonic())
-        self.control.begin(ControlledRun(epoch=goal.epoch, round=goal.round, agent=goal.agent))
-        for listener in self._start_listeners:
-            self._notify(listener, self.run)
+        self.control.begin(RunKey.of(goal))
+        self._notify(self.on_start, self.run)
         self._tick()
         self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
 
-    def _notify(self, listener: Callable[..., None], *what: Any) -> None:
-        """Call a listener; its errors must not keep the result from the market."""
-        try:
-            listener(*what)
-        except Exception:
-            self._node.get_logger().error(traceback.format_exc())
+    def _notify(self, listeners: Sequence[Callable[..., None]], *what: Any) -> None:
+        """Call listeners; their errors must not keep the result from the market."""
+        for listener in listeners:
+            try:
+                listener(*what)
+            except Exception:
+                self._node.get_logger().error(traceback.format_exc())
 
     def _on_arrival(self) -> None:
         if self.run is not None:
@@ -560,12 +539,7 @@ class RunServer:
             self.environment.clock.go_on()
         elif self.control.on_tick(run.held):
             self.environment.clock.stop()
-        for listener in self._tick_listeners:
-            self._notify(listener)
-
-    def _on_control(self) -> None:
-        for listener in self._control_listeners:
-            self._notify(listener)
+        self._notify(self.on_tick)
 
     def _end(self, result: RunResult) -> None:
         self._timer.cancel()
@@ -619,7 +593,7 @@ class RunServer:
         )
 
     def _publish(self, run: Run, changes: Sequence[StatusChange]) -> None:
-        status = self._status_of(self.goal, run, changes, self._ticked)
+        status = tree_status(self._ticked.to_msg(), self.goal, self._instance, run, changes)
         self._status.publish(status)
         if self._handle.is_active:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
@@ -629,12 +603,8 @@ class RunServer:
     ) -> None:
         """Publish the changes of a cancel after its result is sent."""
         if changes:
-            self._status.publish(self._status_of(goal, run, changes, ticked))
-
-    def _status_of(
-        self, goal: Any, run: Run, changes: Sequence[StatusChange], ticked: Time
-    ) -> TreeStatus:
-        return tree_status(ticked.to_msg(), goal, self._instance, run, changes)
+            stamp = ticked.to_msg()
+            self._status.publish(tree_status(stamp, goal, self._instance, run, changes))
 
 
 def _refuse(handle: Any, refusal: Refused) -> RunAgent.Result:

@@ -92,31 +92,20 @@ def _refuse_request(
     departed: DepartedClients, server: Any, part: str, header: Any, _refused: Refused
 ) -> None:
     implementation = server._action_type.Impl
-    if part == "goal":
-        send, response = (
-            server._handle.send_goal_response,
-            implementation.SendGoalService.Response(),
-        )
-    elif part == "cancel":
-        send, response = (
-            server._handle.send_cancel_response,
-            CancelGoal.Response(return_code=CancelGoal.Response.ERROR_REJECTED),
-        )
-    else:
-        send, response = (
-            server._handle.send_result_response,
-            implementation.GetResultService.Response(status=GoalStatus.STATUS_UNKNOWN),
-        )
-    answer = partial(send, header, response)
+    responses = {
+        "goal": implementation.SendGoalService.Response,
+        "cancel": partial(CancelGoal.Response, return_code=CancelGoal.Response.ERROR_REJECTED),
+        "result": partial(
+            implementation.GetResultService.Response, status=GoalStatus.STATUS_UNKNOWN
+        ),
+    }
+    send = getattr(server._handle, f"send_{part}_response")
+    answer = partial(send, header, responses[part]())
     departed.answer(lambda: server._node, SERVICES[part], header, answer)
 
 
 def _refuse_answer(client: Any, part: str, sequence_number: Any, refused: Refused) -> None:
-    pending = {
-        "goal": client._pending_goal_requests,
-        "cancel": client._pending_cancel_requests,
-        "result": client._pending_result_requests,
-    }.get(part, {})
+    pending = getattr(client, f"_pending_{part}_requests", {})
     future = pending.get(sequence_number)
     if future is not None:
         future.set_exception(refused)

@@ -20,6 +20,14 @@ CLEAN_UP = "on_cancel: {say: good-bye}"
 SPEAKS = "sequence: [{say: hello}, {show: {text: x}}]"
 
 
+def cancelled(head: str, *says: ScriptedReply) -> TreeHarness:
+    """Return a run that was cancelled while it said something."""
+    harness = TreeHarness(SPEAKS, head=head, answers={"say": says or [LONG]})
+    harness.tick()
+    harness.run.cancel("enough")
+    return harness
+
+
 def test_cancel_before_first_tick_needs_no_cleanup() -> None:
     harness = TreeHarness(SPEAKS, head=CLEAN_UP)
     harness.run.cancel("enough")
@@ -31,11 +39,7 @@ def test_cancel_before_first_tick_needs_no_cleanup() -> None:
 
 
 def test_cancel_halts_leaf_now_and_cleans_up_next() -> None:
-    harness = TreeHarness(
-        SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]}
-    )
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(CLEAN_UP, LONG, ScriptedReply(after_s=1.0))
     assert harness.environment.running() == []
     assert harness.said == ["hello"]
     assert harness.tick() == "running"
@@ -45,11 +49,7 @@ def test_cancel_halts_leaf_now_and_cleans_up_next() -> None:
 
 
 def test_a_cancel_during_a_cancel_changes_nothing() -> None:
-    harness = TreeHarness(
-        SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]}
-    )
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(CLEAN_UP, LONG, ScriptedReply(after_s=1.0))
     harness.tick()
     assert harness.run.cancel("more than enough") == []
     assert harness.environment.running() == ["say"]
@@ -59,9 +59,7 @@ def test_a_cancel_during_a_cancel_changes_nothing() -> None:
 
 
 def test_overlong_cleanup_is_halted() -> None:
-    harness = TreeHarness(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(CLEAN_UP)
     harness.tick()
     assert harness.after(2.9) == "running"
     assert harness.after(0.1) == "cancelled"
@@ -136,9 +134,7 @@ def test_host_cancel_can_skip_cleanup() -> None:
 
 
 def test_second_cancel_without_cleanup_halts_running_cleanup() -> None:
-    harness = TreeHarness(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(CLEAN_UP)
     harness.tick()
     assert harness.environment.running() == ["say"]
     harness.run.cancel("the host is stopping", clean_up=False)
@@ -264,9 +260,7 @@ def test_cleanup_reads_who_cancelled_and_why(cancellation: Cancellation, text: s
 
 
 def test_cleanup_waits_for_the_cancel_cause_it_reads() -> None:
-    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(TELLS_WHY)
     assert harness.environment.running() == []
     assert harness.after(0.05) == "running"
     assert harness.said == ["hello"]
@@ -279,18 +273,14 @@ def test_cleanup_waits_for_the_cancel_cause_it_reads() -> None:
 
 
 def test_cancel_cause_is_missing_after_its_deadline() -> None:
-    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(TELLS_WHY)
     assert harness.run.deadline == pytest.approx(RunLimits().explain_s)
     harness.after(RunLimits().explain_s)
     assert harness.said == ["hello", "I stop here."]
 
 
 def test_run_awaiting_cancel_cause_can_skip_cleanup() -> None:
-    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(TELLS_WHY)
     harness.run.cancel("the host is stopping", clean_up=False)
     assert harness.tick() == "cancelled"
     assert harness.said == ["hello"]

@@ -8,12 +8,8 @@ from random import Random
 
 import pytest
 
-from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import TreeHarness, scene
-
-FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
-LONG = [ScriptedReply(after_s=100.0)]
+from tree_harness import FAILS, LONG, TreeHarness, scene
 
 CASES = """
     choose:
@@ -99,12 +95,6 @@ def test_choose_without_matching_case_fails_with_reasons() -> None:
         "no case fits; young: 'scene.age' has no value; "
         "happy: not so: scene.mood > 3 (scene.mood is 3) (tree, a.yaml"
     )
-
-
-def test_case_with_missing_value_does_not_match() -> None:
-    harness = TreeHarness(CASES, awarded=scene(mood=3))
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["Hello."]
 
 
 def test_case_of_earlier_round_keeps_no_status() -> None:

@@ -14,14 +14,11 @@ import pytest
 from bt_agents.engine import builder
 from bt_agents.engine import nodes as behaviours
 from bt_agents.engine.builder import BEHAVIOURS
-from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_language.nodes import catalogue
-from tree_harness import TreeHarness, scene
+from tree_harness import FAILS, LONG, TreeHarness, scene
 
-LONG = [ScriptedReply(after_s=100.0)]
 SECOND = [ScriptedReply(after_s=1.0)]
-FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
 def test_behaviours_match_node_types_exactly() -> None:
@@ -343,19 +340,6 @@ def test_invalid_cooldown_fails_when_evaluated() -> None:
     harness.tunables["rest"] = -1.0
     assert harness.tick(2) == "failed"
     assert "expected a time" in harness.message
-
-
-def test_succeed_and_fail_override_result_at_node_end() -> None:
-    for answers in (
-        [ScriptedReply(after_s=1.0)],
-        [ScriptedReply(after_s=1.0, state=GoalState.ABORTED)],
-    ):
-        harness = TreeHarness("drive: x\nsucceed: true", answers={"drive": answers})
-        assert harness.tick() == "running"
-        assert harness.after(1.0) == "succeeded"
-        harness = TreeHarness("drive: x\nfail: true", answers={"drive": answers})
-        assert harness.tick() == "running"
-        assert harness.after(1.0) == "failed"
 
 
 def test_fail_keeps_reason_of_failed_child() -> None:

@@ -5,13 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import TreeHarness, scene
+from tree_harness import FAILS, LONG, TreeHarness, scene
 
-FAILED = ScriptedReply(state=GoalState.ABORTED, message="motor off")
-FAILS = [FAILED]
-LONG = [ScriptedReply(after_s=100.0)]
 TUNABLE = "tunables: {n: {default: 2, min: 1, max: 9, description: d}}"
 REST = "tunables: {rest: {default: 2 s, min: 0 s, max: 60 s, description: d}}"
 
@@ -24,7 +20,7 @@ def test_retry_pauses_between_attempts() -> None:
     #  4 |   S   |   S     attempt 3
     harness = TreeHarness(
         "drive: x\nretry: {attempts: 3, pause: 2 s}",
-        answers={"drive": [FAILED, FAILED, ScriptedReply()]},
+        answers={"drive": [*FAILS, *FAILS, ScriptedReply()]},
     )
     assert harness.tick() == "running"
     assert harness.status("tree@retry") == "RUNNING"
@@ -41,7 +37,7 @@ def test_retry_pauses_between_attempts() -> None:
 def test_retry_reports_its_attempt_number() -> None:
     harness = TreeHarness(
         "drive: x\nretry: {attempts: 2, pause: 2 s}",
-        answers={"drive": [FAILED, ScriptedReply(after_s=1.0)]},
+        answers={"drive": [*FAILS, ScriptedReply(after_s=1.0)]},
     )
     harness.tick()
     harness.after(2.0)
@@ -89,7 +85,7 @@ def test_tuning_an_elapsed_pause_does_not_delay_attempt() -> None:
     harness = TreeHarness(
         "drive: x\nretry: {attempts: 2, pause: '${rest}'}",
         head=REST,
-        answers={"drive": [FAILED, ScriptedReply(after_s=2.0)]},
+        answers={"drive": [*FAILS, ScriptedReply(after_s=2.0)]},
     )
     harness.tick()
     harness.after(2.0)
@@ -243,7 +239,7 @@ def test_timeout_applies_to_each_retry_attempt() -> None:
 def test_retry_around_repeat_resets_round_count() -> None:
     harness = TreeHarness(
         "drive: x\nrepeat: 2\nretry: 2",
-        answers={"drive": [ScriptedReply(), FAILED, ScriptedReply()]},
+        answers={"drive": [ScriptedReply(), *FAILS, ScriptedReply()]},
     )
     assert harness.tick(3) == "running"
     assert harness.tick() == "succeeded"

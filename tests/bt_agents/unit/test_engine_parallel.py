@@ -110,14 +110,6 @@ def test_any_failure_fails_parallel_with_named_children(failing: str) -> None:
     assert harness.environment.running() == []
 
 
-def test_parallel_does_not_restart_finished_child() -> None:
-    harness = TreeHarness(
-        tree("all"), answers={"say": ends(0.0), "show": ends(0.0), "drive": ends(5.0)}
-    )
-    assert harness.tick(6, step_s=1.0) == "succeeded"
-    assert harness.asked == ["say", "show", "drive"]
-
-
 def test_interrupted_parallel_halts_children_and_starts_afresh() -> None:
     harness = TreeHarness(
         tree("2"), answers={"say": ends(1.0), "show": ends(9.0), "drive": ends(9.0)}

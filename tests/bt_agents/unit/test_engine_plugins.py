@@ -6,7 +6,7 @@ from __future__ import annotations
 import asyncio
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -84,12 +84,16 @@ def plugged(kind: type, path: str = "tree", **fields: object) -> NodeSpec:
 
 
 def repeated(spec: NodeSpec, times: int) -> NodeSpec:
+    return around(spec, "repeat", times=Literal(value=times))
+
+
+def around(spec: NodeSpec, kind: str, **fields: Literal) -> NodeSpec:
     return NodeSpec(
-        path="tree@repeat",
+        path=f"tree@{kind}",
         position=POSITION,
-        kind="repeat",
-        name="repeat",
-        fields={"times": Literal(value=times)},
+        kind=kind,
+        name=kind,
+        fields=fields,
         children=(spec,),
     )
 
@@ -156,15 +160,7 @@ def test_failed_plugin_is_shut_down_and_recreated() -> None:
                 raise RuntimeError("no luck")
             return super().update()
 
-    spec = replace(plugged(Unlucky), path="tree")
-    retried = NodeSpec(
-        path="tree@retry",
-        position=POSITION,
-        kind="retry",
-        name="retry",
-        fields={"attempts": Literal(value=3)},
-        children=(spec,),
-    )
+    retried = around(plugged(Unlucky), "retry", attempts=Literal(value=3))
     assert TreeHarness(retried).tick(3) == "succeeded"
     assert [nod.calls[-1] for nod in Nod.made] == ["shutdown"] * 3
 
@@ -338,19 +334,35 @@ def test_plugin_gets_copies_without_access_to_run() -> None:
     assert nod.more["more"] == {"a": ()}
 
 
-def broken(place: str, error: BaseException) -> type:
-    class Broken(Nod):
+def misbehaving(place: str, act: Callable[[], Status]) -> type:
+    """Return a class whose method does something else."""
+
+    class Misbehaving(Nod):
         def __init__(self, name: str) -> None:
             if place == "init":
-                raise error
+                act()
             super().__init__(name, times=2)
 
-    def fail(*_args: object, **_kwargs: object) -> Status:
-        raise error
+    def instead(*_args: object, **_kwargs: object) -> Status:
+        return act()
+
+    def ticked(_self: object) -> Iterator[object]:
+        yield act()
 
     if place != "init":
-        setattr(Broken, place, fail)
-    return Broken
+        setattr(Misbehaving, place, ticked if place == "tick" else instead)
+    return Misbehaving
+
+
+def broken(place: str, error: BaseException) -> type:
+    def fail() -> Status:
+        raise error
+
+    return misbehaving(place, fail)
+
+
+def blocking(place: str) -> type:
+    return misbehaving(place, lambda: time.sleep(60.0) or Status.SUCCESS)
 
 
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
@@ -366,25 +378,6 @@ def test_raising_plugin_fails_with_path_and_position(place: str, error: BaseExce
     }
     assert harness.message.startswith(words[type(error)])
     assert all("shutdown" in nod.calls for nod in Nod.made)
-
-
-def blocking(place: str) -> type:
-    class Blocking(Nod):
-        def __init__(self, name: str) -> None:
-            if place == "init":
-                time.sleep(60.0)
-            super().__init__(name, times=2)
-
-    def block(*_args: object, **_kwargs: object) -> Status:
-        time.sleep(60.0)
-        return Status.SUCCESS
-
-    def block_in_a_tick(_self: object) -> Iterator[object]:
-        yield block()
-
-    if place != "init":
-        setattr(Blocking, place, block_in_a_tick if place == "tick" else block)
-    return Blocking
 
 
 @pytest.mark.usefixtures("own_limit")
@@ -526,12 +519,3 @@ def test_plugin_keeps_its_overridden_tick() -> None:
 
     harness = TreeHarness(plugged(Twice, times=Literal(value=2)))
     assert harness.tick() == "succeeded"
-
-
-def test_plugin_calling_exit_does_not_end_program() -> None:
-    class Quitter(Nod):
-        def update(self) -> Status:
-            sys.exit(1)
-
-    harness = TreeHarness(plugged(Quitter))
-    assert harness.tick() == "failed"

@@ -5,9 +5,7 @@ from __future__ import annotations
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import TreeHarness, agent
-
-LONG = [ScriptedReply(after_s=100.0)]
+from tree_harness import LONG, TreeHarness, agent
 
 COUNT = """
 subtrees:
@@ -132,19 +130,21 @@ def test_unwritten_output_keeps_caller_value() -> None:
     assert harness.said == ["old"]
 
 
+TRIES = """
+subtrees:
+  one:
+    outputs: {word: text}
+    tree:
+      sequence:
+        - set: {word: tried}
+        - drive: x
+"""
+
+
 def test_failed_subtree_still_returns_its_outputs() -> None:
-    head = """
-    subtrees:
-      one:
-        outputs: {word: text}
-        tree:
-          sequence:
-            - set: {word: tried}
-            - drive: x
-    """
     harness = TreeHarness(
         "sequence:\n  - {subtree: one, succeed: true}\n  - say: ${word}",
-        head=head,
+        head=TRIES,
         answers={"drive": [ScriptedReply(state=GoalState.ABORTED)]},
     )
     assert harness.tick() == "succeeded"
@@ -152,16 +152,7 @@ def test_failed_subtree_still_returns_its_outputs() -> None:
 
 
 def test_interrupted_subtree_returns_no_outputs() -> None:
-    head = """
-    subtrees:
-      one:
-        outputs: {word: text}
-        tree:
-          sequence:
-            - set: {word: tried}
-            - drive: x
-    """
-    harness = TreeHarness("subtree: one", head=head, answers={"drive": LONG})
+    harness = TreeHarness("subtree: one", head=TRIES, answers={"drive": LONG})
     harness.tick()
     harness.interrupt()
     assert harness.environment.running() == []

@@ -8,49 +8,47 @@ import pytest
 from bt_agents.engine.tick_scheduler import REST_S, TickScheduler
 
 
+def tick(pace: TickScheduler, began: float, ended: float, **latest: float) -> None:
+    pace.started()
+    pace.finished(began, ended, **latest)
+
+
 def test_ticks_stay_on_grid_regardless_of_duration() -> None:
     pace = TickScheduler(0.1, now=0.0)
     due = []
     for _ in range(4):
         due.append(pace.due)
-        pace.started()
-        pace.finished(pace.due, pace.due + 0.03)
+        tick(pace, pace.due, pace.due + 0.03)
     assert due == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
 def test_late_tick_skips_missed_grid_ticks() -> None:
     pace = TickScheduler(0.1, now=0.0)
-    pace.started()
-    pace.finished(5.03, 5.04)
+    tick(pace, 5.03, 5.04)
     assert pace.due == pytest.approx(5.1)
 
 
 def test_overrun_skips_missed_ticks() -> None:
     pace = TickScheduler(0.1, now=0.0)
-    pace.started()
-    pace.finished(0.0, 0.25)
+    tick(pace, 0.0, 0.25)
     assert pace.due == pytest.approx(0.3)
 
 
 def test_request_adds_immediate_tick_and_keeps_grid() -> None:
     pace = TickScheduler(1.0, now=0.0)
-    pace.started()
-    pace.finished(0.0, 0.001)
+    tick(pace, 0.0, 0.001)
     pace.request(0.4)
     assert pace.due == 0.4
-    pace.started()
-    pace.finished(0.4, 0.401)
+    tick(pace, 0.4, 0.401)
     assert pace.due == 1.0
 
 
 def test_early_request_waits_as_long_as_last_tick() -> None:
     pace = TickScheduler(1.0, now=0.0)
-    pace.started()
-    pace.finished(0.0, 0.05)
+    tick(pace, 0.0, 0.05)
     pace.request(0.06)
     assert pace.due == pytest.approx(0.1)
-    pace.started()
-    pace.finished(0.1, 0.1)
+    tick(pace, 0.1, 0.1)
     pace.request(0.1)
     assert pace.due == pytest.approx(0.1 + REST_S)
 
@@ -69,8 +67,7 @@ def test_request_flood_uses_at_most_half_the_time() -> None:
     while now < 1.0:
         pace.request(now)
         if pace.due <= now:
-            pace.started()
-            pace.finished(now, now + 0.005)
+            tick(pace, now, now + 0.005)
             now += 0.005
             ticked_s += 0.005
             ticks += 1
@@ -81,25 +78,21 @@ def test_request_flood_uses_at_most_half_the_time() -> None:
 
 def test_urgent_tick_skips_rest() -> None:
     pace = TickScheduler(1.0, now=0.0)
-    pace.started()
-    pace.finished(0.0, 0.05)
+    tick(pace, 0.0, 0.05)
     pace.now(0.06)
     assert pace.due == 0.06
 
 
 def test_deadline_between_ticks_is_met() -> None:
     pace = TickScheduler(1.0, now=0.0)
-    pace.started()
-    pace.finished(0.0, 0.001, latest=0.3)
+    tick(pace, 0.0, 0.001, latest=0.3)
     assert pace.due == 0.3
-    pace.started()
-    pace.finished(0.3, 0.301, latest=0.2)
+    tick(pace, 0.3, 0.301, latest=0.2)
     assert pace.due == pytest.approx(0.301)
 
 
 def test_rate_change_takes_effect_immediately() -> None:
     pace = TickScheduler(1.0, now=0.0)
-    pace.started()
-    pace.finished(0.0, 0.001)
+    tick(pace, 0.0, 0.001)
     pace.change(0.1, 0.2)
     assert pace.due == pytest.approx(0.3)

@@ -188,5 +188,4 @@ def test_wait_reports_its_condition_only_once() -> None:
     assert told == ["not so yet: live.mood > 4 (live.mood is 3)"]
     harness.set_mood(3.5)
     harness.after(10.0)
-    assert harness.run.result is not None
-    assert "not so yet: live.mood > 4 (live.mood is 3.5)" in harness.run.result.message
+    assert "not so yet: live.mood > 4 (live.mood is 3.5)" in harness.message

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bt_agents.host.reload.reload_server import reload_lines
+from bt_agents.host.reload.reload_service import reload_lines
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_language.files.folder_reader import read_trees
 from reload_harness import agent, new_folder, write

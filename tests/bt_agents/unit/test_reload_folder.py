@@ -10,13 +10,26 @@ from pathlib import Path
 import pytest
 
 from bt_agents.host.reload.folder_watch import MAX_UNSETTLED_POLLS, FolderWatch, WatchStopped
-from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.folder_reader import Trees, read_trees
 from reload_harness import MANNERS, SKILLS, agent, new_folder, write
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return new_folder(tmp_path / "trees", "ann", "bob", "zoe")
+
+
+@pytest.fixture
+def trees(folder: Path) -> Trees:
+    return read_trees(folder)
+
+
+@pytest.fixture
+def watch(trees: Trees) -> FolderWatch:
+    """A watch that has seen the folder as it was read."""
+    watch = FolderWatch(trees)
+    assert settled(watch) is None
+    return watch
 
 
 def settled(watch: FolderWatch):
@@ -60,16 +73,12 @@ def test_change_before_first_poll_is_detected(folder):
     assert changed(trees, after) == [False, True, False]
 
 
-def test_touched_file_is_not_a_change(folder):
-    watch = FolderWatch(read_trees(folder))
-    settled(watch)
+def test_touched_file_is_not_a_change(folder, watch):
     os.utime(folder / "agents" / "bob.yaml", (1, 1))
     assert settled(watch) is None
 
 
-def test_file_being_written_is_read_once_stable(folder):
-    watch = FolderWatch(read_trees(folder))
-    settled(watch)
+def test_file_being_written_is_read_once_stable(folder, watch):
     file = folder / "agents" / "bob.yaml"
     text = agent("bob", "{say: bye}")
     for end in (0, 20, 40, len(text)):
@@ -81,9 +90,7 @@ def test_file_being_written_is_read_once_stable(folder):
     assert after.files[1].text == text
 
 
-def test_constantly_changing_file_is_read_eventually(folder):
-    watch = FolderWatch(read_trees(folder))
-    settled(watch)
+def test_constantly_changing_file_is_read_eventually(folder, watch):
     found = []
     for number in range(MAX_UNSETTLED_POLLS + 1):
         write(folder, "bob", agent("bob", f"{{say: bye {number}}}"))
@@ -98,10 +105,7 @@ def test_requested_poll_skips_settling(folder):
     assert watch.poll(settle=False) is not None
 
 
-def test_editor_renames_and_swap_files_are_handled(folder):
-    trees = read_trees(folder)
-    watch = FolderWatch(trees)
-    settled(watch)
+def test_editor_renames_and_swap_files_are_handled(folder, trees, watch):
     file = folder / "agents" / "bob.yaml"
     (folder / "agents" / ".bob.yaml.swp").write_text("[")
     (folder / "agents" / "bob.yaml~").write_text("[")
@@ -124,9 +128,7 @@ def test_change_keeping_size_and_mtime_is_detected(folder):
     assert settled(watch) is not None
 
 
-def test_file_recreated_between_polls_is_not_a_change(folder):
-    watch = FolderWatch(read_trees(folder))
-    settled(watch)
+def test_file_recreated_between_polls_is_not_a_change(folder, watch):
     file = folder / "agents" / "bob.yaml"
     text = file.read_text()
     file.unlink()
@@ -135,10 +137,7 @@ def test_file_recreated_between_polls_is_not_a_change(folder):
     assert settled(watch) is None
 
 
-def test_poll_reports_deleted_and_added_files(folder):
-    trees = read_trees(folder)
-    watch = FolderWatch(trees)
-    settled(watch)
+def test_poll_reports_deleted_and_added_files(folder, trees, watch):
     (folder / "agents" / "bob.yaml").unlink()
     write(folder, "mia", agent("mia"))
     after = settled(watch)
@@ -147,10 +146,7 @@ def test_poll_reports_deleted_and_added_files(folder):
 
 
 @pytest.mark.parametrize("part", ["", "agents", "skills"])
-def test_missing_folder_keeps_agents_and_reports_a_problem(folder, part):
-    trees = read_trees(folder)
-    watch = FolderWatch(trees)
-    settled(watch)
+def test_missing_folder_keeps_agents_and_reports_a_problem(folder, trees, watch, part):
     away = folder.parent / "away"
     (folder / part).rename(away)
     gone = settled(watch)
@@ -253,10 +249,7 @@ def test_broken_text_file_breaks_only_its_users(folder):
     assert [one.file.name for one in after.broken] == ["ann.yaml", "de.yaml"]
 
 
-def test_changed_skills_reread_all_agents_unless_broken(folder):
-    trees = read_trees(folder)
-    watch = FolderWatch(trees)
-    settled(watch)
+def test_changed_skills_reread_all_agents_unless_broken(folder, trees, watch):
     skills = folder / "skills" / "robot.yaml"
     skills.write_text("format: 1\nskills: 3\n")
     broken = settled(watch)
@@ -274,9 +267,7 @@ def test_changed_skills_reread_all_agents_unless_broken(folder):
     assert "beep" in more.symbols.skills
 
 
-def test_first_holder_keeps_duplicate_agent_name(folder):
-    watch = FolderWatch(read_trees(folder))
-    settled(watch)
+def test_first_holder_keeps_duplicate_agent_name(folder, watch):
     write(folder, "aaa", agent("zoe"))
     after = settled(watch)
     (broken,) = after.broken
@@ -304,9 +295,7 @@ def test_two_files_can_swap_agent_names(folder):
     }
 
 
-def test_tests_scripts_presets_and_hidden_files_change_nothing(folder):
-    watch = FolderWatch(read_trees(folder))
-    settled(watch)
+def test_tests_scripts_presets_and_hidden_files_change_nothing(folder, watch):
     (folder / "agents" / "ann.test.yaml").write_text("[")
     for name in ("scripts", "presets"):
         (folder / name).mkdir()
@@ -342,10 +331,7 @@ def test_failed_reading_is_retried(folder, monkeypatch):
     assert watch.poll().agents[0].tree.fields["text"].value == "bye"
 
 
-def test_agent_can_move_to_another_file(folder):
-    trees = read_trees(folder)
-    watch = FolderWatch(trees)
-    settled(watch)
+def test_agent_can_move_to_another_file(folder, trees, watch):
     shutil.move(folder / "agents" / "ann.yaml", folder / "agents" / "anna.yaml")
     after = settled(watch)
     assert after.broken == ()

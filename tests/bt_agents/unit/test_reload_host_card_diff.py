@@ -125,12 +125,6 @@ def test_fixed_folder_problem_is_reported(problems: tuple[Problem, ...], words: 
     assert changes(card(agent(), problems=problems), card(agent(), problems=problems[:1])) == []
 
 
-def test_fixed_agent_file_is_reported_once() -> None:
-    assert changes(card(agent("ann", 1, False, BROKEN)), card(agent())) == [
-        "ann: its file is good again"
-    ]
-
-
 @pytest.mark.parametrize(
     ("degraded", "why"),
     [

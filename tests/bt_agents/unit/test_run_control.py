@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.host.run_control import MOST_BREAKPOINTS, ControlledRun, RunControl, pause_text
+from bt_agents.host.run_control import MOST_BREAKPOINTS, RunControl, pause_text
 from bt_agents_core.errors import Refused
+from bt_agents_core.run_key import RunKey
 
-RUN = ControlledRun(epoch="e1", round=3, agent="guide")
+RUN = RunKey(epoch="e1", round=3, agent="guide")
 NODES = ("tree", "tree/0.ask", "tree/1.say")
 
 

@@ -46,7 +46,7 @@ def test_unsubscribed_stream_ends_after_its_timeout() -> None:
 @pytest.mark.parametrize("period_s", [math.nan, -1.0, -math.inf])
 def test_invalid_snapshot_period_is_refused(period_s: float) -> None:
     with pytest.raises(Refused, match="expected a number of seconds"):
-        SnapshotParameters.checked(period_s, False, False)
+        SnapshotParameters(period_s=period_s, blackboard_data=False, blackboard_activity=False)
 
 
 def test_statistics_cover_the_last_ten_ticks() -> None:

@@ -10,6 +10,11 @@ from bt_agents_interfaces.msg import Run
 from bt_agents_ros.limits import MOST_UNREPORTED
 
 
+@pytest.fixture
+def runs() -> UnreportedRuns:
+    return UnreportedRuns()
+
+
 def ended(number: int, epoch: str = "e1", event: int = Run.ENDED, agent: str = "guide") -> Run:
     return Run(epoch=epoch, round=number, agent=agent, event=event, outcome=Run.CANCELLED)
 
@@ -18,15 +23,13 @@ def rounds(runs: list[Run]) -> list[int]:
     return [run.round for run in runs]
 
 
-def test_run_is_reported_to_every_other_market() -> None:
-    runs = UnreportedRuns()
+def test_run_is_reported_to_every_other_market(runs: UnreportedRuns) -> None:
     runs.store(ended(1))
     assert runs.of_others("e1") == []
     assert rounds(runs.of_others("e2")) == [1]
 
 
-def test_acknowledged_run_is_not_kept_again() -> None:
-    runs = UnreportedRuns()
+def test_acknowledged_run_is_not_kept_again(runs: UnreportedRuns) -> None:
     runs.store(ended(1))
     runs.acknowledge(runs.of_others("e2"))
     runs.store(ended(1))
@@ -34,38 +37,33 @@ def test_acknowledged_run_is_not_kept_again() -> None:
 
 
 @pytest.mark.parametrize("event", [Run.ENDED, Run.REFUSED])
-def test_run_closed_by_its_market_is_forgotten(event: int) -> None:
-    runs = UnreportedRuns()
+def test_run_closed_by_its_market_is_forgotten(runs: UnreportedRuns, event: int) -> None:
     runs.store(ended(1))
     runs.store(ended(2))
     runs.on_run_event(ended(1, event=event))
     assert rounds(runs.of_others("e2")) == [2]
 
 
-def test_run_closed_before_its_end_is_not_kept() -> None:
-    runs = UnreportedRuns()
+def test_run_closed_before_its_end_is_not_kept(runs: UnreportedRuns) -> None:
     runs.on_run_event(ended(1))
     runs.store(ended(1))
     assert runs.of_others("e2") == []
 
 
-def test_run_survives_refusal_by_another_agent() -> None:
-    runs = UnreportedRuns()
+def test_run_survives_refusal_by_another_agent(runs: UnreportedRuns) -> None:
     runs.on_run_event(ended(1, event=Run.REFUSED, agent="talker"))
     runs.store(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
 
 
 @pytest.mark.parametrize("event", [Run.STARTED, Run.CANCELLING])
-def test_ongoing_run_is_not_closed(event: int) -> None:
-    runs = UnreportedRuns()
+def test_ongoing_run_is_not_closed(runs: UnreportedRuns, event: int) -> None:
     runs.on_run_event(ended(1, event=event))
     runs.store(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
 
 
-def test_same_round_of_another_market_is_another_run() -> None:
-    runs = UnreportedRuns()
+def test_same_round_of_another_market_is_another_run(runs: UnreportedRuns) -> None:
     runs.store(ended(1))
     runs.on_run_event(ended(1, epoch="e0"))
     assert rounds(runs.of_others("e2")) == [1]
@@ -81,9 +79,8 @@ def test_same_round_of_another_market_is_another_run() -> None:
     ],
 )
 def test_run_names_who_made_its_market_stop_it(
-    cause: int, told: tuple[int, str], news_first: bool
+    runs: UnreportedRuns, cause: int, told: tuple[int, str], news_first: bool
 ) -> None:
-    runs = UnreportedRuns()
     run = ended(1)
     run.stop_cause = cause
     news = ended(1, event=Run.CANCELLING)
@@ -98,8 +95,7 @@ def test_run_names_who_made_its_market_stop_it(
     assert (kept.stopped_by, kept.stop_reason) == told
 
 
-def test_only_the_latest_runs_are_kept() -> None:
-    runs = UnreportedRuns()
+def test_only_the_latest_runs_are_kept(runs: UnreportedRuns) -> None:
     for number in range(MOST_UNREPORTED + 3):
         runs.store(ended(number))
     assert rounds(runs.of_others("e2")) == list(range(3, MOST_UNREPORTED + 3))

@@ -70,29 +70,21 @@ def test_mood_change_is_relative_to_awarded_scene():
     assert changes(scene(4.0), scene(4.0), scene(2.5), scene(5.0)) == [0.0, -1.5, 1.0]
 
 
-@pytest.mark.parametrize(
-    "awarded",
-    [
-        scene(NAN),
-        scene(1.0, person=False),
-        scene(5.0, origin=Origin.ESTIMATED),
-        scene(5.0, origin=Origin.DEFAULT),
-    ],
-)
+UNKNOWN = [
+    scene(NAN),
+    scene(1.0, person=False),
+    scene(5.0, origin=Origin.ESTIMATED),
+    scene(5.0, origin=Origin.DEFAULT),
+]
+
+
+@pytest.mark.parametrize("awarded", UNKNOWN)
 def test_first_live_mood_replaces_missing_awarded_mood(awarded):
     seen = changes(awarded, scene(NAN), scene(3.0), scene(2.0))
     assert seen == pytest.approx([NAN, 0.0, -1.0], nan_ok=True)
 
 
-@pytest.mark.parametrize(
-    "gap",
-    [
-        scene(NAN),
-        scene(1.0, person=False),
-        scene(1.0, origin=Origin.ESTIMATED),
-        scene(1.0, origin=Origin.DEFAULT),
-    ],
-)
+@pytest.mark.parametrize("gap", UNKNOWN)
 def test_unobserved_mood_makes_change_unknown(gap):
     seen = changes(scene(4.0), scene(3.0), gap, scene(3.0))
     assert seen == pytest.approx([-1.0, NAN, -1.0], nan_ok=True)

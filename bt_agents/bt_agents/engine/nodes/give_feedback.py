@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
-from bt_agents.engine.environment import GoalRun, GoalState
+from bt_agents.engine.environment import GoalState
 from bt_agents.engine.fields import scene_value
-from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.leaf import GoalLeaf
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.refusal_codes import RefusalCode
@@ -17,11 +17,10 @@ from bt_agents_core.refusal_codes import RefusalCode
 _DIRECT = "direct feedback"
 
 
-class GiveFeedback(Leaf):
+class GiveFeedback(GoalLeaf):
     """SUCCESS if the feedback was accepted, FAILURE with the reason if it was refused."""
 
     has_side_effects = True
-    _run: GoalRun | None = None
     _kind = FeedbackKind.POSITIVE
 
     def begin(self) -> None:
@@ -43,10 +42,6 @@ class GiveFeedback(Leaf):
         reason = f": {self._run.message}" if self._run.message else ""
         self.feedback_message = f"{title} {state.value}{reason}"
         return Status.FAILURE
-
-    def end(self) -> None:
-        if self._run is not None and not self._run.state.ended:
-            self._run.cancel()
 
     def _values(self) -> Mapping[str, float]:
         if self._kind is not FeedbackKind.DIRECT:

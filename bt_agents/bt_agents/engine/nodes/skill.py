@@ -9,8 +9,8 @@ from contextlib import suppress
 from py_trees.common import Status
 
 from bt_agents.engine.context import BuildChild, RunContext
-from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
-from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.environment import GoalState, SkillGoal
+from bt_agents.engine.leaf import GoalLeaf
 from bt_agents.engine.scope import (
     BindingNames,
     MessageNames,
@@ -43,7 +43,7 @@ _LONGEST_REASON = 300
 """Most characters of a server's message in a reason."""
 
 
-class SkillLeaf(Leaf):
+class SkillLeaf(GoalLeaf):
     """Uses an action, service or topic, directly or through a skill.
 
     Its failure message says what happened: the server is unreachable, has rejected, aborted or
@@ -51,7 +51,6 @@ class SkillLeaf(Leaf):
     """
 
     has_side_effects = True
-    _run: GoalRun | None = None
     _last_feedback: Mapping[str, Plain] | None = None
     _main_text = ""
 
@@ -101,10 +100,6 @@ class SkillLeaf(Leaf):
             f": {ellipsize(reason, _LONGEST_REASON)}" if reason else ""
         )
         return Status.FAILURE
-
-    def end(self) -> None:
-        if self._run is not None and not self._run.state.ended:
-            self._run.cancel()
 
     def _input(self, name: str) -> Plain:
         value = self.spec.fields[name]

@@ -100,8 +100,6 @@ class GoalTrack:
     =================== ==================================== ============================
 
     Args:
-        goal: The goal or request.
-        steady: A clock that never stops [s].
         last_heartbeat: Returns the time of the server's last heartbeat [s], minus infinity for
             none so far; None for a server without heartbeats.
         on_end: Called with state and message when the goal has ended for its leaf.
@@ -193,13 +191,11 @@ class GoalTrack:
         if not self.state.ended:
             self.state = GoalState.ACTIVE
 
-    def rejected(self, alone: bool) -> None:
-        """Handle its rejection by the only server (``alone``) or by the first of several."""
-        self._end(GoalState.REJECTED, self.message)
-        self.confirmed = self.confirmed or alone
-
     def ended(self, state: GoalState, message: str = "", alone: bool = True) -> None:
-        """Handle its end, possibly after it was given up; ``alone`` as in :meth:`rejected`."""
+        """Handle its end at its only server (``alone``) or at the first of several.
+
+        It may have been given up before.
+        """
         self._end(state, message)
         self.confirmed = self.confirmed or alone
 
@@ -532,13 +528,23 @@ class RosGoalRun(SentGoal):
         self._track.note(self._found.note)
         return self._found.participants
 
+    def _feedback_callback(self) -> Callable[[Any], None] | None:
+        """Return a callback without a strong reference: rclpy keeps it if a goal is rejected."""
+        known = weakref.WeakMethod(self._store_feedback)
+
+        def handle(message: Any) -> None:
+            store = known()
+            if store is not None:
+                store(message)
+
+        return handle if self._wants_feedback else None
+
     def _send(self) -> Any:
-        callback = _feedback_callback(self) if self._wants_feedback else None
         goal_id = GoalInfo().goal_id
         goal_id.uuid = list(self._identity.goal_id)
         self._open_goals.add(self._identity)
         return self.client.send_goal_async(
-            self._message, feedback_callback=callback, goal_uuid=goal_id
+            self._message, feedback_callback=self._feedback_callback(), goal_uuid=goal_id
         )
 
     def poll(self) -> None:
@@ -567,7 +573,8 @@ class RosGoalRun(SentGoal):
         if self._handle is not None:
             return  # a server accepts a repeated goal only once
         if not handle.accepted:
-            self._track.rejected(alone=not self._found.several)
+            alone = not self._found.several
+            self._track.ended(GoalState.REJECTED, self._track.message, alone)
             return
         self._handle = handle
         self._track.accepted()
@@ -593,7 +600,7 @@ class RosGoalRun(SentGoal):
         self._result = MessageView(response.result)
         self._track.ended(state, alone=not self._found.several)
 
-    def handle_feedback(self, message: Any) -> None:
+    def _store_feedback(self, message: Any) -> None:
         """Store feedback for the leaf."""
         if not self._track.state.ended:
             self._feedback = MessageView(message.feedback)
@@ -622,18 +629,6 @@ class RosRequest(SentGoal):
         if not self._track.state.ended:
             self._result = MessageView(response)
             self._track.ended(GoalState.SUCCEEDED)
-
-
-def _feedback_callback(goal: RosGoalRun) -> Callable[[Any], None]:
-    """Return a callback with a weak reference: rclpy keeps it forever if a goal is rejected."""
-    known = weakref.ref(goal)
-
-    def handle(message: Any) -> None:
-        goal = known()
-        if goal is not None:
-            goal.handle_feedback(message)
-
-    return handle
 
 
 class GoalDeadlines:

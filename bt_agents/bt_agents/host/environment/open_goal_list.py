@@ -24,8 +24,6 @@ class OpenGoalList:
     a goal that no server knows.
 
     Args:
-        node: The host's node.
-        instance: This start of the host.
         run: Returns the goal of the current run; None without one.
         file: None keeps the list in memory.
     """

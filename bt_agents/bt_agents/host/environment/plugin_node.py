@@ -8,7 +8,6 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from action_msgs.msg import GoalInfo
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.task import Future
@@ -19,12 +18,8 @@ from bt_agents_core.field_types import Plain
 from bt_agents_ros.types import to_plain
 
 _DESTROYED_BY = {
-    "create_client": "destroy_client",
-    "create_guard_condition": "destroy_guard_condition",
-    "create_publisher": "destroy_publisher",
-    "create_service": "destroy_service",
-    "create_subscription": "destroy_subscription",
-    "create_timer": "destroy_timer",
+    f"create_{kind}": f"destroy_{kind}"
+    for kind in ("client", "guard_condition", "publisher", "service", "subscription", "timer")
 }
 
 _UNANSWERED = (GoalState.UNREACHABLE, GoalState.TIMED_OUT)
@@ -58,13 +53,8 @@ class PluginGoal(RosGoalRun):
         """Name of its action."""
         return self._identity.action
 
-    def _send(self) -> Any:
-        goal_id = GoalInfo().goal_id
-        goal_id.uuid = list(self._identity.goal_id)
-        self._open_goals.add(self._identity)
-        return self.client.send_goal_async(
-            self._message, feedback_callback=self._on_feedback, goal_uuid=goal_id
-        )
+    def _feedback_callback(self) -> Any:
+        return self._on_feedback
 
     def _answered(self, handle: Any) -> None:
         if self._answer.done():
@@ -136,7 +126,6 @@ class RosPluginNode:
     Its action clients never wait for their server in ``setup``; their goals do.
 
     Args:
-        node: The host's node.
         send: Makes a goal.
     """
 

@@ -126,7 +126,6 @@ class RosEnvironment:
         node: The host's node; it has one client per name.
         wake: Called when something has arrived that a leaf may wait for.
         open_goals: List of the sent goals until their end is confirmed.
-        space: The scene parameters.
         agent: Returns the name of the agent whose tree is running.
         scene: Returns the scene of its run as awarded.
         run: Returns that run, None without one; goals and requests carry it if their type has

@@ -3,42 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from bt_agents_language.diagnostics.renderers import visible
 
-
-class ProblemOnCard(Protocol):
-    """Fields of ``FileProblem.msg``."""
-
-    agent: str
-    file: str
-    line: int
-    message: str
-
-
-class AgentOnCard(Protocol):
-    """Fields of ``AgentCard.msg`` that are compared."""
-
-    name: str
-    version: int
-    change: str
-    waiting: bool
-    degraded: bool
-    problems: Sequence[ProblemOnCard]
-    removal_reason: str
-
-
-class CardContent(Protocol):
-    """Fields of ``HostCard.msg`` that are compared."""
-
-    host: str
-    host_instance: str
-    agents: Sequence[AgentOnCard]
-    problems: Sequence[ProblemOnCard]
+if TYPE_CHECKING:
+    # The command line, which formats problems, starts without ROS.
+    from bt_agents_interfaces.msg import AgentCard, FileProblem, HostCard
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,9 +32,9 @@ class CardDiff:
     """Compares each card with the previous one of the same start of the same host."""
 
     def __init__(self) -> None:
-        self._last: dict[str, CardContent] = {}
+        self._last: dict[str, HostCard] = {}
 
-    def update(self, card: CardContent) -> list[CardDifference]:
+    def update(self, card: HostCard) -> list[CardDifference]:
         """Return what has changed on a card; after a restart of its host, only new problems."""
         before = self._last.get(card.host)
         self._last[card.host] = card
@@ -90,25 +64,25 @@ class CardDiff:
         self._last.pop(host, None)
 
 
-def degraded_reason(agent: AgentOnCard) -> str:
+def degraded_reason(agent: AgentCard) -> str:
     """Return briefly why an agent is not as its files say; empty if it is."""
     if not agent.degraded:
         return ""
     first, *more = agent.problems
     if not first.file:
-        return first.message
+        return str(first.message)
     others = f" (and {len(more)} more)" if more else ""
     return f"broken: {visible(Path(first.file).name)}:{first.line}{others}"
 
 
-def problem_text(problem: ProblemOnCard) -> str:
+def problem_text(problem: FileProblem) -> str:
     """Return a problem as text, with the agent unless the place of the error says more."""
     if problem.agent and not problem.file:
         return f"{problem.agent}: {problem.message}"
-    return problem.message
+    return str(problem.message)
 
 
-def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
+def _of_agent(before: AgentCard, now: AgentCard) -> list[CardDifference]:
     name = now.name
     changed = []
     if now.version != before.version:
@@ -125,7 +99,7 @@ def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
     return changed
 
 
-def _degraded(now: AgentOnCard) -> str:
+def _degraded(now: AgentCard) -> str:
     if now.removal_reason:
         return f"{now.name}: {now.removal_reason}; it leaves at the end of its run"
     first, *more = now.problems
@@ -139,7 +113,7 @@ def _degraded(now: AgentOnCard) -> str:
 
 
 def _of_folder(
-    before: CardContent, card: CardContent, agents: Mapping[str, AgentOnCard]
+    before: HostCard, card: HostCard, agents: Mapping[str, AgentCard]
 ) -> list[CardDifference]:
     reported = [problem for agent in agents.values() for problem in agent.problems]
     changed = [

@@ -6,11 +6,12 @@ from __future__ import annotations
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future as Job
 from dataclasses import dataclass, field
 from typing import Any
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -20,7 +21,9 @@ from bt_agents.host.run_server import RunServer
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import PERIOD_S
 from bt_agents_core.worker_thread import WorkerThread
+from bt_agents_interfaces.srv import ReloadAgents
 from bt_agents_language.files.folder_reader import Trees
+from bt_agents_ros import qos
 from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
 
@@ -38,11 +41,11 @@ ANSWER_LIMIT_S = 20.0
 
 
 @dataclass(eq=False, kw_only=True)
-class Request:
+class _Request:
     """Request to read files, answered after all effects have been executed.
 
     Attributes:
-        done: Future whose result is this request.
+        done: Future that ends with it.
         deadline: Latest steady time of the answer [s].
         changes: Descriptions of the changes.
         agents: Names of the agents that have changed.
@@ -60,16 +63,16 @@ class Request:
 class _Reading:
     job: Job[Any]
     handle: Callable[[Any], None]
-    request: Request | None
+    request: _Request | None
 
 
 class ReloadService:
     """Watches the trees folder of a host and executes the effects of changed files.
 
-    One thread polls and reads the files, however long that takes. The executor's thread handles
-    the results in order of the requests, in slices that block no other callback: it applies each
-    effect, and calls ``applied`` after one or more effects and when the folder as a whole has
-    changed.
+    Its service ``~/reload`` reads changed files at once. One thread polls and reads the files,
+    however long that takes. The executor's thread handles the results in order of the requests, in
+    slices that block no other callback: it applies each effect, and calls ``applied`` after one or
+    more effects and when the folder as a whole has changed.
 
     Attributes:
         problems: Why the folder could not be read again; empty when it could.
@@ -95,14 +98,22 @@ class ReloadService:
         self._unsettled: deque[str] = deque()
         self._effects: list[ReloadEffect] = []
         self._updated = False
-        self._requests: list[Request] = []
+        self._requests: list[_Request] = []
         self._next_poll = time.monotonic() + PERIOD_S
         self.problems: tuple[str, ...] = ()
         what = "take changed files of agents over by itself"
         self._enabled = bool(
             declare_and_watch(node, "reload", True, describe(what), self._set_enabled)
         )
-        runs.on_end(lambda goal, _result: self.run_ended(goal.agent))
+        runs.on_end.append(lambda goal, _result: self._run_ended(goal.agent))
+        node.create_service(
+            ReloadAgents,
+            "~/reload",
+            self._reload,
+            qos_profile=qos.SERVICE,
+            # A request in progress delays only the others of its group.
+            callback_group=MutuallyExclusiveCallbackGroup(),
+        )
         self._timer = steady_timer(node, PERIOD_S, self._on_timer)
 
     def close(self) -> None:
@@ -110,18 +121,39 @@ class ReloadService:
         self._watch.stop()
         self._thread.shutdown(wait=False, cancel_futures=True)
 
-    def run_ended(self, agent: str) -> None:
+    async def _reload(
+        self, asked: ReloadAgents.Request, response: ReloadAgents.Response
+    ) -> ReloadAgents.Response:
+        request = self._request()
+        self._read(lambda: self._watch.poll(settle=False), self.update, request)
+        await request.done
+        problems = self.versions.folder_problems()
+        response.accepted = not (request.error or problems)
+        changes = [request.error] if request.error else list(request.changes)
+        running = self._runs.running
+        cancelled = self._cancel_for_waiting(asked.now, running)
+        # The description of a changed agent already names what waits for the end of its run.
+        is_named = running in request.agents and not request.error
+        waiting = "" if cancelled or is_named else self.versions.waiting_text(running)
+        response.message = "\n".join(
+            reload_lines([*changes, *cancelled], waiting, [one.message for one in problems])
+        )
+        return response
+
+    def _cancel_for_waiting(self, now: bool, agent: str) -> list[str]:
+        """If ``now``, cancel the run that a version waits for; return the lines that report it."""
+        waiting = self.versions.waiting_text(agent) if now else ""
+        if not waiting:
+            return []
+        self._runs.cancel(f"{waiting}, and somebody wants it now")
+        return [f"{waiting}: the run of {agent} is cancelled for it"]
+
+    def _run_ended(self, agent: str) -> None:
         """Execute the effect that waited for the end of an agent's run."""
         effect = self.versions.run_ended(agent)
         if effect is not None:
             self._execute(effect)
             self._report_effects()
-
-    def poll_now(self) -> Future:
-        """Read changed files at once; return the future of the request."""
-        request = self._request()
-        self._read(lambda: self._watch.poll(settle=False), self.update, request)
-        return request.done
 
     def update(self, trees: Trees | None) -> None:
         """Handle a reading, None for no change; work beyond the time slice follows later."""
@@ -232,22 +264,32 @@ class ReloadService:
         return True
 
     def _read(
-        self, work: Callable[[], Any], handle: Callable[[Any], None], request: Request | None
+        self, work: Callable[[], Any], handle: Callable[[Any], None], request: _Request | None
     ) -> None:
         self._readings.append(
             _Reading(job=self._thread.submit(work), handle=handle, request=request)
         )
         self._set_timer()
 
-    def _request(self) -> Request:
+    def _request(self) -> _Request:
         done = Future(executor=self._node.executor)
-        request = Request(done=done, deadline=time.monotonic() + ANSWER_LIMIT_S)
+        request = _Request(done=done, deadline=time.monotonic() + ANSWER_LIMIT_S)
         self._requests.append(request)
         return request
 
-    def _end(self, request: Request) -> None:
+    def _end(self, request: _Request) -> None:
         self._requests.remove(request)
-        request.done.set_result(request)
+        request.done.set_result(None)
 
     def _set_enabled(self, enabled: bool) -> None:
         self._enabled = enabled
+
+
+def reload_lines(changes: Sequence[str], waiting: str, problems: Sequence[str]) -> list[str]:
+    """Return the lines of an answer to a reload; skips problems that a change already quotes."""
+    lines = list(changes)
+    if waiting:
+        lines.append(f"{waiting} for the end of the run; 'bt-agents reload --now' cancels it")
+    text = "\n".join(lines)
+    lines += [problem for problem in problems if problem not in text]
+    return lines or ["nothing has changed"]

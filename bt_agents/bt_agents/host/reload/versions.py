@@ -58,7 +58,7 @@ class AgentVersions:
         trees: Last reading of the trees folder.
         texts: Texts of the scene, skills and libraries in force; for broken skills, the last good
             ones.
-        histories: Name of an agent → its versions, for agents with a version in force.
+        states: Name of an agent → its versions, for agents with a version in force.
     """
 
     def __init__(self, trees: Trees) -> None:

@@ -27,38 +27,29 @@ _TICKS = 10
 """Number of ticks over which statistics are averaged."""
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class SnapshotParameters:
     """Content and rate of a snapshot stream.
 
     Attributes:
         period_s: Time between snapshots without changes [s]; infinite for changes only.
+
+    Raises:
+        Refused: ``NOT_A_DURATION``.
     """
 
     period_s: float
-    blackboard_data: bool = False
-    blackboard_activity: bool = False
+    blackboard_data: bool
+    blackboard_activity: bool
 
-    @classmethod
-    def checked(
-        cls, period_s: float, blackboard_data: bool, blackboard_activity: bool
-    ) -> SnapshotParameters:
-        """Return checked parameters from outside.
-
-        Raises:
-            Refused: ``NOT_A_DURATION``.
-        """
-        if math.isnan(period_s) or period_s < 0.0:
+    def __post_init__(self) -> None:
+        """Check the period, which comes from outside."""
+        if math.isnan(self.period_s) or self.period_s < 0.0:
             raise Refused(
                 RefusalCode.NOT_A_DURATION,
-                f"the snapshot period is {period_s}, expected a number of seconds from 0 on, or "
-                "infinity for changes alone",
+                f"the snapshot period is {self.period_s}, expected a number of seconds from 0 on, "
+                "or infinity for changes alone",
             )
-        return cls(
-            period_s=period_s,
-            blackboard_data=blackboard_data,
-            blackboard_activity=blackboard_activity,
-        )
 
 
 class StreamUse:

@@ -51,6 +51,10 @@ class _SnapshotStream:
     schedule: SnapshotSchedule = field(default_factory=SnapshotSchedule)
     sent: tuple[WatchedRun, int] | None = None
 
+    @property
+    def with_activity(self) -> bool:
+        return self.parameters.blackboard_activity
+
 
 @dataclass(eq=False, kw_only=True)
 class _BlackboardStream:
@@ -66,11 +70,6 @@ class TreeStreams:
     """Streams of the current run and its blackboard; each watcher opens its own stream.
 
     Without subscribers, nothing is noted during ticks. The last snapshot of a run stays latched.
-
-    Args:
-        node: The host's node.
-        runs: Its runs.
-        interfaces: The types of the tools.
     """
 
     def __init__(self, node: Node, runs: RunServer, interfaces: WatcherInterfaces) -> None:
@@ -94,25 +93,24 @@ class TreeStreams:
                 getattr(interfaces.srv, kind), name, callbacks[kind], qos_profile=qos.SERVICE
             )
         self._declare_default_stream()
-        runs.on_start(self._on_start)
-        runs.on_tick(self._on_tick)
-        runs.on_end(lambda *_: self._on_end())
+        runs.on_start.append(self._on_start)
+        runs.on_tick.append(self._on_tick)
+        runs.on_end.append(lambda *_: self._on_end())
 
     def check_subscribers(self) -> None:
         """Check the subscribers and close unused streams; called with each heartbeat."""
         now = time.monotonic()
-        for topic, snapshots in list(self._snapshots.items()):
-            if snapshots.use.update(snapshots.publisher.get_subscription_count(), now):
-                self._note()
-                self._publish_snapshot(snapshots, changed=True)
-            if snapshots.use.is_over(now):
-                self._drop(self._snapshots, topic)
-        for topic, blackboard in list(self._blackboards.items()):
-            if blackboard.use.update(blackboard.publisher.get_subscription_count(), now):
-                self._note()
-                self._publish_blackboard(blackboard)
-            if blackboard.use.is_over(now):
-                self._drop(self._blackboards, topic)
+        kinds: tuple[tuple[dict[str, Any], Callable[[Any], None]], ...] = (
+            (self._snapshots, self._publish_snapshot),
+            (self._blackboards, self._publish_blackboard),
+        )
+        for streams, publish in kinds:
+            for topic, stream in list(streams.items()):
+                if stream.use.update(stream.publisher.get_subscription_count(), now):
+                    self._note()
+                    publish(stream)
+                if stream.use.is_over(now):
+                    self._drop(streams, topic)
         self._note()
 
     def _on_start(self, run: Run) -> None:
@@ -122,7 +120,7 @@ class TreeStreams:
 
     def _on_tick(self) -> None:
         run = self._run
-        if run is None or not self._is_watched:
+        if run is None or not self._watched:
             return
         # The tree of the clean-up is built during the run.
         self._note()
@@ -131,7 +129,7 @@ class TreeStreams:
 
     def _on_end(self) -> None:
         """Publish how the run has ended, which its last tick did not know."""
-        if self._is_watched:
+        if self._watched:
             self._publish(changed=True)
 
     def _publish(self, *, changed: bool) -> None:
@@ -147,23 +145,21 @@ class TreeStreams:
                 self._publish_blackboard(blackboard)
 
     @property
-    def _is_watched(self) -> bool:
-        uses = [one.use for one in self._snapshots.values()]
-        uses += [one.use for one in self._blackboards.values()]
-        return any(use.watched for use in uses)
+    def _watched(self) -> list[_SnapshotStream | _BlackboardStream]:
+        """The streams that have subscribers."""
+        streams: list[_SnapshotStream | _BlackboardStream] = [*self._snapshots.values()]
+        streams += self._blackboards.values()
+        return [one for one in streams if one.use.watched]
 
     def _note(self) -> None:
         """Note only what streams with subscribers need."""
-        if self._run is None:
-            return
-        activity = any(
-            one.use.watched and one.parameters.blackboard_activity
-            for one in self._snapshots.values()
-        ) or any(one.use.watched and one.with_activity for one in self._blackboards.values())
-        self._run.note(visits=self._is_watched, activity=activity)
+        if self._run is not None:
+            watched = self._watched
+            activity = any(one.with_activity for one in watched)
+            self._run.note(visits=bool(watched), activity=activity)
 
     def _publish_snapshot(
-        self, stream: _SnapshotStream, *, changed: bool, again: bool = False
+        self, stream: _SnapshotStream, *, changed: bool = True, again: bool = False
     ) -> None:
         watched = self._run
         if watched is None:
@@ -227,7 +223,7 @@ class TreeStreams:
                 use=StreamUse(time.monotonic(), kept=kept),
             )
         stream.parameters = parameters
-        self._publish_snapshot(stream, changed=True)
+        self._publish_snapshot(stream)
         return topic
 
     def _close_snapshots(self, request: Any, response: Any) -> Any:
@@ -321,10 +317,10 @@ class TreeStreams:
             return
         self._open(
             topic,
-            SnapshotParameters.checked(
-                values[DEFAULT_PERIOD],
-                values["default_snapshot_blackboard_data"],
-                values["default_snapshot_blackboard_activity"],
+            SnapshotParameters(
+                period_s=values[DEFAULT_PERIOD],
+                blackboard_data=values["default_snapshot_blackboard_data"],
+                blackboard_activity=values["default_snapshot_blackboard_activity"],
             ),
             kept=True,
         )
@@ -380,6 +376,8 @@ def offer_tree_streams(node: Node, runs: RunServer) -> TreeStreams | None:
 
 
 def _parameters(message: Any) -> SnapshotParameters:
-    return SnapshotParameters.checked(
-        message.snapshot_period, message.blackboard_data, message.blackboard_activity
+    return SnapshotParameters(
+        period_s=message.snapshot_period,
+        blackboard_data=message.blackboard_data,
+        blackboard_activity=message.blackboard_activity,
     )

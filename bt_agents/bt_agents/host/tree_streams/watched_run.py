@@ -18,9 +18,6 @@ from bt_agents.host.tree_streams.tree_snapshot import NodeState, ShownNode, Tree
 class WatchedRun:
     """The current run, or the last one.
 
-    Args:
-        run: The run, which may have ended.
-
     Attributes:
         blackboard: Its names by their keys.
         changed: Whether the last tick changed a status.
