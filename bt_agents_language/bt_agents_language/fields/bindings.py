@@ -14,7 +14,7 @@ from bt_agents_language.fields.interfaces import (
     read_ros_name,
     read_ros_type,
 )
-from bt_agents_language.fields.scope import NameScope, run_names
+from bt_agents_language.fields.scope import RUN_NAMES, NameScope
 from bt_agents_language.fields.values import is_plain, plain, read_condition, read_map
 from bt_agents_language.model.specs import (
     Binding,
@@ -189,8 +189,7 @@ def read_binding(
     sent_node = fields.get(SENT[kind])
     sent = MapValue(items={})
     if sent_node is not None:
-        sent_names = names.and_names(run_names())
-        sent = read_map(reading, sent_node, sent_names, f"'{SENT[kind]}'")
+        sent = read_map(reading, sent_node, names.and_names(RUN_NAMES), f"'{SENT[kind]}'")
         if interfaces is not None and type_name is not None:
             _check_sent(reading, sent_node, sent, kind, type_name, interfaces)
     succeed_node = fields.get("succeed_when")

@@ -11,7 +11,7 @@ from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.fields.scope import NameScope, scene_labels, scene_names, scene_ranges
+from bt_agents_language.fields.scope import NameScope, scene_names, scene_scope
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.yaml.field_tables import (
     CONDITION,
@@ -83,9 +83,7 @@ def read_market(file: Path | Source, space: SceneSpace) -> tuple[MarketRule, ...
     """Return the rules of a market file, or raise a ``ReadError`` with all problems."""
     with TypedReader.of(file) as reading:
         fields = reading.file(MARKET)
-        names = NameScope(
-            scene_names(space, ("scene",)), ranges=scene_ranges(space), labels=scene_labels(space)
-        )
+        names = scene_scope(space, scene_names(space, ("scene",)))
         rules = [_rule(reading, node, names) for node in fields.items("rules")]
         reading.problems.raise_if_any()
         return tuple(rule for rule in rules if rule is not None)
