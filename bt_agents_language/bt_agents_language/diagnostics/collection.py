@@ -160,6 +160,19 @@ def _in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(diagnostics, key=lambda one: (one.position.line, one.position.column))
 
 
+def warning(code: str, position: Position, width: int, message: str, hint: str) -> Diagnostic:
+    """Return a warning about some characters from a position on."""
+    end = position._replace(column=position.column + width)
+    return Diagnostic(
+        code=code,
+        position=position,
+        message=message,
+        hint=hint,
+        end=end,
+        severity=Severity.WARNING,
+    )
+
+
 def merged(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return problems in order, without duplicates, with all places that insert their texts."""
     found: dict[Diagnostic, Diagnostic] = {}
