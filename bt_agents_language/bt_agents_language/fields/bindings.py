@@ -36,7 +36,7 @@ from bt_agents_language.yaml.field_tables import (
     Several,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
-from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of, several
 
 SENT = {BindingKind.ACTION: "goal", BindingKind.SERVICE: "request", BindingKind.TOPIC: "message"}
 """Key of the sent values, and the section of the type that they fill."""
@@ -334,8 +334,7 @@ def _error_code(
 
     code, message = written.read("field", path), written.read("message", path)
     success = written.get("success")
-    codes = success.items if isinstance(success, Sequence) else (success,) if success else ()
-    read = [reading.number(one, "'success'") for one in codes]
+    read = [reading.number(one, "'success'") for one in several(success)] if success else []
     if code is None or None in read:
         return None
     known = tuple(one for one in read if one is not None)

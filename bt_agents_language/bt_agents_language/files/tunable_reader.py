@@ -13,7 +13,7 @@ from bt_agents_language.model.specs import Tunable
 from bt_agents_language.yaml.field_tables import AMOUNT, TEXT, FieldDecl, KeyTable
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, adding, found
-from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, entries_of, several
 
 TUNABLE = KeyTable(
     fields=(
@@ -55,8 +55,7 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
         return None
     span = next((one for one in entries_of(entry.value) if one.key.text in _SPANS), None)
     if span is not None:
-        parts = span.value.items if isinstance(span.value, Sequence) else (span.value,)
-        written = " to ".join(one.text for one in parts if isinstance(one, Scalar))
+        written = " to ".join(one.text for one in several(span.value) if isinstance(one, Scalar))
         low, high = map(ellipsize, quantities.ends_of(written) or ("…", "…"))
         message = f"{what} has no key '{span.key.text}'"
         reading.error("unknown-key", span.key, message, f"write min: {low}, max: {high}")
