@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
-from bt_agents_groot.controls import numbered_case
+from bt_agents_groot.controls import CONTROLS, numbered_case
 from bt_agents_groot.document import node_id
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.reactive_nodes import Repeated, while_repeated
@@ -137,11 +137,6 @@ def _path_longer(tree: TreeImport, element: Element) -> YamlNode:
     return selector(decorated(longer, "invert", True), tree.node(element.children[0]))
 
 
-def _nonblocking(tree: TreeImport, element: Element) -> YamlNode:
-    tree.note(element, BUILTINS[node_id(element)].note)
-    return YamlNode(key="parallel", children=tuple(map(tree.node, element.children)))
-
-
 def _persistent(tree: TreeImport, element: Element) -> YamlNode:
     """Return a sequence that resumes after the child whose number an entry holds."""
     entry = pointed_at(element.get("current_child_idx"))
@@ -183,7 +178,7 @@ NAV2_NODES: Mapping[str, Translate] = {
     "RecoveryNode": _recovery_node,
     "RoundRobin": _round_robin,
     "PipelineSequence": _pipeline,
-    "NonblockingSequence": _nonblocking,
+    "NonblockingSequence": CONTROLS["ParallelAll"],
     "PersistentSequence": _persistent,
     "RateController": _unlimited,
     **dict.fromkeys(_CONTROLLERS, _unlimited),
