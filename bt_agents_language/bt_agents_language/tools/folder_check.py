@@ -144,23 +144,17 @@ class _FolderCheck:
             self._add([problem])
 
     def _base_problems(self, scene: Path, skills: list[Path]) -> None:
-        try:
+        with self._guarded(scene):
             read_scene(scene, self._interfaces)
-        except ReadError as error:
-            self._add(error.diagnostics)
-        try:
+        with self._guarded(self._folder / "skills"):
             read_skills(skills, self._interfaces)
-        except ReadError as error:
-            self._add(error.diagnostics)
 
     def _add_other_scenes(self, paths: Iterable[Path]) -> None:
         """Add the problems of scene files of robots whose ROS packages may be absent here."""
         known = OfInstalledPackages(self._interfaces) if self._interfaces is not None else None
         for path in filter(self._is_wanted, paths):
-            try:
+            with self._guarded(path):
                 read_scene(path, known)
-            except ReadError as error:
-                self._add(error.diagnostics)
 
     def _dependent_problems(self, trees: Trees, paths: list[Path]) -> list[AgentSpec]:
         """Add the problems of files that need the scene and the skills; return the good agents."""

@@ -81,9 +81,8 @@ def cut_texts(source: Source) -> Found:
             yield from _cut_at_commas(source, node)
         if not isinstance(node, Scalar):
             continue
-        scalar = node
-        match = _NUMBER.match(source.text, scalar.span[1])
-        if scalar.plain and scalar.text and match is not None:
+        match = _NUMBER.match(source.text, node.span[1])
+        if node.plain and node.text and match is not None:
             lost = match[0].strip()
             yield warning(
                 "cut-text",

@@ -233,7 +233,7 @@ class ScenarioReader:
             known=known,
             clock=self._clock(fields.get("clock")),
             tunables=self._tuned(fields.entries("tunables")),
-            seed=fields.integer("seed", maximum=2**63 - 1) or 0,
+            seed=fields.integer("seed") or 0,
             picks=self._picks(fields.get("picks")),
             answers=tuple(one for one in rules if one is not None),
             variants=tuple(one for one in variants if one is not None),
