@@ -142,7 +142,6 @@ class FolderTexts:
         return self._folder / FOLDER / f"{self.language}{SUFFIX}"
 
     def languages(self) -> list[str]:
-        """Return the languages with texts."""
         paths = sorted((self._folder / FOLDER).glob(f"*{SUFFIX}"))
         return [path.stem for path in paths if _LANGUAGE.fullmatch(path.stem)]
 
@@ -228,7 +227,6 @@ class AskedTexts:
         return self._texts.find(name)
 
     def languages(self) -> list[str]:
-        """Return the languages with texts."""
         return self._texts.languages()
 
     def speaking(self, language: str) -> AskedTexts:
