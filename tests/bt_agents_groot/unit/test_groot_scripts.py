@@ -149,8 +149,7 @@ def test_expression_is_exported_as_script(expression, script):
 
 
 @pytest.mark.parametrize(
-    "expression",
-    ["max(a, b) > 1", "a % 2 == 0", "msg.data", "a else 1 > 2", "known(a)"],
+    "expression", ["max(a, b) > 1", "a % 2 == 0", "msg.data", "a else 1 > 2", "known(a)"]
 )
 def test_expression_without_script_equivalent_is_rejected(expression):
     with pytest.raises(Untranslatable):
