@@ -403,12 +403,6 @@ def test_scene_without_mood_has_no_mood_change():
     assert "scene.yaml does not say which parameter is the mood" in error.value.report
 
 
-def test_very_long_subtree_chain_is_too_large():
-    links = "".join(f"  s{i}: {{tree: {{subtree: s{i + 1}}}}}\n" for i in range(3000))
-    text = f"tree: {{subtree: s0}}\nsubtrees:\n{links}  s3000: {{tree: {{say: x}}}}\n"
-    assert errors(text)[0].startswith("4:8: error[tree-too-large]")
-
-
 def test_all_trees_share_one_node_limit():
     say = "- {say: x}\n" * (MAX_NODES // 2)
     text = f"tree:\n  sequence:\n{say}on_cancel:\n  sequence:\n{say}"
