@@ -56,21 +56,21 @@ def _fallback(tree: TreeImport, element: Element) -> YamlNode:
     return _composite("selector")(tree, element)
 
 
-def _noted(translate: Translate) -> Translate:
+def noted(translate: Translate) -> Translate:
     """Return a translator that first remarks on the difference in the catalogue."""
 
-    def noted(tree: TreeImport, element: Element) -> YamlNode:
+    def remark(tree: TreeImport, element: Element) -> YamlNode:
         tree.note(element, BUILTINS[node_id(element)].note)
         return translate(tree, element)
 
-    return noted
+    return remark
 
 
 def _parallel(tree: TreeImport, element: Element) -> YamlNode:
     children = tuple(map(tree.node, element.children))
     total = len(children)
-    success = _threshold(tree, element, "success_count", -1, total)
-    failure = _threshold(tree, element, "failure_count", 1, total)
+    success = _threshold(tree.constant(element, "success_count", "-1"), total)
+    failure = _threshold(tree.constant(element, "failure_count", "1"), total)
     if success >= total:
         return YamlNode(key="parallel", children=children)
     if failure != total - success + 1:
@@ -83,11 +83,7 @@ def _parallel(tree: TreeImport, element: Element) -> YamlNode:
     return YamlNode(key="parallel", value={"succeed_on": wanted}, children=children)
 
 
-def _threshold(tree: TreeImport, element: Element, port: str, default: int, total: int) -> int:
-    text = element.get(port, str(default)).strip()
-    if pointed_at(text) is not None:
-        tree.lost(element, f"'{port}' is {text}; {default} is assumed")
-        text = str(default)
+def _threshold(text: str, total: int) -> int:
     number = int(text)
     return max(number + total + 1, 1) if number < 0 else number
 
@@ -239,15 +235,15 @@ CONTROLS: Mapping[str, Translate] = {
     "Sequence": _composite("sequence"),
     "AsyncSequence": _composite("sequence"),
     "ReactiveSequence": _composite("sequence", memory=False),
-    "SequenceWithMemory": _noted(_composite("sequence")),
+    "SequenceWithMemory": noted(_composite("sequence")),
     "Fallback": _fallback,
     "AsyncFallback": _composite("selector"),
     "ReactiveFallback": _composite("selector", memory=False),
     "Parallel": _parallel,
-    "ParallelAll": _noted(_parallel_all),
+    "ParallelAll": noted(_parallel_all),
     "IfThenElse": _if_then_else,
     "WhileDoElse": _while_do_else,
-    **{f"Switch{cases}": _noted(_switch) for cases in range(2, 7)},
+    **{f"Switch{cases}": noted(_switch) for cases in range(2, 7)},
     "TryCatch": _try_catch,
 }
 """Translator of each built-in control node."""

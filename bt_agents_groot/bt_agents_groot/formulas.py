@@ -200,7 +200,7 @@ def _script(formula: Formula) -> tuple[str, int]:
             first = _enclosed(_script(left), strength + (operator in COMPARISONS))
             word = _SCRIPT_WORDS.get(operator, operator)
             return f"{first} {word} {_enclosed(_script(right), strength + 1)}", strength
-        case Binary("in", operand, Call("[", arguments)) if arguments:
+        case Binary("in", operand, Call("[", arguments)):
             equal: Formula = Binary("==", operand, arguments[0])
             for argument in arguments[1:]:
                 equal = Binary("or", equal, Binary("==", operand, argument))

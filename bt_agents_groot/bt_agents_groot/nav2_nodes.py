@@ -7,10 +7,9 @@ import re
 from collections.abc import Mapping
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
-from bt_agents_groot.controls import numbered_case
+from bt_agents_groot.catalogue import CONDITIONS
+from bt_agents_groot.controls import CONTROLS, noted, numbered_case
 from bt_agents_groot.document import node_id
-from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.reactive_nodes import Repeated, while_repeated
 from bt_agents_groot.simple_nodes import time_of, unknown_parent
 from bt_agents_groot.tree_import import Translate, TreeImport
@@ -53,10 +52,8 @@ def _recovery_node(tree: TreeImport, element: Element) -> YamlNode:
 def _retries(tree: TreeImport, element: Element) -> tuple[str, Data]:
     """Return the number of recoveries, as an expression, and the number of attempts."""
     text = element.get("number_of_retries", "1").strip()
-    entry = pointed_at(text)
-    if entry is not None:
-        name = tree.names.rename(entry)
-        tree.names.read([name], FieldType.INTEGER)
+    name = tree.entry(text, FieldType.INTEGER)
+    if name is not None:
         return name, Raw(f"${{{name} + 1}}")
     if int(text) < 0:
         return str(_NO_LIMIT), Raw(FOREVER)
@@ -65,9 +62,8 @@ def _retries(tree: TreeImport, element: Element) -> tuple[str, Data]:
 
 def _round_robin(tree: TreeImport, element: Element) -> YamlNode:
     """Return one child after another until one succeeds, beginning after the last one that ran."""
-    tree.note(element, BUILTINS[node_id(element)].note)
     turn = tree.names.fresh("turn")
-    if not _flag(tree, element, "wrap_around", True):
+    if tree.constant(element, "wrap_around", "true").lower() not in ("true", "1"):
         return _single_round(tree, element, turn)
     count = len(element.children)
     following = Raw(f"${{(({turn} else {count - 1}) + 1) % {count}}}")
@@ -96,14 +92,6 @@ def _single_round(tree: TreeImport, element: Element, turn: str) -> YamlNode:
     return selector(*tries, decorated(ended, "fail", True))
 
 
-def _flag(tree: TreeImport, element: Element, port: str, default: bool) -> bool:
-    text = element.get(port, str(default)).strip()
-    if pointed_at(text) is not None:
-        tree.lost(element, f"'{port}' is {text}; {str(default).lower()} is assumed")
-        return default
-    return text.lower() in ("true", "1")
-
-
 def _pipeline(tree: TreeImport, element: Element) -> YamlNode:
     *before, last = element.children
     repeated = [_repeated(tree, child) for child in before]
@@ -123,12 +111,10 @@ def _repeated(tree: TreeImport, element: Element) -> Repeated:
 
 
 def _unlimited(tree: TreeImport, element: Element) -> YamlNode:
-    tree.note(element, BUILTINS[node_id(element)].note)
     return tree.node(element.children[0])
 
 
 def _goal_updater(tree: TreeImport, element: Element) -> YamlNode:
-    tree.note(element, BUILTINS[node_id(element)].note)
     return sequence(tree.skill(element), tree.node(element.children[0]))
 
 
@@ -137,18 +123,11 @@ def _path_longer(tree: TreeImport, element: Element) -> YamlNode:
     return selector(decorated(longer, "invert", True), tree.node(element.children[0]))
 
 
-def _nonblocking(tree: TreeImport, element: Element) -> YamlNode:
-    tree.note(element, BUILTINS[node_id(element)].note)
-    return YamlNode(key="parallel", children=tuple(map(tree.node, element.children)))
-
-
 def _persistent(tree: TreeImport, element: Element) -> YamlNode:
     """Return a sequence that resumes after the child whose number an entry holds."""
-    entry = pointed_at(element.get("current_child_idx"))
-    if entry is None:
+    index = tree.entry(element.get("current_child_idx"), FieldType.INTEGER)
+    if index is None:
         return unknown_parent(tree, element)
-    index = tree.names.rename(entry)
-    tree.names.read([index], FieldType.INTEGER)
     steps = [
         decorated(
             sequence(child, YamlNode(key="set", value={index: number})),
@@ -165,10 +144,8 @@ def _persistent(tree: TreeImport, element: Element) -> YamlNode:
 
 def _period(tree: TreeImport, element: Element) -> Raw:
     text = element.get("hz", _USUAL_HZ).strip()
-    entry = pointed_at(text)
-    if entry is not None:
-        name = tree.names.rename(entry)
-        tree.names.read([name], FieldType.NUMBER)
+    name = tree.entry(text, FieldType.NUMBER)
+    if name is not None:
         return Raw(f"${{1 / {name}}}")
     if not _POSITIVE.fullmatch(text):
         tree.lost(element, f"'hz' is {text[:40]}; {_USUAL_HZ} is assumed")
@@ -181,13 +158,12 @@ _CONTROLLERS = ("DistanceController", "SpeedController", "GoalUpdatedController"
 
 NAV2_NODES: Mapping[str, Translate] = {
     "RecoveryNode": _recovery_node,
-    "RoundRobin": _round_robin,
+    "RoundRobin": noted(_round_robin),
     "PipelineSequence": _pipeline,
-    "NonblockingSequence": _nonblocking,
+    "NonblockingSequence": CONTROLS["ParallelAll"],
     "PersistentSequence": _persistent,
-    "RateController": _unlimited,
-    **dict.fromkeys(_CONTROLLERS, _unlimited),
-    "GoalUpdater": _goal_updater,
+    **dict.fromkeys(("RateController", *_CONTROLLERS), noted(_unlimited)),
+    "GoalUpdater": noted(_goal_updater),
     "PathLongerOnApproach": _path_longer,
     "SingleTrigger": unknown_parent,
     "PauseResumeController": unknown_parent,

@@ -15,6 +15,7 @@ from bt_agents_groot.formulas import GROUPS, Untranslatable, script_name
 from bt_agents_groot.yaml_nodes import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
 from bt_agents_language.expression.quantities import QuantityError, quantity
+from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.values import ONE_OF
 from bt_agents_language.nodes.node_type import FOREVER
 from bt_agents_language.yaml.scalars import plain_value
@@ -49,7 +50,6 @@ _FIELD_TYPES = {
     "long": FieldType.INTEGER,
     "float": FieldType.NUMBER,
 }
-_UNITS = {FieldType.DURATION: "s", FieldType.LENGTH: "m", FieldType.ANGLE: "rad"}
 
 
 class PortError(BtAgentsError):
@@ -85,10 +85,10 @@ def variants_port(node: Node) -> str:
 def plain_port(value: Plain, field_type: FieldType) -> str:
     """Return the text of a port for a value without names."""
     if isinstance(value, bool | int | float):
-        unit = _UNITS.get(field_type)
-        if unit is None or isinstance(value, bool):
+        dimension = DIMENSIONS.get(field_type)
+        if dimension is None or isinstance(value, bool):
             return json.dumps(value)
-        return f"{int(value) if value == int(value) else value} {unit}"
+        return f"{int(value) if value == int(value) else value} {dimension.si}"
     if isinstance(value, str) and (field_type is FieldType.TEXT or not _needs_quotes(value)):
         return value
     return _as_json(value)

@@ -20,14 +20,13 @@ from bt_agents_groot.formulas import (
 )
 from bt_agents_groot.naming import Renaming
 from bt_agents_groot.ports import Mention
+from bt_agents_language.expression.units import DIMENSIONS
 
 _USUAL: Mapping[FieldType, bool | int | float | str] = {
     FieldType.BOOLEAN: False,
     FieldType.NUMBER: 0.0,
     FieldType.INTEGER: 0,
-    FieldType.DURATION: 0,
-    FieldType.LENGTH: 0,
-    FieldType.ANGLE: 0,
+    **dict.fromkeys(DIMENSIONS, 0),
 }
 
 

@@ -63,10 +63,7 @@ def _run_once(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _precondition(tree: TreeImport, element: Element) -> YamlNode:
-    status = element.get("else", "FAILURE").strip()
-    if status.startswith("{"):
-        tree.lost(element, f"'else' is {status}; FAILURE is assumed")
-        status = "FAILURE"
+    status = tree.constant(element, "else", "FAILURE")
     try:
         condition = tree.condition(element.attributes["if"])
         text, opposite = tree.text(condition), tree.text(negated(condition))
@@ -154,10 +151,8 @@ _QUEUES: Mapping[str, Callable[[str], Data]] = {
 
 def _count(tree: TreeImport, element: Element, port: str) -> Data:
     text = element.get(port).strip()
-    entry = pointed_at(text)
-    if entry is not None:
-        name = tree.names.rename(entry)
-        tree.names.read([name], FieldType.INTEGER)
+    name = tree.entry(text, FieldType.INTEGER)
+    if name is not None:
         return Raw(f"${{{name}}}")
     return Raw(FOREVER) if int(text) < 0 else int(text)
 
@@ -165,10 +160,8 @@ def _count(tree: TreeImport, element: Element, port: str) -> Data:
 def _duration(tree: TreeImport, element: Element, port: str) -> Raw:
     """Return the time in a port, which has milliseconds."""
     text = element.get(port).strip()
-    entry = pointed_at(text)
-    if entry is not None:
-        name = tree.names.rename(entry)
-        tree.names.read([name], FieldType.NUMBER)
+    name = tree.entry(text, FieldType.NUMBER)
+    if name is not None:
         return Raw(f"${{{name} / 1000}}")
     return time_of(int(text))
 
@@ -232,10 +225,8 @@ SIMPLE_NODES: Mapping[str, Translate] = {
     "Delay": _delay,
     "RunOnce": _run_once,
     "Precondition": _precondition,
-    **dict.fromkeys(
-        ("SkipUnlessUpdated", "WaitValueUpdate"),
-        unknown_parent,
-    ),
+    "SkipUnlessUpdated": unknown_parent,
+    "WaitValueUpdate": unknown_parent,
     **dict.fromkeys(_QUEUES, _queue),
     "Sleep": _sleep,
     "Script": _script,

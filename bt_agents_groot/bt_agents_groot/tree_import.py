@@ -121,6 +121,23 @@ class TreeImport:
         self.names.mention(names_in(data), field_type if whole else FieldType.ANY)
         return data
 
+    def entry(self, text: str, field_type: FieldType) -> str | None:
+        """Return the name of the entry that a port points at, if any; record it as read."""
+        entry = pointed_at(text)
+        if entry is None:
+            return None
+        name = self.names.rename(entry)
+        self.names.read([name], field_type)
+        return name
+
+    def constant(self, element: Element, port: str, default: str) -> str:
+        """Return the text of a port; if it points at an entry, that is lost for its default."""
+        text = element.get(port, default).strip()
+        if pointed_at(text) is None:
+            return text
+        self.lost(element, f"'{port}' is {text}; {default} is assumed")
+        return default
+
     def script(self, attribute: Attribute) -> YamlNode:
         """Return the node for a script; record its names as read and written.
 

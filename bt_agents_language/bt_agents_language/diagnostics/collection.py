@@ -93,37 +93,30 @@ class Diagnostics:
         severity: Severity = Severity.ERROR,
         inserted: tuple[str, ...] = (),
     ) -> None:
-        """Add a problem, like :meth:`append`."""
-        self.append(
-            Diagnostic(
-                code=code,
-                position=position,
-                message=message,
-                hint=hint,
-                end=end,
-                severity=severity,
-                inserted=inserted,
-            )
-        )
-
-    def append(self, diagnostic: Diagnostic) -> None:
         """Add a problem; duplicates at a place, or of all texts of a file, count once.
 
         Raises:
             ReadError: There are too many errors to continue reading.
         """
-        found = self._found[diagnostic.severity]
-        position = diagnostic.position
-        if diagnostic.code == NO_TEXTS:
-            position = position._replace(line=0, column=0)
-        key = (position, diagnostic.code, diagnostic.message)
+        found = self._found[severity]
+        place = position._replace(line=0, column=0) if code == NO_TEXTS else position
+        key = (place, code, message)
         if key in found:
-            if diagnostic.inserted:
-                found[key] = _joined(found[key], diagnostic)
+            if inserted:
+                found[key] = _joined(found[key], inserted)
             return
         if len(found) >= MAX_COLLECTED:
             return
-        found[key] = replace(diagnostic, excerpt=self._line(diagnostic.position.line))
+        found[key] = Diagnostic(
+            code=code,
+            position=position,
+            message=message,
+            hint=hint,
+            end=end,
+            severity=severity,
+            inserted=inserted,
+            excerpt=self._line(position.line),
+        )
         if len(self) >= MAX_COLLECTED:
             raise self.error()
 
@@ -160,18 +153,31 @@ def _in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(diagnostics, key=lambda one: (one.position.line, one.position.column))
 
 
+def warning(code: str, position: Position, width: int, message: str, hint: str) -> Diagnostic:
+    """Return a warning about some characters from a position on."""
+    end = position._replace(column=position.column + width)
+    return Diagnostic(
+        code=code,
+        position=position,
+        message=message,
+        hint=hint,
+        end=end,
+        severity=Severity.WARNING,
+    )
+
+
 def merged(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return problems in order, without duplicates, with all places that insert their texts."""
     found: dict[Diagnostic, Diagnostic] = {}
     for one in diagnostics:
         key = replace(one, inserted=())
-        found[key] = _joined(found[key], one) if key in found else one
+        found[key] = _joined(found[key], one.inserted) if key in found else one
     return list(found.values())
 
 
-def _joined(first: Diagnostic, other: Diagnostic) -> Diagnostic:
+def _joined(first: Diagnostic, inserted: tuple[str, ...]) -> Diagnostic:
     """Return a problem with the places of its duplicates, limited to a readable number."""
-    places = dict.fromkeys((*first.inserted, *other.inserted))
+    places = dict.fromkeys((*first.inserted, *inserted))
     return replace(first, inserted=tuple(places)[:MAX_COLLECTED])
 
 

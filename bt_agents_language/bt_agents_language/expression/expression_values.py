@@ -89,6 +89,8 @@ class Part:
         labels: Words for values of a scene parameter; None for anything else.
         name: The name, if it is a name; empty otherwise.
         condition: Condition on names that are compared with constants; None for none.
+        operator: Its outermost operator or function, ``[`` for a list; empty for a name or value.
+        operands: What that stands between, before or around.
     """
 
     run: Evaluator
@@ -104,6 +106,8 @@ class Part:
     labels: Labels | None = None
     name: str = ""
     condition: Condition | None = None
+    operator: str = ""
+    operands: tuple[Part, ...] = ()
 
     def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
         """Refuse the part if its value is definitely of another kind.

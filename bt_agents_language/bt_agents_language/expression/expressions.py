@@ -247,6 +247,17 @@ def parse_expression(
     )
 
 
+def parse_parts(text: str) -> Part:
+    """Return a sound expression with all of its parts, whatever its names are.
+
+    Raises:
+        ExpressionError: The text is not an expression.
+    """
+    return _Parser(
+        tokenize(text), None, None, {}, None, lambda _: ANY_LABELS, {}, lambda _: ()
+    ).whole()
+
+
 class _Parser:
     """Pratt parser for the tokens of one expression."""
 
@@ -346,6 +357,8 @@ class _Parser:
                 width=left.width,
                 unit=self._attempt(unit_of_pair, operator.word, left, right),
                 range=ranges.of_pair(operator.word, left.range, right.range),
+                operator=operator.word,
+                operands=operands,
             )
             if not operator.chains:
                 left = self._compared(left, *operands)
@@ -402,6 +415,8 @@ class _Parser:
             column=value.column,
             width=value.width,
             range=ranges.of_between(value.range, low.range, high.range),
+            operator="between",
+            operands=(value, low, high),
         )
         return self._compared(between, value, low, high)
 
@@ -522,6 +537,8 @@ class _Parser:
             condition=(
                 conditions.negated(_condition_of(operand)) if token.text == "not" else None
             ),
+            operator=token.text,
+            operands=(operand,),
         )
 
     def _name(self, token: Token) -> Part:
@@ -584,6 +601,8 @@ class _Parser:
             items=kinds[0] if kinds else None,
             members=items,
             range=ranges.of_list([item.range for item in items]),
+            operator=opening.text,
+            operands=tuple(items),
         )
 
     def _call(self, token: Token) -> Part:
@@ -610,6 +629,8 @@ class _Parser:
             unit=unit_of_call(token.text, arguments),
             words=function.words(arguments),
             range=ranges.of_call(token.text, [argument.range for argument in arguments]),
+            operator=token.text,
+            operands=tuple(arguments),
         )
 
     def _items(self, opening: Token, closing: str) -> list[Part]:

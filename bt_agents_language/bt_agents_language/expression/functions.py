@@ -130,13 +130,22 @@ def _sound(value: float, name: str, column: int) -> float:
     return value
 
 
+def _of_one(apply: Callable[[object, int], object]) -> Callable[[Sequence[Part], int], Evaluator]:
+    """Return the compiler of a function of one value; ``apply`` gets the value and the column."""
+
+    def compile_(arguments: Sequence[Part], column: int) -> Evaluator:
+        of = arguments[0].run
+        return lambda lookup: apply(of(lookup), column)
+
+    return compile_
+
+
 def _check_abs(arguments: Sequence[Part]) -> None:
     arguments[0].must_be(ValueKind.NUMBER, "'abs' needs a number")
 
 
-def _compile_abs(arguments: Sequence[Part], column: int) -> Evaluator:
-    of = arguments[0].run
-    return lambda lookup: bounded(abs(a_number(of(lookup), "abs", column)), "abs", column)
+def _abs(value: object, column: int) -> float:
+    return bounded(abs(a_number(value, "abs", column)), "abs", column)
 
 
 def _check_round(arguments: Sequence[Part]) -> None:
@@ -196,18 +205,10 @@ def _check_len(arguments: Sequence[Part]) -> None:
         raise only.error(f"'len' needs a text or a list, found {only.kind.one}")
 
 
-def _compile_len(arguments: Sequence[Part], column: int) -> Evaluator:
-    of = arguments[0].run
-
-    def run(lookup: Lookup) -> int:
-        value = of(lookup)
-        if not isinstance(value, (str, list, tuple)):
-            raise EvaluationError(
-                f"'len' needs a text or a list, found {described(value)}", column
-            )
-        return len(value)
-
-    return run
+def _len(value: object, column: int) -> int:
+    if not isinstance(value, (str, list, tuple)):
+        raise EvaluationError(f"'len' needs a text or a list, found {described(value)}", column)
+    return len(value)
 
 
 def _check_number(arguments: Sequence[Part]) -> None:
@@ -217,16 +218,10 @@ def _check_number(arguments: Sequence[Part]) -> None:
     only.must_be(ValueKind.TEXT, "'number' needs a text", hint)
 
 
-def _compile_number(arguments: Sequence[Part], column: int) -> Evaluator:
-    of = arguments[0].run
-
-    def run(lookup: Lookup) -> float:
-        value = of(lookup)
-        if not isinstance(value, str):
-            return bounded(a_number(value, "number", column), "number", column)
+def _number(value: object, column: int) -> float:
+    if isinstance(value, str):
         return bounded(_number_in(value, column), "number", column)
-
-    return run
+    return bounded(a_number(value, "number", column), "number", column)
 
 
 def _number_in(text: str, column: int) -> float:
@@ -267,9 +262,8 @@ def _check_lower(arguments: Sequence[Part]) -> None:
     arguments[0].must_be(ValueKind.TEXT, "'lower' needs a text")
 
 
-def _compile_lower(arguments: Sequence[Part], column: int) -> Evaluator:
-    of = arguments[0].run
-    return lambda lookup: _a_text(of(lookup), "lower", column).lower()
+def _lower(value: object, column: int) -> str:
+    return _a_text(value, "lower", column).lower()
 
 
 def _check_contains(arguments: Sequence[Part]) -> None:
@@ -336,7 +330,7 @@ FUNCTIONS: dict[str, Function] = {
             usage="abs(x)",
             means="a number without its sign",
             check_kinds=_check_abs,
-            compile=_compile_abs,
+            compile=_of_one(_abs),
         ),
         Function(
             name="round",
@@ -351,7 +345,7 @@ FUNCTIONS: dict[str, Function] = {
             usage="len(x)",
             means="how many letters or values there are",
             check_kinds=_check_len,
-            compile=_compile_len,
+            compile=_of_one(_len),
         ),
         Function(
             name="number",
@@ -359,7 +353,7 @@ FUNCTIONS: dict[str, Function] = {
             means="the number in a text, in digits: 4 in 'about 4'; fails when there is none, or "
             "several",
             check_kinds=_check_number,
-            compile=_compile_number,
+            compile=_of_one(_number),
         ),
         Function(
             name="known",
@@ -375,7 +369,7 @@ FUNCTIONS: dict[str, Function] = {
             usage="lower(text)",
             means="the text in small letters",
             check_kinds=_check_lower,
-            compile=_compile_lower,
+            compile=_of_one(_lower),
             gives=ValueKind.TEXT,
         ),
         Function(

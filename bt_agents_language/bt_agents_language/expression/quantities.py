@@ -124,10 +124,8 @@ def quantity_type(text: str, *, strict: bool = True) -> FieldType | None:
 
     Without ``strict``, any word similar to a unit counts as one.
     """
-    match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
-    if match is None or not match[2]:
-        return None
-    dimension = dimension_of(match[2]) if strict else dimension_meant(match[2])
+    unit = word_after_number(text)
+    dimension = dimension_of(unit) if strict else dimension_meant(unit)
     return None if dimension is None else dimension.type
 
 

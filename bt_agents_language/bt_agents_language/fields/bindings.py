@@ -14,7 +14,7 @@ from bt_agents_language.fields.interfaces import (
     read_ros_name,
     read_ros_type,
 )
-from bt_agents_language.fields.scope import NameScope, run_names
+from bt_agents_language.fields.scope import RUN_NAMES, NameScope
 from bt_agents_language.fields.values import is_plain, plain, read_condition, read_map
 from bt_agents_language.model.specs import (
     Binding,
@@ -36,7 +36,7 @@ from bt_agents_language.yaml.field_tables import (
     Several,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
-from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of, several
 
 SENT = {BindingKind.ACTION: "goal", BindingKind.SERVICE: "request", BindingKind.TOPIC: "message"}
 """Key of the sent values, and the section of the type that they fill."""
@@ -189,8 +189,7 @@ def read_binding(
     sent_node = fields.get(SENT[kind])
     sent = MapValue(items={})
     if sent_node is not None:
-        sent_names = names.and_names(run_names())
-        sent = read_map(reading, sent_node, sent_names, f"'{SENT[kind]}'")
+        sent = read_map(reading, sent_node, names.and_names(RUN_NAMES), f"'{SENT[kind]}'")
         if interfaces is not None and type_name is not None:
             _check_sent(reading, sent_node, sent, kind, type_name, interfaces)
     succeed_node = fields.get("succeed_when")
@@ -335,8 +334,7 @@ def _error_code(
 
     code, message = written.read("field", path), written.read("message", path)
     success = written.get("success")
-    codes = success.items if isinstance(success, Sequence) else (success,) if success else ()
-    read = [reading.number(one, "'success'") for one in codes]
+    read = [reading.number(one, "'success'") for one in several(success)] if success else []
     if code is None or None in read:
         return None
     known = tuple(one for one in read if one is not None)

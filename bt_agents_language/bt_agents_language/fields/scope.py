@@ -343,36 +343,29 @@ def scene_names(
     return types
 
 
-def clock_names() -> dict[str, FieldType]:
-    """Return the names of the local time."""
-    return {HOUR: FieldType.INTEGER, "clock.weekday": FieldType.TEXT}
+CLOCK_NAMES = {HOUR: FieldType.INTEGER, "clock.weekday": FieldType.TEXT}
+"""Names of the local time."""
 
+RUN_NAMES = {
+    "run.agent": FieldType.TEXT,
+    "run.host": FieldType.TEXT,
+    "run.person": FieldType.TEXT,
+    "run.urgency": FieldType.INTEGER,
+}
+"""Names about the user of a ROS interface."""
 
-def run_names() -> dict[str, FieldType]:
-    """Return the names about the user of a ROS interface: agent, host, person, urgency."""
-    return {
-        "run.agent": FieldType.TEXT,
-        "run.host": FieldType.TEXT,
-        "run.person": FieldType.TEXT,
-        "run.urgency": FieldType.INTEGER,
-    }
+PLACE_NAMES = {
+    "place.frame": FieldType.TEXT,
+    "place.x": FieldType.LENGTH,
+    "place.y": FieldType.LENGTH,
+    "place.heading": FieldType.ANGLE,
+    "place.orientation_z": FieldType.NUMBER,
+    "place.orientation_w": FieldType.NUMBER,
+}
+"""Names for the place that an input of a skill names."""
 
-
-def place_names() -> dict[str, FieldType]:
-    """Return the names for the place that an input of a skill names."""
-    return {
-        "place.frame": FieldType.TEXT,
-        "place.x": FieldType.LENGTH,
-        "place.y": FieldType.LENGTH,
-        "place.heading": FieldType.ANGLE,
-        "place.orientation_z": FieldType.NUMBER,
-        "place.orientation_w": FieldType.NUMBER,
-    }
-
-
-def cancel_names() -> dict[str, FieldType]:
-    """Return the names in ``on_cancel`` for who stopped the run, and why."""
-    return {"cancel.by": FieldType.TEXT, "cancel.reason": FieldType.TEXT}
+CANCEL_NAMES = {"cancel.by": FieldType.TEXT, "cancel.reason": FieldType.TEXT}
+"""Names in ``on_cancel`` for who stopped the run, and why."""
 
 
 def person_names(space: SceneSpace) -> dict[str, FieldType]:
@@ -384,6 +377,21 @@ def person_names(space: SceneSpace) -> dict[str, FieldType]:
 def mood_names(space: SceneSpace) -> dict[str, FieldType]:
     """Return ``mood.change`` if the system has a mood."""
     return {} if space.mood is None else {"mood.change": FieldType.NUMBER}
+
+
+def tree_names(space: SceneSpace) -> dict[str, FieldType]:
+    """Return the names that have a value from the start of a tree, without those of its file."""
+    return {
+        **scene_names(space, ("scene", "live", "profile")),
+        **mood_names(space),
+        **CLOCK_NAMES,
+        **person_names(space),
+    }
+
+
+def scene_scope(space: SceneSpace, types: Mapping[str, FieldType]) -> NameScope:
+    """Return a scope of names, with the ranges and labels of scene values."""
+    return NameScope(types, ranges=scene_ranges(space), labels=scene_labels(space))
 
 
 def scene_labels(space: SceneSpace) -> dict[str, Labels]:

@@ -26,7 +26,6 @@ class AgentFile:
         agent: The agent; None if there are errors.
         error: The errors; None if there are none.
         imports: Paths of the libraries and texts that it directly or indirectly imports.
-        cause: Why it was read, in words.
     """
 
     file: Path

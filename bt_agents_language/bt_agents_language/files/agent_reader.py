@@ -11,14 +11,7 @@ from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.scene_values import read_vector
-from bt_agents_language.fields.scope import (
-    NameScope,
-    clock_names,
-    person_names,
-    scene_labels,
-    scene_names,
-    scene_ranges,
-)
+from bt_agents_language.fields.scope import CLOCK_NAMES, person_names, scene_names, scene_scope
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.files.imports import IMPORTS, read_imports
 from bt_agents_language.files.learning_reader import (
@@ -128,9 +121,8 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     tunables = _tunables(reading, fields)
     rules = read_mood_rules(reading, fields, space)
     if (node := fields.get("requires")) is not None:
-        known = {**scene_names(space, ("scene",)), **clock_names(), **person_names(space)}
-        names = NameScope(known, ranges=scene_ranges(space), labels=scene_labels(space))
-        requires = read_condition(reading, node, names, "'requires'")
+        known = {**scene_names(space, ("scene",)), **CLOCK_NAMES, **person_names(space)}
+        requires = read_condition(reading, node, scene_scope(space, known), "'requires'")
     tags = tuple(reading.text(tag, "a tag") or "" for tag in fields.items("tags"))
     title, description = fields.text("title"), fields.text("description")
     trees = _trees(reading, fields, symbols, tunables)

@@ -34,7 +34,7 @@ _OPINION = SceneValues(of_profiles=True, filled=True)
 _ERRORS = KeyTable(
     what="'errors'",
     fields=(
-        FieldDecl("every", integer(1), "Each so-manyth feedback is wrong."),
+        FieldDecl("every", integer(1, MAX_ROUNDS), "Each so-manyth feedback is wrong."),
         FieldDecl("share", SHARE, "How likely a feedback is wrong."),
         FieldDecl(
             "value",
@@ -72,7 +72,7 @@ EXPERIMENT = FileKind(
     description="Which scenes are put on the market, and what feedback follows.",
     fields=(
         FieldDecl("title", TEXT, "Name for people."),
-        FieldDecl("rounds", integer(1), "How many rounds.", required=True),
+        FieldDecl("rounds", integer(1, MAX_ROUNDS), "How many rounds.", required=True),
         FieldDecl(
             "seed", integer(0), "Makes the random numbers the same in every run.", required=True
         ),
@@ -92,7 +92,7 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
     with TypedReader.of(file) as reading:
         fields = reading.file(EXPERIMENT)
         title = fields.text("title")
-        rounds = fields.integer("rounds", maximum=MAX_ROUNDS)
+        rounds = fields.integer("rounds")
         seed = fields.integer("seed")
         scenes = [read_vector(reading, node, "a scene", space) for node in fields.items("scenes")]
         feedback = None
@@ -194,7 +194,7 @@ def _errors(
     return FeedbackErrors(
         space=space,
         seed=seed,
-        every=fields.integer("every", maximum=MAX_ROUNDS) or 0,
+        every=fields.integer("every") or 0,
         share=fields.number("share") or 0.0,
         value=None if value_node is None else read_vector(reading, value_node, "a value", space),
     )

@@ -7,11 +7,11 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean, warning
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.fields.scope import NameScope, scene_labels, scene_names, scene_ranges
+from bt_agents_language.fields.scope import NameScope, scene_names, scene_scope
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.yaml.field_tables import (
     CONDITION,
@@ -83,9 +83,7 @@ def read_market(file: Path | Source, space: SceneSpace) -> tuple[MarketRule, ...
     """Return the rules of a market file, or raise a ``ReadError`` with all problems."""
     with TypedReader.of(file) as reading:
         fields = reading.file(MARKET)
-        names = NameScope(
-            scene_names(space, ("scene",)), ranges=scene_ranges(space), labels=scene_labels(space)
-        )
+        names = scene_scope(space, scene_names(space, ("scene",)))
         rules = [_rule(reading, node, names) for node in fields.items("rules")]
         reading.problems.raise_if_any()
         return tuple(rule for rule in rules if rule is not None)
@@ -96,12 +94,12 @@ def unknown_agents(rules: Iterable[MarketRule], known: Collection[str]) -> Itera
     for rule in rules:
         for agent, position in zip(rule.agents, rule.positions, strict=True):
             if agent not in known:
-                yield Diagnostic(
-                    code="unknown-agent-in-rule",
-                    position=position,
-                    message=f"there is no agent '{agent}' in this folder; the rule passes over it",
-                    hint=did_you_mean(agent, known),
-                    severity=Severity.WARNING,
+                yield warning(
+                    "unknown-agent-in-rule",
+                    position,
+                    1,
+                    f"there is no agent '{agent}' in this folder; the rule passes over it",
+                    did_you_mean(agent, known),
                 )
 
 

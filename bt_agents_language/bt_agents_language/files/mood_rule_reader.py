@@ -18,7 +18,7 @@ from bt_agents_language.fields.scope import (
     mood_names,
     scene_labels,
     scene_names,
-    scene_ranges,
+    scene_scope,
 )
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
@@ -153,8 +153,7 @@ def _fires_at_once(when: Expression, space: SceneSpace) -> bool:
 
 def _names(space: SceneSpace) -> NameScope:
     # For suggestions of names, values that change during a run come first.
-    types = {**scene_names(space, ("live", "scene")), **mood_names(space)}
-    return NameScope(types, ranges=scene_ranges(space), labels=scene_labels(space))
+    return scene_scope(space, {**scene_names(space, ("live", "scene")), **mood_names(space)})
 
 
 def restore_mood_rule(

@@ -262,9 +262,9 @@ def _better_by(reading: TypedReader, fields: MappingReader, rule: str | None) ->
             "remove 'better_by', or choose 'engaged' or 'nearest'",
         )
         return None
-    if rule != AddresseeRule.NEAREST.value:
-        return fields.number("better_by", 0.0)
     what = "'better_by'"
+    if rule != AddresseeRule.NEAREST.value:
+        return reading.number(node, what, 0.0)
     metres = reading.amount(node, what, FieldType.LENGTH)
     if metres is None:
         return None

@@ -8,9 +8,9 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.text import quote
-from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean, warning
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.field_tables import TEXT, Entries, FieldDecl, FileKind
 from bt_agents_language.yaml.scalars import as_scalar
@@ -136,11 +136,5 @@ def unknown_values(preset: Preset, agents: Collection[AgentSpec]) -> Iterator[Di
             hint = did_you_mean(tunable, known[agent])
         else:
             continue
-        yield Diagnostic(
-            code="unknown-in-preset",
-            position=position,
-            end=position._replace(column=position.column + len(tunable)),
-            message=f"{message}; the preset passes over this value",
-            hint=hint,
-            severity=Severity.WARNING,
-        )
+        passes = f"{message}; the preset passes over this value"
+        yield warning("unknown-in-preset", position, len(tunable), passes, hint)

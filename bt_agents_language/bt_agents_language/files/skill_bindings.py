@@ -10,7 +10,7 @@ from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.bindings import INTERFACES, RECEIVED, Outputs, read_binding
 from bt_agents_language.fields.interfaces import Interfaces, package_of
-from bt_agents_language.fields.scope import NameScope, place_names
+from bt_agents_language.fields.scope import PLACE_NAMES, NameScope
 from bt_agents_language.model.specs import Binding, SkillSpec
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
@@ -70,12 +70,12 @@ def read_candidate(
     outputs = _outputs(reading, fields, kind, type_name, skill, known, what, inline)
     place = _place(reading, fields, skill, lenient=lenient)
     inputs = {one.name: one.type for one in skill.inputs}
-    names = NameScope(inputs, hidden=dict.fromkeys(place_names(), _NAME_PLACE), lenient=lenient)
+    names = NameScope(inputs, hidden=dict.fromkeys(PLACE_NAMES, _NAME_PLACE), lenient=lenient)
     binding = read_binding(
         reading,
         kind,
         bound,
-        names if fields.get("place") is None else names.and_names(place_names()),
+        names if fields.get("place") is None else names.and_names(PLACE_NAMES),
         NameScope({}),
         known,
         outputs,

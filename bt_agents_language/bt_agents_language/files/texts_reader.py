@@ -8,10 +8,10 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.errors import ReadError
 from bt_agents_core.text import join_words, quote
-from bt_agents_language.diagnostics.collection import NO_TEXTS, did_you_mean
+from bt_agents_language.diagnostics.collection import NO_TEXTS, did_you_mean, warning
 from bt_agents_language.fields.texts import TEXT_PREFIX, NoText, WrittenText
 from bt_agents_language.yaml.field_tables import (
     TEXT,
@@ -142,7 +142,6 @@ class FolderTexts:
         return self._folder / FOLDER / f"{self.language}{SUFFIX}"
 
     def languages(self) -> list[str]:
-        """Return the languages with texts."""
         paths = sorted((self._folder / FOLDER).glob(f"*{SUFFIX}"))
         return [path.stem for path in paths if _LANGUAGE.fullmatch(path.stem)]
 
@@ -198,34 +197,22 @@ def uneven_texts(
     every = {name: path for path, one in reversed([*files.items()]) for name in one.texts}
     for path, one in files.items():
         for name in sorted(every.keys() - one.texts.keys()):
-            yield _text_warning(
+            yield warning(
                 "missing-text",
                 Position(file=str(path), line=1, column=1),
+                1,
                 f"there is no text {quote(name)}, which {every[name].name} has",
                 f"add '{name}: …' below 'texts'",
             )
         for name in () if used is None else one.keys.keys() - {*used}:
             key = one.keys[name]
-            yield _text_warning(
+            yield warning(
                 "unused-text",
                 key.position,
+                len(name),
                 f"nothing inserts the text {quote(name)}",
                 f"write ${{{TEXT_PREFIX}{name}}} where it is needed, or remove it",
-                len(name),
             )
-
-
-def _text_warning(
-    code: str, position: Position, message: str, hint: str, width: int = 1
-) -> Diagnostic:
-    return Diagnostic(
-        code=code,
-        position=position,
-        end=position._replace(column=position.column + width),
-        message=message,
-        hint=hint,
-        severity=Severity.WARNING,
-    )
 
 
 class AskedTexts:
@@ -240,7 +227,6 @@ class AskedTexts:
         return self._texts.find(name)
 
     def languages(self) -> list[str]:
-        """Return the languages with texts."""
         return self._texts.languages()
 
     def speaking(self, language: str) -> AskedTexts:

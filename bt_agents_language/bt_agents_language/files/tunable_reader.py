@@ -8,12 +8,12 @@ from bt_agents_core.scene import MAX_VALUE
 from bt_agents_core.text import ellipsize, join_quoted, join_words, quote
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.quantities import format_quantity
-from bt_agents_language.expression.units import UNITS
+from bt_agents_language.expression.units import DIMENSIONS, UNITS
 from bt_agents_language.model.specs import Tunable
 from bt_agents_language.yaml.field_tables import AMOUNT, TEXT, FieldDecl, KeyTable
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, adding, found
-from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, entries_of, several
 
 TUNABLE = KeyTable(
     fields=(
@@ -32,7 +32,6 @@ TUNABLE = KeyTable(
 
 _RANGE = ("min", "max", "step")
 _SPANS = ("range", "limits", "between")
-_QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 _STEP_TOLERANCE = 1e-6
 _DIGITS = 6
 
@@ -55,8 +54,7 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
         return None
     span = next((one for one in entries_of(entry.value) if one.key.text in _SPANS), None)
     if span is not None:
-        parts = span.value.items if isinstance(span.value, Sequence) else (span.value,)
-        written = " to ".join(one.text for one in parts if isinstance(one, Scalar))
+        written = " to ".join(one.text for one in several(span.value) if isinstance(one, Scalar))
         low, high = map(ellipsize, quantities.ends_of(written) or ("…", "…"))
         message = f"{what} has no key '{span.key.text}'"
         reading.error("unknown-key", span.key, message, f"write min: {low}, max: {high}")
@@ -201,7 +199,7 @@ def _range(
                 fields.nodes[key], f"'{key}' of {what}", value, -MAX_VALUE, MAX_VALUE, field_type
             )
     # Only a quantity can do without a range; but half a range is useless.
-    if needed and (field_type not in _QUANTITIES or len(needed) == 1):
+    if needed and (field_type not in DIMENSIONS or len(needed) == 1):
         reading.error(
             "missing-key",
             entry.key,

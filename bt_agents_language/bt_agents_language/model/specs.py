@@ -251,7 +251,7 @@ class NodeSpec:
     Attributes:
         path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
         kind: Node key or decorator: ``sequence``, ``timeout``, ``say``.
-        fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
+        fields: Values and conditions by field name.
         children: Children in order; for a decorator, the decorated node comes first.
         skill: Set when ``kind`` is a skill.
         outputs: Assigned name → source of its value: a field path of the result or message, or a

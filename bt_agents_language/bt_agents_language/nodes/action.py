@@ -4,43 +4,18 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.fields.bindings import timeout_keys
-from bt_agents_language.nodes.node_type import Content, MessageSource, NodeField, NodeType
-from bt_agents_language.nodes.ros_leaf import (
-    ERROR_CODE,
-    HEARTBEAT,
-    ROS_TYPE,
-    SUCCEED_WHEN,
-    read_ros_leaf,
-)
+from bt_agents_language.nodes.node_type import MessageSource, NodeType
+from bt_agents_language.nodes.ros_leaf import called_fields, read_ros_leaf
 
 ACTION = NodeType(
     key="action",
     order=100,
-    fields=(
-        NodeField(name="name", content=Content.ROS_NAME, description="name of the action"),
-        ROS_TYPE,
-        NodeField(
-            name="goal", content=Content.MAP, required=False, description="fields of the goal"
-        ),
-        NodeField(
-            name="outputs",
-            content=Content.OUTPUTS,
-            required=False,
-            description="names for later nodes, each with the field it gets; feedback.x "
-            "gives it while the action goes on",
-        ),
-        SUCCEED_WHEN,
-        NodeField(
-            name="timeouts",
-            content=Content.TIMEOUTS,
-            words=timeout_keys(BindingKind.ACTION),
-            required=False,
-            description="server and accept, 3 s each: to be found and to take the goal; "
-            "result: from then on, without limit if left out",
-        ),
-        HEARTBEAT,
-        ERROR_CODE,
+    fields=called_fields(
+        BindingKind.ACTION,
+        outputs="names for later nodes, each with the field it gets; feedback.x gives it while "
+        "the action goes on",
+        timeouts="server and accept, 3 s each: to be found and to take the goal; result: from "
+        "then on, without limit if left out",
     ),
     description="Uses a ROS action.",
     interface=BindingKind.ACTION,

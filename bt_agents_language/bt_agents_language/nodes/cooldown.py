@@ -14,7 +14,6 @@ COOLDOWN = NodeType(
     main="duration",
     fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),
     description="Leaves the node out for a time after it has ended.",
-    derived=("otherwise",),
     outcomes=skippable,
     skips=True,
     decides=True,

@@ -317,7 +317,6 @@ class NodeType:
         contrary: Decorator that the same node must not have.
         interface: Kind of the ROS interface that it names itself.
         message: Source of its ``outputs``.
-        derived: Fields that follow from its place, and are not written.
         read: Reader of its nodes; None reads them according to their fields.
         complete: Checks and completes the fields of a decorator: its value as written, and its
             fields as written and as read.
@@ -328,7 +327,7 @@ class NodeType:
         exclusive: Whether only one of its children runs.
         alternatives: Nodes; one success among them is enough.
         stops_children: Whether a node may stop a running child.
-        skips: Whether the decorator may skip its node.
+        skips: Whether the decorator may skip its node; its place decides its field ``otherwise``.
         unaffected: Whether a decorator makes no difference to a skipped node.
         limits: Whether the decorator may stop its node, which then fails.
         rounds: Field with the number of times that the decorator runs its node.
@@ -364,7 +363,6 @@ class NodeType:
     contrary: str = ""
     interface: BindingKind | None = None
     message: MessageSource | None = None
-    derived: tuple[str, ...] = ()
     read: Callable[[NodeReader, RawNode, str, NameScope], NodeSpec | None] | None = None
     complete: Callable[[TypedReader, Node, Mapping[str, Node], FieldValues], None] | None = None
     outcomes: Callable[[NodeSpec, Sequence[Outcomes]], Outcomes] = as_its_child

@@ -11,7 +11,6 @@ ONCE = NodeType(
     order=20,
     role=Role.DECORATOR,
     description="Leaves the node out after it has ended once in this run.",
-    derived=("otherwise",),
     outcomes=skippable,
     skips=True,
     unaffected=True,

@@ -4,7 +4,14 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_language.fields.bindings import RECEIVED, SENT, Outputs, binding_keys, read_binding
+from bt_agents_language.fields.bindings import (
+    RECEIVED,
+    SENT,
+    Outputs,
+    binding_keys,
+    read_binding,
+    timeout_keys,
+)
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeReader, RawNode
@@ -15,29 +22,55 @@ ROS_TYPE = NodeField(
     name="type", content=Content.ROS_TYPE, description="its ROS type, package/kind/Name"
 )
 
-SUCCEED_WHEN = NodeField(
-    name="succeed_when",
-    content=Content.CONDITION,
-    required=False,
-    message="result",
-    description="condition over what came back, result.*; without it, an answer is a success",
-)
 
-HEARTBEAT = NodeField(
-    name="heartbeat",
-    content=Content.HEARTBEAT,
-    required=False,
-    description="topic, type, and within, 1 s: what its server publishes while it is alive; "
-    "when it falls silent for so long, the node fails",
-)
+def called_fields(kind: BindingKind, outputs: str, timeouts: str) -> tuple[NodeField, ...]:
+    """Return the fields of a leaf that calls an action or a service.
 
-ERROR_CODE = NodeField(
-    name="error_code",
-    content=Content.ERROR_CODE,
-    required=False,
-    description="field, success, 0, and message: where what came back says that it failed, which "
-    "codes mean success, and where the reason stands",
-)
+    Args:
+        kind: Which of the two.
+        outputs: Description of the field ``outputs``.
+        timeouts: Description of the field ``timeouts``.
+    """
+    return (
+        NodeField(name="name", content=Content.ROS_NAME, description=f"name of the {kind.value}"),
+        ROS_TYPE,
+        NodeField(
+            name=SENT[kind],
+            content=Content.MAP,
+            required=False,
+            description=f"fields of the {SENT[kind]}",
+        ),
+        NodeField(name="outputs", content=Content.OUTPUTS, required=False, description=outputs),
+        NodeField(
+            name="succeed_when",
+            content=Content.CONDITION,
+            required=False,
+            message="result",
+            description="condition over what came back, result.*; without it, an answer is a "
+            "success",
+        ),
+        NodeField(
+            name="timeouts",
+            content=Content.TIMEOUTS,
+            words=timeout_keys(kind),
+            required=False,
+            description=timeouts,
+        ),
+        NodeField(
+            name="heartbeat",
+            content=Content.HEARTBEAT,
+            required=False,
+            description="topic, type, and within, 1 s: what its server publishes while it is "
+            "alive; when it falls silent for so long, the node fails",
+        ),
+        NodeField(
+            name="error_code",
+            content=Content.ERROR_CODE,
+            required=False,
+            description="field, success, 0, and message: where what came back says that it "
+            "failed, which codes mean success, and where the reason stands",
+        ),
+    )
 
 
 def read_ros_leaf(

@@ -4,44 +4,16 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.fields.bindings import timeout_keys
-from bt_agents_language.nodes.node_type import Content, MessageSource, NodeField, NodeType
-from bt_agents_language.nodes.ros_leaf import (
-    ERROR_CODE,
-    HEARTBEAT,
-    ROS_TYPE,
-    SUCCEED_WHEN,
-    read_ros_leaf,
-)
+from bt_agents_language.nodes.node_type import MessageSource, NodeType
+from bt_agents_language.nodes.ros_leaf import called_fields, read_ros_leaf
 
 SERVICE = NodeType(
     key="service",
     order=110,
-    fields=(
-        NodeField(name="name", content=Content.ROS_NAME, description="name of the service"),
-        ROS_TYPE,
-        NodeField(
-            name="request",
-            content=Content.MAP,
-            required=False,
-            description="fields of the request",
-        ),
-        NodeField(
-            name="outputs",
-            content=Content.OUTPUTS,
-            required=False,
-            description="names for later nodes, each with the field it gets",
-        ),
-        SUCCEED_WHEN,
-        NodeField(
-            name="timeouts",
-            content=Content.TIMEOUTS,
-            words=timeout_keys(BindingKind.SERVICE),
-            required=False,
-            description="server, 3 s: to be found; result, 10 s: to answer",
-        ),
-        HEARTBEAT,
-        ERROR_CODE,
+    fields=called_fields(
+        BindingKind.SERVICE,
+        outputs="names for later nodes, each with the field it gets",
+        timeouts="server, 3 s: to be found; result, 10 s: to answer",
     ),
     description="Calls a ROS service.",
     interface=BindingKind.SERVICE,

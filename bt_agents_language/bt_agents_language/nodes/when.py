@@ -19,7 +19,6 @@ WHEN = NodeType(
         ),
     ),
     description="Leaves the node out unless a condition is true when it would start.",
-    derived=("otherwise",),
     outcomes=skippable,
     unreached=never_true,
     skips=True,

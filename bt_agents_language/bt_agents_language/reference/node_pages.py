@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.values import ONE_OF
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
@@ -76,15 +77,13 @@ class NodePage:
     example: str
 
 
-TYPE_WORDS: Mapping[FieldType, str] = {
+_TYPE_WORDS: Mapping[FieldType, str] = {
     FieldType.TEXT: "text",
     FieldType.NUMBER: "number",
     FieldType.INTEGER: "whole number",
     FieldType.BOOLEAN: "true or false",
-    FieldType.DURATION: "time",
-    FieldType.LENGTH: "length",
-    FieldType.ANGLE: "angle",
     FieldType.ANY: "anything",
+    **{quantity: dimension.name for quantity, dimension in DIMENSIONS.items()},
 }
 """Names of types for authors."""
 
@@ -167,19 +166,19 @@ def _expected(field: NodeField) -> str:
     if field.content is Content.CONSTANT and words:
         return words
     least = f" ≥ {field.minimum:g}" if field.minimum is not None else ""
-    return TYPE_WORDS[field.type] + least + (f" or {words}" if words else "")
+    return _TYPE_WORDS[field.type] + least + (f" or {words}" if words else "")
 
 
 def _format_default(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
     """Return a default as an author would write it; empty for none."""
-    units = {FieldType.DURATION: " s", FieldType.LENGTH: " m", FieldType.ANGLE: " rad"}
+    unit = f" {DIMENSIONS[field_type].si}" if field_type in DIMENSIONS else ""
     match value:
         case None:
             return ""
         case bool():
             return "true" if value else "false"
         case int() | float():
-            return f"{value:g}{units.get(field_type, '')}"
+            return f"{value:g}{unit}"
         case str():
             return value if value else '""'
         case tuple():

@@ -13,9 +13,9 @@ from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, COMPARISON, PREFIXES
 from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.scope import (
+    CANCEL_NAMES,
+    CLOCK_NAMES,
     RESERVED,
-    cancel_names,
-    clock_names,
     mood_names,
     person_names,
     scene_names,
@@ -135,11 +135,11 @@ def _names(space: SceneSpace) -> ReferenceTopic:
             "somebody known by name: who, how often here, and what 'remember' has stored",
         ),
         (
-            "  ".join(clock_names()),
+            "  ".join(CLOCK_NAMES),
             f"the hour of the day, 0 to 23, and the day of the week: {', '.join(WEEKDAYS)}",
         ),
         (
-            "  ".join(cancel_names()),
+            "  ".join(CANCEL_NAMES),
             f"in 'on_cancel', who stopped the run ({', '.join(STOPPERS)}), and why",
         ),
         ("msg.data", "a field of the message that 'wait_for' waits for"),

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from bt_agents_core.diagnostic import Diagnostic, Severity
+from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.field_types import Plain
+from bt_agents_language.diagnostics.collection import warning
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.testing.default_answers import duration_s
 from bt_agents_language.files.testing.scenarios import SPOKEN
@@ -47,25 +48,23 @@ def cut_speech(agent: AgentSpec) -> Iterator[Diagnostic]:
 def _cut(
     spec: NodeSpec, what: str, takes_s: float, limit_s: float, hint: str
 ) -> Iterator[Diagnostic]:
-    speech = next((one for one in iter_nodes(spec) if _is_spoken(one)), None)
+    speech = next((one for one in iter_nodes(spec) if speaks(one)), None)
     if speech is None or takes_s <= limit_s:
         return
-    end = spec.position._replace(column=spec.position.column + len(spec.kind))
-    yield Diagnostic(
-        code="cut-speech",
-        position=spec.position,
-        message=f"{what} ends after {limit_s:g} s, but what it holds takes about {takes_s:.1f} s "
+    yield warning(
+        "cut-speech",
+        spec.position,
+        len(spec.kind),
+        f"{what} ends after {limit_s:g} s, but what it holds takes about {takes_s:.1f} s "
         f"with '{speech.kind}' in line {speech.position.line}",
-        hint=f"say less{hint}",
-        end=end,
-        severity=Severity.WARNING,
+        f"say less{hint}",
     )
 
 
 def _usual_s(spec: NodeSpec, children: Sequence[float], defaults: Mapping[str, Plain]) -> float:
     """Return the duration of a node if all of it succeeds, and other skills take no time."""
     node_type = type_of(spec)
-    if _is_spoken(spec):
+    if speaks(spec):
         inputs = {name: _plain(value, defaults) for name, value in spec.fields.items()}
         return duration_s(spec, inputs, fails=False)
     if node_type.waits is Waits.TIME:
@@ -81,7 +80,8 @@ def _usual_s(spec: NodeSpec, children: Sequence[float], defaults: Mapping[str, P
     return children[0]
 
 
-def _is_spoken(spec: NodeSpec) -> bool:
+def speaks(spec: NodeSpec) -> bool:
+    """Return whether a node is a skill that says something."""
     return spec.skill is not None and spec.skill.name in SPOKEN
 
 

@@ -8,9 +8,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.errors import BtAgentsError, ReadError
-from bt_agents_language.diagnostics.collection import merged
+from bt_agents_language.diagnostics.collection import merged, warning
 from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents_language.files.market_reader import MARKET_FILE, read_market, unknown_agents
@@ -144,23 +144,17 @@ class _FolderCheck:
             self._add([problem])
 
     def _base_problems(self, scene: Path, skills: list[Path]) -> None:
-        try:
+        with self._guarded(scene):
             read_scene(scene, self._interfaces)
-        except ReadError as error:
-            self._add(error.diagnostics)
-        try:
+        with self._guarded(self._folder / "skills"):
             read_skills(skills, self._interfaces)
-        except ReadError as error:
-            self._add(error.diagnostics)
 
     def _add_other_scenes(self, paths: Iterable[Path]) -> None:
         """Add the problems of scene files of robots whose ROS packages may be absent here."""
         known = OfInstalledPackages(self._interfaces) if self._interfaces is not None else None
         for path in filter(self._is_wanted, paths):
-            try:
+            with self._guarded(path):
                 read_scene(path, known)
-            except ReadError as error:
-                self._add(error.diagnostics)
 
     def _dependent_problems(self, trees: Trees, paths: list[Path]) -> list[AgentSpec]:
         """Add the problems of files that need the scene and the skills; return the good agents."""
@@ -227,7 +221,7 @@ class _FolderCheck:
 
     def _add_market(self, trees: Trees, path: Path) -> None:
         rules = read_market(path, trees.scene.space)
-        self._add(warning for rule in rules for warning in rule.warnings)
+        self._add(one for rule in rules for one in rule.warnings)
         if not trees.broken:
             self._add(unknown_agents(rules, [agent.name for agent in trees.agents]))
 
@@ -253,12 +247,12 @@ def _real(path: Path) -> Path:
 
 
 def _bad_plugin(folder: Path, words: str) -> Diagnostic:
-    return Diagnostic(
-        code="bad-plugin",
-        position=Position(file=str(folder), line=1, column=1),
-        message=words,
-        hint="trees cannot use this node; fix its package, or remove it",
-        severity=Severity.WARNING,
+    return warning(
+        "bad-plugin",
+        Position(file=str(folder), line=1, column=1),
+        1,
+        words,
+        "trees cannot use this node; fix its package, or remove it",
     )
 
 

@@ -8,19 +8,18 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, pairwise
 
-from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.text import quote
-from bt_agents_language.diagnostics.collection import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics, warning
 from bt_agents_language.fields.scope import GROUPS
-from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, UnusedInput, iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import EITHER, Outcomes
 from bt_agents_language.nodes.node_type import FOREVER, Role, Waits
 from bt_agents_language.nodes.remember import REMEMBER
-from bt_agents_language.tools.cut_speech import cut_speech
+from bt_agents_language.tools.cut_speech import cut_speech, speaks
 from bt_agents_language.tree.names_read import names_read, parts_of
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
@@ -82,11 +81,10 @@ def cut_texts(source: Source) -> Found:
             yield from _cut_at_commas(source, node)
         if not isinstance(node, Scalar):
             continue
-        scalar = node
-        match = _NUMBER.match(source.text, scalar.span[1])
-        if scalar.plain and scalar.text and match is not None:
+        match = _NUMBER.match(source.text, node.span[1])
+        if node.plain and node.text and match is not None:
             lost = match[0].strip()
-            yield _warning(
+            yield warning(
                 "cut-text",
                 source.position(match.end() - len(lost)),
                 len(lost),
@@ -104,7 +102,7 @@ def _cut_at_commas(source: Source, texts: SequenceNode) -> Found:
             continue
         cut = before.text[:1].isupper() and text.text[:1].islower() and " " in text.text
         if cut and before.plain and text.plain:
-            yield _warning(
+            yield warning(
                 "cut-text",
                 text.position,
                 len(text.text),
@@ -157,7 +155,7 @@ def _endless_speech(tree: _Tree) -> Found:
             guarded = guarded or loop is None
         elif _rounds(spec) > _PATIENCE and not guarded:
             loop = loop if loop is not None and _rounds(loop) > _rounds(spec) else spec
-        elif loop is not None and _speaks(spec):
+        elif loop is not None and speaks(spec):
             key = type_of(loop).rounds
             rounds = _rounds(loop)
             if math.isinf(rounds):
@@ -236,7 +234,7 @@ def _two_voices(tree: _Tree) -> Found:
     for spec in tree:
         if not type_of(spec).concurrent:
             continue
-        voices = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
+        voices = [next(filter(speaks, iter_nodes(child)), None) for child in spec.children]
         first, *others = [one for one in voices if one is not None] or [spec]
         for other in others:
             yield _at(
@@ -289,7 +287,7 @@ def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
 def unused_inputs(inputs: Iterable[UnusedInput]) -> Found:
     """Return the warnings about unused inputs of subtrees, in an agent or a library."""
     for one in inputs:
-        yield _warning(
+        yield warning(
             "unused-input",
             one.position,
             len(one.name),
@@ -308,7 +306,7 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
             unread.difference_update(names_read(node))
     for tunable in agent.tunables:
         if tunable.name in unread:
-            yield _warning(
+            yield warning(
                 "unread-tunable",
                 tunable.position,
                 len(tunable.name),
@@ -330,7 +328,7 @@ def _nobody_known(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
         return
     position, first = uses[0]
     does = f"'{first}' keeps nothing" if first == REMEMBER.key else f"'{first}' is always missing"
-    yield _warning(
+    yield warning(
         "nobody-known",
         position,
         1,
@@ -357,10 +355,6 @@ def _texts(spec: NodeSpec) -> Iterator[str]:
             yield text
 
 
-def _speaks(spec: NodeSpec) -> bool:
-    return spec.skill is not None and spec.skill.name in SPOKEN
-
-
 def _takes_time(spec: NodeSpec) -> bool:
     if type_of(spec).takes_time or "pause" in spec.fields:
         return True
@@ -370,16 +364,4 @@ def _takes_time(spec: NodeSpec) -> bool:
 
 
 def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:
-    return _warning(code, spec.position, len(spec.kind), message, hint)
-
-
-def _warning(code: str, position: Position, width: int, message: str, hint: str) -> Diagnostic:
-    end = position._replace(column=position.column + width)
-    return Diagnostic(
-        code=code,
-        position=position,
-        message=message,
-        hint=hint,
-        end=end,
-        severity=Severity.WARNING,
-    )
+    return warning(code, spec.position, len(spec.kind), message, hint)

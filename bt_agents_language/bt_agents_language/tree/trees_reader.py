@@ -10,15 +10,12 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.fields.inputs import INPUT, OUTPUT, read_inputs
 from bt_agents_language.fields.scope import (
+    CANCEL_NAMES,
     Assigned,
     NameScope,
-    cancel_names,
-    clock_names,
-    mood_names,
-    person_names,
     scene_labels,
-    scene_names,
     scene_ranges,
+    tree_names,
 )
 from bt_agents_language.model.specs import NOTHING, FieldSpec, NodeSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes.node_type import RawNode
@@ -84,13 +81,7 @@ class TreesReader:
         known = {**imported, **self._subtrees}
         self._structure = RawNodeReader(reading, symbols, known)
         self._reader = TreeReader(reading, symbols, known)
-        self._types = {
-            **scene_names(symbols.space, ("scene", "live", "profile")),
-            **mood_names(symbols.space),
-            **clock_names(),
-            **person_names(symbols.space),
-            **self._tunables,
-        }
+        self._types = {**tree_names(symbols.space), **self._tunables}
         self._ranges = {**scene_ranges(symbols.space), **ranges}
         self._labels = scene_labels(symbols.space)
         self._texts = symbols.texts
@@ -108,29 +99,13 @@ class TreesReader:
             for subtree, raw in bodies.items()
             for name in (self._reader.assigned.below(raw) if raw is not None else ())
         }
-        only_there = dict.fromkeys(cancel_names(), "only 'on_cancel' knows why a run was stopped")
-        names = NameScope(
-            self._types,
-            self._of_trees,
-            hidden={**hidden, **only_there},
-            lenient=self._lenient,
-            ranges=self._ranges,
-            labels=self._labels,
-            texts=self._texts,
-        )
+        only_there = dict.fromkeys(CANCEL_NAMES, "only 'on_cancel' knows why a run was stopped")
+        names = self._scope(self._types, self._of_trees, {**hidden, **only_there})
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
-        names = NameScope(
-            {**self._types, **cancel_names()},
-            self._of_trees,
-            hidden=hidden,
-            lenient=self._lenient,
-            ranges=self._ranges,
-            labels=self._labels,
-            texts=self._texts,
-        )
+        names = self._scope({**self._types, **CANCEL_NAMES}, self._of_trees, hidden)
         names.give_all()
         last_spec = self._reader.read(last, "on_cancel", names) if last is not None else None
-        self.names_cancellation = not names.used.isdisjoint(cancel_names())
+        self.names_cancellation = not names.used.isdisjoint(CANCEL_NAMES)
         expansion = self._expansion(bodies)
         if expansion is None:
             return None, None
@@ -148,6 +123,24 @@ class TreesReader:
             for name, body in bodies.items()
             if body is not None
         }
+
+    def _scope(
+        self,
+        types: Mapping[str, FieldType],
+        written: Mapping[str, Assigned],
+        hidden: Mapping[str, str],
+        *,
+        lenient: bool = False,
+    ) -> NameScope:
+        return NameScope(
+            types,
+            written,
+            hidden=hidden,
+            lenient=self._lenient or lenient,
+            ranges=self._ranges,
+            labels=self._labels,
+            texts=self._texts,
+        )
 
     def _declare(self, entry: MappingEntry) -> None:
         name = self._reading.name(entry.key, "the name of a subtree")
@@ -213,19 +206,11 @@ class TreesReader:
                 "with 'with:' where the subtree is used",
             ),
             **dict.fromkeys(
-                cancel_names(),
+                CANCEL_NAMES,
                 f"only 'on_cancel' knows it; give it to an input of subtree '{name}' with 'with:'",
             ),
         }
-        names = NameScope(
-            types,
-            written,
-            hidden=hidden,
-            lenient=self._lenient or not subtree.complete,
-            ranges=self._ranges,
-            labels=self._labels,
-            texts=self._texts,
-        )
+        names = self._scope(types, written, hidden, lenient=not subtree.complete)
         body = self._reader.read(raw, name, names)
         if len(self._reading.problems) == before:
             keys = {entry.key.text: entry.key for entry in entries_of(fields.get("inputs"))}

@@ -521,18 +521,16 @@ class MappingReader:
         """Return an identifier."""
         return self.read(key, self._reading.name)
 
-    def integer(
-        self, key: str, minimum: float | None = None, maximum: float | None = None
-    ) -> int | None:
-        """Return an integer; limits that are not given come from the table."""
-        low, high = self._limits(key, minimum, maximum)
-        return self.read(key, lambda n, w: self._reading.integer(n, w, low, high))
+    def integer(self, key: str) -> int | None:
+        """Return an integer within the limits of the table."""
+        return self.read(key, lambda n, w: self._reading.integer(n, w, *self._limits(key)))
 
     def number(
         self, key: str, minimum: float | None = None, maximum: float | None = None
     ) -> float | None:
         """Return a number; limits that are not given come from the table."""
-        low, high = self._limits(key, minimum, maximum)
+        low, high = self._limits(key)
+        low, high = low if minimum is None else minimum, high if maximum is None else maximum
         return self.read(key, lambda n, w: self._reading.number(n, w, low, high))
 
     def duration(self, key: str) -> float | None:
@@ -592,16 +590,11 @@ class MappingReader:
     def _declared(self, key: str) -> Value | None:
         return None if self.table is None else self.table.values.get(key)
 
-    def _limits(
-        self, key: str, minimum: float | None, maximum: float | None
-    ) -> tuple[float | None, float | None]:
+    def _limits(self, key: str) -> tuple[float | None, float | None]:
         declared = self._declared(key)
         if not isinstance(declared, Single):
-            return minimum, maximum
-        return (
-            declared.minimum if minimum is None else minimum,
-            declared.maximum if maximum is None else maximum,
-        )
+            return None, None
+        return declared.minimum, declared.maximum
 
     def read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
         """Return the result of a function for a value and its name in messages."""

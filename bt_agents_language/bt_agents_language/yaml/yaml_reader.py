@@ -139,6 +139,11 @@ def entries_of(node: Node | None) -> tuple[MappingEntry, ...]:
     return node.entries if isinstance(node, Mapping) else ()
 
 
+def several(node: Node) -> tuple[Node, ...]:
+    """Return the items of a list, or the only value in its place."""
+    return node.items if isinstance(node, Sequence) else (node,)
+
+
 def key_or_node(node: Node, name: str) -> Node:
     """Return a key of a mapping as written in the file; the whole node if it is missing."""
     return next((entry.key for entry in entries_of(node) if entry.key.text == name), node)

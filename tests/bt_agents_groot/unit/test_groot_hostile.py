@@ -10,7 +10,7 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_groot.agent_import import import_agent
-from bt_agents_language.reference.codes import code_groups, codes
+from bt_agents_language.reference.codes import codes
 from bt_agents_language.yaml.source import Source, read_source
 from tree_harness import SYMBOLS
 
@@ -150,12 +150,6 @@ def test_non_text_file_is_rejected(tmp_path, data):
 def test_declared_xml_encoding_is_ignored():
     text = '<?xml version="1.0" encoding="ISO-8859-1"?>' + tree("<Say text='Grüß Gott'/>")
     assert "Grüß Gott" in import_agent(Source("t.xml", text), "a", SYMBOLS).text
-
-
-@pytest.mark.parametrize("code", code_groups()["Import from Groot2"], ids=lambda code: code.code)
-def test_code_examples_report_their_codes(code):
-    assert problems(code.wrong)[0].split()[0] == code.code
-    assert not problems(code.right)
 
 
 def test_randomly_damaged_file_is_accepted_or_quickly_rejected():

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
@@ -14,7 +15,7 @@ from bt_agents_groot.controls import CONTROLS
 from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.translation import RemarkLevel
-from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text, read_skills_text
 from tree_harness import SYMBOLS
@@ -25,10 +26,17 @@ KNOWN = "<Script code=\"hot := true; k := 1; t := 'x'\"/>"
 
 
 def imported(inner: str, more: str = "") -> ImportedAgent:
-    """Return the agent for a tree, and for more elements beside it."""
+    """Return the agent for a tree, and for more elements beside it, that the language reads."""
     text = f"""<root BTCPP_format="4" main_tree_to_execute="T">
     <BehaviorTree ID="T">{inner}</BehaviorTree>{more}</root>"""
-    return import_agent(Source("folder/t.xml", text), "a", SYMBOLS)
+    made = import_agent(Source("folder/t.xml", text), "a", SYMBOLS)
+    read_agent_text(made.text, "a.yaml", SYMBOLS.with_skills(own_skills(made)))
+    return made
+
+
+def own_skills(made: ImportedAgent) -> Mapping[str, SkillSpec]:
+    """Return the skills of the file that an imported agent comes with."""
+    return read_skills_text(skills_file(made.missing), "new.yaml") if made.missing else {}
 
 
 def document(made: ImportedAgent) -> dict:
@@ -169,7 +177,6 @@ def test_node_becomes_its_equivalent(inner, expected):
     made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
     assert document(made)["tree"]["sequence"][1:] == [yaml.safe_load(expected)]
     assert not made.remarks
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 @pytest.mark.parametrize(
@@ -179,7 +186,7 @@ def test_node_becomes_its_equivalent(inner, expected):
         (f"<ParallelAll>{S}</ParallelAll>", "stops the other children"),
         (f"<Parallel success_count='1'>{S}{S}</Parallel>", "fails after 1 failure;"),
         (f"<RunOnce then_skip='0'>{S}</RunOnce>", "the second time"),
-        (f"<Switch2 variable='{{k}}' case_1='1' case_2='b'>{S}{S}{S}</Switch2>", "stays with"),
+        (f"<Switch2 variable='{{k}}' case_1='1' case_2='2'>{S}{S}{S}</Switch2>", "stays with"),
         ("<AlwaysSuccess _while='hot'/>", "stopped has failed here"),
         (f"<NonblockingSequence>{S}{S}</NonblockingSequence>", "are not done again"),
         (f"<RateController hz='2'>{S}</RateController>", "as often as it is reached"),
@@ -245,7 +252,6 @@ def test_untranslatable_node_fails_before_its_children_run():
     failing, child = document(made)["tree"]["sequence"]
     assert failing["fail"] is True
     assert child == {"check": True}
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_recovery_runs_between_tries_until_it_fails():
@@ -271,13 +277,11 @@ def test_recovery_runs_between_tries_until_it_fails():
             },
         ],
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_unlimited_recoveries_become_unlimited_retries():
     made = imported(f"<RecoveryNode number_of_retries='-1'>{F}{S}</RecoveryNode>")
     assert document(made)["tree"]["sequence"][1]["retry"] == "forever"
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_round_robin_continues_with_next_child_each_time():
@@ -294,7 +298,6 @@ def test_round_robin_continues_with_next_child_each_time():
             },
         ],
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_round_robin_without_wrap_ends_after_last_child():
@@ -305,7 +308,6 @@ def test_round_robin_without_wrap_ends_after_last_child():
             {"fail": True, "sequence": [{"set": {"turn_1": 0}}, {"check": False}]},
         ]
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_zero_retries_mean_one_try():
@@ -352,7 +354,6 @@ def test_loop_assigns_values_to_name_in_turn(loop, values):
         },
         {"check": False},
     ]
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def while_following(repeated: dict, last: dict) -> dict:
@@ -388,13 +389,6 @@ def test_pipeline_repeats_first_child_while_next_runs():
     }
     assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
     assert not made.remarks
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
-
-
-def with_own_skills(made: ImportedAgent) -> AgentSpec:
-    """Return an imported agent, read with the skills file that it comes with."""
-    skills = read_skills_text(skills_file(made.missing), "new.yaml")
-    return read_agent_text(made.text, "a.yaml", SYMBOLS.with_skills(skills))
 
 
 @pytest.mark.parametrize(
@@ -412,7 +406,6 @@ def test_repetition_controllers_become_skills(controller, asked):
     )
     repeated = {"repeat": "forever", "sequence": [{"check": True}, DONE, asked]}
     assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
-    with_own_skills(made)
 
 
 def test_nested_pipeline_is_written_once():
@@ -428,7 +421,6 @@ def test_reactive_skills_are_checked_while_last_child_runs():
     repeated = {"repeat": "forever", "sequence": [{"is_clear": {}}, DONE]}
     assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
     assert "run meanwhile" in said(made, RemarkLevel.NOTE)
-    with_own_skills(made)
 
 
 def test_reactive_fallback_inverts_its_skills():
@@ -436,7 +428,6 @@ def test_reactive_fallback_inverts_its_skills():
     repeated = {"repeat": "forever", "sequence": [{"invert": True, "is_clear": {}}, DONE]}
     expected = while_following(repeated, {"invert": True, "wait": "9 s"})
     assert document(made)["tree"] == {"invert": True, **expected}
-    with_own_skills(made)
 
 
 def test_while_condition_may_take_time():
@@ -455,7 +446,6 @@ def test_while_condition_may_take_time():
         {"while": "fits_1", "check": True},
         {"while": "not fits_1", "check": False},
     ]
-    with_own_skills(made)
 
 
 def test_goal_updater_becomes_skill_before_its_child():
@@ -470,7 +460,6 @@ def test_goal_updater_becomes_skill_before_its_child():
             {"go": {"goal": "${new}"}},
         ]
     }
-    with_own_skills(made)
 
 
 def test_longer_path_is_checked_before_the_child():
@@ -481,7 +470,6 @@ def test_longer_path_is_checked_before_the_child():
             {"check": False},
         ]
     }
-    with_own_skills(made)
 
 
 def test_persistent_sequence_resumes_at_stored_index():
@@ -497,7 +485,6 @@ def test_persistent_sequence_resumes_at_stored_index():
         ],
         "on_failure": {"fail": True, "set": {"at": 0}},
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 @pytest.mark.parametrize("node", ["SingleTrigger", "PauseResumeController"])
@@ -520,7 +507,6 @@ def test_nav2_ports_have_their_nav2_direction():
         "would_a_planner_recovery_help": (["error_code"], []),
     }
     assert document(made)["tree"]["sequence"][0]["set"] == {"path": "", "code": 0}
-    with_own_skills(made)
 
 
 def test_port_omitted_in_one_use_is_optional():
@@ -530,7 +516,6 @@ def test_port_omitted_in_one_use_is_optional():
         "angle": "integer",
         "speed": {"type": "number", "default": 0.0},
     }
-    with_own_skills(made)
 
 
 def test_port_with_default_is_optional():
@@ -545,7 +530,6 @@ def test_port_with_default_is_optional():
         "mode": {"type": "any", "default": "fast"},
         "angle": "integer",
     }
-    with_own_skills(made)
 
 
 def test_copied_value_has_type_of_its_use():
@@ -553,7 +537,6 @@ def test_copied_value_has_type_of_its_use():
         "<Sequence><Script code='a := LIMIT; b := a'/><ScriptCondition code='b > 3'/></Sequence>"
     )
     assert document(made)["tree"]["sequence"][0] == {"set": {"limit": 0.0}}
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 @pytest.mark.parametrize("before", [" \n ", "// a comment\n", ' <?xml version="1.0"?>\n'])
@@ -590,7 +573,6 @@ def test_port_with_reserved_name_is_renamed():
     [announce] = made.missing
     assert list(announce.inputs) == ["msg_value", "times"]
     assert "so it is called 'msg_value'" in said(made, RemarkLevel.NOTE)
-    read_skills_text(skills_file(made.missing), "new.yaml")
 
 
 @pytest.mark.parametrize(
@@ -611,7 +593,6 @@ def test_untranslated_leaf_fails_with_message():
         "fail": True,
         "log": {"message": 'not translated: <UnsetBlackboard key="x">', "level": "error"},
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_every_builtin_node_has_a_translator():
@@ -639,7 +620,6 @@ def test_condition_node_is_evaluated_once():
             },
         ]
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_descriptions_become_comments():
@@ -655,7 +635,6 @@ def test_externally_set_names_are_initialised_first():
     assert document(made)["tree"]["sequence"][0] == {
         "set": {"greeting": "", "speed": 0.0, "battery": 0.0, "ready": False}
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_names_are_converted_and_stay_distinct():
@@ -692,7 +671,6 @@ def test_subtree_gets_inputs_and_outputs_from_uses():
             ]
         },
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_autoremap_passes_all_names_to_subtree():
@@ -706,7 +684,6 @@ def test_autoremap_passes_all_names_to_subtree():
         "with": {"place": "${place}", "count_in": "${count}"},
         "outputs": {"count": "count", "done": "done"},
     }
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_subtree_models_give_types_and_defaults():
@@ -737,7 +714,6 @@ def test_value_compared_with_text_is_text():
     assert first == {"set": {"lid": "true"}}
     assert call["with"] == {"way": "true", "lid": "3"}
     assert document(made)["subtrees"]["asks"]["inputs"]["way"]["default"] == "false"
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_subtree_port_default_may_reference_outer_name():
@@ -745,7 +721,6 @@ def test_subtree_port_default_may_reference_outer_name():
       <input_port name="lid" default="{=}"/></SubTree></TreeNodesModel>"""
     made = imported("<SubTree ID='Asks' lid='shut'/>", ASKS + model)
     assert document(made)["tree"]["sequence"][1]["with"] == {"way": "${road}", "lid": "shut"}
-    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_models_of_several_files_are_merged():
@@ -770,7 +745,6 @@ def test_included_file_is_listed():
     made = imported("<SubTree ID='Elsewhere' a='{=}'/>", '<include path="more.xml"/>')
     assert '<include path="more.xml"> is not followed' in said(made, RemarkLevel.LOST)
     assert document(made)["tree"]["sequence"][1] == {"elsewhere": {"a": "${a}"}}
-    with_own_skills(made)
 
 
 def test_unused_on_cancel_tree_becomes_clean_up():
@@ -791,9 +765,7 @@ def test_undeclared_skills_come_with_declaration_file():
         WAVE,
     )
     assert [skill.name for skill in made.missing] == ["play_tune", "wave_hand"]
-    skills = read_skills_text(skills_file(made.missing), "new.yaml")
-    symbols = replace(SYMBOLS, skills={**SYMBOLS.skills, **skills})
-    read_agent_text(made.text, "a.yaml", symbols)
+    skills = own_skills(made)
     assert [one.name for one in skills["wave_hand"].inputs] == ["side", "times"]
     assert [one.name for one in skills["wave_hand"].outputs] == ["seen"]
     assert "#   wave_hand:" in made.text

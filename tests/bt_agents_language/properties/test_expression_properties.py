@@ -233,13 +233,20 @@ def constant(node: Node) -> float | None:
     return None if value is None else -value
 
 
+RANGES = {
+    name: Range(value - 1, value + 1)
+    for name, value in VALUES.items()
+    if isinstance(value, int | float) and not isinstance(value, bool)
+}
+
+
 @settings(max_examples=400, deadline=None)
 @given(booleans | numbers)
 def test_expression_means_the_same_as_its_tree(tree):
     assume(not is_refused_by_design(tree))
     text = written(tree)
     assume(len(text) <= 1000)
-    expression = parse_expression(text, kind_of=KINDS.get)
+    expression = parse_expression(text, kind_of=KINDS.get, range_of=RANGES.get)
     try:
         expected = meaning(tree)
     except Undefined:
@@ -252,27 +259,8 @@ def test_expression_means_the_same_as_its_tree(tree):
     assert isinstance(value, bool) == isinstance(expected, bool)
     if value is not None and expression.kind is not None:
         assert ValueKind.of(value) is expression.kind
-
-
-RANGES = {
-    name: Range(value - 1, value + 1)
-    for name, value in VALUES.items()
-    if isinstance(value, int | float) and not isinstance(value, bool)
-}
-
-
-@settings(max_examples=400, deadline=None)
-@given(booleans | numbers)
-def test_expression_value_lies_in_its_range(tree):
-    assume(not is_refused_by_design(tree))
-    text = written(tree)
-    assume(len(text) <= 1000)
-    lies_in = parse_expression(text, kind_of=KINDS.get, range_of=RANGES.get).range
-    try:
-        value = meaning(tree)
-    except Undefined:
-        return
-    assert lies_in is None or lies_in.low <= value <= lies_in.high
+    lies_in = expression.range
+    assert value is None or lies_in is None or lies_in.low <= value <= lies_in.high
 
 
 PIECES = [

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, note, settings
+from hypothesis import HealthCheck, example, given, note, settings
 from hypothesis import strategies as st
 
 from bt_agents.engine.environment import GoalState
@@ -33,6 +33,7 @@ from bt_agents_groot.agent_import import import_agent
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.diagnostics.renderers import MAX_SHOWN
 from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
@@ -43,7 +44,7 @@ from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.scenarios import Scenario
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.files.texts_reader import read_texts
-from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.symbols import ImportProblem
@@ -104,6 +105,7 @@ FILES: Mapping[str, list[bytes]] = {
     "script": shipped("scripts/*.yaml") + valid_files("scripts"),
     "texts": [b"format: 1\ntexts:\n  hello: Hallo ${who}.\n  bye: {one_of: [Ade., Bis bald.]}\n"],
     "preset": valid_files("presets"),
+    "experiment": valid_files("experiments"),
     "test": TESTS,
 }
 
@@ -126,6 +128,7 @@ READERS: Mapping[str, Callable[[Path], object]] = {
     "script": lambda path: read_script(path, SPACE),
     "texts": read_texts,
     "preset": read_preset,
+    "experiment": lambda path: read_experiment(path, SPACE),
     "test": lambda path: read_test(path, AGENTS, SYMBOLS),
 }
 
@@ -156,6 +159,8 @@ def check(kind: str, content: bytes, place: Path) -> None:
     if refused is not None:
         check_refusal(refused, content, place)
     elif isinstance(spec, AgentSpec):
+        nodes = [(node.path, node.kind) for node in iter_nodes(spec.tree)]
+        assert len(set(nodes)) == len(nodes)
         check_run(spec)
     assert took < SLOWEST_S
 
@@ -354,46 +359,33 @@ def law(examples: int) -> settings:
     )
 
 
-@law(1500)
-@given(mutants("agent"))
-def test_mutated_agent_runs_or_is_rejected_with_code(place: Path, content: bytes) -> None:
-    check("agent", content, place)
+MUTANTS = {
+    "agent": 1500, "skills": 350, "library": 300, "scene": 200, "market": 100, "script": 200,
+    "test": 250, "experiment": 100,
+}  # fmt: skip
+"""How many files of each kind are tried."""
 
 
-@law(350)
-@given(mutants("skills"))
-def test_mutated_skills_are_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
-    check("skills", content, place)
+@pytest.mark.parametrize(("kind", "examples"), MUTANTS.items())
+def test_mutated_file_is_accepted_or_rejected_with_code(
+    place: Path, kind: str, examples: int
+) -> None:
+    @law(examples)
+    @given(mutants(kind))
+    def holds(content: bytes) -> None:
+        check(kind, content, place)
+
+    holds()
 
 
 @law(300)
-@given(mutants("library"))
-def test_mutated_library_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
-    check("library", content, place)
-
-
-@law(200)
-@given(mutants("scene"))
-def test_mutated_scene_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
-    check("scene", content, place)
-
-
-@law(100)
-@given(mutants("market"))
-def test_mutated_market_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
-    check("market", content, place)
-
-
-@law(200)
-@given(mutants("script"))
-def test_mutated_script_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
-    check("script", content, place)
-
-
-@law(250)
-@given(mutants("test"))
-def test_mutated_test_is_accepted_or_rejected_with_code(place: Path, content: bytes) -> None:
-    check("test", content, place)
+@given(st.text() | st.lists(st.sampled_from(NASTY)).map("".join))
+@example("\ufeff")
+@example("{? a}")
+@example('"\\ud800"')
+def test_any_text_is_accepted_or_rejected_with_code(place: Path, text: str) -> None:
+    for kind in ("agent", "skills", "scene", "script", "experiment"):
+        check(kind, text.encode(), place)
 
 
 CONDITIONS = [

@@ -9,10 +9,9 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.model.mood_rule import MoodAction
 from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference, Text
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
@@ -20,7 +19,7 @@ from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.subtrees import MAX_NODES
 from fake_interfaces import FakeInterfaces
 from file_texts import read_agent_text
-from tree_harness import SPACE, SYMBOLS, TREES, agent
+from tree_harness import SPACE, SYMBOLS, agent
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
@@ -39,18 +38,6 @@ def errors(text: str, symbols: SymbolTable = SYMBOLS) -> list[str]:
     with pytest.raises(ReadError) as error:
         read_agent_text(HEAD + text, "a.yaml", symbols)
     return [line.removeprefix("a.yaml:") for line in error.value.lines]
-
-
-SHIPPED = [p for p in sorted((TREES / "agents").glob("*.yaml")) if ".test" not in p.name]
-
-
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
-def test_shipped_agents_are_read(path):
-    spec = read_agent(path, SYMBOLS)
-    assert spec.name == path.stem
-    assert spec.file == str(path)
-    listed = paths(spec.tree)
-    assert len(set(listed)) == len(listed)
 
 
 def test_agent_head_is_read():
@@ -104,32 +91,6 @@ def test_omitted_keys_have_defaults():
     assert spec.on_cancel is None
 
 
-@pytest.mark.parametrize(
-    ("written", "field_type", "default", "limits"),
-    [
-        ("{default: 2, min: 1, max: 5}", FieldType.INTEGER, 2, (1, 5, 0)),
-        ("{default: 2, min: 1, max: 5, step: 1}", FieldType.INTEGER, 2, (1, 5, 1)),
-        ("{default: 2.0, min: 1, max: 5}", FieldType.NUMBER, 2.0, (1, 5, 0)),
-        ("{default: 1, min: 0.5, max: 1.5, step: 0.05}", FieldType.NUMBER, 1.0, (0.5, 1.5, 0.05)),
-        ("{default: 8 s, min: 2, max: 1 min}", FieldType.DURATION, 8.0, (2, 60, 0)),
-        ("{default: 500 ms}", FieldType.DURATION, 0.5, (None, None, 0)),
-        ("{default: true}", FieldType.BOOLEAN, True, (None, None, 0)),
-        ("{default: Ann}", FieldType.TEXT, "Ann", (None, None, 0)),
-        ('{default: "8 s"}', FieldType.TEXT, "8 s", (None, None, 0)),
-        ('{default: ""}', FieldType.TEXT, "", (None, None, 0)),
-        ("{default: yes}", FieldType.TEXT, "yes", (None, None, 0)),
-        # The largest value may lie between two steps, as in ROS.
-        ("{default: 1.0, min: 0.0, max: 1.0, step: 0.3}", FieldType.NUMBER, 1.0, (0, 1, 0.3)),
-    ],
-)
-def test_tunable_default_determines_type(written, field_type, default, limits):
-    spec = agent("wait: 0", head=f"tunables: {{x: {written}}}")
-    (tunable,) = spec.tunables
-    assert (tunable.name, tunable.type, tunable.default) == ("x", field_type, default)
-    assert type(tunable.default) is type(default)
-    assert (tunable.minimum, tunable.maximum, tunable.step) == limits
-
-
 @pytest.mark.parametrize(("switch", "other"), [("succeed", "fail"), ("fail", "succeed")])
 def test_modifiers_wrap_nodes_in_fixed_order(switch, other):
     tree = f"""
@@ -166,16 +127,6 @@ def test_modifiers_carry_their_fields():
     repeat = retry.children[0]
     assert repeat.fields == {"times": Literal(value=2)}
     assert repeat.children[0].fields == {"limit": Literal(value=90.0)}
-
-
-def test_skipped_node_fails_only_under_selector():
-    def otherwise(composite: str) -> object:
-        tree = f"{composite}:\n  - say: x\n    when: scene.person\n    timeout: 1 s"
-        return agent(tree).tree.children[0].fields["otherwise"]
-
-    assert otherwise("selector") == Literal(value="failure")
-    assert otherwise("sequence") == Literal(value="success")
-    assert otherwise("parallel") == Literal(value="success")
 
 
 def test_paths_are_places_in_the_tree():
@@ -450,12 +401,6 @@ def test_scene_without_mood_has_no_mood_change():
         read_agent_text(text, "a.yaml", SymbolTable(space, {}))
     assert [line.split(": ")[0] for line in error.value.lines] == ["a.yaml:4:19", "a.yaml:5:15"]
     assert "scene.yaml does not say which parameter is the mood" in error.value.report
-
-
-def test_very_long_subtree_chain_is_too_large():
-    links = "".join(f"  s{i}: {{tree: {{subtree: s{i + 1}}}}}\n" for i in range(3000))
-    text = f"tree: {{subtree: s0}}\nsubtrees:\n{links}  s3000: {{tree: {{say: x}}}}\n"
-    assert errors(text)[0].startswith("4:8: error[tree-too-large]")
 
 
 def test_all_trees_share_one_node_limit():

@@ -9,6 +9,7 @@ import pytest
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import iter_nodes
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from tree_harness import TREES
 
@@ -35,6 +36,10 @@ def test_shipped_folder_has_no_errors():
     trees = read_trees(TREES)
     assert trees.broken == ()
     assert len(trees.agents) >= 4
+    for spec in trees.agents:
+        assert spec.name == Path(spec.file).stem
+        listed = [node.path for node in iter_nodes(spec.tree)]
+        assert len(set(listed)) == len(listed)
     assert "say" in trees.symbols.skills
     assert trees.scene.space.mood == "mood"
 

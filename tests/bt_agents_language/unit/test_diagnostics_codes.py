@@ -222,7 +222,7 @@ KEYS = ("meaning", "file", "severity", "wrong", "right")
 
 REPORTING = {
     "error": 0, "error_in": 0, "add": 0, "_give_up": 1, "_refuse": 0, "_refusal": 1,
-    "ImportProblem": 0, "_at": 1, "_warning": 0, "warning": 0,
+    "ImportProblem": 0, "_at": 1, "warning": 0,
 }  # fmt: skip
 """Function that reports a problem → which of its arguments is the code."""
 

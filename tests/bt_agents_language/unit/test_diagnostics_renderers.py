@@ -6,7 +6,6 @@ from __future__ import annotations
 import io
 import json
 import re
-from dataclasses import replace
 
 import pytest
 
@@ -186,17 +185,17 @@ def test_json_flags_truncated_problem_list(number, cut):
 
 def test_warnings_do_not_make_a_file_unreadable():
     problems = Diagnostics(None)
-    problems.append(WARNING)
+    problems.add("endless-speech", at(9, 1), "m", severity=Severity.WARNING)
     problems.raise_if_any()
     assert len(problems) == 0
     assert not problems
     assert [warning.code for warning in problems.warnings] == ["endless-speech"]
-    problems.append(problem())
+    problems.add("unknown-node", at(3, 5), "m")
     assert [error.code for error in problems.error().diagnostics] == ["unknown-node"]
 
 
 def test_excess_warnings_are_cut_without_stopping_the_reader():
     problems = Diagnostics(None)
     for line in range(2000):
-        problems.append(replace(WARNING, position=at(line, 1)))
+        problems.add("endless-speech", at(line, 1), "m", severity=Severity.WARNING)
     assert len(problems.warnings) == 500

@@ -102,9 +102,9 @@ def test_skipped_node_fails_only_under_selector():
     once, cooldown = tree(text).children
     assert once.fields == {"otherwise": Literal(value="failure")}
     assert cooldown.fields["duration"] == Literal(value=3.0)
-    assert tree("sequence: [{say: x, once: true}]").children[0].fields == {
-        "otherwise": Literal(value="success")
-    }
+    for composite in ("sequence", "parallel"):
+        skipped = tree(f"{composite}: [{{say: x, when: scene.person, timeout: 1 s}}]").children[0]
+        assert skipped.fields["otherwise"] == Literal(value="success")
 
 
 def test_false_switch_adds_no_modifier():

@@ -162,9 +162,17 @@ def test_common_node_misspelling_hint_shows_correct_line(text, wanted):
     assert wanted in hints(text)
 
 
+GREET = "subtrees: {greet: {inputs: {text: text}, tree: {say: '${text}'}}}\n"
+FAILS = "write 'check: false' to fail here; or "
+INDENT = "indent it like the key of its node, without a '-' of its own"
+RANGE = "tunables: {{pause: {{default: 5 s, {}}}}}\ntree: {{wait: '${{pause}}'}}"
+SUM = "write one number with one unit, "
+
+
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
+        # Words of other programs.
         ("tree: {speak: Hello.}", "did you mean 'say'?"),
         ("tree: {go_to: gate 7}", "did you mean 'drive'?"),
         ("tree: {wait_until: live.person}", "did you mean 'wait_for'?"),
@@ -196,21 +204,7 @@ def test_common_node_misspelling_hint_shows_correct_line(text, wanted):
         ("tree: {sequence: [{set: {x: 1}}, {set: {x: 'x + 1'}}]}", "write ${x + 1}"),
         ("tree: {sequence: [// hello]}", "a comment starts with '#'"),
         ("tree: {check: live.person // now}", "write round(a / b); a comment starts with '#'"),
-    ],
-)
-def test_word_of_another_program_gets_ours(text, wanted):
-    assert hints(text)[0] == wanted
-
-
-GREET = "subtrees: {greet: {inputs: {text: text}, tree: {say: '${text}'}}}\n"
-FAILS = "write 'check: false' to fail here; or "
-INDENT = "indent it like the key of its node, without a '-' of its own"
-RANGE = "tunables: {{pause: {{default: 5 s, {}}}}}\ntree: {{wait: '${{pause}}'}}"
-
-
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
+        # What people write in plain words.
         ("tree: {fail: I am lost.}", "write 'say: I am lost.', and 'fail: true' beside it"),
         ("tree: {succeed: Done.}", "write 'say: Done.', and 'succeed: true' beside it"),
         ("tree: {fail: {say: Lost.}}", "write the node itself, and 'fail: true' beside it"),
@@ -247,21 +241,30 @@ RANGE = "tunables: {{pause: {{default: 5 s, {}}}}}\ntree: {{wait: '${{pause}}'}}
             GREET + "tree: {subtree: {name: greet, with: {text: hi}}}",
             "'with' stands beside 'subtree', not in it",
         ),
+        ("tree: {wait_for: 5 s}", "a condition is expected; to let a time pass, write wait: 5 s"),
+        (
+            "feedback: [{when: live.mood < 2, for: 2 s, give: negative, then: stop}]\n"
+            "tree: {say: Hello.}",
+            "did you mean 'cancel'?",
+        ),
+        ("tree: {wait: {minutes: 5}}", "write 5 min"),
+        ("tree: {wait: {seconds: 1.5}}", "write 1.5 s"),
+        ("tree: {wait: {minutes: a few}}", "did you mean 'duration'? That is missing"),
+        ("tree: {wait: 1 min 30 s}", f"{SUM}here 90 s"),
+        ("tree: {wait: 1h 30min}", f"{SUM}here 5400 s"),
+        ("tree: {wait: 2 minutes and 5 seconds}", f"{SUM}here 125 s"),
+        ("tree: {wait: 1h30}", f"{SUM}for example 8 s"),
+        ("tree: {wait: 2 min 3 apples}", f"{SUM}for example 8 s"),
+        ("tree: {wait: 1e308 h 1e308 h}", f"{SUM}for example 8 s"),
     ],
 )
-def test_natural_line_gets_line_to_write(text, wanted):
+def test_slip_gets_line_to_write(text, wanted):
     assert hints(text)[0] == wanted
 
 
 @pytest.mark.parametrize("tree", ["{cancel: true}", "{return: success}"])
 def test_far_words_are_not_offered(tree):
     assert not any(hint.startswith("did you mean") for hint in hints(f"tree: {tree}"))
-
-
-def test_time_as_condition_gets_wait_hint():
-    assert hints("tree: {wait_for: 5 s}") == [
-        "a condition is expected; to let a time pass, write wait: 5 s"
-    ]
 
 
 def test_unknown_member_lists_its_group():
@@ -300,11 +303,6 @@ def test_profile_value_hint_gives_number(mood, hint):
     assert caught.value.diagnostics[0].hint == hint
 
 
-def test_mood_rule_stop_hint_suggests_cancel():
-    rule = "feedback: [{when: live.mood < 2, for: 2 s, give: negative, then: stop}]\n"
-    assert hints(rule + "tree: {say: Hello.}") == ["did you mean 'cancel'?"]
-
-
 def test_quoted_quantity_is_fixed_in_one_step():
     text = "tunables:\n  pause: {{default: {}}}\ntree: {{wait: '${{pause}}'}}\n"
     for written, hint in (
@@ -318,30 +316,3 @@ def test_quoted_quantity_is_fixed_in_one_step():
         spec_text = HEAD + text.format(written).replace("'${pause}'", "1 s")
         (warning,) = read_agent_text(spec_text, "a.yaml", SYMBOLS).warnings
         assert (warning.code, warning.hint) == ("quantity-as-text", hint)
-
-
-@pytest.mark.parametrize(
-    ("field", "hint"),
-    [
-        ("{minutes: 5}", "write 5 min"),
-        ("{seconds: 1.5}", "write 1.5 s"),
-        ("{minutes: a few}", "did you mean 'duration'? That is missing"),
-    ],
-)
-def test_unit_written_as_key_becomes_quantity(field, hint):
-    assert hints(f"tree:\n  wait: {field}\n") == [hint]
-
-
-@pytest.mark.parametrize(
-    ("written", "hint"),
-    [
-        ("1 min 30 s", "here 90 s"),
-        ("1h 30min", "here 5400 s"),
-        ("2 minutes and 5 seconds", "here 125 s"),
-        ("1h30", "for example 8 s"),
-        ("2 min 3 apples", "for example 8 s"),
-        ("1e308 h 1e308 h", "for example 8 s"),
-    ],
-)
-def test_several_quantities_become_their_sum(written, hint):
-    assert hints(f"tree:\n  wait: {written}\n") == [f"write one number with one unit, {hint}"]

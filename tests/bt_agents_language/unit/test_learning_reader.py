@@ -17,6 +17,7 @@ from file_texts import read_agent_text
 from tree_harness import SYMBOLS
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {wait: 1 s}\n"
+RULE = "feedback: [{{when: mood.change > 1, give: positive, {}}}]\n"
 
 
 def read(text: str) -> AgentSpec:
@@ -182,18 +183,37 @@ def test_freeze_all_stops_all_learning():
         ),
         ("weights: 2\n", "5:10: error[wrong-type]: 'weights': expected a mapping of numbers for "
          "age, familiarity, mood, found '2'"),
+        (
+            "feedback: [{when: live.age >= 4, give: negative, baseline: 3 s}]\n",
+            "5:50: error[misplaced-key]: 'baseline' has nothing to act on here: the rule does "
+            "not look at mood.change",
+        ),
+        (
+            RULE.format("then: cancel, cooldown: 3 s"),
+            "5:66: error[misplaced-key]: 'cooldown' has nothing to act on here: the rule ends "
+            "the run",
+        ),
+        (
+            RULE.format("then: cancel, release: live.person"),
+            "5:66: error[misplaced-key]: 'release' has nothing to act on here: the rule ends "
+            "the run",
+        ),
+        (
+            RULE.format("confidence: 2"),
+            "5:64: error[out-of-range]: 'confidence' is 2, expected 0 to 1",
+        ),
+        (
+            RULE.format("release: live.mod > 1"),
+            "5:61: error[unknown-name]: there is no name 'live.mod' here",
+        ),
+        (
+            RULE.format("baseline: soon"),
+            "5:62: error[bad-duration]: 'baseline': expected a time such as '8 s', found 'soon'",
+        ),
     ],
 )  # fmt: skip
 def test_mistake_is_one_positioned_error(text, line):
     assert errors(text) == [line]
-
-
-def test_baseline_requires_mood_change():
-    text = "feedback: [{when: live.age >= 4, give: negative, baseline: 3 s}]\n"
-    assert errors(text) == [
-        "5:50: error[misplaced-key]: 'baseline' has nothing to act on here: the rule does not "
-        "look at mood.change"
-    ]
 
 
 def test_unknown_update_adds_no_window_error():
@@ -221,32 +241,6 @@ feedback:
 def test_minimal_mood_rule_fires_once_against_awarded_scene():
     (rule,) = read("feedback: [{when: mood.change > 1, give: positive}]\n").rules
     assert (rule.baseline_s, rule.release, rule.cooldown_s, rule.confidence) == (0, None, 0, 0)
-
-
-@pytest.mark.parametrize(
-    ("keys", "line"),
-    [
-        (
-            "then: cancel, cooldown: 3 s",
-            "5:66: error[misplaced-key]: 'cooldown' has nothing to act on here: the rule ends "
-            "the run",
-        ),
-        (
-            "then: cancel, release: live.person",
-            "5:66: error[misplaced-key]: 'release' has nothing to act on here: the rule ends "
-            "the run",
-        ),
-        ("confidence: 2", "5:64: error[out-of-range]: 'confidence' is 2, expected 0 to 1"),
-        ("release: live.mod > 1", "5:61: error[unknown-name]: there is no name 'live.mod' here"),
-        (
-            "baseline: soon",
-            "5:62: error[bad-duration]: 'baseline': expected a time such as '8 s', found 'soon'",
-        ),
-    ],
-)
-def test_mood_rule_mistake_is_one_positioned_error(keys, line):
-    text = f"feedback: [{{when: mood.change > 1, give: positive, {keys}}}]\n"
-    assert errors(text) == [line]
 
 
 def test_every_mood_action_except_none_has_keyword():

@@ -229,7 +229,7 @@ def problems(source: str, more: str = "", parameter: str = "") -> list[str]:
     ],
 )
 def test_source_errors_are_reported(keys, code, words):
-    found = problems(source(**keys), "", "")
+    found = problems(source(**keys))
     assert f"error[{code}]" in found[0]
     assert words in " ".join(found)
 

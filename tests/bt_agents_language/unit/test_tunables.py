@@ -32,24 +32,31 @@ def tunable(text: str) -> Tunable | None:
 @pytest.mark.parametrize(
     ("text", "field_type", "values"),
     [
-        ("default: 2, min: 1, max: 5", FieldType.INTEGER, (2, 1, 5)),
-        ("default: 2, min: 1, max: 5.5", FieldType.NUMBER, (2.0, 1.0, 5.5)),
-        ("default: 8 s, min: 500 ms, max: 1 min", FieldType.DURATION, (8.0, 0.5, 60.0)),
-        ("default: 90, min: 1 s, max: 2 min", FieldType.DURATION, (90.0, 1.0, 120.0)),
-        ("default: 1.5 m, min: 50 cm, max: 2", FieldType.LENGTH, (1.5, 0.5, 2.0)),
-        ("default: 180 deg, min: 0, max: 7 rad", FieldType.ANGLE, (math.pi, 0.0, 7.0)),
-        ("default: 2 m", FieldType.LENGTH, (2.0, None, None)),
-        ("default: true", FieldType.BOOLEAN, (True, None, None)),
-        ("default: kitchen", FieldType.TEXT, ("kitchen", None, None)),
-        ('default: "2 m"', FieldType.TEXT, ("2 m", None, None)),
-        ("default: 1:30", FieldType.TEXT, ("1:30", None, None)),
+        ("default: 2, min: 1, max: 5, step: 1", FieldType.INTEGER, (2, 1, 5, 1)),
+        ("default: 2.0, min: 1, max: 5", FieldType.NUMBER, (2.0, 1.0, 5.0, 0)),
+        ("default: 2, min: 1, max: 5.5", FieldType.NUMBER, (2.0, 1.0, 5.5, 0)),
+        ("default: 1, min: 0.5, max: 1.5, step: 0.05", FieldType.NUMBER, (1.0, 0.5, 1.5, 0.05)),
+        # The largest value may lie between two steps, as in ROS.
+        ("default: 1.0, min: 0.0, max: 1.0, step: 0.3", FieldType.NUMBER, (1.0, 0.0, 1.0, 0.3)),
+        ("default: 8 s, min: 500 ms, max: 1 min", FieldType.DURATION, (8.0, 0.5, 60.0, 0)),
+        ("default: 90, min: 1 s, max: 2 min", FieldType.DURATION, (90.0, 1.0, 120.0, 0)),
+        ("default: 1.5 m, min: 50 cm, max: 2", FieldType.LENGTH, (1.5, 0.5, 2.0, 0)),
+        ("default: 180 deg, min: 0, max: 7 rad", FieldType.ANGLE, (math.pi, 0.0, 7.0, 0)),
+        ("default: 2 m", FieldType.LENGTH, (2.0, None, None, 0)),
+        ("default: true", FieldType.BOOLEAN, (True, None, None, 0)),
+        ("default: kitchen", FieldType.TEXT, ("kitchen", None, None, 0)),
+        ("default: yes", FieldType.TEXT, ("yes", None, None, 0)),
+        ('default: ""', FieldType.TEXT, ("", None, None, 0)),
+        ('default: "2 m"', FieldType.TEXT, ("2 m", None, None, 0)),
+        ("default: 1:30", FieldType.TEXT, ("1:30", None, None, 0)),
     ],
 )
 def test_default_and_range_determine_type(text, field_type, values):
     read = tunable(text)
     assert read is not None
     assert read.type is field_type
-    assert (read.default, read.minimum, read.maximum) == values
+    assert type(read.default) is type(values[0])
+    assert (read.default, read.minimum, read.maximum, read.step) == values
 
 
 @pytest.mark.parametrize(

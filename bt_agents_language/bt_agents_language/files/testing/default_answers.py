@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
-from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
+from bt_agents_language.model.specs import FieldSpec, NodeSpec
 
 _SPEECH_START_S = 0.4
 """Time before the first word of a text [s]."""
@@ -47,7 +47,7 @@ def duration_s(node: NodeSpec, inputs: Mapping[str, Plain], *, fails: bool) -> f
     set_s = _number(inputs.get("duration"))
     if set_s > 0.0:
         return set_s
-    if not _speaks(skill):
+    if skill.main != "text" or not skill.main_is_text:
         return _ACTION_S
     text = inputs.get(skill.main or "")
     rate = _number(inputs.get("rate")) or 1.0
@@ -78,13 +78,6 @@ def returned(node: NodeSpec) -> tuple[FieldSpec, ...]:
     binding = node.skill.binding
     of_feedback = binding.feedback if binding is not None else {}
     return tuple(one for one in node.skill.outputs if one.name not in of_feedback)
-
-
-def _speaks(skill: SkillSpec) -> bool:
-    return any(
-        one.name == skill.main and one.name == "text" and one.type is FieldType.TEXT
-        for one in skill.inputs
-    )
 
 
 def _number(value: Plain) -> float:

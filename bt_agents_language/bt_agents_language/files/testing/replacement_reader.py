@@ -6,14 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.fields.scope import (
-    NameScope,
-    clock_names,
-    mood_names,
-    person_names,
-    scene_labels,
-    scene_names,
-)
+from bt_agents_language.fields.scope import NameScope, scene_labels, tree_names
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED
 from bt_agents_language.model.specs import NodeSpec, Tunable, iter_nodes
@@ -44,13 +37,7 @@ class ReplacementReader:
         self._structure = RawNodeReader(reading, symbols)
         self._trees = TreeReader(reading, symbols, {})
         self._tunables = {one.name: one.type for one in tunables}
-        self._types = {
-            **scene_names(symbols.space, ("scene", "live", "profile")),
-            **mood_names(symbols.space),
-            **clock_names(),
-            **person_names(symbols.space),
-            **self._tunables,
-        }
+        self._types = {**tree_names(symbols.space), **self._tunables}
         self._labels = scene_labels(symbols.space)
         self._texts = symbols.texts
 

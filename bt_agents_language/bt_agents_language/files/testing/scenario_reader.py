@@ -61,7 +61,7 @@ from bt_agents_language.yaml.field_tables import (
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, several
 
 MOST_VISITS = 1_000_000
 
@@ -233,7 +233,7 @@ class ScenarioReader:
             known=known,
             clock=self._clock(fields.get("clock")),
             tunables=self._tuned(fields.entries("tunables")),
-            seed=fields.integer("seed", maximum=2**63 - 1) or 0,
+            seed=fields.integer("seed") or 0,
             picks=self._picks(fields.get("picks")),
             answers=tuple(one for one in rules if one is not None),
             variants=tuple(one for one in variants if one is not None),
@@ -246,7 +246,7 @@ class ScenarioReader:
             return ()
         branches = [path for one in self._nodes for path in branches_of(one)]
         picks: list[str] = []
-        for item in node.items if isinstance(node, Sequence) else (node,):
+        for item in several(node):
             text = self._reading.text(item, "'picks'")
             if text is None:
                 continue
@@ -408,7 +408,7 @@ class ScenarioReader:
         else:
             self.refuse_name(entry.key, "the agent's tree uses no skill", key, self.skills)
             return None
-        items = entry.value.items if isinstance(entry.value, Sequence) else (entry.value,)
+        items = several(entry.value)
         if not items:
             self._reading.error("missing-value", entry.value, f"{quote(key)} has no answer")
         answers = tuple(
@@ -489,7 +489,7 @@ class ScenarioReader:
                 path_hint(pattern, [*choosing]),
             )
             return None
-        items = entry.value.items if isinstance(entry.value, Sequence) else (entry.value,)
+        items = several(entry.value)
         if not items:
             self._reading.error("missing-value", entry.value, f"{quote(pattern)} has no number")
         what = f"the text of {quote(pattern)}"

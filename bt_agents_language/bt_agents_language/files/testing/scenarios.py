@@ -148,102 +148,97 @@ class SkillUse:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Says:
+class _AtPlace:
+    """Expectation at its place in the file."""
+
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Says(_AtPlace):
     """Texts of ``say`` and ``ask`` in order; ``exact`` means these and no others."""
 
     texts: tuple[str, ...]
     exact: bool
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class Does:
+class Does(_AtPlace):
     """Used skills in order; ``exact`` means these and no others."""
 
     uses: tuple[SkillUse, ...]
     exact: bool
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class DoesNot:
+class DoesNot(_AtPlace):
     """Skills that must not be used at all, or not with these inputs."""
 
     uses: tuple[SkillUse, ...]
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class Visits:
+class Visits(_AtPlace):
     """Whether a node that matches a pattern is ticked at all."""
 
     pattern: str
     wanted: bool
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ends:
+class Ends(_AtPlace):
     """End of the run: ``succeeded``, ``failed`` or ``cancelled``."""
 
     outcome: str
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class Because:
+class Because(_AtPlace):
     """Words in the reason of the end."""
 
     words: str
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class Within:
+class Within(_AtPlace):
     """Longest allowed duration of the run [s]."""
 
     seconds: float
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class Teaches:
+class Teaches(_AtPlace):
     """Feedback that is given, in order."""
 
     kinds: tuple[FeedbackKind, ...]
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tells:
+class Tells(_AtPlace):
     """Values that the tree puts into the scene, the last of each; empty for none at all."""
 
     values: Mapping[str, float]
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class Remembers:
+class Remembers(_AtPlace):
     """Facts that the tree remembers about the person, the last of each; empty for none at all."""
 
     values: Mapping[str, Fact]
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class CancelledBy:
+class CancelledBy(_AtPlace):
     """Mood rule, or reason in the test, that cancels the run."""
 
     cause: str
-    position: Position
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExpectedBids:
+class ExpectedBids(_AtPlace):
     """Whether the agent bids for the scene at all."""
 
     wanted: bool
-    position: Position
 
 
 Expectation = (

@@ -59,7 +59,7 @@ from bt_agents_language.yaml.field_tables import (
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, several
 
 _FILE = re.compile(r"[\w-]{1,100}(\.ya?ml)?")
 _KINDS = {kind.name.lower(): kind for kind in FeedbackKind}
@@ -330,10 +330,10 @@ class _Expectations:
                 items, exact = self._listed(node, "'does'")
                 yield Does(uses=self._uses(items), exact=exact, position=position)
             case "does_not":
-                uses = self._uses(_several(node), any_skill=True)
+                uses = self._uses(several(node), any_skill=True)
                 yield DoesNot(uses=uses, position=position)
             case "visited" | "not_visited":
-                for item in _several(node):
+                for item in several(node):
                     if (pattern := self._scenarios.path(item, f"'{key}'")) is not None:
                         wanted = key == "visited"
                         yield Visits(pattern=pattern, wanted=wanted, position=item.position)
@@ -346,7 +346,7 @@ class _Expectations:
                 if (seconds := fields.duration(key)) is not None:
                     yield Within(seconds=seconds, position=position)
             case "feedback":
-                words = (self._reading.choice(one, "feedback", _KINDS) for one in _several(node))
+                words = (self._reading.choice(one, "feedback", _KINDS) for one in several(node))
                 kinds = tuple(_KINDS[word] for word in words if word is not None)
                 yield Teaches(kinds=kinds, position=position)
             case "told":
@@ -364,8 +364,8 @@ class _Expectations:
         if isinstance(node, MappingNode) and node.get("contains") is not None:
             fields = self._reading.keys(node, _contained(ANY), what)
             inner = fields.get("contains") if fields is not None else None
-            return () if inner is None else _several(inner), False
-        return _several(node), True
+            return () if inner is None else several(inner), False
+        return several(node), True
 
     def _says(self, node: Node, position: Position) -> Says:
         items, exact = self._listed(node, "'says'")
@@ -457,7 +457,3 @@ class _Expectations:
             )
             self._scenarios.refuse_name(node, problem, text, known, hint)
         return cause
-
-
-def _several(node: Node) -> tuple[Node, ...]:
-    return node.items if isinstance(node, Sequence) else (node,)

@@ -115,7 +115,8 @@ def _values(spec: NodeSpec, longest_text: int) -> list[str]:
     for name, value in spec.fields.items():
         field = fields.get(name)
         constant = value.value if isinstance(value, Literal) else value
-        if name in node_type.derived or (field is not None and constant == field.default):
+        by_place = node_type.skips and name == "otherwise"
+        if by_place or (field is not None and constant == field.default):
             continue
         text = _chosen(spec, value, field) or _text(value, field, longest_text)
         if field is not None and field.drawn:

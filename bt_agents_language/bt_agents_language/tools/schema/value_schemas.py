@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import TypeAlias
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.expression.units import ANGLE, LENGTH, TIME
-from bt_agents_language.reference.node_pages import TYPE_WORDS
+from bt_agents_language.expression.units import DIMENSIONS
 
 Schema: TypeAlias = dict[str, object]
 """A JSON Schema, draft 7, with the annotations that yaml-language-server and VS Code know."""
@@ -19,7 +18,6 @@ NODE: Schema = {"$ref": "#/definitions/node"}
 _NUMBER = r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?"
 _INTEGER = r"[-+]?[0-9]+"
 _WITH_NAME = r"\$\{"
-_DIMENSIONS = {FieldType.DURATION: TIME, FieldType.LENGTH: LENGTH, FieldType.ANGLE: ANGLE}
 _SCALAR = ["string", "number", "boolean"]
 _NAME = "^[a-z][a-z0-9_]*$"
 _ROS_NAME = r"^[A-Za-z~/_][A-Za-z0-9_/~]*$"
@@ -140,11 +138,9 @@ def _quantity(pattern: str, expected: str) -> Schema:
 
 
 def _with_unit(field_type: FieldType) -> Schema:
-    dimension = _DIMENSIONS[field_type]
+    dimension = DIMENSIONS[field_type]
     pattern = f"^\\s*{_NUMBER}\\s*({'|'.join(dimension.units)})?\\s*$"
-    word = TYPE_WORDS[field_type]
-    article = "an" if word[0] in "aeiou" else "a"
-    return _quantity(pattern, f"{article} {word} such as {dimension.example}")
+    return _quantity(pattern, f"{dimension.a} such as {dimension.example}")
 
 
 def _limits(minimum: float | None, maximum: float | None) -> Schema:

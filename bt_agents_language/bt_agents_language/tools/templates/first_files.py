@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from importlib.resources import files
 from string import Template
 
-from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_language.model.specs import SkillSpec
@@ -130,9 +129,8 @@ def _say(skills: Mapping[str, SkillSpec]) -> str:
     skill = skills.get("say")
     if skill is None:
         return "log"
-    needed = [one.name for one in skill.inputs if one.required]
-    is_text = any(one.name == skill.main and one.type is FieldType.TEXT for one in skill.inputs)
-    return "say" if is_text and needed in ([], [skill.main]) else "log"
+    enough = set(skill.required) <= {skill.main}
+    return "say" if skill.main_is_text and enough else "log"
 
 
 def _scene(space: SceneSpace, values: Mapping[str, float]) -> str:
