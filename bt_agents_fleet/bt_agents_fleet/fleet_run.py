@@ -21,7 +21,7 @@ from bt_agents_fleet.node import FeedbackClient
 from bt_agents_fleet.shares import Shares
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros.signals import Interrupt
-from bt_agents_tools.launcher.domain_lock import turn_to_join
+from bt_agents_tools.launcher.domain_lock import current_domain, turn_to_join
 
 _LOCK_FILE = "fleet.lock"
 _POLL_S = 1.0
@@ -60,7 +60,7 @@ class FleetRun:
                 settings.address, settings.robot, password=password_of(settings)
             )
             opened.callback(database.close)
-            with turn_to_join(int(os.environ.get("ROS_DOMAIN_ID") or "0")):
+            with turn_to_join(current_domain()):
                 client = FeedbackClient()
             opened.callback(client.close)
             sync = FleetSync(

@@ -72,6 +72,11 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     )
 
 
+def current_domain() -> int:
+    """Return the ROS domain of this process."""
+    return int(os.environ.get("ROS_DOMAIN_ID") or "0")
+
+
 def reserve_domain() -> int:
     """Return a free domain id, which no other process of this user holds, and lock it.
 
