@@ -171,7 +171,7 @@ class Observer:
         self._subscribe("bt_agents/market", self._on_market, qos.FACT)
         self._subscribe("bt_agents/cards", self._on_card, qos.FACTS)
         self._subscribe("bt_agents/profiles", self._on_profiles, qos.FACT)
-        self._services: list[Any] = []
+        self._clients: dict[str, Any] = {}
         self._notified: list[Any] = []
         if listener is not None:
             self._notify(listener)
@@ -304,9 +304,8 @@ class Observer:
 
         A user with the right to watch only may use neither, so their clients are made here.
         """
-        if not self._services:
-            self._services = [*map(self._client, ("scene_layer/analyze", "feedback/give"))]
-        return all(service.service_is_ready() for service in self._services)
+        names = ("scene_layer/analyze", "feedback/give")
+        return all(self._client(name).service_is_ready() for name in names)
 
     def hears(self, topic: str) -> bool:
         """Return True when a publisher of a topic of the listener is discovered.
@@ -368,8 +367,11 @@ class Observer:
         return make_printable(answers[0]) if answers and answers[0] is not None else None
 
     def _client(self, service: str) -> Any:
-        kind = load_type(service_called(service).type)
-        return self.node.create_client(kind, service, qos_profile=qos.SERVICE)
+        if service not in self._clients:
+            kind = load_type(service_called(service).type)
+            client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
+            self._clients[service] = client
+        return self._clients[service]
 
     def received(self, topic: str) -> list[Any]:
         """Return a list that fills with the messages of a topic, the latched ones first."""
