@@ -27,17 +27,13 @@ from bt_agents_tools.cli.decisions import (
     stop_texts,
 )
 from bt_agents_tools.cli.table import TableForm, table_options
-from bt_agents_tools.cli.trees_choice import kept_state, state_option
+from bt_agents_tools.cli.trees_choice import journal_option, kept_state, state_option
 
 
 @click.command()
 @click.argument("round_number", metavar="[ROUND]", required=False, type=int)
 @state_option
-@click.option(
-    "--journal",
-    type=click.Path(path_type=Path),
-    help="Read it from this journal, or bag of 'ros2 bag record'.",
-)
+@journal_option
 @table_options
 def why(round_number: int | None, state: str, journal: Path | None, form: TableForm) -> None:
     """Say why an agent won, last or in a ROUND.
