@@ -29,7 +29,7 @@ from measuring import Effort, Row
 BENCHMARKS = {
     "ticking": "ticks of trees, beside py_trees, BehaviorTree.CPP and bonsai-bt",
     "tracing": "what collecting status changes costs",
-    "reading": "agent files: reading, checking, building; hostile ones",
+    "reading": "agent files: reading, checking, building",
     "ranking": "ranking of bids, beside plain Python",
     "executors": "hops between nodes by executor, idle cost",
     "rounds": "scene to first tick, bidding with many agents and hosts",
