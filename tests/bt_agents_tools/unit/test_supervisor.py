@@ -513,42 +513,28 @@ def test_discovery_range_keeps_traffic_local_without_whitelist(own: dict[str, st
     assert discovery_text(environment) == "this machine only"
 
 
-def test_unresponsive_process_is_killed_at_shutdown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "deaf.py").write_text(
-        "import signal, time\n"
-        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
-        "print('deaf', flush=True)\n"
-        "time.sleep(60)\n"
-    )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    supervisor = Supervisor(tmp_path / "logs")
-    supervisor.start(Component(name="deaf", module="deaf"))
-    while "deaf" not in supervisor.log("deaf").read_text():
-        assert not supervisor.failure()
-    assert supervisor.stop() == ["deaf"]
+UNTIL_ITS_END = """
+import signal, sys, time
+def end(*_):
+    %s
+signal.signal(signal.SIGTERM, end)
+print("ready", flush=True)
+while True:
+    time.sleep(1)
+"""
 
 
-def test_slowly_ending_process_is_not_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("on_term", "killed"), [("pass", ["one"]), ("time.sleep(2.2); sys.exit(0)", [])]
+)
+def test_only_unresponsive_process_is_killed_at_shutdown(
+    watched: Watched, tmp_path: Path, on_term: str, killed: list[str]
 ) -> None:
-    (tmp_path / "slow.py").write_text(
-        "import signal, sys, time\n"
-        "def end(*_):\n"
-        "    time.sleep(2.2)\n"
-        "    sys.exit(0)\n"
-        "signal.signal(signal.SIGTERM, end)\n"
-        "print('slow', flush=True)\n"
-        "while True:\n"
-        "    time.sleep(1)\n"
-    )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    supervisor = Supervisor(tmp_path / "logs")
-    supervisor.start(Component(name="slow", module="slow"))
-    while "slow" not in supervisor.log("slow").read_text():
+    supervisor = Supervisor(tmp_path / "logs")  # its clock goes on
+    supervisor.start(watched.write("one", UNTIL_ITS_END % on_term))
+    while "ready" not in supervisor.log("one").read_text():
         assert not supervisor.failure()
-    assert supervisor.stop() == []
+    assert supervisor.stop() == killed
 
 
 def test_every_process_joins_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
