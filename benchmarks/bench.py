@@ -29,7 +29,7 @@ from measuring import Effort, Row
 BENCHMARKS = {
     "ticking": "ticks of trees, beside py_trees, BehaviorTree.CPP and bonsai-bt",
     "tracing": "what collecting status changes costs",
-    "reading": "agent files: reading, checking, building; hostile ones",
+    "reading": "agent files: reading, checking, building",
     "ranking": "ranking of bids, beside plain Python",
     "executors": "hops between nodes by executor, idle cost",
     "rounds": "scene to first tick, bidding with many agents and hosts",
@@ -37,7 +37,7 @@ BENCHMARKS = {
     "ageing": "whether the thousandth goal and round is as quick as the first",
     "floods": "how long a node is silent under a flood, and what stays in its memory",
     "footprint": "idle CPU, memory, discovery",
-    "studio": "the page in a browser: painted changes, frames, memory; what its process costs",
+    "studio": "the page in a browser: painted changes, frames, memory",
 }
 """Module → what it measures; its ``measure(effort)`` gives rows."""
 

@@ -63,8 +63,8 @@ class Built:
         return [leaf.ticks for leaf in self.leaves]
 
 
-class _Leaf(Behaviour):
-    """A behaviour as a user writes it: only ``update``."""
+class _Counting(Behaviour):
+    """What a leaf does in both engines, as a user writes it: only ``update``."""
 
     def __init__(self, answer: Status) -> None:
         super().__init__("leaf")
@@ -74,6 +74,10 @@ class _Leaf(Behaviour):
     def update(self) -> Status:
         self.ticks += 1
         return self.answer
+
+
+class _LightLeaf(_Counting, LightBehaviour):
+    """The same leaf on the base class of our nodes."""
 
 
 PY_TREES = {
@@ -89,7 +93,7 @@ def behaviours(shape: Shape) -> tuple[Behaviour, list[Any]]:
 
     def node(shape: Shape) -> Behaviour:
         if shape.kind is Kind.LEAF:
-            leaves.append(_Leaf(Status[shape.answer.name]))
+            leaves.append(_Counting(Status[shape.answer.name]))
             return leaves[-1]
         children = [node(child) for child in shape.children]
         if shape.kind is Kind.INVERT:
@@ -106,19 +110,6 @@ def py_trees(shape: Shape) -> Built:
     return Built(
         tick=root.tick_once, means=PY_TREES, leaves=leaves, status=lambda _answer: root.status
     )
-
-
-class _LightLeaf(LightBehaviour):
-    """The same leaf on the base class of our nodes."""
-
-    def __init__(self, answer: Status) -> None:
-        super().__init__("leaf")
-        self.answer = answer
-        self.ticks = 0
-
-    def update(self) -> Status:
-        self.ticks += 1
-        return self.answer
 
 
 _OURS = {Kind.SEQUENCE: LightSequence, Kind.SELECTOR: LightSelector, Kind.INVERT: Invert}

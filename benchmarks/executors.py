@@ -22,16 +22,13 @@ from bare_executor import KINDS, echo
 from bt_agents_interfaces.action import Say
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from measuring import COLD, HOT, Effort, Row, in_turn, paused, timed
-from processes import Graph, graphs
+from processes import Graph, Running, graphs
 
 _FLOOR = "single"
 _CROWD = 50
 _WORDS = String(data="x" * 100)
 _LIMIT_S = 30.0
 _IDLE_S = 2.0
-_CPU_CLOCK = 2
-"""In the id of the clock of another process: the time that it has computed."""
-
 Case = Callable[[], None]
 """Asks for one thing and returns when it has come."""
 
@@ -138,16 +135,16 @@ def measure(effort: Effort) -> Iterator[Row]:
         yield from _rows(name, effort, 4, crowd, lambda asker: asker.hop(count))
     with graphs() as make, ExitStack() as stack:
         two: dict[str, Asker] = {}
-        pids: dict[str, int] = {}
+        processes: dict[str, Running] = {}
         for kind in KINDS:
             graph = make(kind)
-            pids[kind] = graph.bare("bare_executor.py", kind).pid
+            processes[kind] = graph.bare("bare_executor.py", kind)
             graph.until_up()
             two[kind] = _asker(stack, kind, graph)
             two[kind].until_matched()
         yield from _rows("topic there and back, 2 processes", effort, 200, two, Asker.hop)
         yield from _rows("service, 2 processes", effort, 200, two, Asker.call)
-        yield from _idle(effort, pids)
+        yield from _idle(effort, processes)
 
 
 def _in_one_process(stack: ExitStack, effort: Effort) -> tuple[dict[str, Asker], dict[str, Asker]]:
@@ -195,16 +192,16 @@ def _rows(
         yield from _beside_floor(case, in_turn(ways, effort), pace=pace)
 
 
-def _idle(effort: Effort, pids: dict[str, int]) -> Iterator[Row]:
+def _idle(effort: Effort, processes: dict[str, Running]) -> Iterator[Row]:
     """Yield how much CPU processes take that only beat ten times a second."""
-    found: dict[str, list[float]] = {kind: [] for kind in pids}
+    found: dict[str, list[float]] = {kind: [] for kind in processes}
     for _ in range(effort.repetitions):
-        before = {kind: _cpu_s(pid) for kind, pid in pids.items()}
+        before = {kind: one.cpu_s for kind, one in processes.items()}
         began = time.monotonic()
         time.sleep(0.2 if effort.is_short else _IDLE_S)
         took = time.monotonic() - began
-        for kind, pid in pids.items():
-            found[kind].append(100 * (_cpu_s(pid) - before[kind]) / took)
+        for kind, one in processes.items():
+            found[kind].append(100 * (one.cpu_s - before[kind]) / took)
     yield from _beside_floor("idle: 1 node, 10 heartbeats/s", found, unit="% of a core")
 
 
@@ -223,8 +220,3 @@ def _beside_floor(
                 goal=1.0 if kind == "lean" else None,
                 pace=pace,
             )
-
-
-def _cpu_s(pid: int) -> float:
-    """Return the time that another process has computed [s]."""
-    return time.clock_gettime((~pid << 3) | _CPU_CLOCK)

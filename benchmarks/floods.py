@@ -42,7 +42,6 @@ REST_S = 1.0
 """How long a node is watched before a flood and after it [s]."""
 
 _CODES = ("TOO_LARGE", "MALFORMED")
-_BEGIN_S = 60.0
 _LIFE_S = 30.0
 
 
@@ -136,7 +135,7 @@ class System:
             return any(line.startswith(word) for line in self._flooder.said[said:].splitlines())
 
         self._flooder.tell(f"{kind}, {target}, {seconds}")
-        self._graph.until(lambda: says("begins"), f"{kind} at {target} begins", _BEGIN_S)
+        self._graph.until(lambda: says("begins"), f"{kind} at {target} begins")
         silence_s = life.watch(lambda _count: not says("sent"))
         rests, lives = _lasting(rest_s), _lasting(_LIFE_S)
         after_s = life.watch(lambda count: rests() or (count < ALIVE and lives()))

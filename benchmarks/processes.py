@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -32,7 +31,6 @@ LIMIT_S = 60.0
 """Whatever takes longer hangs [s]."""
 
 _TURN_S = 0.05
-_END_S = 3.0
 _CPU_CLOCK = 2
 """In the id of the clock of another process: the time that it has computed."""
 
@@ -45,6 +43,13 @@ skills:
     inputs: {text: {type: text, description: what to say}}
     action: {name: say, type: bt_agents_interfaces/action/Say, goal: {text: "${text}"}}
 """
+
+
+def proportional_bytes(pid: int) -> int:
+    """Return the memory of a process in RAM, with its share of what it has with others."""
+    rollup = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
+    (line,) = (line for line in rollup.splitlines() if line.startswith("Pss:"))
+    return 1024 * int(line.split()[1])
 
 
 class Running:
@@ -121,9 +126,7 @@ class Running:
     @property
     def proportional_mib(self) -> float:
         """Memory that it has in RAM, and its share of what it has with others [MiB]."""
-        rollup = Path(f"/proc/{self.pid}/smaps_rollup").read_text(encoding="ascii")
-        (line,) = (line for line in rollup.splitlines() if line.startswith("Pss:"))
-        return int(line.split()[1]) / 1024
+        return proportional_bytes(self.pid) / 2**20
 
     @property
     def said(self) -> str:
@@ -136,14 +139,6 @@ class Running:
         self._process.stdin.write(f"{line}\n".encode())
         self._process.stdin.flush()
 
-    def hang(self) -> None:
-        """Stop its time."""
-        self._process.send_signal(signal.SIGSTOP)
-
-    def go_on(self) -> None:
-        """Let its time go on."""
-        self._process.send_signal(signal.SIGCONT)
-
     def kill(self) -> None:
         """End it as a crash does; nothing when it has ended."""
         self._process.kill()
@@ -153,13 +148,6 @@ class Running:
         if self._ready >= 0:
             os.close(self._ready)
             self._ready = -1
-
-    def end(self) -> None:
-        """End it in order, or kill it when that takes too long."""
-        self._process.terminate()
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_END_S)
-        self.kill()
 
 
 class Graph:
@@ -188,19 +176,13 @@ class Graph:
             context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
         )
         self._executor = executor(self._context)
-        self._nodes: list[Node] = []
-        self.probe = self.add(Node("probe", context=self._context, enable_rosout=False))
+        self.probe = Node("probe", context=self._context, enable_rosout=False)
+        self._executor.add_node(self.probe)
 
     @property
     def context(self) -> Any:
         """Of all nodes in this process."""
         return self._context
-
-    def add(self, node: Any) -> Any:
-        """Turn a node of this process, made with ``context=graph.context``; return it."""
-        self._nodes.append(node)
-        self._executor.add_node(node)
-        return node
 
     def start(self, component: Component, node: str = "") -> Running:
         """Start a node of ours, under another name if one is given, or several in one process."""
@@ -230,22 +212,21 @@ class Graph:
         """Let the nodes of this process do one piece of work, or wait for some so long [s]."""
         self._executor.spin_once(timeout_sec=timeout_s)
 
-    def until(self, condition: Callable[[], Any], what: str, limit_s: float = LIMIT_S) -> None:
+    def until(self, condition: Callable[[], Any], what: str) -> None:
         """Turn the nodes of this process until a condition holds.
 
         Args:
             condition: Looked at after each piece of work.
             what: What is waited for, in words.
-            limit_s: How long at most [s].
 
         Raises:
             RuntimeError: It takes too long, or a process has ended.
         """
-        end = time.monotonic() + limit_s
+        end = time.monotonic() + LIMIT_S
         while not condition():
             if time.monotonic() > end:
                 words = "\n".join(f"--- {one.name}\n{one.said[-2000:]}" for one in self._running)
-                raise RuntimeError(f"{self.name}: not within {limit_s:g} s: {what}\n{words}")
+                raise RuntimeError(f"{self.name}: not within {LIMIT_S:g} s: {what}\n{words}")
             self.turn()
 
     def until_up(self) -> None:
@@ -270,8 +251,7 @@ class Graph:
                 one.kill()
         finally:
             self._executor.shutdown(timeout_sec=1.0)
-            for node in self._nodes:
-                node.destroy_node()
+            self.probe.destroy_node()
             self._context.try_shutdown()
             shutil.rmtree(self.folder, ignore_errors=True)
 
@@ -297,18 +277,17 @@ def graphs() -> Iterator[Callable[[str], Graph]]:
         yield make
 
 
-def write_trees(folder: Path, agents: Mapping[str, str], skills: str = SKILLS) -> Path:
+def write_trees(folder: Path, agents: Mapping[str, str]) -> Path:
     """Make a trees folder of agents with profiles that differ; return it.
 
     Args:
         folder: Made by this.
         agents: Name to the tree, as JSON or on lines that are indented by two spaces.
-        skills: What the robot can do, as a skills file says it.
     """
     (folder / "agents").mkdir(parents=True)
     (folder / "skills").mkdir()
     shutil.copy(HERE.parent / "trees" / "scene.yaml", folder)
-    (folder / "skills" / "voice.yaml").write_text(skills, encoding="utf-8")
+    (folder / "skills" / "voice.yaml").write_text(SKILLS, encoding="utf-8")
     for index, (name, tree) in enumerate(agents.items()):
         profile = {"age": 1 + index % 997 * 4 / 997, "familiarity": 3.0, "mood": 3.0}
         (folder / "agents" / f"{name}.yaml").write_text(

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long agent files take to be read, checked and built, beside YAML parsers on the same text.
+"""How long agent files take to be read, checked and built, beside a YAML parser on the same text.
 
 Every file is read as the first one of a process: no condition is known from the last time.
-Hostile files stand beside a good one of the same size.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import gc
 import random
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -21,12 +20,10 @@ from bt_agents.engine.builder import build
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
-from bt_agents_core.errors import ReadError
 from bt_agents_core.scene import Scene, SceneValue
 from bt_agents_language.fields import scope as names
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_symbols, read_trees, yaml_files
-from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tools.lint import cut_texts, lint
 from bt_agents_language.yaml.source import Source
@@ -35,14 +32,10 @@ from measuring import Effort, Row, Way, in_turn
 TREES = Path(__file__).parents[1] / "trees"
 OURS = "read, check, build"
 SAFE = "PyYAML SafeLoader"
-EVENTS = "bare C events"
 SIZES = (20, 200, 2_000, 5_000)
 SHORT_SIZES = (20, 200)
 LARGE = 5_000
 GOAL = 0.25
-HOSTILE_GOAL = 2.0
-HOSTILE_BYTES = 200_000
-SHORT_BYTES = 24_000
 LEAST_S = 0.02
 """A measurement repeats what takes less [s]."""
 
@@ -96,14 +89,9 @@ SUBTREE = """\
 CALL = "    - {{subtree: part_{number}, with: {{clip: clip_{number}}}}}\n"
 NODES_OF_CALL = 5
 
-LAUGHTER = "".join(
-    f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n"
-    for before, name in zip("abcdefgh", "bcdefghi", strict=True)
-)
-
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Compare files of several kinds and sizes, the folder of trees, and hostile files.
+    """Compare files of several kinds and sizes, and the folder of trees.
 
     Raises:
         RuntimeError: A file means something else than it should.
@@ -111,20 +99,15 @@ def measure(effort: Effort) -> Iterator[Row]:
     symbols = read_symbols(TREES)
     for nodes in SHORT_SIZES if effort.is_short else SIZES:
         goal = GOAL if nodes == LARGE else None
-        yield from _compared(
-            f"mixture, {nodes:,} nodes", mixture(nodes), nodes, goal, symbols, effort
-        )
+        yield _compared(f"mixture, {nodes:,} nodes", mixture(nodes), nodes, goal, symbols, effort)
     nodes = SHORT_SIZES[-1] if effort.is_short else LARGE
     for what, text, note in (
         ("nothing twice", varied(nodes), "a quarter of it parses conditions, each another one"),
         ("subtrees", subtrees(nodes), ""),
     ):
         case = f"{what}, {nodes:,} nodes"
-        yield from _compared(case, text, nodes, GOAL, symbols, effort, note)
+        yield _compared(case, text, nodes, GOAL, symbols, effort, note)
     yield _folder(effort)
-    size = SHORT_BYTES if effort.is_short else HOSTILE_BYTES
-    for name, hostile in hostile_files(size).items():
-        yield _refused(name, hostile, symbols, effort)
 
 
 def mixture(nodes: int) -> str:
@@ -158,28 +141,6 @@ def subtrees(nodes: int) -> str:
     return HEAD + TREE + called + LEAF * rest + "subtrees:\n" + parts
 
 
-def hostile_files(size: int) -> Mapping[str, str]:
-    """Return files of about one size that no person would write."""
-    nest = HEAD + "tree: "
-    left = size - len(HEAD)
-    words = "".join(f"a{number}: &a{number} x\n" for number in range(left // 14))
-    return {
-        "alias bomb": HEAD + "a: &a [x, x, x, x, x, x, x, x, x]\n" + LAUGHTER,
-        "alias bomb in a long file": _padded(
-            HEAD + "a: &a [x, x, x, x, x, x, x, x, x]\n" + LAUGHTER, size
-        ),
-        "[ without end": nest + "[" * left,
-        "{a: without end": nest + "{a: " * (left // 4),
-        "- without end": nest + "\n  " + "- " * (left // 2),
-        "an anchor a line": HEAD + words,
-        "one text": nest + '{say: "' + "word " * (left // 5) + '"}\n',
-        "one key": HEAD + "a" * left + ": 1\n",
-        "a wrong node a line": HEAD + TREE + "    - sya: x\n" * (left // 13),
-        "a key deeper each line": HEAD
-        + "".join(f"{'  ' * depth}a:\n" for depth in range(int(left**0.5))),
-    }
-
-
 def _way(call: Callable[[], object]) -> Way:
     """Return a way that does a call as often as it takes to measure it."""
 
@@ -197,12 +158,6 @@ def _way(call: Callable[[], object]) -> Way:
     return way
 
 
-def _padded(text: str, size: int) -> str:
-    """Return a file with comments after it, as long as is wanted."""
-    line = "# nothing\n"
-    return text + line * ((size - len(text)) // len(line))
-
-
 def _compared(
     case: str,
     text: str,
@@ -211,20 +166,14 @@ def _compared(
     symbols: SymbolTable,
     effort: Effort,
     note: str = "",
-) -> Iterator[Row]:
+) -> Row:
     whole = partial(_whole, text, symbols)
     found = sum(1 for _ in whole().iterate())
     if found != nodes:
         raise RuntimeError(f"{case}: the tree has {found} nodes")
-    values = in_turn(
-        {
-            OURS: _way(whole),
-            SAFE: _way(partial(yaml.load, text, Loader=yaml.SafeLoader)),
-            EVENTS: _way(partial(_events, text)),
-        },
-        effort,
-    )
-    yield Row(
+    parse = partial(yaml.load, text, Loader=yaml.SafeLoader)
+    values = in_turn({OURS: _way(whole), SAFE: _way(parse)}, effort)
+    return Row(
         case=case,
         side=OURS,
         values=values[OURS],
@@ -233,12 +182,12 @@ def _compared(
         goal=goal,
         note=note,
     )
-    yield Row(case=case, side=OURS, values=values[OURS], floor=EVENTS, floor_values=values[EVENTS])
 
 
 def _whole(text: str, symbols: SymbolTable) -> Behaviour:
     """Read and check a file as ``bt-agents check`` does, and build its tree as a run does."""
-    agent = _read(text, symbols)
+    _forget()
+    agent = read_agent(Source("benchmark.yaml", text), symbols)
     lint(agent)
     tuple(cut_texts(Source(agent.file, text)))
     values = tuple(SceneValue.missing(name) for name in symbols.space.names)
@@ -251,11 +200,6 @@ def _whole(text: str, symbols: SymbolTable) -> Behaviour:
         tunables={one.name: one.default for one in agent.tunables},
     )
     return build(agent.tree, RunContext(ScriptedEnvironment(), scope, random.Random(1)))
-
-
-def _read(text: str, symbols: SymbolTable) -> AgentSpec:
-    _forget()
-    return read_agent(Source("benchmark.yaml", text), symbols)
 
 
 def _forget() -> None:
@@ -287,34 +231,3 @@ def _folder(effort: Effort) -> Row:
         floor=SAFE,
         floor_values=values[SAFE],
     )
-
-
-def _refused(name: str, text: str, symbols: SymbolTable, effort: Effort) -> Row:
-    good = _padded(mixture(len(text) // 43), len(text))
-    _read(good, symbols)
-    values = in_turn(
-        {OURS: _way(partial(_refuse, text, symbols)), SAFE: _way(partial(_read, good, symbols))},
-        effort,
-    )
-    return Row(
-        case=f"refused: {name}, {len(text):,} bytes",
-        side="read",
-        values=values[OURS],
-        floor="a good file",
-        floor_values=values[SAFE],
-        goal=HOSTILE_GOAL,
-    )
-
-
-def _refuse(text: str, symbols: SymbolTable) -> None:
-    try:
-        _read(text, symbols)
-    except ReadError:
-        return
-    raise RuntimeError("a hostile file was read")
-
-
-def _events(text: str) -> None:
-    """Take every event of the YAML parser, nothing more."""
-    for _ in yaml.parse(text, Loader=yaml.CSafeLoader):
-        pass

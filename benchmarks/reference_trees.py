@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -41,14 +40,6 @@ class Shape:
     memory: bool = True
     answer: Answer = Answer.SUCCESS
 
-    @property
-    def leaves(self) -> Iterator[Shape]:
-        """Its leaves, from the first to the last."""
-        if self.kind is Kind.LEAF:
-            yield self
-        for child in self.children:
-            yield from child.leaves
-
 
 SUCCESS = Shape(kind=Kind.LEAF, answer=Answer.SUCCESS)
 FAILURE = Shape(kind=Kind.LEAF, answer=Answer.FAILURE)
@@ -60,9 +51,9 @@ def sequence(*children: Shape, memory: bool = True) -> Shape:
     return Shape(kind=Kind.SEQUENCE, children=children, memory=memory)
 
 
-def selector(*children: Shape, memory: bool = True) -> Shape:
+def selector(*children: Shape) -> Shape:
     """Return a node that ticks its children until one does not fail."""
-    return Shape(kind=Kind.SELECTOR, children=children, memory=memory)
+    return Shape(kind=Kind.SELECTOR, children=children)
 
 
 def inverted(shape: Shape, times: int) -> Shape:

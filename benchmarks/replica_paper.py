@@ -199,10 +199,9 @@ ROLES: dict[str, Callable[[], list[Node]]] = {
     "agents": lambda: [Agent(name, age) for name, age in AGENTS.items()],
     "feedback": lambda: [Feedback()],
 }
-"""What this module runs, by its command line; ``plain`` takes rclpy's own executor."""
+"""What this module runs, by its command line."""
 
 
 if __name__ == "__main__":
     rclpy.init()
-    made = [node for word in sys.argv[1:] if word in ROLES for node in ROLES[word]()]
-    spin(*made, turner=SingleThreadedExecutor() if "plain" in sys.argv else None)
+    spin(*ROLES[sys.argv[1]](), turner=SingleThreadedExecutor())

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import itertools
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -42,12 +41,12 @@ RATES = (1, 100)
 
 AGENTS = 3
 ROLES = ("scene", "market", "agents", "feedback")
-REPLICAS = {
+SIDES = {
+    "together": "bt-agents, one process",
+    "ours": "bt-agents, 4 processes",
     "plain": "paper's flow, rclpy.spin",
-    "quick": "the same, our executor",
-    "one": "the same, one process",
 }
-"""The paper's flow as bare nodes."""
+"""Who goes through full cycles."""
 
 GOALS = {("ours", "plain"): 1.5, ("together", "ours"): 0.45, ("together", "plain"): 0.7}
 """Ratios of cycles that are wanted."""
@@ -195,45 +194,29 @@ def _mood(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
 
 
 def _cycle(effort: Effort, make: Callable[[str], Graph]) -> Iterator[Row]:
-    graphs_of = {
-        "ours": make("cycle"),
-        "together": make("cycle-together"),
-        "plain": make("cycle-plain"),
-    }
+    graphs_of = {side: make(f"cycle-{side}") for side in SIDES}
     for component in _system(graphs_of["ours"]):
         graphs_of["ours"].start(component)
     together = graphs_of["together"]
     together.start(components.one_process(_system(together)))
-    if effort.is_short:
-        graphs_of["plain"].bare("replica_paper.py", "plain", *ROLES)
-    else:
-        graphs_of |= {"quick": make("cycle-quick"), "one": make("cycle-one")}
-        for role in ROLES:
-            graphs_of["plain"].bare("replica_paper.py", "plain", role)
-            graphs_of["quick"].bare("replica_paper.py", role)
-        graphs_of["one"].bare("replica_paper.py", *ROLES)
+    for role in ROLES:
+        graphs_of["plain"].bare("replica_paper.py", role)
     sides = {side: Cycle(graph, AGENTS) for side, graph in graphs_of.items()}
     for pace, pause in paces(effort, 0.0):
         number = effort.times(16)
         found = in_turn(
             {side: median_of(partial(c.once, pause), number) for side, c in sides.items()}, effort
         )
-        called = {
-            "together": "bt-agents, one process",
-            "ours": "bt-agents, 4 processes",
-            **REPLICAS,
-        }
-        for side, floor in itertools.combinations(called, 2):
-            if side in ("together", "ours") and floor in found:
-                yield Row(
-                    case="trigger to the winner's new profile",
-                    side=called[side],
-                    values=found[side],
-                    floor=called[floor],
-                    floor_values=found[floor],
-                    goal=GOALS.get((side, floor)),
-                    pace=pace,
-                )
+        for (side, floor), goal in GOALS.items():
+            yield Row(
+                case="trigger to the winner's new profile",
+                side=SIDES[side],
+                values=found[side],
+                floor=SIDES[floor],
+                floor_values=found[floor],
+                goal=goal,
+                pace=pace,
+            )
 
 
 def _system(graph: Graph) -> tuple[Component, ...]:

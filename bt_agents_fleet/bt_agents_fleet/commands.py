@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import closing
 from pathlib import Path
 
 import click
@@ -65,11 +66,8 @@ def join(
         address=checked_address(address, str(certificates.resolve()) if certificates else ""),
         password_file=str(password_file.resolve()) if password_file else "",
     )
-    database = _database(settings)
-    try:
+    with closing(_database(settings)) as database:
         database.join()
-    finally:
-        database.close()
     file = write_settings(claim_state(take_trees(), state).path, settings)
     click.echo(f"joined as {settings.robot}; 'bt-agents fleet run' keeps {file.parent} up to date")
 
@@ -88,11 +86,8 @@ def leave(erase: bool, yes: bool, state: str) -> None:
     settings = read_settings(kept.path)
     if erase and not yes:
         click.confirm(f"take the steps of {settings.robot} out of the database?", abort=True)
-    database = _database(settings)
-    try:
+    with closing(_database(settings)) as database:
         database.leave(erase=erase)
-    finally:
-        database.close()
     (kept.path / FLEET_SETTINGS).unlink()
     (kept.path / STATUS_FILE).unlink(missing_ok=True)
     click.echo(f"{settings.robot} has left the fleet")
@@ -106,15 +101,13 @@ def status(form: TableForm, state: str) -> None:
     kept = kept_state(state)
     settings = read_settings(kept.path)
     here = read_status(kept.path)
-    database = _database(settings)
     robots: list[RobotRow] = []
     problem = ""
-    try:
-        robots = database.robots()
-    except FleetError as error:
-        problem = str(error)
-    finally:
-        database.close()
+    with closing(_database(settings)) as database:
+        try:
+            robots = database.robots()
+        except FleetError as error:
+            problem = str(error)
     if form is TableForm.JSON:
         fleet = [vars(one) for one in robots]
         print_json({"robot": settings.robot, "problem": problem, "here": here, "robots": fleet})
@@ -144,8 +137,8 @@ def run(state: str) -> None:
     set_discovery(os.environ)
     interrupt = Interrupt()
     with loading():
-        from bt_agents_fleet.fleet_run import FleetRun
-    FleetRun(kept.trees, kept.path, kept.ledger, click.echo).run(interrupt)
+        from bt_agents_fleet.fleet_run import keep_up
+    keep_up(kept.trees, kept.path, kept.ledger, click.echo, interrupt)
 
 
 def _database(settings: FleetSettings) -> FleetDatabase:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import printable
-from bt_agents_fleet.fleet_run import FleetRun
+from bt_agents_fleet.fleet_run import keep_up
 from bt_agents_ros.signals import Interrupt
 from bt_agents_ros.spinner import die_with_parent, report_ready
 
@@ -31,7 +31,7 @@ def main() -> int:
 
     report_ready()
     try:
-        FleetRun(trees, state, ledger, say).run(interrupt)
+        keep_up(trees, state, ledger, say, interrupt)
     except BtAgentsError as error:
         print(f"error: {printable(str(error))}", file=sys.stderr)
         return 1

@@ -16,7 +16,6 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_core.health import PartHealth
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.state_folder import state_home
 from bt_agents_core.text import printable
@@ -25,7 +24,6 @@ from bt_agents_interfaces.srv import Record
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder
 from bt_agents_lab.recorder.facts import CARDS, DIAGNOSTICS, is_fact, reporting_node
 from bt_agents_lab.recorder.file import RecordedMessage, RecordedTopic, definition
-from bt_agents_lab.recorder.health import recording_health
 from bt_agents_lab.recorder.recording_control import MarkedMoment, RecordingControl, RecordingState
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
@@ -84,7 +82,7 @@ class JournalNode(BaseNode):
         )
         self._status = self.create_publisher(RecordingStatus, "~/status", qos.FACT)
         self._bookmarks = self.create_publisher(Bookmark, "bt_agents/bookmarks", qos.FACTS)
-        self._health = HealthPublisher(self, self._judge)
+        self._health = HealthPublisher(self, lambda: (self.journal.health,))
         self._control = RecordingControl(self.journal, self, time.time_ns)
         self.create_service(Record, "~/record", self._on_record, qos_profile=qos.SERVICE)
         for heard in heard_by("journal"):
@@ -174,17 +172,6 @@ class JournalNode(BaseNode):
         self.journal.flush(time.time_ns())
         self._control.check_file()
         self._health.update()
-
-    def _judge(self) -> tuple[PartHealth, ...]:
-        journal = self.journal
-        return (
-            recording_health(
-                is_recording=journal.is_recording,
-                file=journal.path.name,
-                trouble=journal.trouble,
-                dropped=journal.dropped,
-            ),
-        )
 
     def _subscribe(self, heard: SystemTopic, name: str) -> None:
         topic = self._topic(heard, name)

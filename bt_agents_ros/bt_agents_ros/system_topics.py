@@ -23,30 +23,39 @@ _OWN_PACKAGE = "bt_agents_interfaces"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class SystemTopic:
-    """A topic that nodes of the system publish or listen to, whatever the trees are.
+class _SystemName:
+    """A name on the graph.
 
     Attributes:
         name: Relative name, except for topics that ROS itself names.
-        type: Message type, ``package/msg/Name``.
-        profile: Name of the QoS profile of its publishers in :mod:`bt_agents_ros.qos`.
-        publishers: Names of nodes, and of roles of the command line.
-        listeners: The same, including nodes that listen only while they act.
+        type: Type, such as ``package/msg/Name``.
     """
 
     name: str
     type: str
-    profile: str
-    publishers: frozenset[str]
-    listeners: frozenset[str]
 
     def is_called(self, name: str) -> bool:
-        """Return whether this is the topic with a name; a leading slash is ignored."""
+        """Return whether a name, perhaps of a host, is this one; a leading slash is ignored."""
         name = name.removeprefix("/")
         host, slash, rest = self.name.partition("/")
         if host != HOST:
             return name == self.name.removeprefix("/")
         return name.endswith(slash + rest) and name != slash + rest
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SystemTopic(_SystemName):
+    """A topic that nodes of the system publish or listen to, whatever the trees are.
+
+    Attributes:
+        profile: Name of the QoS profile of its publishers in :mod:`bt_agents_ros.qos`.
+        publishers: Names of nodes, and of roles of the command line.
+        listeners: The same, including nodes that listen only while they act.
+    """
+
+    profile: str
+    publishers: frozenset[str]
+    listeners: frozenset[str]
 
 
 def _full_type(kind: str, folder: str) -> str:
@@ -147,19 +156,15 @@ TREE_STREAMS = (
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class SystemService:
+class SystemService(_SystemName):
     """A service or an action of a node of the system.
 
     Attributes:
-        name: Relative name.
-        type: ``package/srv/Name`` or ``package/action/Name``.
         server: Name of the node.
         callers: Names of nodes, and of roles of the command line, each of which may do what those
             before it may; agents call what their skills name.
     """
 
-    name: str
-    type: str
     server: str
     callers: frozenset[str]
 
@@ -239,4 +244,16 @@ def topic_called(name: str) -> SystemTopic:
     for topic in TOPICS:
         if topic.is_called(name):
             return topic
+    raise KeyError(name)
+
+
+def service_called(name: str) -> SystemService:
+    """Return the service with a name, which may contain the name of a host.
+
+    Raises:
+        KeyError: The system has no such service.
+    """
+    for service in SERVICES:
+        if service.is_called(name):
+            return service
     raise KeyError(name)

@@ -84,10 +84,8 @@ def _record(
     from bt_agents_tools.client.observer import Observer
 
     observer = Observer()
-    auctions, feedbacks = (
-        observer.received("bt_agents/auctions"),
-        observer.received("bt_agents/feedback"),
-    )
+    auctions = observer.received("bt_agents/auctions")
+    feedbacks = observer.received("bt_agents/feedback")
 
     def is_complete() -> bool:
         """Return whether the last round has arrived, with its decision, which may come later."""

@@ -16,7 +16,7 @@ from bt_agents_core.text import printable
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.formatting import values_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
-from bt_agents_tools.cli.trees_choice import kept_state, state_option
+from bt_agents_tools.cli.trees_choice import journal_option, kept_state, state_option
 
 with loading():
     from bt_agents_lab.cli.journal import damage_reported, newest_journal
@@ -31,11 +31,7 @@ _STATUSES = ("invalid", "running", "success", "failure")
 @click.command()
 @click.argument("round_number", metavar="[ROUND]", required=False, type=int)
 @state_option
-@click.option(
-    "--journal",
-    type=click.Path(path_type=Path),
-    help="Read it from this journal, or bag of 'ros2 bag record'.",
-)
+@journal_option
 @table_options
 def trace(round_number: int | None, state: str, journal: Path | None, form: TableForm) -> None:
     """Show what the tree of the last run did, or of the run of a ROUND, element by element.

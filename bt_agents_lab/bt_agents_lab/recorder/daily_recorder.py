@@ -13,6 +13,7 @@ from datetime import date
 from pathlib import Path
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import Health, PartHealth
 from bt_agents_core.private_files import make_private_folder
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, Write
@@ -38,9 +39,7 @@ class DailyRecorder:
         report: Takes a text for people, and whether it is an error.
 
     Attributes:
-        dropped: Messages dropped since the last one that was stored.
         is_recording: False while it is stopped.
-        trouble: Why writing fails; empty if it works.
 
     Raises:
         Refused: ``IN_USE``; another journal writes into the folder.
@@ -56,8 +55,6 @@ class DailyRecorder:
         report: Callable[[str, bool], None],
         write: Write = os.pwrite,
     ) -> None:
-        self.dropped = 0
-        self.is_recording = True
         self._folder = folder
         self._days = days
         self._today = today
@@ -66,19 +63,25 @@ class DailyRecorder:
         self._facts: dict[str, RecordedMessage] = {}
         self._sequences: dict[str, int] = {}
         self._bytes = 0
-        self.trouble = ""
-        self._date = today()
-        self._lock = lock_folder(folder)
-        try:
-            self._file = self._open()
-        except BaseException:
-            os.close(self._lock)
-            raise
+        self._dropped = 0
+        self._trouble = ""
+        self._begin()
 
     @property
     def path(self) -> Path:
         """File of this start and day; while stopped, the last one."""
         return self._file.path
+
+    @property
+    def health(self) -> PartHealth:
+        """Whether it records everything and can write."""
+        level, message = Health.OK, "everything is recorded"
+        if self._trouble:
+            level, message = Health.ERROR, f"{self.path.name} cannot be written: {self._trouble}"
+        elif not self.is_recording:
+            message = "the recording is stopped"
+        values = {"file": self.path.name, "dropped": str(self._dropped)}
+        return PartHealth(part="recording", level=level, message=message, values=values)
 
     def record(self, message: RecordedMessage, *, fact: str = "") -> None:
         """Take a message for the next flush.
@@ -86,7 +89,7 @@ class DailyRecorder:
         A fact holds until the next message with the same key, so it is repeated at the beginning
         of later files; an event has no key.
         """
-        if self.is_recording and not self.trouble:
+        if self.is_recording and not self._trouble:
             try:
                 self._change_file(message.received_ns)
             except OSError as error:
@@ -107,22 +110,15 @@ class DailyRecorder:
             Refused: ``IN_USE``; another journal writes into the folder.
             OSError: The folder cannot be written.
         """
-        self._lock = lock_folder(self._folder)
-        self._date = self._today()
-        try:
-            self._file = self._open()
-        except BaseException:
-            os.close(self._lock)
-            raise
-        self.is_recording = True
+        self._begin()
         self._repeat_facts(now_ns)
 
     def stop(self) -> None:
         """Write the waiting messages and end the file; report lost ones."""
         self.is_recording = False
-        lost = self.dropped + self._file.close()
+        lost = self._dropped + self._file.close()
         os.close(self._lock)
-        self.dropped, self._bytes, self.trouble = 0, 0, ""
+        self._dropped, self._bytes, self._trouble = 0, 0, ""
         if lost:
             self._report(
                 f"{lost} messages are lost: {self.path} could not be written before the end", True
@@ -139,16 +135,27 @@ class DailyRecorder:
         except OSError as error:
             self._warn(error)
             return
-        if self.trouble:
-            self.trouble = ""
-            lost = f"; {self.dropped} messages are lost" if self.dropped else ""
+        if self._trouble:
+            self._trouble = ""
+            lost = f"; {self._dropped} messages are lost" if self._dropped else ""
             self._report(f"the journal goes on in {self.path}{lost}", bool(lost))
-            self.dropped = 0
+            self._dropped = 0
 
     def close(self) -> None:
         """Stop a recording, if any."""
         if self.is_recording:
             self.stop()
+
+    def _begin(self) -> None:
+        """Lock the folder and begin a file in it; raises as the constructor."""
+        self._lock = lock_folder(self._folder)
+        self._date = self._today()
+        try:
+            self._file = self._open()
+        except BaseException:
+            os.close(self._lock)
+            raise
+        self.is_recording = True
 
     def _flush_file(self) -> None:
         self._file.flush()
@@ -159,7 +166,7 @@ class DailyRecorder:
         name = message.topic.name
         sequence = self._sequences[name] = self._sequences.get(name, 0) + 1
         if self._bytes + len(message.data) > MOST_WAITING:
-            self.dropped += 1
+            self._dropped += 1
             return
         self._bytes += len(message.data)
         self._file.add(message, sequence % 2**32)
@@ -215,8 +222,8 @@ class DailyRecorder:
     def _warn(self, error: OSError) -> None:
         """Report once that writing fails."""
         trouble = error.strerror or str(error)
-        if trouble != self.trouble:
-            self.trouble = trouble
+        if trouble != self._trouble:
+            self._trouble = trouble
             code, until = _FULL if error.errno in _NO_ROOM else _FAILED
             self._report(
                 f"{code}: {self._folder} cannot be written ({trouble}); the journal waits in "

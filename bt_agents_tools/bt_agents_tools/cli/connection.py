@@ -12,7 +12,7 @@ from bt_agents_core.errors import BtAgentsError, RefusedElsewhere
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.trees_choice import say_trees_of_system
-from bt_agents_tools.launcher.domain_lock import holder, turn_to_join
+from bt_agents_tools.launcher.domain_lock import current_domain, holder, turn_to_join
 from bt_agents_tools.launcher.supervisor import set_discovery
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def connect() -> Iterator[Observer]:
         NoSystemError: None is on this ROS domain, or it does not answer.
     """
     set_discovery(os.environ)
-    domain = int(os.environ.get("ROS_DOMAIN_ID") or "0")
+    domain = current_domain()
     with ExitStack() as connected:
         with turn_to_join(domain):
             with loading():

@@ -13,8 +13,7 @@ from rich.console import Console
 
 from bt_agents_core.optional_packages import how_to_install
 from bt_agents_core.state_folder import FLEET_SETTINGS
-from bt_agents_tools.cli.formatting import print_line
-from bt_agents_tools.cli.supervision import INDENT
+from bt_agents_tools.cli.formatting import INDENT, print_line
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.supervisor import Component
 

@@ -17,6 +17,9 @@ STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
 OUTCOMES = ("SUCCEEDED", "FAILED", "CANCELLED", "LOST")
 KINDS = ("DIRECT", "POSITIVE", "NEGATIVE", "SET")
 
+INDENT = 4
+"""Indent of further lines about a running system."""
+
 _NARROWEST = 20
 _WIDEST = 10_000
 

@@ -12,37 +12,39 @@ from bt_agents_core.text import printable_line, quote
 from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_ros.system_topics import NODES
 from bt_agents_tools.launcher.components import HOST
-from bt_agents_tools.launcher.parameter_file import read_sections
+from bt_agents_tools.launcher.parameter_file import ParameterFile, read_parameters
 
 _NODES = {*(name.format(host=HOST) for name in NODES), "fleet", "visitors"}
 
 
 def checked_params(
     _context: click.Context, _parameter: click.Parameter, path: Path | None
-) -> Path | None:
-    """Return a parameter file that nodes can read; a click callback.
+) -> ParameterFile | None:
+    """Read a parameter file; a click callback.
 
     It reports on standard error node names that look like misspelled parts of the system, and
     those without a namespace if the nodes have one.
 
     Raises:
-        BtAgentsError: As in :func:`read_sections`.
+        BtAgentsError: As in :func:`read_parameters`.
     """
-    if path is not None:
-        namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
-        for name, _ in read_sections(path):
-            node = name.rpartition("/")[2]
-            near = nearest(node, _NODES)
-            if node in _NODES and namespace and name == node:
-                click.echo(
-                    f"{path.name}: '{node}' names no node, as ROS_NAMESPACE is '{namespace}', so "
-                    f"its values count for nothing; write '/**/{node}' or '/{namespace}/{node}'",
-                    err=True,
-                )
-            elif node not in _NODES and near is not None:
-                click.echo(
-                    f"{path.name}: no node is called {quote(printable_line(node))}; did you mean "
-                    f"'{near}'?",
-                    err=True,
-                )
-    return path
+    if path is None:
+        return None
+    file = read_parameters(path)
+    namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
+    for name, _ in file.sections:
+        node = name.rpartition("/")[2]
+        near = nearest(node, _NODES)
+        if node in _NODES and namespace and name == node:
+            click.echo(
+                f"{path.name}: '{node}' names no node, as ROS_NAMESPACE is '{namespace}', so "
+                f"its values count for nothing; write '/**/{node}' or '/{namespace}/{node}'",
+                err=True,
+            )
+        elif node not in _NODES and near is not None:
+            click.echo(
+                f"{path.name}: no node is called {quote(printable_line(node))}; did you mean "
+                f"'{near}'?",
+                err=True,
+            )
+    return file

@@ -19,30 +19,16 @@ from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.fleet_plan import FleetPlan
-from bt_agents_tools.cli.formatting import counted, print_line
-from bt_agents_tools.cli.supervision import (
-    INDENT,
-    POLL_S,
-    print_supervised,
-    stopping,
-    wait_until_ready,
-    watch,
-)
+from bt_agents_tools.cli.formatting import INDENT, counted, print_line
+from bt_agents_tools.cli.supervision import POLL_S, SupervisedSystem
 from bt_agents_tools.launcher import components
-from bt_agents_tools.launcher.domain_lock import hold_domain
+from bt_agents_tools.launcher.domain_lock import current_domain, hold_domain
 from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.network import open_to_network, prolong_requests
-from bt_agents_tools.launcher.supervisor import (
-    Component,
-    Supervisor,
-    discovery_text,
-    set_discovery,
-)
+from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_discovery
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from bt_agents_tools.client.observer import Observer
 
 PARTS = {
     "market": "marketplace",
@@ -123,16 +109,16 @@ def host_name(named: str) -> str:
     return named
 
 
-def hold_parts(domain: int, names: Sequence[str], who: str) -> None:
-    """Make this process the only one on this machine that runs these components on a domain.
+def hold_parts(names: Sequence[str], who: str) -> None:
+    """Make this process the only one on this machine that runs these components on its domain.
 
     Raises:
         BtAgentsError: Another process runs one of them.
     """
     if PARTS["market"] in names:
-        hold_domain(domain, who)
+        hold_domain(current_domain(), who)
     for name in names:
-        hold_domain(domain, who, name)
+        hold_domain(current_domain(), who, name)
 
 
 @printing_aside()
@@ -150,39 +136,31 @@ def run_parts(
     Raises:
         BtAgentsError: A part already runs on the domain, or does not start.
     """
-    start = time.monotonic()
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    begun_s = time.monotonic()
     names = [part.name for part in parts]
-    hold_parts(int(domain), names, f"'bt-agents {command}' (process {os.getpid()})")
+    hold_parts(names, f"'bt-agents {command}' (process {os.getpid()})")
     with closing(ForkServer(module for part in parts for module in part.modules)) as fork_server:
         with loading():
             from bt_agents_tools.client.observer import Observer
 
-        console = Console()
         supervisor = Supervisor(logs, fork_server=fork_server)
-        observer = Observer()
-        watch(observer, supervisor, parts)
-        with stopping(console, observer, supervisor, interrupt):
-            _check_free(observer, names, domain, interrupt)
+        system = SupervisedSystem(
+            parts,
+            interrupt,
+            console=Console(),
+            observer=Observer(),
+            supervisor=supervisor,
+            fleet=fleet,
+        )
+        with system.ending():
+            _check_free(system, names)
+            system.start(lambda: all(map(supervisor.has_been_up, names)))
             if not interrupt:
-                supervisor.start(*parts)
-            wait_until_ready(
-                console,
-                observer,
-                supervisor,
-                interrupt,
-                lambda: all(supervisor.has_been_up(name) for name in names),
-            )
-            if not interrupt:
-                where = f"on {socket.gethostname()}, ROS domain {domain}"
-                text = f"after {time.monotonic() - start:.1f} s: {', '.join(names)} {where}, "
-                print_line(console, "[green]ready[/] ", text + discovery_text(os.environ), INDENT)
-            _tell_market(console, observer, supervisor, interrupt, fleet)
+                system.print_ready(f"{', '.join(names)} on {socket.gethostname()}", begun_s)
+            _tell_market(system)
 
 
-def _check_free(
-    observer: Observer, names: Sequence[str], domain: str, interrupt: Interrupt
-) -> None:
+def _check_free(system: SupervisedSystem, names: Sequence[str]) -> None:
     """Check that no part runs already, elsewhere or under another user.
 
     Raises:
@@ -190,41 +168,33 @@ def _check_free(
     """
 
     def taken() -> list[str]:
-        there = observer.nodes_there()
+        there = system.observer.nodes_there()
         return [name for name in names if name in there]
 
-    observer.spin_until(lambda: bool(interrupt) or bool(taken()), _LOOK_S)
-    if taken() and not interrupt:
+    system.spin_until(lambda: bool(taken()), _LOOK_S)
+    if taken() and not system.interrupt:
         raise BtAgentsError(
-            f"{taken()[0]} already runs on ROS domain {domain}, perhaps on another machine; end "
-            "it there, leave it out here, or set ROS_DOMAIN_ID to another number"
+            f"{taken()[0]} already runs on ROS domain {current_domain()}, perhaps on another "
+            "machine; end it there, leave it out here, or set ROS_DOMAIN_ID to another number"
         )
 
 
-def _tell_market(
-    console: Console,
-    observer: Observer,
-    supervisor: Supervisor,
-    interrupt: Interrupt,
-    fleet: FleetPlan | None,
-) -> None:
+def _tell_market(system: SupervisedSystem) -> None:
     """Print the market and the number of agents at each change, until the user ends it."""
 
     def now() -> tuple[str, int, int]:
-        market = observer.market
+        market = system.observer.market
         return ("", 0, 0) if market is None else (market.epoch, market.hosts, market.agents)
 
-    observer.spin_until(lambda: bool(interrupt) or observer.market is not None, _LOOK_S)
+    system.spin_until(lambda: system.observer.market is not None, _LOOK_S)
     told = None
-    if fleet is not None and not interrupt:
-        supervisor.start(fleet.component)
-    while not interrupt:
-        print_supervised(console, observer, supervisor)
-        if fleet is not None:
-            fleet.print_lines(console)
+    if not system.interrupt:
+        system.start_fleet()
+    while not system.interrupt:
+        system.poll()
         if now() != told:
             told = epoch, hosts, agents = now()
             text = f"{counted(hosts, 'host')}, {counted(agents, 'agent')}"
             text = text if epoch else "none so far: waiting for it"
-            print_line(console, "[bold]market[/] ", text, INDENT)
-        observer.spin_until(lambda: bool(interrupt), POLL_S)
+            print_line(system.console, "[bold]market[/] ", text, INDENT)
+        system.spin_until(lambda: False, POLL_S)

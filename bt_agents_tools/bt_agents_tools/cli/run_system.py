@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from socket import socket
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from rich.console import Console
@@ -28,29 +28,14 @@ from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.fleet_plan import FleetPlan
-from bt_agents_tools.cli.formatting import print_line
+from bt_agents_tools.cli.formatting import INDENT, print_line
 from bt_agents_tools.cli.run_parts import hold_parts
-from bt_agents_tools.cli.supervision import (
-    INDENT,
-    POLL_S,
-    print_supervised,
-    stopping,
-    wait_until_ready,
-    watch,
-)
+from bt_agents_tools.cli.supervision import POLL_S, SupervisedSystem
 from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.domain_lock import current_domain
 from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.log_files import new_log_folder
-from bt_agents_tools.launcher.supervisor import (
-    Component,
-    Supervisor,
-    discovery_text,
-    set_discovery,
-)
-
-if TYPE_CHECKING:
-    from bt_agents_tools.client.observer import Observer
-
+from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_discovery
 
 one_process_option = click.option(
     "--one-process",
@@ -154,11 +139,10 @@ def run_system(
     Returns:
         False if a change of a visit had no effect.
     """
-    start = time.monotonic()
+    begun_s = time.monotonic()
     set_discovery(os.environ)
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     who = f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})"
-    hold_parts(int(domain), [name for one in processes for name in one.parts or (one.name,)], who)
+    hold_parts([name for one in processes for name in one.parts or (one.name,)], who)
     # It loads the modules of the nodes while this process loads its own.
     with (
         closing(studio.listening) if studio is not None else nullcontext(),
@@ -177,92 +161,76 @@ def run_system(
             console.print(folder.report, markup=False, highlight=False, soft_wrap=True)
         if not folder.agents:
             raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
-        supervisor = Supervisor(logs or new_log_folder(), fork_server=fork_server)
         printer = EventPrinter(console, folder.scene.space)
-        observer = Observer(printer)
-        watch(observer, supervisor, processes)
-        with stopping(console, observer, supervisor, interrupt):
-            observer.spin_until(lambda: bool(interrupt) or observer.market is not None, 0.5)
+        system = SupervisedSystem(
+            processes,
+            interrupt,
+            console=console,
+            observer=Observer(printer),
+            supervisor=Supervisor(logs or new_log_folder(), fork_server=fork_server),
+            fleet=fleet,
+        )
+        observer = system.observer
+        with system.ending():
+            system.spin_until(lambda: observer.market is not None, 0.5)
             if observer.market is not None:
                 raise BtAgentsError(
-                    f"a system already runs on ROS domain {domain}; end it, or set ROS_DOMAIN_ID "
-                    "to another number"
+                    f"a system already runs on ROS domain {current_domain()}; end it, or set "
+                    "ROS_DOMAIN_ID to another number"
                 )
-            if not interrupt:
-                supervisor.start(*processes)
-            agents = len(folder.agents)
-            _wait_until_ready(console, observer, supervisor, agents, interrupt, processes)
+            system.start(lambda: _is_ready(system, len(folder.agents)))
             if not interrupt:
                 printer.profiles(profiles_by_agent(observer.profiles))
-                _print_ready(console, observer.cards.values(), time.monotonic() - start)
+                names = [agent.title for card in observer.cards.values() for agent in card.agents]
+                agents = f"{len(names)} agents ({', '.join(names)})"
+                system.print_ready(f"one robot, {agents}", begun_s)
                 _print_problems(console, observer.cards.values())
                 _print_kept_orders(console, observer.market)
-                _print_events(console, observer, supervisor, interrupt, visitors, studio, fleet)
+                _print_events(system, visitors, studio)
             if visitors is not None and not interrupt:
                 printer.summary()
-                console.print(f"done in {time.monotonic() - start:.0f} s")
+                console.print(f"done in {time.monotonic() - begun_s:.0f} s")
     return visitors is None or bool(interrupt) or not printer.remarks
 
 
-def _wait_until_ready(
-    console: Console,
-    observer: Observer,
-    supervisor: Supervisor,
-    agents: int,
-    interrupt: Interrupt,
-    processes: Sequence[Component],
-) -> None:
-    """Wait until all agents are registered and heard, and recorded if the journal runs."""
+def _is_ready(system: SupervisedSystem, agents: int) -> bool:
+    """Return whether all agents are registered and heard, and recorded if the journal runs."""
+    observer, processes = system.observer, system.processes
     recorded = any(component.name == "journal" for component in processes)
     heard = ["bt_agents/scene", "agents/status", "bt_agents/feedback"]
     if any("bt_agents_robot.robot" in component.modules for component in processes):
         heard.append("robot/transcript")
-
-    def ready() -> bool:
-        ready = observer.ready(agents) and observer.services_ready()
-        return (
-            ready and (observer.is_recorded() or not recorded) and all(map(observer.hears, heard))
-        )
-
-    wait_until_ready(console, observer, supervisor, interrupt, ready)
+    ready = observer.ready(agents) and observer.services_ready()
+    return ready and (observer.is_recorded() or not recorded) and all(map(observer.hears, heard))
 
 
 def _print_events(
-    console: Console,
-    observer: Observer,
-    supervisor: Supervisor,
-    interrupt: Interrupt,
-    visitors: Component | None,
-    studio: StudioPlan | None,
-    fleet: FleetPlan | None,
+    system: SupervisedSystem, visitors: Component | None, studio: StudioPlan | None
 ) -> None:
     """Print events until the visitors of this command are done or the user ends it.
 
     Visitors that another command started do not end it.
     """
 
-    def over() -> bool:
-        return bool(interrupt) or (visitors is not None and observer.visits_done)
+    def done() -> bool:
+        return visitors is not None and system.observer.visits_done
 
     if visitors is not None:
-        supervisor.start(visitors)
+        system.supervisor.start(visitors)
     else:
-        console.print(
+        system.console.print(
             "in another terminal: [bold]bt-agents trigger age=4.5 mood=2[/]   (Ctrl-C ends this)",
             highlight=False,
         )
     if studio is not None:
-        supervisor.start(studio.component)
-    if fleet is not None:
-        supervisor.start(fleet.component)
-    while not over():
-        print_supervised(console, observer, supervisor)
-        if fleet is not None:
-            fleet.print_lines(console)
-        if studio is not None and supervisor.has_been_up(studio.component.name):
-            _tell_addresses(console, studio)
+        system.supervisor.start(studio.component)
+    system.start_fleet()
+    while not (system.interrupt or done()):
+        system.poll()
+        if studio is not None and system.supervisor.has_been_up(studio.component.name):
+            _tell_addresses(system.console, studio)
             studio = None
-        observer.spin_until(over, POLL_S)
+        system.spin_until(done, POLL_S)
 
 
 def _tell_addresses(console: Console, studio: StudioPlan) -> None:
@@ -300,13 +268,3 @@ def _print_problems(console: Console, cards: Iterable[Any]) -> None:
         for problem in card.problems:
             if not problem.file:
                 print_line(console, "[yellow]problem[/] ", problem_text(problem), INDENT)
-
-
-def _print_ready(console: Console, cards: Iterable[Any], seconds: float) -> None:
-    names = [agent.title for card in cards for agent in card.agents]
-    text = (
-        f"after {seconds:.1f} s: one robot, {len(names)} agents "
-        f"({', '.join(names)}), ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, "
-        f"{discovery_text(os.environ)}"
-    )
-    print_line(console, "[green]ready[/] ", text, INDENT)

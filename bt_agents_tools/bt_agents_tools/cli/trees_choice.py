@@ -21,6 +21,12 @@ state_option = click.option(
     help="What was learned, tuned and ordered; without it each trees folder has its own.",
 )
 
+journal_option = click.option(
+    "--journal",
+    type=click.Path(path_type=Path),
+    help="Read it from this journal, or bag of 'ros2 bag record'.",
+)
+
 params_option = click.option(
     "--params",
     type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),

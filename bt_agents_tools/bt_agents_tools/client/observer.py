@@ -10,47 +10,19 @@ from typing import Any, Protocol
 
 import rclpy
 from lifecycle_msgs.msg import State, TransitionEvent
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import Bool, Empty, String
 
 from bt_agents.host.reload.host_card_diff import CardDiff
 from bt_agents_core.health import PartHealth
 from bt_agents_core.ros_names import is_full_name
 from bt_agents_core.text import printable
-from bt_agents_interfaces.msg import (
-    Auction,
-    Feedback,
-    Heartbeat,
-    HostCard,
-    MarketHeartbeat,
-    MarketStatus,
-    Profiles,
-    Run,
-    Scene,
-    SceneEnd,
-    TreeStatus,
-    Tunings,
-)
-from bt_agents_interfaces.srv import (
-    Analyze,
-    CancelRun,
-    ControlRun,
-    GiveFeedback,
-    ManageProfiles,
-    OperateMarket,
-    PreviewAuction,
-    Record,
-    ReloadAgents,
-    Tune,
-)
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.spinner import Spinner
-from bt_agents_ros.system_topics import topic_called
+from bt_agents_ros.system_topics import service_called, topic_called
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
@@ -113,23 +85,6 @@ class Listener(Protocol):
     def agents_changed(self, text: str, is_error: bool) -> None:
         """Handle a change of a host's agents, or a problem of their files, as text for people."""
 
-
-_SERVICES = {
-    "analyze": Analyze,
-    "cancel": CancelRun,
-    "control": ControlRun,
-    "describe_parameters": DescribeParameters,
-    "get_parameters": GetParameters,
-    "give": GiveFeedback,
-    "manage": ManageProfiles,
-    "operate": OperateMarket,
-    "preview": PreviewAuction,
-    "record": Record,
-    "reload": ReloadAgents,
-    "set_parameters_atomically": SetParametersAtomically,
-    "tune": Tune,
-}
-"""Last part of the name of a service → its type."""
 
 MOST_HOSTS = 100
 """Most hosts of a system."""
@@ -213,13 +168,10 @@ class Observer:
         self._calls = Calls(self.node)
         self._listener: Listener | None = None
         self._card_diff = CardDiff()
-        for kind, topic, handle, profile in (
-            (MarketStatus, "bt_agents/market", self._on_market, qos.FACT),
-            (HostCard, "bt_agents/cards", self._on_card, qos.FACTS),
-            (Profiles, "bt_agents/profiles", self._on_profiles, qos.FACT),
-        ):
-            self._subscribe(kind, topic, handle, profile)
-        self._services: list[Any] = []
+        self._subscribe("bt_agents/market", self._on_market, qos.FACT)
+        self._subscribe("bt_agents/cards", self._on_card, qos.FACTS)
+        self._subscribe("bt_agents/profiles", self._on_profiles, qos.FACT)
+        self._clients: dict[str, Any] = {}
         self._notified: list[Any] = []
         if listener is not None:
             self._notify(listener)
@@ -227,32 +179,33 @@ class Observer:
     def _notify(self, listener: Listener) -> None:
         self._listener = listener
         buffer = _EventBuffer(self.node)
-        for kind, topic, deliver, links, profile in (
-            (String, "visitors/current", lambda m: listener.visitor(m.data), no_links, qos.FACT),
-            (String, "visitors/remarks", lambda m: listener.remark(m.data), no_links, qos.FACTS),
-            (Bool, "visitors/done", self._on_visits_done, no_links, qos.FACT),
-            (Scene, "bt_agents/scene", listener.scene, scene_links, qos.EVENTS),
-            (MarketStatus, "bt_agents/market", listener.market, no_links, qos.FACT),
-            (Scene, "bt_agents/scene/live", listener.live, no_links, qos.SENSOR),
+        for topic, deliver, links, profile in (
+            ("visitors/current", lambda m: listener.visitor(m.data), no_links, qos.FACT),
+            ("visitors/remarks", lambda m: listener.remark(m.data), no_links, qos.FACTS),
+            ("visitors/done", self._on_visits_done, no_links, qos.FACT),
+            ("bt_agents/scene", listener.scene, scene_links, qos.EVENTS),
+            ("bt_agents/market", listener.market, no_links, qos.FACT),
+            ("bt_agents/scene/live", listener.live, no_links, qos.SENSOR),
             # A restarted market may publish these before its discovery.
-            (Auction, "bt_agents/auctions", listener.auction, auction_links, qos.FACTS),
-            (Run, "bt_agents/runs", listener.run, run_links, qos.FACTS),
-            (SceneEnd, "bt_agents/scene_ends", listener.end, scene_end_links, qos.FACTS),
-            (TreeStatus, "agents/status", listener.tree, tree_links, qos.EVENTS),
-            (String, "robot/transcript", lambda m: listener.act(m.data), no_links, qos.EVENTS),
-            (Feedback, "bt_agents/feedback", listener.feedback, feedback_links, qos.EVENTS),
-            (Tunings, "agents/tunings", listener.tunings, no_links, qos.FACT),
+            ("bt_agents/auctions", listener.auction, auction_links, qos.FACTS),
+            ("bt_agents/runs", listener.run, run_links, qos.FACTS),
+            ("bt_agents/scene_ends", listener.end, scene_end_links, qos.FACTS),
+            ("agents/status", listener.tree, tree_links, qos.EVENTS),
+            ("robot/transcript", lambda m: listener.act(m.data), no_links, qos.EVENTS),
+            ("bt_agents/feedback", listener.feedback, feedback_links, qos.EVENTS),
+            ("agents/tunings", listener.tunings, no_links, qos.FACT),
         ):
-            callback = buffer.callback_for(deliver, links)
-            self._notified.append(self.node.create_subscription(kind, topic, callback, profile))
+            self._notified.append(
+                self.node.create_subscription(
+                    _type_of(topic), topic, buffer.callback_for(deliver, links), profile
+                )
+            )
 
-    def _subscribe(
-        self, kind: type[Any], topic: str, handle: Callable[[Any], None], profile: QoSProfile
-    ) -> None:
+    def _subscribe(self, topic: str, handle: Callable[[Any], None], profile: QoSProfile) -> None:
         def receive(message: Any) -> None:
             handle(make_printable(message))
 
-        self.node.create_subscription(kind, topic, receive, profile)
+        self.node.create_subscription(_type_of(topic), topic, receive, profile)
 
     def watch_heartbeats(
         self, on_heartbeat: Callable[[str], None], names: Collection[str]
@@ -265,13 +218,12 @@ class Observer:
                 node is that of a host.
         """
         group = PolledGroup()
-        kinds = {"marketplace": MarketHeartbeat, "robot": Empty}
         for name in names:
-            kind = kinds.get(name, Heartbeat)
+            topic = f"{name}/heartbeat"
             # The content does not matter, so it is not decoded.
             self.node.create_subscription(
-                kind,
-                f"{name}/heartbeat",
+                _type_of(topic),
+                topic,
                 lambda _message, name=name: on_heartbeat(name),
                 qos.SENSOR,
                 raw=True,
@@ -292,7 +244,7 @@ class Observer:
                 if is_left or event.goal_state.id == State.PRIMARY_STATE_ACTIVE:
                     on_state(name, event.goal_state.label)
 
-            self._subscribe(TransitionEvent, f"{name}/transition_event", receive, qos.EVENTS)
+            self._subscribe(f"{name}/transition_event", receive, qos.EVENTS)
 
     def _on_market(self, message: Any) -> None:
         self.market = message
@@ -352,12 +304,8 @@ class Observer:
 
         A user with the right to watch only may use neither, so their clients are made here.
         """
-        if not self._services:
-            self._services = [
-                self.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE),
-                self.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE),
-            ]
-        return all(service.service_is_ready() for service in self._services)
+        names = ("scene_layer/analyze", "feedback/give")
+        return all(self._client(name).service_is_ready() for name in names)
 
     def hears(self, topic: str) -> bool:
         """Return True when a publisher of a topic of the listener is discovered.
@@ -395,20 +343,19 @@ class Observer:
         """Call a service; return its response, or None if it is missing or does not answer.
 
         Args:
-            service: Its name, which ends with a key of ``_SERVICES``.
+            service: Its name.
             find_s: Longest time for discovery of the service [s].
             limit_s: Longest time for the answer [s]; 0 for the default of the service.
             fields: Fields of the request; ``action`` and ``person`` by the names of constants.
         """
-        name = service.rpartition("/")[2]
-        kind = _SERVICES[name]
+        kind = load_type(service_called(service).type)
         for field in fields.keys() & {"action", "person"}:
             fields[field] = getattr(kind.Request, fields[field])
-        client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
+        client = self._client(service)
         if not self.spin_until(client.service_is_ready, find_s):
             return None
         answers: list[Any] = []
-        deadline_s = limit_s or _LIMITS_S.get(name, _LIMIT_S)
+        deadline_s = limit_s or _LIMITS_S.get(service.rpartition("/")[2], _LIMIT_S)
         self._calls.call(
             client,
             kind.Request(**fields),
@@ -419,17 +366,27 @@ class Observer:
         self.spin_until(lambda: bool(answers), deadline_s + _LAST_POLL_S)
         return make_printable(answers[0]) if answers and answers[0] is not None else None
 
+    def _client(self, service: str) -> Any:
+        if service not in self._clients:
+            kind = load_type(service_called(service).type)
+            client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
+            self._clients[service] = client
+        return self._clients[service]
+
     def received(self, topic: str) -> list[Any]:
         """Return a list that fills with the messages of a topic, the latched ones first."""
         messages: list[Any] = []
-        known = topic_called(topic)
-        self._subscribe(load_type(known.type), topic, messages.append, qos.listening(known))
+        self._subscribe(topic, messages.append, qos.listening(topic_called(topic)))
         return messages
 
     def close(self) -> None:
         """Destroy the node and shut ROS down in this process."""
         self._spinner.close()
         rclpy.try_shutdown()
+
+
+def _type_of(topic: str) -> Any:
+    return load_type(topic_called(topic).type)
 
 
 def profiles_by_agent(message: Any) -> dict[str, Sequence[float]]:

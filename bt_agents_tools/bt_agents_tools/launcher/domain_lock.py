@@ -13,7 +13,7 @@ import socket
 import stat
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from urllib.parse import quote
@@ -72,6 +72,11 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     )
 
 
+def current_domain() -> int:
+    """Return the ROS domain of this process."""
+    return int(os.environ.get("ROS_DOMAIN_ID") or "0")
+
+
 def reserve_domain() -> int:
     """Return a free domain id, which no other process of this user holds, and lock it.
 
@@ -83,16 +88,12 @@ def reserve_domain() -> int:
     """
     folder = runtime_folder()
     for domain in range(FIRST, LAST + 1):
-        lock = open_private(folder / f"bt-agents-domain-{domain}.lock", os.O_WRONLY)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(lock)
+        lock = _locked(folder / f"bt-agents-domain-{domain}.lock")
+        if lock is None:
             continue
-        if _is_used(domain):
-            os.close(lock)
-            continue
-        return domain
+        if not _is_used(domain):
+            return domain
+        os.close(lock)
     raise RuntimeError(
         f"no free ROS domain between {FIRST} and {LAST}; end another demo or test run"
     )
@@ -155,27 +156,31 @@ def turn_to_join(domain: int, limit_s: float = JOIN_LIMIT_S) -> Iterator[None]:
         BtAgentsError: As in :func:`runtime_folder`.
     """
     folder = runtime_folder()
+    turns = [folder / f"bt-agents-join-{domain}-{turn}.lock" for turn in range(MOST_JOINING)]
     end = time.monotonic() + limit_s
-    lock = -1
-    while lock < 0:
-        for turn in range(MOST_JOINING):
-            path = folder / f"bt-agents-join-{domain}-{turn}.lock"
-            lock = open_private(path, os.O_RDWR | os.O_NOFOLLOW)
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                os.close(lock)
-                lock = -1
-        else:
-            if time.monotonic() >= end:
-                break
-            time.sleep(_TURN_POLL_S)
+    while (lock := _first_locked(turns)) is None and time.monotonic() < end:
+        time.sleep(_TURN_POLL_S)
     try:
         yield
     finally:
-        if lock >= 0:
+        if lock is not None:
             os.close(lock)
+
+
+def _first_locked(files: Iterable[Path]) -> int | None:
+    """Lock the first file that no other process has locked; None if all are."""
+    return next((lock for lock in map(_locked, files) if lock is not None), None)
+
+
+def _locked(file: Path) -> int | None:
+    """Return a lock, which lasts until it is closed; None if another process holds it."""
+    lock = open_private(file, os.O_WRONLY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        return None
+    return lock
 
 
 def _lock_file(domain: int, part: str = "") -> Path:

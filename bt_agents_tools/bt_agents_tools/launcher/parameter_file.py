@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,6 @@ import yaml
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import ellipsize, printable_line, quote
-
-Sections = Sequence[tuple[str, Sequence[str]]]
-"""Names of nodes, without the first slash and perhaps with wildcards, and their parameters."""
 
 UnknownByNode = Mapping[str, Mapping[str, str] | None]
 """Full name of a node → each parameter that it was given and does not have → the nearest one.
@@ -30,8 +28,21 @@ _VALUES = "ros__parameters"
 _MAX_NESTED = 16
 
 
-def read_sections(path: Path) -> Sections:
-    """Return the sections of a file.
+@dataclass(frozen=True, kw_only=True)
+class ParameterFile:
+    """A ROS parameter file that nodes can read.
+
+    Attributes:
+        sections: Names of nodes, without the first slash and perhaps with wildcards, and their
+            parameters.
+    """
+
+    path: Path
+    sections: Sequence[tuple[str, Sequence[str]]]
+
+
+def read_parameters(path: Path) -> ParameterFile:
+    """Return a parameter file.
 
     Raises:
         BtAgentsError: It is too large, not YAML, has an alias, or does not have the form that ROS
@@ -52,24 +63,24 @@ def read_sections(path: Path) -> Sections:
         raise BtAgentsError(
             f"{path.name}{place}: it is no YAML, expected a ROS parameter file"
         ) from None
-    return list(_sections(path, document))
+    return ParameterFile(path=path, sections=list(_sections(path, document)))
 
 
-def unknown_in(file: str, sections: Sections, unknown: UnknownByNode) -> dict[str, str]:
+def unknown_in(file: ParameterFile, unknown: UnknownByNode) -> dict[str, str]:
     """Return the parameters of a file that no node of their section has.
 
     Args:
-        file: Its name.
-        sections: Its sections.
+        file: The file.
         unknown: What all nodes reported; all of them are in one namespace.
 
     Returns:
         Section and parameter → a sentence, for the first :data:`MOST_NAMED`; the last one counts
         the others.
     """
+    file_name = file.path.name
     found: dict[str, str] = {}
     others = 0
-    for section, names in sections:
+    for section, names in file.sections:
         base = section.rpartition("/")[2]
         is_for_all = "*" in base
         reports = [
@@ -86,12 +97,13 @@ def unknown_in(file: str, sections: Sections, unknown: UnknownByNode) -> dict[st
                 continue
             meant = difflib.get_close_matches(name, [one for one in near if one], n=1)
             found[f"{section} {name}"] = (
-                f"{file}: {'no node here has a' if is_for_all else f'{base} has no'} parameter "
-                f"{quote(ellipsize(printable_line(name)))}, so its value counts for nothing"
-                + (f"; did you mean '{meant[0]}'?" if meant else "")
+                f"{file_name}: {'no node here has a' if is_for_all else f'{base} has no'} "
+                f"parameter {quote(ellipsize(printable_line(name)))}, so its value counts for "
+                "nothing" + (f"; did you mean '{meant[0]}'?" if meant else "")
             )
     if others:
-        found["others"] = f"{file}: {others} more such parameters; the logs of the nodes name them"
+        text = f"{others} more such parameters; the logs of the nodes name them"
+        found["others"] = f"{file_name}: {text}"
     return found
 
 

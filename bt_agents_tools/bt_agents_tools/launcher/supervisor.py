@@ -25,12 +25,7 @@ from bt_agents_ros.node_main import READY, READY_BYTES, RESTARTED, SUPERVISED
 from bt_agents_ros.signals import block_sigint
 from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile, make_log_folder
-from bt_agents_tools.launcher.parameter_file import (
-    Sections,
-    UnknownByNode,
-    read_sections,
-    unknown_in,
-)
+from bt_agents_tools.launcher.parameter_file import ParameterFile, UnknownByNode, unknown_in
 
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 LAN_PROFILE = Path(__file__).with_name("lan.xml")
@@ -84,7 +79,7 @@ class Component:
     module: str
     node: str = ""
     parameters: Mapping[str, str | float | bool | int] = field(default_factory=dict)
-    file: Path | None = None
+    file: ParameterFile | None = None
     stops_first: bool = False
     restarts: bool = True
     needed: bool = True
@@ -105,7 +100,7 @@ class Component:
         namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
         command += ["-r", f"__ns:=/{namespace}"] if namespace else []
         command += ["-r", f"__node:={self.node}"] if self.node else []
-        command += ["--params-file", str(self.file)] if self.file else []
+        command += ["--params-file", str(self.file.path)] if self.file else []
         for name, value in self.parameters.items():
             # JSON is also YAML.
             command += ["-p", f"{name}:={json.dumps(value, ensure_ascii=False)}"]
@@ -299,7 +294,6 @@ class Supervisor:
         self._clock = clock
         self._fork_server = fork_server
         self._components: dict[str, _Supervised] = {}
-        self._sections: dict[Path, Sections] = {}
         self._reports: list[UnknownByNode | None] = []
         self._unknown: dict[str, str] = {}
         self._events: list[str] = []
@@ -309,10 +303,8 @@ class Supervisor:
         """Start processes in their own sessions, so that a Ctrl-C reaches only this process.
 
         Raises:
-            BtAgentsError: There is no place for the logs, or as in :func:`read_sections`.
+            BtAgentsError: There is no place for the logs.
         """
-        for file in {one.file for one in components if one.file is not None}:
-            self._sections[file] = read_sections(file)
         try:
             make_log_folder(self._logs)
         except OSError as error:
@@ -437,8 +429,9 @@ class Supervisor:
                 return []
             unknown |= report
         before, self._unknown = self._unknown, {}
-        for file, sections in self._sections.items():
-            self._unknown |= unknown_in(file.name, sections, unknown)
+        files = filter(None, (one.component.file for one in self._components.values()))
+        for file in {file.path: file for file in files}.values():
+            self._unknown |= unknown_in(file, unknown)
         return [text for key, text in self._unknown.items() if before.get(key) != text]
 
     def _poll_one(self, one: _Supervised) -> list[str]:

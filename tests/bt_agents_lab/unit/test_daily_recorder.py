@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import Health
 from bt_agents_lab.recorder import daily_recorder
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder, newest_files
 from bt_agents_lab.recorder.reading import JournalReader
@@ -89,11 +90,15 @@ def test_full_disk_is_reported_once_and_messages_buffered(recorder: Recorder) ->
     [text] = recorder.reports
     assert text.startswith("STORAGE_FULL")
     assert "No space left" in text
+    health = recorder.journal.health
+    failure = "journal-2026-03-01_001.mcap cannot be written: No space left on device"
+    assert (health.level, health.message) == (Health.ERROR, failure)
     recorder.full = False
     recorder.flush()
     assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4, 5]
     assert "goes on" in recorder.reports[-1]
     assert "lost" not in recorder.reports[-1]
+    assert recorder.journal.health.message == "everything is recorded"
 
 
 def test_buffer_is_bounded_and_lost_messages_are_counted(
@@ -105,9 +110,10 @@ def test_buffer_is_bounded_and_lost_messages_are_counted(
     recorder.full = True
     recorder.receive(*range(2, 12), size=1000)
     recorder.flush()
+    lost = 10 - 4
+    assert recorder.journal.health.values["dropped"] == str(lost)
     recorder.full = False
     recorder.flush()
-    lost = 10 - 4
     assert f"{lost} messages are lost" in recorder.reports[-1]
     recorder.receive(12)
     recorder.flush()
@@ -200,6 +206,8 @@ def test_two_journals_never_share_a_folder(tmp_path: Path) -> None:
     with pytest.raises(Refused, match="another journal"):
         Recorder(tmp_path)
     recorder.journal.close()
+    health = recorder.journal.health
+    assert (health.level, health.message) == (Health.OK, "the recording is stopped")
     Recorder(tmp_path).journal.close()
 
 

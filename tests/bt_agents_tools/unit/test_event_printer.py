@@ -23,8 +23,6 @@ from bt_agents_tools.cli.event_printer import (
 )
 from tree_harness import SPACE
 
-KINDS = {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3}
-
 
 def told(*events: tuple[str, Any]) -> list[str]:
     output = io.StringIO()
@@ -53,6 +51,12 @@ def auction(outcome: int, **more: Any) -> Message:
     values = {"round": 2, "follows": 0, "winner": "a", "ranking": [], "refused": []}
     values["scene"] = scene()
     return Message(**outcomes, outcome=outcome, **(values | more))
+
+
+def feedback(kind: int, **more: Any) -> Message:
+    kinds = {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3}
+    known = {"agent": "a", "source": "mood rule", "reason": "", "layer": "", "revision": 3}
+    return Message(**kinds, kind=kind, **(known | more))
 
 
 def change(path: str, status: int, message: str = "", name: str = "", **values: str) -> Message:
@@ -283,36 +287,18 @@ def test_modifier_is_shown_when_it_causes_failure() -> None:
 
 
 def test_feedback_shows_the_profile_before_and_after() -> None:
-    feedback = Message(
-        **KINDS,
-        agent="a",
-        kind=2,
-        source="mood rule",
-        reason="mood.change <= -1 held 1 s",
-        layer="",
-        before=[4.0, 1.5, 3.0],
-        after=[4.1, 1.4, 3.0],
-        revision=3,
+    negative = feedback(
+        2, reason="mood.change <= -1 held 1 s", before=[4.0, 1.5, 3.0], after=[4.1, 1.4, 3.0]
     )
-    assert told(("feedback", feedback)) == [
+    assert told(("feedback", negative)) == [
         " feedback  negative for a by mood rule: mood.change <= -1 held 1 s",
         "  profile  a [4, 1.5, 3] → [4.1, 1.4, 3] (revision 3)",
     ]
 
 
 def test_tuned_profile_names_its_author() -> None:
-    feedback = Message(
-        **KINDS,
-        agent="a",
-        kind=3,
-        source="tuning",
-        reason="tuned by root",
-        layer="",
-        before=[4.0],
-        after=[5.0],
-        revision=3,
-    )
-    assert told(("feedback", feedback)) == [
+    tuned = feedback(3, source="tuning", reason="tuned by root", before=[4.0], after=[5.0])
+    assert told(("feedback", tuned)) == [
         " feedback  set for a by tuning: tuned by root",
         "  profile  a [4] → [5] (revision 3)",
     ]
@@ -367,19 +353,8 @@ def test_summary_shows_full_profiles_on_narrow_terminal() -> None:
     output = io.StringIO()
     story = EventPrinter(Console(file=output, width=80, color_system=None), SPACE)
     story.profiles({"professional_express": [3.0, 5.0, 3.0], "attentive_guide": [4.0, 1.5, 3.0]})
-    story.feedback(
-        Message(
-            **KINDS,
-            agent="attentive_guide",
-            kind=2,
-            source="mood rule",
-            reason="",
-            layer="",
-            before=[4.0, 1.5, 3.0],
-            after=[4.12, 1.28, 3.0],
-            revision=1,
-        )
-    )
+    values = {"before": [4.0, 1.5, 3.0], "after": [4.12, 1.28, 3.0]}
+    story.feedback(feedback(2, agent="attentive_guide", **values))
     story.summary()
     shown = output.getvalue()
     assert re.search(

@@ -19,7 +19,7 @@ import bt_agents_interfaces.srv
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_interfaces.msg import Auction, HostCard, Run, Scene, StatusChange, TreeStatus
 from bt_agents_interfaces.srv import ManageProfiles, PreviewAuction, ReloadAgents
-from bt_agents_ros.system_topics import HOST, TOPICS
+from bt_agents_ros.system_topics import HOST, SERVICES, TOPICS
 from bt_agents_ros.types import load_type
 from bt_agents_tools.cli import connection
 from bt_agents_tools.cli.event_printer import EventPrinter
@@ -56,7 +56,7 @@ KINDS = {
     *(kind for kind in vars(bt_agents_interfaces.msg).values() if isinstance(kind, type)),
     *(one.Response for one in vars(bt_agents_interfaces.srv).values() if hasattr(one, "Response")),
     *(load_type(topic.type) for topic in TOPICS),
-    *(kind.Response for kind in observer._SERVICES.values()),
+    *(load_type(service.type).Response for service in SERVICES),
 }
 
 
@@ -149,8 +149,8 @@ def test_observer_returns_only_printable_messages_and_responses(
     kept += one.namespaces_of_markets()
     for topic in TOPICS:
         kept += one.received(topic.name.replace(HOST, "/agents"))
-    kept += [one.ask(service) for service in observer._SERVICES]
-    assert len(kept) > len(TOPICS) + len(observer._SERVICES) + len(LISTENED)
+    kept += [one.ask(service.name.replace(HOST, "/agents")) for service in SERVICES]
+    assert len(kept) > len(TOPICS) + len(SERVICES) + len(LISTENED)
     found = [text for part in kept for text in texts(part)]
     assert "".join(map(raw, found)) == ""
 

@@ -10,7 +10,7 @@ import pytest
 from bt_agents_tools.launcher.parameter_file import (
     MOST_NAMED,
     UnknownByNode,
-    read_sections,
+    read_parameters,
     unknown_in,
 )
 
@@ -18,7 +18,7 @@ from bt_agents_tools.launcher.parameter_file import (
 def judged(folder: Path, text: str, unknown: UnknownByNode) -> dict[str, str]:
     file = folder / "my.yaml"
     file.write_text(text)
-    return unknown_in(file.name, read_sections(file), unknown)
+    return unknown_in(read_parameters(file), unknown)
 
 
 def names(folder: Path, text: str, unknown: UnknownByNode) -> list[str]:

@@ -11,12 +11,13 @@ from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.trees_choice import params_option
+from bt_agents_tools.launcher.parameter_file import ParameterFile
 
 
 @click.command()
 @params_option
-def command(params: Path | None) -> None:
-    click.echo(f"started with {params and params.name}")
+def command(params: ParameterFile | None) -> None:
+    click.echo(f"started with {params and params.path.name}")
 
 
 def told(folder: Path, text: str) -> str:

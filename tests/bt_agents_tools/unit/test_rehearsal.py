@@ -329,12 +329,6 @@ def test_run_can_be_cancelled_externally() -> None:
     assert (result.duration_s, result.cancelled_by) == (7.0, "the operator")
 
 
-def test_a_missing_value_stays_missing() -> None:
-    result = rehearsed("check: scene.age > 2", "scene: {mood: 3}")
-    assert result.outcome is TreeOutcome.FAILED
-    assert "'scene.age' has no value" in result.message
-
-
 SCENE_WITH_DEFAULTS = """
 format: 1
 parameters:

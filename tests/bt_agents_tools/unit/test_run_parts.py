@@ -22,6 +22,7 @@ from bt_agents_tools.launcher.supervisor import LAN_PROFILE, LOOPBACK_PROFILE
 def private_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tmp_path.chmod(0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
 
 
 def test_parts_are_comma_separated_and_default_to_all():
@@ -67,10 +68,10 @@ def test_invalid_host_name_is_refused(name: str):
 
 
 def test_machine_runs_each_part_at_most_once():
-    hold_parts(7, ["robot"], "'bt-agents robot' (process 1)")
-    hold_parts(7, ["marketplace", "scene_layer"], "'bt-agents up --only market' (process 2)")
+    hold_parts(["robot"], "'bt-agents robot' (process 1)")
+    hold_parts(["marketplace", "scene_layer"], "'bt-agents up --only market' (process 2)")
     with pytest.raises(BtAgentsError, match=r"the part robot already runs on ROS domain 7: 'bt-"):
-        hold_parts(7, ["robot"], "me")
+        hold_parts(["robot"], "me")
     with pytest.raises(BtAgentsError, match=r"a system already runs on ROS domain 7: 'bt-agents"):
         hold_domain(7, "me")
 

@@ -8,26 +8,28 @@ from itertools import count
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from bt_agents_tools.cli.run_system import _print_events
 from bt_agents_tools.launcher.supervisor import Component
 
 
 class Crowd:
-    """Observer and supervisor in one, of visitors who are done after a thousand looks."""
+    """System of visitors who are done after a thousand looks, its observer and its supervisor."""
 
-    visits_done = False
+    interrupt = visits_done = False
     looks = 0
+
+    def __init__(self) -> None:
+        self.observer = self.supervisor = self
 
     def start(self, *_components: Component) -> None:
         """Start nothing."""
 
-    def poll(self) -> list[str]:
-        return []
+    def start_fleet(self) -> None:
+        """Start nothing."""
 
-    def publish_health(self) -> None:
-        """Publish nothing."""
+    def poll(self) -> None:
+        """Print nothing."""
 
     def spin_until(self, _done: Any, _limit_s: float) -> None:
         self.looks += 1
@@ -38,8 +40,5 @@ def test_long_script_is_played_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
     minutes = count(step=60)
     monkeypatch.setattr(time, "monotonic", lambda: float(next(minutes)))
     crowd: Any = Crowd()
-    never: Any = False
-    _print_events(
-        Console(), crowd, crowd, never, Component(name="visitors", module=""), None, None
-    )
+    _print_events(crowd, Component(name="visitors", module=""), None)
     assert crowd.visits_done

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.launcher.parameter_file import ParameterFile, read_parameters
 from bt_agents_tools.launcher.supervisor import (
     LAN_PROFILE,
     LOOPBACK_PROFILE,
@@ -164,17 +165,6 @@ def test_process_states_follow_end_restart_and_leaving(watched: Watched) -> None
     assert agents().pid != pid
 
 
-def test_restart_delay_resets_after_ten_seconds_of_uptime(watched: Watched) -> None:
-    watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
-    assert "again in 0.5 s" in watched.end("agents", watched.up("agents"))[0]
-    watched.now += 0.5
-    watched.until(lambda events: bool(events))
-    pid = watched.up("agents", 2)
-    watched.supervisor.poll()
-    watched.now += 10.0
-    assert "again in 0.5 s" in watched.end("agents", pid)[0]
-
-
 def test_silent_component_is_killed_and_restarted(watched: Watched) -> None:
     supervisor = watched.supervisor
     supervisor.start(watched.write("agents", UP_FOR_EVER), watched.write("robot", UP_FOR_EVER))
@@ -295,9 +285,14 @@ def main():
 """
 
 
+def parameters(folder: Path, values: str) -> ParameterFile:
+    path = folder / "my.yaml"
+    path.write_text(f"/**: {{ros__parameters: {values}}}")
+    return read_parameters(path)
+
+
 def test_parameters_are_judged_after_last_report(watched: Watched, tmp_path: Path) -> None:
-    file = tmp_path / "my.yaml"
-    file.write_text("/**: {ros__parameters: {pace: 2.0, tick_rate: 9.0, tick_rat: 9.0}}")
+    file = parameters(tmp_path, "{pace: 2.0, tick_rate: 9.0, tick_rat: 9.0}")
     robot, agents = (
         replace(watched.write(name, UP_WITH_REPORT % json.dumps({f"/{name}": said})), file=file)
         for name, said in (
@@ -320,8 +315,7 @@ def test_parameters_are_judged_after_last_report(watched: Watched, tmp_path: Pat
 
 
 def test_report_that_is_no_json_counts_as_up(watched: Watched, tmp_path: Path) -> None:
-    file = tmp_path / "my.yaml"
-    file.write_text("/**: {ros__parameters: {pace: 2.0}}")
+    file = parameters(tmp_path, "{pace: 2.0}")
     watched.supervisor.start(replace(watched.write("robot", UP_FOR_EVER), file=file))
     watched.until(lambda _events: watched.supervisor.has_been_up("robot"))
     assert watched.supervisor.unknown_parameters() == {}
@@ -479,7 +473,8 @@ def test_module_arguments_precede_ros_arguments() -> None:
 
 
 def test_explicit_parameters_override_parameter_file() -> None:
-    component = Component(name="n", module="m", parameters={"x": 1}, file=Path("/f.yaml"))
+    file = ParameterFile(path=Path("/f.yaml"), sections=())
+    component = Component(name="n", module="m", parameters={"x": 1}, file=file)
     assert component.command()[6:] == ["--params-file", "/f.yaml", "-p", "x:=1"]
 
 
@@ -518,42 +513,28 @@ def test_discovery_range_keeps_traffic_local_without_whitelist(own: dict[str, st
     assert discovery_text(environment) == "this machine only"
 
 
-def test_unresponsive_process_is_killed_at_shutdown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "deaf.py").write_text(
-        "import signal, time\n"
-        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
-        "print('deaf', flush=True)\n"
-        "time.sleep(60)\n"
-    )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    supervisor = Supervisor(tmp_path / "logs")
-    supervisor.start(Component(name="deaf", module="deaf"))
-    while "deaf" not in supervisor.log("deaf").read_text():
-        assert not supervisor.failure()
-    assert supervisor.stop() == ["deaf"]
+UNTIL_ITS_END = """
+import signal, sys, time
+def end(*_):
+    %s
+signal.signal(signal.SIGTERM, end)
+print("ready", flush=True)
+while True:
+    time.sleep(1)
+"""
 
 
-def test_slowly_ending_process_is_not_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("on_term", "killed"), [("pass", ["one"]), ("time.sleep(2.2); sys.exit(0)", [])]
+)
+def test_only_unresponsive_process_is_killed_at_shutdown(
+    watched: Watched, tmp_path: Path, on_term: str, killed: list[str]
 ) -> None:
-    (tmp_path / "slow.py").write_text(
-        "import signal, sys, time\n"
-        "def end(*_):\n"
-        "    time.sleep(2.2)\n"
-        "    sys.exit(0)\n"
-        "signal.signal(signal.SIGTERM, end)\n"
-        "print('slow', flush=True)\n"
-        "while True:\n"
-        "    time.sleep(1)\n"
-    )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    supervisor = Supervisor(tmp_path / "logs")
-    supervisor.start(Component(name="slow", module="slow"))
-    while "slow" not in supervisor.log("slow").read_text():
+    supervisor = Supervisor(tmp_path / "logs")  # its clock goes on
+    supervisor.start(watched.write("one", UNTIL_ITS_END % on_term))
+    while "ready" not in supervisor.log("one").read_text():
         assert not supervisor.failure()
-    assert supervisor.stop() == []
+    assert supervisor.stop() == killed
 
 
 def test_every_process_joins_namespace(monkeypatch: pytest.MonkeyPatch) -> None:

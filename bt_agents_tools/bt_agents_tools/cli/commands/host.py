@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import click
 
@@ -16,6 +15,7 @@ from bt_agents_tools.cli.run_parts import host_name, join_network, lan_options, 
 from bt_agents_tools.cli.trees_choice import params_option, state_option, take_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.log_files import new_log_folder
+from bt_agents_tools.launcher.parameter_file import ParameterFile
 
 
 @click.command()
@@ -36,7 +36,7 @@ def host(
     language: str,
     bindings: str,
     state: str,
-    params: Path | None,
+    params: ParameterFile | None,
     lan: bool,
     slow_network: float,
 ) -> None:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import click
 
@@ -13,13 +12,14 @@ from bt_agents_tools.cli.run_parts import join_network, lan_options, run_parts
 from bt_agents_tools.cli.trees_choice import params_option
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.log_files import new_log_folder
+from bt_agents_tools.launcher.parameter_file import ParameterFile
 
 
 @click.command()
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @params_option
 @lan_options
-def robot(voice: bool, params: Path | None, lan: bool, slow_network: float) -> None:
+def robot(voice: bool, params: ParameterFile | None, lan: bool, slow_network: float) -> None:
     """Run the simulated robot for a system, which may run on another machine."""
     interrupt = Interrupt()
     logs = new_log_folder()

@@ -56,10 +56,8 @@ _DIFFERS = (
 def status(form: TableForm, shows_all: bool) -> None:
     """Show what runs, all agents, and every problem."""
     with connect() as observer:
-        scenes, ends = (
-            observer.received("bt_agents/scene"),
-            observer.received("bt_agents/scene_ends"),
-        )
+        scenes = observer.received("bt_agents/scene")
+        ends = observer.received("bt_agents/scene_ends")
         health = observer.received("/diagnostics")
         auctions = last_decisions(observer)
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)

@@ -34,10 +34,8 @@ def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bo
     For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
     """
     with connect() as observer:
-        auctions, ends = (
-            observer.received("bt_agents/auctions"),
-            observer.received("bt_agents/scene_ends"),
-        )
+        auctions = observer.received("bt_agents/auctions")
+        ends = observer.received("bt_agents/scene_ends")
         answer = _analyze(
             observer, values, person, label=label, name=name, urgent=urgent, announce=True
         )

@@ -211,7 +211,7 @@ def _show(observer: Observer, agent: str, form: TableForm) -> None:
 
     hosts = _hosts(observer, agent)
     states = {host: tuning.parameters(observer, host, [agent] if agent else ()) for host in hosts}
-    if form in (TableForm.JSON, TableForm.CSV):
+    if form.for_program:
         keys = ("host", "agent", "name", "value", "default", "minimum", "maximum", "description")
         rows = [
             (
@@ -287,7 +287,7 @@ def _show_history(observer: Observer, agent: str, form: TableForm) -> None:
         if not agent or one.name.startswith(f"{agent}.")
     ]
     print_table(_HISTORY, rows, form)
-    if form in (TableForm.JSON, TableForm.CSV):
+    if form.for_program:
         return
     for host, tunings in found.items():
         profile = _undoable_profile(observer, host, agent)

@@ -23,6 +23,7 @@ from bt_agents_tools.cli.run_system import (
 from bt_agents_tools.cli.trees_choice import params_option, state_option, take_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.log_files import new_log_folder
+from bt_agents_tools.launcher.parameter_file import ParameterFile
 
 
 @click.command()
@@ -95,7 +96,7 @@ def up(
     selector: str,
     model: str,
     key_variable: str,
-    params: Path | None,
+    params: ParameterFile | None,
     one_process: bool,
     only: str,
     lan: bool,

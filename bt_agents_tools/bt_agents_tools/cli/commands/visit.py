@@ -36,10 +36,8 @@ def visit(script: Path) -> None:
         check_visitors(scene, read_script(script, scene.space))
         visitors, done = observer.received("visitors/current"), observer.received("visitors/done")
         remarks = observer.received("visitors/remarks")
-        ends, auctions = (
-            observer.received("bt_agents/scene_ends"),
-            observer.received("bt_agents/auctions"),
-        )
+        ends = observer.received("bt_agents/scene_ends")
+        auctions = observer.received("bt_agents/auctions")
         observer.spin_until(observer.is_visited, SOON_S)
         if observer.is_visited():
             raise BtAgentsError("visitors of a script are there already; wait until they are gone")

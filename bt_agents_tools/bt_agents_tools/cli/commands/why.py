@@ -27,17 +27,13 @@ from bt_agents_tools.cli.decisions import (
     stop_texts,
 )
 from bt_agents_tools.cli.table import TableForm, table_options
-from bt_agents_tools.cli.trees_choice import kept_state, state_option
+from bt_agents_tools.cli.trees_choice import journal_option, kept_state, state_option
 
 
 @click.command()
 @click.argument("round_number", metavar="[ROUND]", required=False, type=int)
 @state_option
-@click.option(
-    "--journal",
-    type=click.Path(path_type=Path),
-    help="Read it from this journal, or bag of 'ros2 bag record'.",
-)
+@journal_option
 @table_options
 def why(round_number: int | None, state: str, journal: Path | None, form: TableForm) -> None:
     """Say why an agent won, last or in a ROUND.
@@ -61,7 +57,7 @@ def _show_running(round_number: int | None, form: TableForm) -> None:
         runs = observer.received("bt_agents/runs")
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         found = _show(auctions, round_number, form)
-        if form in (TableForm.JSON, TableForm.CSV):
+        if form.for_program:
             return
         observer.spin_until(lambda: has_run_ended(runs, found), SOON_S)
         names = names_of_scenes(auctions)
@@ -83,7 +79,7 @@ def _show_recorded(
     rounds = lab.recorded_rounds(files)
     auctions = [one.auction for one in rounds]
     found = _show(auctions, round_number, form)
-    if form not in (TableForm.JSON, TableForm.CSV):
+    if not form.for_program:
         runs = [run for one in rounds for run in one.run_events]
         _print_stops(runs, found, names_of_scenes(auctions))
 
@@ -101,7 +97,7 @@ def _show(auctions: Sequence[Any], round_number: int | None, form: TableForm) ->
         which = "yet" if round_number is None else f"of round {round_number}"
         hint = f"there are rounds {known}" if known else "'bt-agents trigger' asks for one"
         raise BtAgentsError(f"no decision {which}; {hint}")
-    if form in (TableForm.JSON, TableForm.CSV):
+    if form.for_program:
         print_decision(found[-1], form)
     else:
         show_decision(found[-1], names_of_scenes(auctions), form)
