@@ -47,7 +47,7 @@ LIMIT_S = 900.0
 STOP_S = 10.0
 """How long a benchmark that is interrupted has to end its processes [s]."""
 
-SHORT = {"repetitions": 2, "scale": 0.01}
+SHORT = {"repetitions": 1, "scale": 0.01}
 """Effort that only shows whether a benchmark works."""
 
 FIGURES = Path(__file__).parents[1] / "build" / "benchmarks.json"
@@ -131,13 +131,20 @@ def _run(name: str, short: bool, seed: int) -> tuple[list[Row], str]:
                 rows.append(found)
             else:
                 error = found
+    except TimeoutError:
+        error = f"It took longer than {LIMIT_S:.0f} s."
+        os.kill(process.pid, signal.SIGINT)
     finally:
         _end(process)
     return rows, error or ("" if rows else f"{name} has no figures")
 
 
 def _received(receiver: Connection) -> Iterator[Row | str]:
-    """Give what a benchmark sends, until it says that this is all or its time is over."""
+    """Give what a benchmark sends, until it says that this is all.
+
+    Raises:
+        TimeoutError: Its time is over.
+    """
     limit = time.monotonic() + LIMIT_S
     try:
         while receiver.poll(max(0.0, limit - time.monotonic())):
@@ -145,9 +152,10 @@ def _received(receiver: Connection) -> Iterator[Row | str]:
             if found is None:
                 return
             yield found
-        yield f"It took longer than {LIMIT_S:.0f} s."
     except EOFError:
         yield "Its process has ended too early."
+    else:
+        raise TimeoutError
 
 
 def _end(process: Any) -> None:

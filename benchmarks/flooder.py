@@ -373,7 +373,7 @@ FLOODS: Mapping[str, tuple[Callable[[Flood], None], tuple[str, ...]]] = {
 What is over the limit comes first, so that the middleware has room for what is at the limit.
 """
 
-ROUNDS: Mapping[str, int] = {"messages over the limit": 3}
+ROUNDS: Mapping[str, int] = {"messages over the limit": 2}
 """How often a test floods, if not once: the middleware keeps room, which a leak does not end."""
 
 

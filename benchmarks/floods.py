@@ -28,7 +28,7 @@ PERIOD_S = 0.1
 FLOOD_S = 2.0
 """How long a flood lasts [s]."""
 
-ALIVE = 3
+ALIVE = 2
 """Signs of life after a flood until a node counts as one that lives."""
 
 HEARTBEATS: Mapping[str, tuple[Any, str]] = {

@@ -116,15 +116,20 @@ describe_inputs() {
     -type f -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum
 }
 
-# Set "uv" to the program, and "cache" to where it and what it makes are kept.
-find_uv() {
+# Set "cache" to where uv and what it makes are kept.
+find_cache() {
   cache=${XDG_CACHE_HOME:-${HOME:+$HOME/.cache}}/bt-agents
   if [[ $cache == /bt-agents ]] || ! mkdir -p "$cache" 2>/dev/null || [[ ! -w $cache ]]; then
     cache=$root/build/cache
     mkdir -p "$cache"
   fi
-  export UV_CACHE_DIR=${UV_CACHE_DIR:-$cache/uv} UV_PROJECT_ENVIRONMENT=$venv
-  export UV_PYTHON_DOWNLOADS=never UV_SYSTEM_CERTS=1
+  export UV_CACHE_DIR=${UV_CACHE_DIR:-$cache/uv}
+}
+
+# Set "uv" to the program.
+find_uv() {
+  find_cache
+  export UV_PROJECT_ENVIRONMENT=$venv UV_PYTHON_DOWNLOADS=never UV_SYSTEM_CERTS=1
 
   local requirements=$root/scripts/uv.txt folder
   folder=$cache/uv-$(sha256sum "$requirements" | cut -c -12)

@@ -10,6 +10,8 @@ import os
 import re
 import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -146,27 +148,35 @@ class MessageView(Mapping[str, Plain]):
         return len(self._names)
 
 
-def types_of(package: str) -> list[str]:
+def types_of(package: str) -> Sequence[str]:
     """Return the types of an installed package, such as ``msg/Bool``; empty if it has none.
 
     The ament index names them in ``share/ament_index/resource_index/rosidl_interfaces/<package>``.
     """
     for prefix in prefixes():
-        try:
-            lines = (prefix / _INDEX / package).read_text(encoding="utf-8").split()
-        except (OSError, UnicodeDecodeError):
-            continue
-        return sorted({line.rpartition(".")[0] for line in lines if _INTERFACE.fullmatch(line)})
-    return []
+        path = f"{prefix}/{_INDEX}/{package}"
+        with suppress(OSError, UnicodeDecodeError):
+            return _listed(path, os.stat(path).st_mtime_ns)
+    return ()
 
 
-def prefixes() -> list[Path]:
+@lru_cache
+def _listed(path: str, _changed_ns: int) -> Sequence[str]:
+    """Return the types that a file of the index names; it is read again once it has changed."""
+    lines = Path(path).read_text(encoding="utf-8").split()
+    return sorted({line.rpartition(".")[0] for line in lines if _INTERFACE.fullmatch(line)})
+
+
+def prefixes() -> Sequence[Path]:
     """Return the folders where ROS packages are installed, in order of precedence."""
     # PyPI wheels register in the environment's prefix and set no AMENT_PREFIX_PATH.
-    sourced = [
-        Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part
-    ]
-    return [*sourced, Path(rclpy.__file__).parents[4], Path(sys.prefix)]
+    return _prefixes(os.environ.get("AMENT_PREFIX_PATH", ""), rclpy.__file__, sys.prefix)
+
+
+@lru_cache
+def _prefixes(sourced: str, rclpy_module: str, environment: str) -> Sequence[Path]:
+    own = (Path(rclpy_module).parents[4], Path(environment))
+    return (*(Path(part) for part in sourced.split(os.pathsep) if part), *own)
 
 
 def _packages() -> list[str]:

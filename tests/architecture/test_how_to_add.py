@@ -104,7 +104,8 @@ def make(text: str, folder: Path) -> None:
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The packages and trees, with the tests of this checkout and programs that use the copy."""
-    ignored = shutil.ignore_patterns("__pycache__", "*.so", "build", "node_modules")
+    # What Python has compiled is as old as its source, also in a copy.
+    ignored = shutil.ignore_patterns("*.so", "build", "node_modules")
     for name in COPIED:
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
     shutil.copytree(ROOT / "tests", tmp_path / "tests", ignore=ignored)
@@ -133,7 +134,6 @@ def run(commands: str, folder: Path) -> str:
             "PYTHONPATH": os.pathsep.join(
                 [*map(str, folders), str(folder / "tests" / "harness"), *installed]
             ),
-            "PYTHONDONTWRITEBYTECODE": "1",
             "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
             "CI": "1",  # hypothesis then takes its time
         },

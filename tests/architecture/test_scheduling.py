@@ -8,12 +8,13 @@ from typing import Any
 
 import pytest
 
-from scheduling import PROCESS_WORKERS, Scheduling
+from scheduling import ORDERS, Kind, Scheduling, kind_of
 
 TESTS = [
-    *(f"tests/bt_agents/unit/test_a.py::test_{number}" for number in range(40)),
+    *(f"tests/bt_agents/unit/test_{number}.py::test_a" for number in range(40)),
     *(f"tests/e2e/test_b.py::test_{number}" for number in range(12)),
     *(f"tests/e2e/test_studio.py::test_{number}" for number in range(5)),
+    *(f"tests/ros/test_d.py::test_{number}" for number in range(8)),
     *(f"tests/packaging/test_c.py::test_{number}" for number in range(6)),
 ]
 
@@ -60,15 +61,24 @@ def run(scheduling: Scheduling, workers: list[Worker]) -> None:
 
 
 @pytest.mark.parametrize("numbers", [(0,), (0, 1), (2, 1, 0), (4, 0, 3, 1, 2)])
-def test_each_test_runs_once_on_an_allowed_worker(numbers: tuple[int, ...]) -> None:
+def test_each_test_runs_once(numbers: tuple[int, ...]) -> None:
     scheduling, workers = scheduled(*numbers)
     run(scheduling, workers)
     assert sorted(test for worker in workers for test in worker.done) == sorted(TESTS)
     assert all(worker.shutting_down for worker in workers)
     assert scheduling.tests_finished
-    for worker in workers:
-        if int(worker.gateway.id.removeprefix("gw")) >= PROCESS_WORKERS:
-            assert not any(test.startswith("tests/e2e/") for test in worker.done)
+
+
+def test_each_worker_begins_with_its_kind() -> None:
+    _, workers = scheduled(2, 0, 4, 1, 3)
+    begun = {worker.gateway.id: kind_of(TESTS[worker.waiting[0]]) for worker in workers}
+    assert begun == {
+        "gw0": Kind.PROCESSES,
+        "gw1": Kind.NODES,
+        "gw2": Kind.COMPUTING,
+        "gw3": Kind.COMPUTING,
+        "gw4": Kind.COMPUTING,
+    }
 
 
 def test_tests_sharing_expensive_setup_run_on_one_worker() -> None:
@@ -79,17 +89,17 @@ def test_tests_sharing_expensive_setup_run_on_one_worker() -> None:
 
 
 def test_remaining_workers_take_over_tests_of_crashed_ones() -> None:
-    scheduling, workers = scheduled(*range(PROCESS_WORKERS + 1))
-    crashed, rest = workers[:PROCESS_WORKERS], workers[PROCESS_WORKERS:]
-    items = [scheduling.remove_node(worker) for worker in crashed]  # type: ignore[arg-type]
-    run(scheduling, rest)
+    scheduling, workers = scheduled(*range(len(ORDERS)))
+    items = [scheduling.remove_node(worker) for worker in workers[:-1]]  # type: ignore[arg-type]
+    run(scheduling, workers[-1:])
     assert all(items)
-    assert sorted(rest[0].done) == sorted(TESTS)
+    assert sorted(workers[-1].done) == sorted(TESTS)
 
 
-def test_worker_runs_process_tests_after_computing_tests() -> None:
-    scheduling, workers = scheduled(*range(PROCESS_WORKERS + 1))
-    run(scheduling, workers[PROCESS_WORKERS:])
-    of_processes = [test.startswith("tests/e2e/") for test in workers[-1].done]
-    assert any(of_processes)
-    assert of_processes == sorted(of_processes), "they come last"
+@pytest.mark.parametrize("number", range(len(ORDERS)))
+def test_worker_runs_other_kinds_after_its_own(number: int) -> None:
+    scheduling, workers = scheduled(*range(len(ORDERS)))
+    run(scheduling, workers[number : number + 1])
+    kinds = [kind_of(test) for test in workers[number].done]
+    assert kinds == sorted(kinds, key=ORDERS[number].index)
+    assert {*kinds} == {*Kind}

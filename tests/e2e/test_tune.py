@@ -107,5 +107,5 @@ def test_file_differing_from_loaded_version_is_not_written(
 
 
 def test_tune_without_system_says_how_to_start_it(ask: Ask) -> None:
-    for words in (["tune"], ["preset"], ["keep"], ["tune", "a", "b=1"]):
+    for words in (["tune"], ["preset"], ["keep"]):
         assert "bt-agents up" in ask(*words, code=1)

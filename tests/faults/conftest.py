@@ -3,28 +3,24 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
 
 from graph import fresh_graph
+from memory_folder import memory_folder
 from processes import System
-
-MEMORY = "/dev/shm"
 
 
 @pytest.fixture
 def tmp_path() -> Iterator[Path]:
-    """A folder in memory, where there is one.
+    """A folder in memory.
 
     A disk that other tests keep busy may take longer for a file than a market waits for it.
     """
-    root = MEMORY if os.access(MEMORY, os.W_OK) else None
-    with TemporaryDirectory(prefix="bt-agents-", dir=root) as folder:
-        yield Path(folder)
+    with memory_folder() as folder:
+        yield folder
 
 
 @pytest.fixture

@@ -69,7 +69,7 @@ class Ros:
             for node in self.nodes:
                 if hasattr(node, "request_stop"):
                     node.request_stop()
-                    end = time.monotonic() + 2.0
+                    end = time.monotonic() + 0.5
                     while not node.stopped() and time.monotonic() < end:
                         self.executor.spin_once(timeout_sec=0.05)
         finally:

@@ -172,9 +172,13 @@ def test_cancel_around_run_acceptance_ends_run_once(sweep: Sweep) -> None:
         assert set(sweep.outcomes()) <= {"cancelled"}
 
 
-@pytest.mark.parametrize("on_cancel", ["ignores", "refuses", "hangs"])
+@pytest.mark.parametrize(
+    ("on_cancel", "every_ms"),
+    # A server that hangs is waited for each time.
+    [("ignores", 3), ("refuses", 3), ("hangs", 14)],
+)
 def test_goal_surviving_its_cancel_is_a_named_orphan(
-    ros: Any, sweep: Sweep, on_cancel: str, monkeypatch: pytest.MonkeyPatch
+    ros: Any, sweep: Sweep, on_cancel: str, every_ms: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begin = Run.__init__
 
@@ -183,7 +187,7 @@ def test_goal_surviving_its_cancel_is_a_named_orphan(
 
     monkeypatch.setattr(Run, "__init__", hurried)
     endless = Script(accept_s=DELAY_S, finish_s=None, on_cancel=on_cancel)
-    for after_ms in range(0, 30, 3):
+    for after_ms in range(0, 30, every_ms):
         sweep.server.script = replace(endless)
         result = sweep.run(after_ms)
         assert result.outcome == RunAgent.Result.CANCELLED

@@ -15,6 +15,7 @@ import pytest
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -566,7 +567,7 @@ def test_polled_group_empties_its_queue_at_once(spun: SpunNode) -> None:
     publisher = spun.talk(lambda m: heard.append(m.data), callback_group=PolledGroup())
     for number in range(200):
         publisher.publish(String(data=str(number)))
-    time.sleep(0.4)
+    assert publisher.wait_for_all_acked(Duration(seconds=30))
     spun.spin_once(1.0)
     while spun.executor._batch:
         spun.spin_once(0.0)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from dataclasses import replace
 
@@ -17,7 +18,7 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_interfaces.action import Say
 from bt_agents_interfaces.msg import Scene
 from bt_agents_ros.installed import InstalledInterfaces
-from bt_agents_ros.types import fill, load_type, read_field, to_plain
+from bt_agents_ros.types import fill, load_type, read_field, to_plain, types_of
 from file_texts import read_agent_text
 from tree_harness import SYMBOLS
 
@@ -74,6 +75,19 @@ def test_listed_package_without_python_code_is_reported(tmp_path, monkeypatch):
     entry.write_text("msg/Half.idl\nmsg/Half.msg\n")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     assert refusal(load_type, "half_msgs/msg/Half").code == "TYPE_NOT_LOADABLE"
+
+
+def test_types_installed_later_are_found(tmp_path, monkeypatch):
+    entry = tmp_path / "share/ament_index/resource_index/rosidl_interfaces/late_msgs"
+    entry.parent.mkdir(parents=True)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    assert list(types_of("late_msgs")) == []
+    for second, files in enumerate(("msg/Half.msg", "msg/Half.idl\nmsg/Other.msg\nREADME")):
+        entry.write_text(files)
+        os.utime(entry, (second, second))
+        assert list(types_of("late_msgs")) == ["msg/Half", "msg/Other"][: second + 1]
+    entry.unlink()
+    assert list(types_of("late_msgs")) == []
 
 
 def test_a_type_of_another_kind_is_refused():

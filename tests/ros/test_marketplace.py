@@ -223,7 +223,8 @@ def test_lost_host_ends_run_and_others_are_asked(ros: Any) -> None:
     assert harness.until_event(Run.STARTED, count=2).agent == PLAIN
 
 
-def test_scene_ends_when_no_agents_are_registered(harness: MarketNodeHarness) -> None:
+def test_scene_ends_when_no_agents_are_registered(ros: Any) -> None:
+    harness = MarketNodeHarness(ros, host_wait=0.2)
     harness.scene()
     harness.until_over()
 
@@ -231,8 +232,9 @@ def test_scene_ends_when_no_agents_are_registered(harness: MarketNodeHarness) ->
 
 
 def test_valid_scene_is_accepted_after_hostile_ones(
-    harness: MarketNodeHarness, capfd: pytest.CaptureFixture[str]
+    ros: Any, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    harness = MarketNodeHarness(ros, host_wait=0.5)
     good = scene_to_msg(scene("s1"))
     strange = SceneValue(name="x", value=1.0, origin=SceneValue.GIVEN)
     infinite = [SceneValue(name=name, value=math.inf, origin=2) for name in SPACE.names]
@@ -492,7 +494,7 @@ def test_missed_feedback_collection_waits_for_feedback_node(ros: Any) -> None:
 
 
 def test_simultaneous_end_of_full_queue_is_announced_completely(ros: Any) -> None:
-    harness = MarketNodeHarness(ros, queue_limit=100, host_lease=0.5)
+    harness = MarketNodeHarness(ros, queue_limit=100, host_lease=0.5, host_wait=0.2)
     ends = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
     auctions = ros.collect(Auction, "bt_agents/auctions", qos.FACTS)
     host = harness.host()

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import stat
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -14,12 +13,13 @@ from hypothesis import strategies as st
 
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents_core.open_goals import MOST_OPEN_GOALS, OpenGoal
+from memory_folder import memory_folder
 
 ids = st.binary(min_size=16, max_size=16).filter(any)
 goals = st.builds(
     OpenGoal,
     path=st.text(max_size=300),
-    action=st.from_regex(r"(/[A-Za-z](_?[A-Za-z0-9]){0,10}){1,3}", fullmatch=True),
+    action=st.sampled_from(["/say", "/Robot_2/drive", "/a" * 80]),
     goal_id=ids,
 )
 lists = st.lists(goals, max_size=5)
@@ -43,8 +43,8 @@ def write_all(path: Path, written: list[list[OpenGoal]]) -> None:
 
 @given(starts=st.lists(st.lists(lists, max_size=4), min_size=1, max_size=3))
 def test_restart_reads_the_last_written_list(starts: list[list[list[OpenGoal]]]):
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "state" / "open-goals"
+    with memory_folder() as folder:
+        path = folder / "state" / "open-goals"
         last: list[OpenGoal] = []
         for written in starts:
             write_all(path, written)
@@ -56,8 +56,8 @@ def test_restart_reads_the_last_written_list(starts: list[list[list[OpenGoal]]])
 def test_torn_write_keeps_the_previous_list(
     written: list[list[OpenGoal]], torn: list[OpenGoal], data: st.DataObject
 ):
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "open-goals"
+    with memory_folder() as folder:
+        path = folder / "open-goals"
         write_all(path, written)
         before = path.read_bytes()
         write_all(path, [torn])
@@ -76,8 +76,8 @@ def test_torn_write_keeps_the_previous_list(
 
 @given(damage=st.binary(max_size=400))
 def test_damaged_file_reads_as_empty(damage: bytes):
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "open-goals"
+    with memory_folder() as folder:
+        path = folder / "open-goals"
         path.write_bytes(damage)
         assert reread(path) == ()
 

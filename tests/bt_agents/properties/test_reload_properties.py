@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bt_agents_language.model.specs import AgentSpec, iter_nodes
+from memory_folder import memory_folder
 from reload_harness import Watched, new_folder
 
 NAMES = ("ann", "bob")
@@ -129,8 +129,8 @@ class World:
 @settings(max_examples=150, deadline=None)
 @given(st.lists(events, max_size=30))
 def test_active_version_is_valid_and_never_mixed(happening):
-    with tempfile.TemporaryDirectory() as folder:
-        world = World(Path(folder))
+    with memory_folder() as folder:
+        world = World(folder)
         world.check()
         for event in happening:
             world.happen(event)
@@ -140,8 +140,8 @@ def test_active_version_is_valid_and_never_mixed(happening):
 @settings(max_examples=80, deadline=None)
 @given(st.lists(events, max_size=25))
 def test_agents_converge_to_file_contents(happening):
-    with tempfile.TemporaryDirectory() as folder:
-        world = World(Path(folder))
+    with memory_folder() as folder:
+        world = World(folder)
         for event in happening:
             world.happen(event)
         world.watched.end_run()

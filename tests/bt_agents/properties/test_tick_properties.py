@@ -23,7 +23,7 @@ from bt_agents.engine.ticker import Ticker
 from bt_agents_core.diagnostic import Position
 from bt_agents_language.model.specs import Literal, NodeSpec
 
-TREES = 10_000
+TREES = 3_000
 TICKS = 20
 SEED = 20_261_121
 
