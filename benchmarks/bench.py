@@ -37,7 +37,7 @@ BENCHMARKS = {
     "ageing": "whether the thousandth goal and round is as quick as the first",
     "floods": "how long a node is silent under a flood, and what stays in its memory",
     "footprint": "idle CPU, memory, discovery",
-    "studio": "the page in a browser: painted changes, frames, memory",
+    "studio": "the page in a browser: painted changes, frames, memory; what its process costs",
 }
 """Module → what it measures; its ``measure(effort)`` gives rows."""
 

@@ -53,7 +53,7 @@ def cells(row: Row) -> tuple[str, ...]:
     """Return the text of a row's cells, one of each of :data:`COLUMNS`."""
     goal = ""
     if row.is_met is not None:
-        goal = f"≤ {row.goal:g} {'met' if row.is_met else 'missed'}"
+        goal = f"{_bound(row)} {'met' if row.is_met else 'missed'}"
     median, between = _spread(row.values, row.unit)
     if row.ratio is None:
         return row.side, median, between, row.floor, "", "", goal
@@ -188,6 +188,10 @@ def _scale(median: float, unit: str) -> tuple[float, str]:
 def _number(value: float, form: str = "{:.3g}") -> str:
     """Return a number of few digits without an exponent."""
     return f"{value:,.0f}" if abs(value) >= 100 else form.format(value)
+
+
+def _bound(row: Row) -> str:
+    return f"{'≥' if row.at_least else '≤'} {row.goal:g}"
 
 
 @click.command()

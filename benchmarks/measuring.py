@@ -58,6 +58,7 @@ class Row:
         floor_values: The same of the floor, in the same order.
         unit: Of both.
         goal: The ratio that is wanted, at most; None for none.
+        at_least: True when the ratio is wanted to be so large at least.
         pace: :data:`HOT` or :data:`COLD`; empty where nothing waits.
         note: Where the figure misses its goal, where the time goes; or what is special.
     """
@@ -69,6 +70,7 @@ class Row:
     floor_values: Sequence[float] = ()
     unit: str = "s"
     goal: float | None = None
+    at_least: bool = False
     pace: str = ""
     note: str = ""
 
@@ -122,7 +124,7 @@ class Row:
         """Whether the goal is reached; None without one."""
         if self.goal is None or self.ratio is None:
             return None
-        return self.ratio <= self.goal
+        return self.ratio >= self.goal if self.at_least else self.ratio <= self.goal
 
 
 Way = Callable[[], float]

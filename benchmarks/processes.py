@@ -45,13 +45,6 @@ skills:
 """
 
 
-def proportional_bytes(pid: int) -> int:
-    """Return the memory of a process in RAM, with its share of what it has with others."""
-    rollup = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
-    (line,) = (line for line in rollup.splitlines() if line.startswith("Pss:"))
-    return 1024 * int(line.split()[1])
-
-
 class Running:
     """A process that was started.
 
@@ -126,7 +119,9 @@ class Running:
     @property
     def proportional_mib(self) -> float:
         """Memory that it has in RAM, and its share of what it has with others [MiB]."""
-        return proportional_bytes(self.pid) / 2**20
+        rollup = Path(f"/proc/{self.pid}/smaps_rollup").read_text(encoding="ascii")
+        (line,) = (line for line in rollup.splitlines() if line.startswith("Pss:"))
+        return int(line.split()[1]) / 1024
 
     @property
     def said(self) -> str:

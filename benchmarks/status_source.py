@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a host, whose first agent ticks: ``status_source.py AGENTS NODES RATE``."""
+"""A host's messages without a host: ``status_source.py AGENTS NODES RATE`` ticks the first agent.
+
+It prints a line of JSON a second: how long each tick took, from when it was due until its changes
+were published [s].
+"""
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 
@@ -11,7 +16,7 @@ from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from bare import EVENTS, LATCHED, spin
+from bare import EVENTS, LATCHED, executor, spin
 from bt_agents_interfaces.msg import (
     AgentCard,
     Heartbeat,
@@ -86,7 +91,21 @@ class StatusSource(Node):
         self._agent = names[0]
         self._status = self.create_publisher(TreeStatus, "agents/status", EVENTS)
         self._tick = 0
-        self.create_timer(1 / rate_hz, lambda: self._status.publish(self._changes()))
+        self._took_s: list[float] = []
+        self._period_s = 1 / rate_hz
+        self._due_s = time.monotonic() + self._period_s
+
+    def turn(self, timeout_s: float) -> None:
+        """Wait until the next tick is due, and tick."""
+        time.sleep(max(min(self._due_s - time.monotonic(), timeout_s), 0.0))
+        if time.monotonic() < self._due_s:
+            return
+        self._status.publish(self._changes())
+        self._took_s.append(time.monotonic() - self._due_s)
+        self._due_s += self._period_s
+        if len(self._took_s) * self._period_s >= 1:
+            print(json.dumps(self._took_s), flush=True)
+            self._took_s.clear()
 
     def _changes(self) -> TreeStatus:
         self._tick += 1
@@ -120,6 +139,22 @@ class StatusSource(Node):
         )
 
 
+class _Turner:
+    """Turns a source between its ticks, as an executor does."""
+
+    def __init__(self, source: StatusSource) -> None:
+        self._source = source
+        self._executor = executor()
+
+    def add_node(self, node: Node) -> None:
+        self._executor.add_node(node)
+
+    def spin_once(self, timeout_sec: float) -> None:
+        self._executor.spin_once(timeout_sec=0.0)
+        self._source.turn(timeout_sec)
+
+
 if __name__ == "__main__":
     rclpy.init()
-    spin(StatusSource(int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])))
+    made = StatusSource(int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3]))
+    spin(made, turner=_Turner(made))

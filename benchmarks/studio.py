@@ -1,44 +1,52 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the page of the studio in a headless browser.
+"""Measures the page of the studio in a headless browser, and what its process costs.
 
 ``studio.py --minutes 60`` says how page and process grow while the page stays open.
 """
 
 from __future__ import annotations
 
+import json
+import math
 import re
 import statistics
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 sys.path += [str(Path(__file__).parent), str(Path(__file__).parents[1] / "tests" / "harness")]
 
 import click
-import numpy as np
 from playwright.sync_api import Browser, CDPSession, Page
 
 from browser import chromium
 from measuring import Effort, Row
-from processes import HERE, Graph, Running, graphs, proportional_bytes
-from status_source import PROBE
+from processes import HERE, Graph, Running, graphs
+from status_source import CHANGES, PROBE
 
 AGENTS = 30
 NODES = 200
 MANY_NODES = 2000
 RATE_HZ = 50
+CLIENTS = 10
 
 PAINTED_S = 0.040
 SLOWEST_S = 0.100
 FIRST_VIEW_S = 1.0
-FRAME_S = 1 / 57
-"""Time between two frames of a browser that paints 60 a second [s], a twentieth missed."""
+FRAMES = 0.95
+"""Frames of those that a bare page has."""
 
 PAGE_MB = 200.0
 FIRST_PAGE_KB = 130.0
 PERSON_PAGE_KB = 90.0
+TICK = 1.05
+STUDIO_CPU = 20.0
+"""Of a core [%]."""
+
 _WINDOW_S = 6.0
 _SHORT_S = 1.5
 _SETTLE_S = 2.0
@@ -104,11 +112,23 @@ class Figures:
         painted_s: From the tick to the painted frame, of each change of the probe.
         frames: A second, while the tree is moved.
         page_mb: Memory of the processes that draw the page.
+        heap_mb: Objects of its scripts.
+        elements: Of the document.
+        drawing: Of the processes that draw the page, of a core.
+        messages: Of the WebSocket, a second.
+        message_bytes: Of one, on average.
+        cpu: Of the serving process, of a core.
     """
 
     painted_s: Sequence[float]
     frames: float
     page_mb: float
+    heap_mb: float
+    elements: float
+    drawing: float
+    messages: float
+    message_bytes: float
+    cpu: float
 
 
 class Shown:
@@ -116,13 +136,22 @@ class Shown:
 
     Args:
         browser: Its own context is opened, so that nothing is cached.
+        server: Process that serves it.
         address: Of the page.
     """
 
-    def __init__(self, browser: Browser, address: str) -> None:
+    def __init__(self, browser: Browser, server: Running, address: str) -> None:
         self._browser = browser
+        self._server = server
         self._context = browser.new_context(viewport={"width": 1280, "height": 800})
         self.page: Page = self._context.new_page()
+        self._lengths: list[int] = []
+        self.page.on(
+            "websocket",
+            lambda socket: socket.on(
+                "framereceived", lambda text: self._lengths.append(len(text))
+            ),
+        )
         self.page.set_default_timeout(_LIMIT_MS)
         self.page.add_init_script(_WATCH)
         self.page.goto(address)
@@ -134,31 +163,64 @@ class Shown:
     def figures(self, window_s: float) -> Figures:
         """Return what is seen in so long [s], half of it while the tree is moved."""
         self.page.evaluate("window.painted = []")
+        self._lengths.clear()
+        drawn_s, cpu_s = self._drawn_s(), self._server.cpu_s
+        began = time.monotonic()
         self.page.wait_for_timeout(window_s * 1e3)
         painted = [float(one) for one in self.page.evaluate("window.painted")]
+        took_s = time.monotonic() - began
+        drawing = (self._drawn_s() - drawn_s) / took_s
+        cpu = (self._server.cpu_s - cpu_s) / took_s
+        lengths = list(self._lengths)
+        after = self._metrics()
+        frames = float(self.page.evaluate(_FRAMES, window_s))
         return Figures(
             painted_s=painted,
-            frames=float(self.page.evaluate(_FRAMES, window_s)),
+            frames=frames,
             page_mb=self._memory_mb(),
+            heap_mb=after["JSHeapUsedSize"] / 1e6,
+            elements=float(self.page.evaluate("document.querySelectorAll('*').length")),
+            drawing=drawing,
+            messages=len(lengths) / took_s,
+            message_bytes=statistics.mean(lengths) if lengths else 0.0,
+            cpu=cpu,
         )
 
     def heap_mb(self) -> float:
         """Return the memory of the objects that are in use [MB]."""
         self._session.send("HeapProfiler.collectGarbage")
-        found = self._session.send("Performance.getMetrics")["metrics"]
-        return next(float(one["value"]) for one in found if one["name"] == "JSHeapUsedSize") / 1e6
+        return self._metrics()["JSHeapUsedSize"] / 1e6
 
     def close(self) -> None:
         """Close the page."""
         self._context.close()
 
+    def _metrics(self) -> dict[str, float]:
+        found = self._session.send("Performance.getMetrics")["metrics"]
+        return {one["name"]: float(one["value"]) for one in found}
+
+    def _drawn_s(self) -> float:
+        """Return how long the drawing processes have computed [s]."""
+        return sum(float(one["cpuTime"]) for one in self._processes())
+
     def _memory_mb(self) -> float:
         """Return the memory of the drawing processes, each shared page by its part [MB]."""
+        return sum(_proportional_mb(one["id"]) for one in self._processes())
+
+    def _processes(self) -> list[dict[str, Any]]:
         session = self._browser.new_browser_cdp_session()
         found = session.send("SystemInfo.getProcessInfo")["processInfo"]
         session.detach()
-        drawing = (one["id"] for one in found if one["type"] == "renderer")
-        return sum(map(proportional_bytes, drawing)) / 1e6
+        return [one for one in found if one["type"] == "renderer"]
+
+
+def _proportional_mb(pid: int) -> float:
+    try:
+        text = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
+    except OSError:
+        return 0.0
+    found = re.search(r"^Pss:\s+(\d+) kB", text, re.MULTILINE)
+    return int(found[1]) * 1024 / 1e6 if found else 0.0
 
 
 def measure(effort: Effort) -> Iterator[Row]:
@@ -170,6 +232,7 @@ def measure(effort: Effort) -> Iterator[Row]:
         for nodes in (MANY_NODES,) if effort.is_short else (NODES, MANY_NODES):
             agents = AGENTS if nodes == NODES else 1
             yield from _page(browser, agents, nodes, window_s, repetitions)
+    yield from _clients(effort, window_s, repetitions)
 
 
 def _loaded(browser: Browser) -> Iterator[Row]:
@@ -206,36 +269,139 @@ def _address(graph: Graph, server: Running, name: str = "studio") -> str:
 def _page(
     browser: Browser, agents: int, nodes: int, window_s: float, repetitions: int
 ) -> Iterator[Row]:
-    """Yield what a page shows of a tree in which some nodes change in each tick."""
-    found: list[Figures] = []
-    first: list[float] = []
+    found: dict[str, list[Figures]] = {"studio": [], "bare": []}
+    first: dict[str, list[float]] = {"studio": [], "bare": []}
     with graphs() as make:
         graph = make("studio")
         graph.bare("status_source.py", agents, nodes, RATE_HZ)
-        studio = graph.command("bt-agents", "studio", HERE.parent / "trees", "--port", 0)
-        address = _address(graph, studio)
+        servers = {
+            "studio": graph.command("bt-agents", "studio", HERE.parent / "trees", "--port", 0),
+            "bare": graph.bare("bare_page.py"),
+        }
+        addresses = {name: _address(graph, server) for name, server in servers.items()}
         graph.rest(_SETTLE_S)
         for _ in range(repetitions):
-            shown = Shown(browser, address)
-            first.append(shown.first_s)
-            found.append(shown.figures(window_s))
-            shown.close()
-    median = [float(np.median(one.painted_s)) for one in found]
-    slowest = [float(np.quantile(one.painted_s, 0.99)) for one in found]
-    for side, limit, unit, values in (
-        ("status → painted, median", PAINTED_S, "s", median),
-        ("status → painted, p99", SLOWEST_S, "s", slowest),
-        ("first view, cold", FIRST_VIEW_S, "s", first),
-        ("between frames while moved", FRAME_S, "s", [1 / one.frames for one in found]),
-        ("memory of the page", PAGE_MB, "MB", [one.page_mb for one in found]),
-    ):
-        yield Row.within(
-            limit,
-            case=f"{agents} x {nodes} nodes, {RATE_HZ} ticks/s",
+            for name, server in servers.items():
+                shown = Shown(browser, server, addresses[name])
+                first[name].append(shown.first_s)
+                found[name].append(shown.figures(window_s))
+                shown.close()
+    yield from _page_rows(f"{agents} x {nodes} nodes, {RATE_HZ} ticks/s", found, first)
+
+
+def _page_rows(
+    case: str, found: dict[str, list[Figures]], first: dict[str, list[float]]
+) -> Iterator[Row]:
+    def both(side: str, unit: str, value: Callable[[Figures], float], note: str = "") -> Row:
+        return Row(
+            case=case,
             side=side,
-            values=values,
+            values=[value(one) for one in found["studio"]],
+            floor="bare page",
+            floor_values=[value(one) for one in found["bare"]],
             unit=unit,
+            note=note,
         )
+
+    def median(one: Figures) -> float:
+        return statistics.median(one.painted_s)
+
+    def slowest(one: Figures) -> float:
+        return _quantile(one.painted_s, 0.99)
+
+    ours = found["studio"]
+    note = f"{CHANGES} nodes change in each tick; the studio sends at most 30 messages a second"
+    yield both("status → painted, median", "s", median, note)
+    yield Row.within(
+        PAINTED_S, case=case, side="status → painted, median", values=[median(one) for one in ours]
+    )
+    yield both("status → painted, p99", "s", slowest)
+    yield Row.within(
+        SLOWEST_S, case=case, side="status → painted, p99", values=[slowest(one) for one in ours]
+    )
+    yield Row(
+        case=case,
+        side="first view, cold",
+        values=first["studio"],
+        floor="bare page",
+        floor_values=first["bare"],
+    )
+    yield Row.within(FIRST_VIEW_S, case=case, side="first view, cold", values=first["studio"])
+    yield Row(
+        case=case,
+        side="frames while moved",
+        values=[one.frames for one in ours],
+        floor="bare page",
+        floor_values=[one.frames for one in found["bare"]],
+        unit="/s",
+        goal=FRAMES,
+        at_least=True,
+    )
+    yield both("memory of the page", "MB", lambda one: one.page_mb)
+    yield Row.within(
+        PAGE_MB,
+        case=case,
+        side="memory of the page",
+        values=[one.page_mb for one in ours],
+        unit="MB",
+    )
+    yield both("objects of its scripts", "MB", lambda one: one.heap_mb)
+    yield both("elements", "", lambda one: one.elements)
+    yield both("drawing processes", "% of a core", lambda one: 100 * one.drawing)
+    yield both("messages", "/s", lambda one: one.messages)
+    yield both("size of one", "bytes", lambda one: one.message_bytes)
+    yield both("serving process", "% of a core", lambda one: 100 * one.cpu)
+
+
+def _quantile(values: Sequence[float], part: float) -> float:
+    ordered = sorted(values)
+    return ordered[math.ceil(part * len(ordered)) - 1]
+
+
+def _ticks_s(source: Running, graph: Graph, window_s: float) -> list[float]:
+    """Return how long each tick of the next so long took [s]."""
+    before = len(source.said.splitlines())
+    graph.rest(window_s)
+    graph.until(lambda: len(source.said.splitlines()) > before + 1, "ticks")
+    # The first line may have ticks of the time before.
+    lines = source.said.splitlines()[before + 1 :]
+    return [took for line in lines for took in json.loads(line)]
+
+
+def _clients(effort: Effort, window_s: float, repetitions: int) -> Iterator[Row]:
+    with_s: list[float] = []
+    without_s: list[float] = []
+    cpu: list[float] = []
+    resident_mb: list[float] = []
+    with graphs() as make:
+        graph = make("clients")
+        source = graph.bare("status_source.py", AGENTS, NODES, RATE_HZ)
+        graph.until_up()
+        for _ in range(repetitions):
+            without_s.append(_quantile(_ticks_s(source, graph, window_s), 0.99))
+            with ExitStack() as stack:
+                studio = graph.command("bt-agents", "studio", HERE.parent / "trees")
+                stack.callback(studio.end)
+                address = _address(graph, studio)
+                clients = graph.bare("studio_clients.py", address, CLIENTS - 1, 1)
+                stack.callback(clients.kill)
+                graph.until(lambda of=clients: "connected" in of.said, "all are connected")
+                graph.rest(_SHORT_S if effort.is_short else _SETTLE_S)
+                before_s, began = studio.cpu_s, time.monotonic()
+                with_s.append(_quantile(_ticks_s(source, graph, window_s), 0.99))
+                cpu.append(100 * (studio.cpu_s - before_s) / (time.monotonic() - began))
+                resident_mb.append(studio.resident_mb)
+    case = f"{CLIENTS} clients, one of which hangs"
+    yield Row(
+        case=case,
+        side="p99 of a tick",
+        values=with_s,
+        floor="no studio",
+        floor_values=without_s,
+        goal=TICK,
+    )
+    yield Row.within(STUDIO_CPU, case=case, side="serving process", values=cpu, unit="% of a core")
+    yield Row(case=case, side="memory of the serving process", values=resident_mb, unit="MB")
 
 
 @click.command()
@@ -248,7 +414,7 @@ def main(minutes: float, every: float) -> None:
         graph = make("open")
         graph.bare("status_source.py", AGENTS, NODES, RATE_HZ)
         server = graph.command("bt-agents", "studio", HERE.parent / "trees")
-        shown = Shown(browser, _address(graph, server))
+        shown = Shown(browser, server, _address(graph, server))
         began = time.monotonic()
         while (at_min := (time.monotonic() - began) / 60) < minutes:
             shown.page.wait_for_timeout(min(every, minutes - at_min) * 60e3)

@@ -67,6 +67,8 @@ def test_mostly_zero_floor_yields_no_ratio() -> None:
     [
         ({"goal": 1.5}, True),
         ({"goal": 1.4}, False),
+        ({"goal": 1.4, "at_least": True}, True),
+        ({"goal": 1.6, "at_least": True}, False),
         ({"goal": None}, None),
         ({"floor": "", "floor_values": ()}, None),
     ],

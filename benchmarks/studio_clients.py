@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clients of a studio without a browser: ``studio_clients.py ADDRESS READING HANGING``.
+
+Those that hang open their connection and never read. A line is printed when all are connected.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from urllib.parse import urldefrag
+
+from aiohttp import ClientSession, ClientWebSocketResponse, CookieJar
+
+
+async def _open(session: ClientSession) -> ClientWebSocketResponse:
+    socket = await session.ws_connect("/api/socket", max_msg_size=0, autoping=True)
+    hello = json.loads(await socket.receive_str())
+    first = {"type": "resume", "version": hello["version"], "studio": "", "sequence": 0}
+    await socket.send_str(json.dumps(first))
+    return socket
+
+
+async def _read(socket: ClientWebSocketResponse) -> None:
+    async for _ in socket:
+        pass
+
+
+async def main(address: str, reading: int, hanging: int) -> None:
+    """Stay connected until the process is killed."""
+    base, token = urldefrag(address)
+    origin = base.rstrip("/")
+    async with ClientSession(
+        origin, headers={"Origin": origin}, cookie_jar=CookieJar(unsafe=True)
+    ) as session:
+        async with session.post("/api/session", json={"token": token}) as answer:
+            answer.raise_for_status()
+        sockets = [await _open(session) for _ in range(reading + hanging)]
+        print("connected", flush=True)
+        await asyncio.gather(*(_read(one) for one in sockets[:reading]), asyncio.sleep(3600))
+
+
+if __name__ == "__main__":
+    asyncio.run(main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3])))
