@@ -15,7 +15,7 @@ from py_trees.decorators import Inverter
 
 from bt_agents.engine.context import BuildChild
 from bt_agents.engine.light_behaviour import LightBehaviour
-from bt_agents.engine.nodes.endings import Invert
+from bt_agents.engine.nodes.invert import Invert
 from bt_agents.engine.nodes.selector import LightSelector
 from bt_agents.engine.nodes.sequence import LightSequence
 from bt_agents.engine.ticker import Ticker

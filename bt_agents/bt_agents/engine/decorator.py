@@ -68,18 +68,18 @@ class Decorator(CallTicked, decorators.Decorator):
         ticker.reset_child(self.decorated)
         return status
 
-    def why_not(self, *, verb: str = "not so") -> str:
-        """Return why the field ``condition`` is not true; empty when it is true.
+    def why_not(self, condition: str, *, verb: str = "not so") -> str:
+        """Return why a condition in a field is not true; empty when it is true.
 
         Raises:
             Undecided: It is neither true nor false although no value is missing.
         """
         try:
-            if self.fields.is_true("condition"):
+            if self.fields.is_true(condition):
                 return ""
         except MissingValue as missing:
             return reason_of(missing)
-        return self.fields.explain_false("condition", verb=verb)
+        return self.fields.explain_false(condition, verb=verb)
 
     def fail(self, reason: str) -> Status:
         """Set the message to the reason and return FAILURE."""

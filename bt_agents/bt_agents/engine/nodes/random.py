@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random, and its children: draws one child by weight."""
+"""Random: draws one child by weight."""
 
 from __future__ import annotations
 
@@ -9,15 +9,11 @@ from py_trees.behaviour import Behaviour
 
 from bt_agents.engine.composite import ChooseOne
 from bt_agents.engine.context import BuildChild, RunContext
-from bt_agents.engine.decorator import Decorator
+from bt_agents.engine.nodes.weight import Weight
 from bt_agents.engine.scope import Scope
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_language.model.specs import NodeSpec
-
-
-class Weight(Decorator):
-    """Passes on the status of its child."""
 
 
 class RandomChoice(ChooseOne):
@@ -73,4 +69,4 @@ class RandomChoice(ChooseOne):
         return others or weights
 
 
-BEHAVIOURS = {"random": RandomChoice, "weight": Weight}
+BEHAVIOURS = {"random": RandomChoice}

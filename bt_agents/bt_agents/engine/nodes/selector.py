@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Selector: ticks its children in order until one succeeds, as ``on_failure`` does."""
+"""Selector: ticks its children in order until one succeeds."""
 
 from __future__ import annotations
 
@@ -61,11 +61,4 @@ class LightSelector(InOrder, composites.Selector):
         return status
 
 
-class OnFailure(LightSelector):
-    """A selector with memory and two children: the node, and the handler for its FAILURE.
-
-    The failure is handled: the status is that of the handler.
-    """
-
-
-BEHAVIOURS = {"selector": LightSelector, "on_failure": OnFailure}
+BEHAVIOURS = {"selector": LightSelector}

@@ -10,7 +10,7 @@ class When(Skip):
     """Skips the child unless the condition is true; with a missing value it is not true."""
 
     def skip_reason(self) -> str:
-        return self.why_not()
+        return self.why_not("condition")
 
 
 BEHAVIOURS = {"when": When}

@@ -14,7 +14,7 @@ class While(Decorator):
 
     def short_circuit(self) -> Status | None:
         verb = "not so any more" if self.status is RUNNING else "not so"
-        reason = self.why_not(verb=verb)
+        reason = self.why_not("condition", verb=verb)
         return self.fail(reason) if reason else None
 
 
