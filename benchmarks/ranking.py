@@ -43,15 +43,15 @@ def measure(effort: Effort) -> Iterator[Row]:
         yield _decision(agents, effort)
 
 
-def case(agents: int) -> Case:
-    """Return so many agents; every tenth bid is like the one before."""
-    random = round_rng(f"{agents} agents, {PARAMETERS} parameters")
-    vectors = HIGHEST * random.random((agents, PARAMETERS))
+def case(agents: int, parameters: int) -> Case:
+    """Return so many agents with so many parameters; every tenth bid is like the one before."""
+    random = round_rng(f"{agents} agents, {parameters} parameters")
+    vectors = HIGHEST * random.random((agents, parameters))
     vectors[10::10] = vectors[9:-1:10]
     space = SceneSpace(
         parameters=tuple(
             SceneParameter(name=f"p{index}", minimum=0.0, maximum=HIGHEST, default=5.0)
-            for index in range(PARAMETERS)
+            for index in range(parameters)
         )
     )
     scene = Scene(
@@ -61,7 +61,7 @@ def case(agents: int) -> Case:
         values=tuple(
             SceneValue(name=name, value=float(value), origin=Origin.GIVEN)
             for name, value in zip(
-                space.names, HIGHEST * random.random((PARAMETERS,)), strict=True
+                space.names, HIGHEST * random.random((parameters,)), strict=True
             )
         ),
     )
@@ -84,7 +84,7 @@ def case(agents: int) -> Case:
 
 def _decision(agents: int, effort: Effort) -> Row:
     """Compare a round, from the answer of its host to its decision, with the limit."""
-    of = case(agents)
+    of = case(agents, PARAMETERS)
     names, ids = tuple(bid.agent for bid in of.bids), tuple(bid.agent_id for bid in of.bids)
     answer = Bids(
         epoch="epoch", round=1, host="/agents", instance="first", agents=names, agent_ids=ids,

@@ -16,6 +16,7 @@ from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
 import tree_harness
+from bt_agents.engine.nodes import plugin
 from bt_agents_core.field_types import FieldType
 from bt_agents_language.nodes.node_type import NodeField, NodeType
 from tree_harness import TreeHarness
@@ -83,7 +84,8 @@ class Queue(StatusQueue):
 
 @pytest.fixture(autouse=True)
 def queue_node(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the queue a node of the language."""
+    """Make the queue a node of the language, which a busy machine may hold up."""
+    monkeypatch.setattr(plugin, "BLOCKS_S", 60.0)
     field = NodeField(name="queue", type=FieldType.TEXT)
     queue = NodeType(key="queue", plugin=Queue, main="queue", fields=(field,))
     symbols = replace(tree_harness.SYMBOLS, plugins={"queue": queue})
