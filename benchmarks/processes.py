@@ -31,6 +31,7 @@ LIMIT_S = 60.0
 """Whatever takes longer hangs [s]."""
 
 _TURN_S = 0.05
+_END_S = 3.0
 _CPU_CLOCK = 2
 """In the id of the clock of another process: the time that it has computed."""
 
@@ -143,6 +144,13 @@ class Running:
         if self._ready >= 0:
             os.close(self._ready)
             self._ready = -1
+
+    def end(self) -> None:
+        """End it in order, or kill it when that takes too long."""
+        self._process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_S)
+        self.kill()
 
 
 class Graph:
