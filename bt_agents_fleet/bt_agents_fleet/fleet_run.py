@@ -21,7 +21,7 @@ from bt_agents_fleet.fleet_sync import FleetSync
 from bt_agents_fleet.shares import Shares
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros.signals import Interrupt
-from bt_agents_tools.client.observer import Observer
+from bt_agents_tools.client.system_client import SystemClient
 from bt_agents_tools.launcher.domain_lock import current_domain, turn_to_join
 
 _LOCK_FILE = "fleet.lock"
@@ -61,14 +61,14 @@ def keep_up(
         database = FleetDatabase(settings.address, settings.robot, password=password_of(settings))
         opened.callback(database.close)
         with turn_to_join(current_domain()):
-            observer = Observer()
-        opened.callback(observer.close)
+            client = SystemClient()
+        opened.callback(client.close)
         sync = FleetSync(
             settings.robot,
             read_scene(trees / "scene.yaml").space.profiles,
             ledger,
             database,
-            partial(_deliver, observer),
+            partial(_deliver, client),
             Shares(trees).read,
             wall=time.time,
         )
@@ -106,14 +106,14 @@ def _wait_for_turn(lock: int, tell: Callable[[str], None], interrupt: Interrupt)
             _sleep(_POLL_S, interrupt)
 
 
-def _deliver(observer: Observer, document: str) -> str:
+def _deliver(client: SystemClient, document: str) -> str:
     """Send a document to the feedback node; return the document of its answer.
 
     Raises:
         BtAgentsError: There is no answer.
         RefusedElsewhere: The feedback node does not accept it.
     """
-    answer = observer.ask(
+    answer = client.ask(
         "feedback/manage", find_s=_FIND_S, action="IMPORT", author="fleet", document=document
     )
     if answer is None:

@@ -30,7 +30,7 @@ RELOADING = "bt_agents/bt_agents/host/reload/reload_service.py"
 
 PLAIN = ("rclpy", "executor")
 ACTION_SERVERS = ("ActionServer", "QuietActionServer")
-INITS = (RUNNER, "bt_agents_tools/bt_agents_tools/client/observer.py")
+INITS = (RUNNER, "bt_agents_tools/bt_agents_tools/client/system_client.py")
 
 SOURCES = {
     str(path.relative_to(ROOT)): ast.parse(path.read_text())

@@ -3,26 +3,20 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any, Protocol
 
-import rclpy
 from lifecycle_msgs.msg import State, TransitionEvent
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 
 from bt_agents.host.reload.host_card_diff import CardDiff
 from bt_agents_core.health import PartHealth
 from bt_agents_core.ros_names import is_full_name
 from bt_agents_core.text import printable
 from bt_agents_ros import qos
-from bt_agents_ros.calls import Calls
 from bt_agents_ros.health_publisher import HealthPublisher
-from bt_agents_ros.log_files import NO_LOG_FILE
-from bt_agents_ros.spinner import Spinner
-from bt_agents_ros.system_topics import service_called, topic_called
+from bt_agents_ros.system_topics import topic_called
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
@@ -41,6 +35,7 @@ from bt_agents_tools.client.causal_order import (
     tree_links,
 )
 from bt_agents_tools.client.printable_messages import make_printable
+from bt_agents_tools.client.system_client import SystemClient
 
 
 class Listener(Protocol):
@@ -95,19 +90,8 @@ _LEAVING = (
     State.TRANSITION_STATE_ERRORPROCESSING,
 )
 
-_NAME = "_bt_agents_observer"
-"""Name of the node: hidden, so that 'ros2 param list' does not wait for it."""
-
 _NAMESPACE_UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_"
 """Name that ROS uses for the namespace of a process whose nodes it has not discovered yet."""
-
-_LIMIT_S = 5.0
-_LAST_POLL_S = 0.5
-_LIMITS_S = {
-    "manage": 30.0,  # erasing a person rewrites the whole ledger
-    "preview": 70.0,  # more than the longest deadline of a round with an external program
-}
-"""Longest times for an answer, if not :data:`_LIMIT_S` [s]."""
 
 
 class _EventBuffer:
@@ -140,13 +124,12 @@ class _EventBuffer:
             self._timer.cancel()
 
 
-class Observer:
-    """Node that subscribes to a running system; it handles messages while it spins.
+class Observer(SystemClient):
+    """Client that also subscribes to a running system; it handles messages while it spins.
 
-    It makes texts in messages and answers printable, because any process may have sent them.
+    It makes texts in messages printable, too.
 
     Attributes:
-        namespace: Namespace of the system, from the environment's ``ROS_NAMESPACE``.
         market: Latest status of the marketplace; None before the first.
         cards: Latest card of each host.
         profiles: Latest profiles; None before the first.
@@ -154,24 +137,17 @@ class Observer:
     """
 
     def __init__(self, listener: Listener | None = None) -> None:
-        rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node(
-            _NAME, namespace=os.environ.get("ROS_NAMESPACE", ""), start_parameter_services=False
-        )
-        self.namespace = self.node.get_namespace()
+        super().__init__()
         self._health: HealthPublisher | None = None
         self.market: Any = None
         self.cards: dict[str, Any] = {}
         self.profiles: Any = None
         self.visits_done = False
-        self._spinner = Spinner(self.node)
-        self._calls = Calls(self.node)
         self._listener: Listener | None = None
         self._card_diff = CardDiff()
         self._subscribe("bt_agents/market", self._on_market, qos.FACT)
         self._subscribe("bt_agents/cards", self._on_card, qos.FACTS)
         self._subscribe("bt_agents/profiles", self._on_profiles, qos.FACT)
-        self._clients: dict[str, Any] = {}
         self._notified: list[Any] = []
         if listener is not None:
             self._notify(listener)
@@ -333,56 +309,11 @@ class Observer:
         if self._health is not None and self._health.is_heard:
             self._health.update()
 
-    def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
-        """Spin until ``done()`` or for a limited time; return ``done()``."""
-        return self._spinner.spin_until(done, limit_s)
-
-    def ask(
-        self, service: str, *, find_s: float = 10.0, limit_s: float = 0.0, **fields: Any
-    ) -> Any:
-        """Call a service; return its response, or None if it is missing or does not answer.
-
-        Args:
-            service: Its name.
-            find_s: Longest time for discovery of the service [s].
-            limit_s: Longest time for the answer [s]; 0 for the default of the service.
-            fields: Fields of the request; ``action`` and ``person`` by the names of constants.
-        """
-        kind = load_type(service_called(service).type)
-        for field in fields.keys() & {"action", "person"}:
-            fields[field] = getattr(kind.Request, fields[field])
-        client = self._client(service)
-        if not self.spin_until(client.service_is_ready, find_s):
-            return None
-        answers: list[Any] = []
-        deadline_s = limit_s or _LIMITS_S.get(service.rpartition("/")[2], _LIMIT_S)
-        self._calls.call(
-            client,
-            kind.Request(**fields),
-            deadline_s=deadline_s,
-            on_answer=answers.append,
-            on_failure=lambda _reason: answers.append(None),
-        )
-        self.spin_until(lambda: bool(answers), deadline_s + _LAST_POLL_S)
-        return make_printable(answers[0]) if answers and answers[0] is not None else None
-
-    def _client(self, service: str) -> Any:
-        if service not in self._clients:
-            kind = load_type(service_called(service).type)
-            client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
-            self._clients[service] = client
-        return self._clients[service]
-
     def received(self, topic: str) -> list[Any]:
         """Return a list that fills with the messages of a topic, the latched ones first."""
         messages: list[Any] = []
         self._subscribe(topic, messages.append, qos.listening(topic_called(topic)))
         return messages
-
-    def close(self) -> None:
-        """Destroy the node and shut ROS down in this process."""
-        self._spinner.close()
-        rclpy.try_shutdown()
 
 
 def _type_of(topic: str) -> Any:
