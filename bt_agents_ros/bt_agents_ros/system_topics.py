@@ -7,8 +7,10 @@ other names on a robot, such as ``scene`` or ``feedback``.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 HOST = "{host}"
 """Placeholder for the name of each host in names of topics and nodes."""
@@ -41,6 +43,9 @@ class _SystemName:
         if host != HOST:
             return name == self.name.removeprefix("/")
         return name.endswith(slash + rest) and name != slash + rest
+
+
+_Named = TypeVar("_Named", bound=_SystemName)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -241,10 +246,7 @@ def topic_called(name: str) -> SystemTopic:
     Raises:
         KeyError: The system has no such topic.
     """
-    for topic in TOPICS:
-        if topic.is_called(name):
-            return topic
-    raise KeyError(name)
+    return _called(name, TOPICS)
 
 
 def service_called(name: str) -> SystemService:
@@ -253,7 +255,11 @@ def service_called(name: str) -> SystemService:
     Raises:
         KeyError: The system has no such service.
     """
-    for service in SERVICES:
-        if service.is_called(name):
-            return service
+    return _called(name, SERVICES)
+
+
+def _called(name: str, table: Iterable[_Named]) -> _Named:
+    for entry in table:
+        if entry.is_called(name):
+            return entry
     raise KeyError(name)
