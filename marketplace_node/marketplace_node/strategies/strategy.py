@@ -187,7 +187,7 @@ def winners(
     bonuses: Sequence[float],
     tie_break: str,
 ) -> list[int]:
-    """Return the index of the winner for each of many scenes.
+    """Return the index of the winner for each of many scenes; a bid whose score is NaN loses.
 
     Args:
         difference: See :class:`StrategySpec`.
@@ -203,7 +203,8 @@ def winners(
     distances = np.zeros((len(scenes), len(columns)))
     # In the order in which a strategy adds: the last digit decides ties.
     for values, profile, weight in zip(scenes.T, profiles.T, weights.T, strict=True):
-        parts = difference(profile, values[:, np.newaxis], weight)
-        distances += np.where(np.isnan(parts), 0.0, parts)
-    best = np.argmin(distances - np.array([bonuses[column] for column in columns]), axis=1)
+        given = values[:, np.newaxis]
+        distances += np.where(np.isnan(given), 0.0, difference(profile, given, weight))
+    scores = distances - np.array([bonuses[column] for column in columns])
+    best = np.argmin(np.where(np.isnan(scores), np.inf, scores), axis=1)
     return [columns[place] for place in best]

@@ -13,9 +13,11 @@ import pytest
 import yaml
 
 from field_values import field, scored
+from marketplace_node import strategies
 from marketplace_node.settings import Settings
 from marketplace_node.strategies import STRATEGIES, Bid, order, round_rng
 from marketplace_node.strategies.distances import folded_mean
+from marketplace_node.strategies.strategy import FloatArray
 
 NAN = math.nan
 GUIDE, EXPRESS, CHILD = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5), (1.0, 2.0, 4.0)
@@ -113,6 +115,15 @@ def test_epsilon_greedy_randomizes_configured_share_of_rounds(epsilon: float) ->
     allowed = 4 * math.sqrt(rounds * share * (1 - share))
     assert all(abs(count - rounds * share) <= allowed for count in others)
     assert nearest == rounds - sum(others)
+
+
+def test_bid_whose_difference_is_nan_loses() -> None:
+    def difference(profile: FloatArray, scene: FloatArray, _: FloatArray) -> FloatArray:
+        found: FloatArray = np.where(profile > 4.0, NAN, np.abs(profile - scene))
+        return found
+
+    bids = [Bid("a", (5.0,), (1.0,)), Bid("b", (1.0,), (1.0,))]
+    assert strategies.winners(difference, np.array([[5.0], [1.0]]), bids, [0, 0], "name") == [1, 1]
 
 
 def test_ucb_bonus_falls_with_runs_of_its_agent() -> None:
