@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
-from aiohttp import WSCloseCode, WSMsgType, web
+from aiohttp import WSMsgType, web
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -248,7 +248,7 @@ class Server:
         self._access.log_out(described.session)
         for socket, (_, session) in list(self._clients.items()):
             if session == described.session:
-                await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"logged out")
+                await socket.close()
         answer = _json({"code": "", "message": ""})
         answer.del_cookie(_cookie_name(request), path="/")
         return answer
