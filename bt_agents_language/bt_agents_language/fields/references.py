@@ -29,6 +29,7 @@ _LOOKED_AT = 100
 _DOTTED = re.compile(NAME)
 _COMPUTES = re.compile(r"[a-z]\w*(\.\w|.*[-+*/%<>=(])")
 
+_COMMENT_IN_BLOCK = re.compile(rf"{COMMENT.pattern}|(?<!\S)#(?=\s)")
 _INSERTED = re.compile(rf"\$\{{\s*({re.escape(TEXT_PREFIX)}\w+)\s*\}}")
 
 ONE_NAME = re.compile(rf"\$\{{\s*({NAME})\s*\}}")
@@ -134,8 +135,8 @@ def _read_text(
 
 
 def warn_of_comment(reading: TypedReader, node: Scalar) -> None:
-    """Report a comment of another language, which is part of a text without quotes."""
-    match = COMMENT.search(node.text)
+    """Report what is meant as a comment, but is part of a text without quotes."""
+    match = (COMMENT if node.plain else _COMMENT_IN_BLOCK).search(node.text)
     if match is None or node.style in ("'", '"'):
         return
     hint = "write '# …' in a line above"
