@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue, scene_name
+from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 from bt_agents_core.text import format_number, join_first, join_words, single_spaced
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
 from marketplace_node.formatting import FEW, distance, percent
@@ -52,8 +52,8 @@ def _lines(decision: Decision, space: SceneSpace) -> Iterator[str]:
 def _head(decision: Decision) -> str:
     terms, winner = decision.terms, decision.winner
     # A line break in a label would look like the start of a new sentence.
-    name = single_spaced(scene_name(terms.scene))
-    which = f"'{name}'" if terms.scene.label else f"the scene '{name}'"
+    label = single_spaced(terms.scene.label)
+    which = f"'{label}'" if label else "the scene"
     which += f" (round {terms.round})"
     if terms.follows:
         which += f", which goes on after round {terms.follows}"
