@@ -32,9 +32,10 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
     def case(child: RawNode, spec: NodeSpec | None, here: str) -> NodeSpec | None:
         label = child.name or "otherwise"
         position = child.key.position
-        return wrapped(
-            spec, CASE.key, position, here, whens.get(child, {}), label, suffix=WHEN.key
-        )
+        # A 'when' of the node under 'otherwise' is a decorator with the usual path.
+        is_taken = WHEN.key in child.decorators and child not in whens
+        suffix = CASE.key if is_taken else WHEN.key
+        return wrapped(spec, CASE.key, position, here, whens.get(child, {}), label, suffix=suffix)
 
     return reader.composite(raw, path, names, case)
 
