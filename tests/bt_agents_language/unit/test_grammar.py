@@ -8,7 +8,7 @@ import textwrap
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.model.specs import Computed, Literal, NodeSpec, Reference
+from bt_agents_language.model.specs import Computed, Literal, NodeSpec, Reference, iter_nodes
 from tree_harness import agent
 
 
@@ -59,6 +59,18 @@ def test_choose_has_named_cases_and_otherwise():
         "scene.age < 2", "scene.age > 4", "",
     ]  # fmt: skip
     assert cases[1].children[0].kind == "timeout"
+
+
+def test_when_under_otherwise_has_its_own_path():
+    spec = tree(
+        """
+        choose:
+          children: [{name: young, when: scene.age < 2, say: Hi!}]
+          otherwise: {say: Hello., when: scene.age > 4}
+        """
+    )
+    paths = [node.path for node in iter_nodes(spec)]
+    assert paths[-3:] == ["tree/1.say@case", "tree/1.say@when", "tree/1.say"]
 
 
 @pytest.mark.parametrize(
