@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The address of what is shown: page, agent, node, round, search, and moment of a recording or of the running system.
+// Address: page, agent, node, round, search, and a moment of a recording or the running system.
 
 export const PAGES = ["live", "market", "tune", "world", "system"] as const;
 export type Page = (typeof PAGES)[number];
 
-/** Characters of a name; of a recording, as the studio takes no longer ones. */
+/** Longest name, and longest name of a recording that the studio accepts [characters]. */
 const LONGEST = 1000;
 const LONGEST_SOURCE = 255;
 
@@ -12,18 +12,18 @@ const LONGEST_SOURCE = 255;
 const END_S = 2 ** 40;
 
 export interface Address {
-  /** null for a path that is no page. */
+  /** null for a path that is not a page. */
   page: Page | null;
-  /** Chosen on the page Live; empty for the one of the newest run. */
+  /** Chosen on the page Live; empty for the agent of the newest run. */
   agent: string;
   node: string;
-  /** Chosen on the page Market; empty for the newest. */
+  /** Chosen on the page Market; empty for the newest round. */
   round: string;
-  /** What the page Tune searches. */
+  /** Search text of the page Tune. */
   search: string;
-  /** Recording that is shown; empty for the running system. */
+  /** Recording on show; empty for the running system. */
   source: string;
-  /** Moment that is shown [s since 1970]; null for now. */
+  /** Moment on show [s since 1970]; null for now. */
   atS: number | null;
 }
 
@@ -34,7 +34,7 @@ function pageOf(path: string): Page | null {
   return isPage(name) ? name : null;
 }
 
-/** Return what a path and a query say; what is too long, or no number for a moment, is left out. */
+/** Parse a path and a query; ignore texts that are too long and moments that are not numbers. */
 export function readAddress(path: string, query: string): Address {
   const fields = new URLSearchParams(query);
   const text = (name: string, longest = LONGEST): string => {
@@ -54,7 +54,7 @@ export function readAddress(path: string, query: string): Address {
   };
 }
 
-/** Return path and query; a recording without a moment is shown at its end. */
+/** Return path and query; a recording without a moment opens at its end. */
 export function writeAddress(address: Address): string {
   const { page, agent, node, round, search, source, atS } = address;
   const at = atS === null || (source && atS >= END_S) ? "" : String(Math.round(atS * 1000) / 1000);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The application: its pages, each with an address, its connection and its timeline.
+// The application: its pages with their addresses, its connection and its timeline.
 
 import { lazy, StrictMode, Suspense, useEffect } from "react";
 import { createRoot } from "react-dom/client";
@@ -19,7 +19,7 @@ import { startTheme } from "./theme";
 import { Timeline } from "./timeline";
 import { Undo } from "./undo";
 
-/** Pages that are loaded when they are opened. */
+/** Pages that load when they are opened. */
 const LATER = {
   market: () => import("./market").then((one) => ({ default: one.Market })),
   tune: () => import("./tune").then((one) => ({ default: one.Tune })),
@@ -33,7 +33,7 @@ const SHOWN = {
   world: lazy(LATER.world),
   system: lazy(LATER.system),
 };
-/** After so long they are loaded anyway, so that they open without a studio, too. */
+/** Delay before they load anyway [ms], so that they open even without a studio. */
 const LATER_MS = 3000;
 
 function App() {
@@ -116,7 +116,7 @@ function NoPage() {
   );
 }
 
-/** Title of the browser's tab: page, and agent that is chosen or runs. */
+/** Title of the browser's tab: the page, and the agent that is chosen or running. */
 function Title({ page, chosen }: { page: Page | null; chosen: string }) {
   const market = usePresent("market");
   const name = chosen || (market?.agent ?? "");

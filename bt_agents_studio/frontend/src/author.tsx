@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Name under which this browser changes something, as others read it.
+// Name of this browser's user, which others see with each change.
 
 import { useState } from "react";
 import { texts } from "./texts";
@@ -7,7 +7,7 @@ import { texts } from "./texts";
 const KEY = "author";
 const LONGEST = 60;
 
-/** The name that somebody has given in this browser; else that of the studio. */
+/** The name entered in this browser; else the studio's. */
 export const author = (): string => localStorage.getItem(KEY) ?? texts.tune.author;
 
 export function AuthorField() {

@@ -4,22 +4,22 @@
 import type { TreeNodeRecord } from "./protocol";
 import { texts } from "./texts";
 
-/** Symbols that the common fonts have, as text: coloured ones would hide the colour of the status. */
+/** Symbols in common fonts, as text: coloured symbols would hide the colour of the status. */
 const SYMBOLS: Record<string, string> = { cooldown: "❄\uFE0E", retry: "↻" };
 
-/** The name of a node without the kind that it may begin with. */
+/** Name of a node without its kind, which the name may begin with. */
 export function nameWithoutKind(node: TreeNodeRecord): string {
   const [kind, ...rest] = node.name.split(" ");
   return kind === node.kind ? rest.join(" ") : node.name;
 }
 
-/** The value that an author has written for a decorator; empty for none, or one of several parts. */
+/** The decorator's value as the author wrote it; empty for none, or for one of several parts. */
 function written(node: TreeNodeRecord): string {
   const value = nameWithoutKind(node);
   return value === "…" ? "" : value;
 }
 
-/** Text of a badge; with the attempts or rounds that remain, it says which one runs. */
+/** Text of a badge; if attempts or rounds remain, it names the current one. */
 export function badgeText(node: TreeNodeRecord, remaining: number | null): string {
   const value = written(node);
   const whole = Number(value);

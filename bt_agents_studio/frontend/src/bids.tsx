@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bids of a round, the best first, and what would make the runner-up win.
+// Bids of a round, best first, and the change that would make the runner-up win.
 
 import { Legend, total } from "./course";
 import { formatNumber } from "./formatting";
@@ -44,7 +44,7 @@ export function Bids({ round }: { round: RoundRecord }) {
   );
 }
 
-/** The smallest change of the scene with which the runner-up would win. */
+/** The smallest change of the scene that makes the runner-up win. */
 export function smallestChange(round: RoundRecord): string {
   const change = Object.entries(round.change).map(([name, value]) => `${name} ${formatNumber(value)}`);
   if (change.length > 0) return `${words.change} ${change.join(", ")}.`;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bookmarks: those of the journal, and those of this browser where no journal is written.
+// Bookmarks: those of the journal, and those of this browser if no journal is written.
 
 import { useMemo, useRef, useState, type FormEvent } from "react";
 import { author } from "./author";
@@ -14,17 +14,17 @@ import { close, Menu } from "./timeline_menu";
 
 const words = texts.time;
 const LONGEST = 200;
-/** Bookmarks that this browser keeps of a recording, the newest. */
+/** Most bookmarks that this browser keeps of a recording; the oldest are dropped. */
 const MOST = 200;
 
 export interface AllBookmarks {
-  /** Of what is shown, in the order of time. */
+  /** Bookmarks of the span, in order of time. */
   all: readonly BookmarkRecord[];
   own: readonly BookmarkRecord[];
   keep: (own: readonly BookmarkRecord[]) => void;
 }
 
-/** Bookmarks of what is shown, from the first moment that can be shown to the last. */
+/** Bookmarks from the first moment that can be shown to the last. */
 export function useBookmarks({ fromS, toS }: Span): AllBookmarks {
   const { source, bookmarks } = useConnection();
   const present = usePresentCollection("bookmarks");
@@ -42,7 +42,7 @@ export function useBookmarks({ fromS, toS }: Span): AllBookmarks {
   return { all, own, keep };
 }
 
-/** Return the bookmarks in a stored text; none in one that another version has stored differently. */
+/** Return the bookmarks in a stored text; none if another version stored another format. */
 function parseKept(text: string): readonly BookmarkRecord[] {
   try {
     const kept: unknown = JSON.parse(text);
@@ -52,7 +52,7 @@ function parseKept(text: string): readonly BookmarkRecord[] {
   }
 }
 
-/** List to jump to a bookmark, and the form that sets one. */
+/** A list of bookmarks to jump to, and a form that sets one. */
 export function Bookmarks({ of, moment }: { of: AllBookmarks; moment: number }) {
   const { source } = useConnection();
   return (
@@ -76,7 +76,7 @@ export function Bookmarks({ of, moment }: { of: AllBookmarks; moment: number }) 
   );
 }
 
-/** Form that sets a bookmark at the moment that is shown: now is when it was opened. */
+/** Form that sets a bookmark at the moment on show, or when it was opened on a live page. */
 function Mark({ of: { own, keep }, moment }: { of: AllBookmarks; moment: number }) {
   const { atS, source, offsetS } = useConnection();
   const recording = usePresent("recording");

@@ -1,43 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
-// Connection of the page to its studio: it comes back by itself, and goes on where it was.
+// Connection of the page to its studio; it reconnects by itself and resumes where it was.
 
 import { useSyncExternalStore } from "react";
 import { VERSION, type BookmarkRecord, type ClientMessage, type EventRecord, type Hello, type Operations, type ServerMessage } from "./protocol";
 import { apply, replaceAll, setPresent } from "./store";
 
 export interface ConnectionState {
-  /** "refused" needs the printed address again; "outdated" needs the page to be loaded anew. */
+  /** "refused" needs the printed address again; "outdated" needs a reload of the page. */
   phase: "connecting" | "open" | "lost" | "refused" | "outdated";
-  /** When the studio was heard last by the clock of this page [s since 1970], once it is lost; null before. */
+  /** Last message of a lost studio by this page's clock [s since 1970]; else null. */
   heardS: number | null;
   hello: Hello | null;
-  /** Difference of the studio's clock to this one [s]. */
+  /** Difference between the studio's clock and this one [s]. */
   offsetS: number;
-  /** Moment that is shown [s since 1970]; null for now. */
+  /** Moment on show [s since 1970]; null for now. */
   atS: number | null;
   source: string;
   firstS: number | null;
-  /** Latest moment of the recording that is shown; null until it is known. */
+  /** Latest moment of the recording on show; null until it is known. */
   lastS: number | null;
-  /** Marked moments of the recording that is shown. */
+  /** Bookmarks of the recording on show. */
   bookmarks: BookmarkRecord[];
   failure: string;
 }
 
 const LIMIT_MS = 35_000;
 const KEY = "key";
-/** Entry that all tabs see; its change tells them that one of them has signed in. */
+/** Storage entry that all tabs share; its change tells them that one of them has signed in. */
 const SIGNED_IN = "bt-agents signed in";
 const TOKEN = /^#[0-9a-f]{64}$/;
 const RETRIES_MS = [250, 500, 1000, 2000];
-/** Longest answer to whether the studio is there. */
+/** Longest wait for an answer to the question whether the studio runs. */
 const PROBE_MS = 3000;
 const LOOK_MS = 250;
-/** Time for which a refusal is shown. */
+/** How long a refusal stays on show. */
 const FAILURE_MS = 10_000;
-/** Looks without a message between them after which the studio is lost: it has something to say each second. */
+/** Looks without a message until the studio counts as lost: it sends a message each second. */
 const SILENT_LOOKS = 12;
-/** The same while a snapshot is under way, as it may be large and the link slow. */
+/** The same while a snapshot loads, which may be large on a slow link. */
 const LOADING_LOOKS = 40;
 
 let state: ConnectionState = {
@@ -59,15 +59,15 @@ let sequence = 0;
 let known = "";
 let attempts = 0;
 let timer = 0;
-/** Of the last message [s since 1970]; null before the first. */
+/** Time of the last message [s since 1970]; null before the first. */
 let heardS: number | null = null;
 let looks = 0;
 let isLoading = false;
-/** Secret of the printed address that is still to be exchanged for a session. */
+/** Secret of the printed address until the page exchanges it for a session. */
 let token = "";
-/** Number of the last try to come back; what an earlier one finds out comes too late. */
+/** Number of the last attempt to reconnect; results of earlier attempts are ignored. */
 let trial = 0;
-/** An earlier moment was asked for and has not come; until it does, only the newest wish counts. */
+/** A requested earlier moment has not arrived; until then only the newest request counts. */
 let awaited = false;
 
 function update(change: Partial<ConnectionState>): void {
@@ -91,7 +91,7 @@ function send(message: ClientMessage): void {
 
 function handle(message: ServerMessage): void {
   heardS = Date.now() / 1000;
-  // What comes without a greeting is the end of something that got lost.
+  // A message without a greeting is the rest of a lost connection.
   if (state.phase === "open" || message.type === "hello") looks = 0;
   switch (message.type) {
     case "hello":
@@ -100,7 +100,7 @@ function handle(message: ServerMessage): void {
         return;
       }
       attempts = 0;
-      // Before anything has happened, time begins now.
+      // Without a first moment, time begins now.
       update({
         phase: "open",
         heardS: null,
@@ -129,7 +129,7 @@ function handle(message: ServerMessage): void {
       if (message.source !== state.source) return;
       replaceAll(message);
       update({
-        // What is older than everything kept is shown as the oldest moment.
+        // A moment older than everything kept becomes the oldest moment.
         atS: state.atS === null ? null : Math.max(state.atS, message.first_s ?? 0),
         firstS: message.first_s ?? state.firstS,
         lastS: message.last_s,
@@ -154,9 +154,9 @@ function handle(message: ServerMessage): void {
 }
 
 /**
- * Sign in if the address has a secret, open the connection, and again whenever it is lost.
+ * Sign in if the address has a secret, open the connection, and reopen it whenever it is lost.
  *
- * A robot that appears in a browser talks to nobody unless a page Person is open, so that page names itself.
+ * The page Person names itself: a robot that appears in a browser talks only while one is open.
  */
 export function connect(page?: "person"): void {
   if (page) query = `?page=${page}`;
@@ -169,14 +169,14 @@ export function connect(page?: "person"): void {
   document.addEventListener("visibilitychange", () => !document.hidden && comeBack());
   window.addEventListener("focus", comeBack);
   window.addEventListener("storage", (event) => event.key === SIGNED_IN && comeBack());
-  // A newly pasted address differs in nothing else.
+  // A newly pasted address may differ only in its hash.
   window.addEventListener("hashchange", () => {
     takeToken();
     if (token) renew();
   });
 }
 
-/** Do not wait for the next try when there is a reason to believe that it succeeds. */
+/** Retry at once when there is a reason to expect success. */
 function comeBack(): void {
   const silentMs = Date.now() - (heardS ?? 0) * 1000;
   const isSilent = state.phase === "open" && silentMs > SILENT_LOOKS * LOOK_MS;
@@ -186,9 +186,9 @@ function comeBack(): void {
 }
 
 /**
- * Give up a connection without messages, even if it is open, as it is when the studio hangs or the network is gone.
+ * Give up a silent connection, even an open one: the studio may hang, or the network be down.
  *
- * Only looks are counted: a page that was asleep itself reads first what has come meanwhile.
+ * Count looks, not time: after a sleep, the page first reads the messages that have arrived.
  */
 function watch(): void {
   if (socket === null) return;
@@ -211,7 +211,7 @@ function open(): void {
   };
 }
 
-/** Close the connection, if there still is one, and try again. */
+/** Close the connection, if there is one, and try again. */
 function renew(): void {
   if (state.phase === "outdated") return;
   window.clearTimeout(timer);
@@ -233,7 +233,7 @@ function renew(): void {
   });
 }
 
-/** Whether nobody is there or we are not let in, only a plain request can tell; the former is tried again. */
+/** Ask with a plain request whether the studio lets this tab in; true also if nobody answers. */
 async function isAllowed(): Promise<boolean> {
   try {
     const answer = await fetch("/api/journals", { signal: AbortSignal.timeout(PROBE_MS) });
@@ -243,7 +243,7 @@ async function isAllowed(): Promise<boolean> {
   }
 }
 
-/** Move the secret of the printed address out of sight. */
+/** Remove the secret of the printed address from the address bar. */
 function takeToken(): void {
   if (!TOKEN.test(location.hash)) return;
   token = location.hash.slice(1);
@@ -251,8 +251,8 @@ function takeToken(): void {
 }
 
 /**
- * Exchange the secret for a session, if there is one; it is kept for the next try while nobody answers.
- * The cookie goes to all ports of this machine, so that whatever changes something needs a key, too.
+ * Exchange the secret for a session; keep it for the next attempt if nobody answers.
+ * All ports of this machine receive the cookie, so each change also needs a key.
  */
 async function logIn(): Promise<void> {
   const sent = token;
@@ -270,7 +270,7 @@ export function seek(source: string, atS: number): void {
   askForMoment();
 }
 
-/** Whether an earlier moment was asked for and has not come. */
+/** Whether a requested earlier moment has not arrived yet. */
 export function isAwaited(): boolean {
   return awaited;
 }
@@ -288,7 +288,7 @@ export function follow(): void {
   send({ type: "follow" });
 }
 
-/** What is shown is no state that changes can be applied to; only a snapshot replaces it. */
+/** Changes cannot be applied to the past on show; only a snapshot replaces it. */
 function leavePast(): void {
   if (state.atS !== null) sequence = 0;
   update({ atS: null, source: "" });
@@ -298,15 +298,15 @@ export interface Answer {
   accepted: boolean;
   code: string;
   message: string;
-  /** What an operation of the studio itself has found. */
+  /** Result of one of the studio's own operations. */
   record?: unknown;
-  /** What this page has to send with whatever changes something. */
+  /** Key that this page sends with each change. */
   key?: string;
-  /** Of what the service has changed, where it counts that. */
+  /** Revision after the change, where the service counts revisions. */
   revision?: number;
 }
 
-/** Return the events of a recording; none while it cannot be read. */
+/** Return the events of a recording; none if it cannot be read. */
 export async function fetchEvents(source: string, signal: AbortSignal): Promise<EventRecord[]> {
   try {
     const answer = await fetch(`/api/journals/${encodeURIComponent(source)}/events`, { signal });
@@ -331,7 +331,7 @@ async function post(path: string, body: unknown, limitMs = LIMIT_MS): Promise<An
   }
 }
 
-/** Change something; the answer is that of the service, refusals included. */
+/** Change something; return the answer of the service, even a refusal. */
 export function operate<N extends keyof Operations>(
   name: N,
   fields: Operations[N],
@@ -340,7 +340,7 @@ export function operate<N extends keyof Operations>(
   return post(`/api/do/${name}`, fields, limitMs);
 }
 
-/** Whether this tab has a key, without which it can only look on. */
+/** Whether this tab has a key; without one it can only look on. */
 export function isSignedIn(): boolean {
   return (sessionStorage.getItem(KEY) ?? "") !== "";
 }

@@ -21,7 +21,7 @@ export function useBreakpoints(host: string, agent: string): readonly string[] {
   return useEntry("controls", host)?.breakpoints[agent] ?? none;
 }
 
-/** Set or remove the breakpoint of a node; returns what the host says. */
+/** Set or remove the breakpoint of a node; returns the host's answer. */
 export async function toggleBreakpoint(
   ask: Operation<"control">["ask"],
   host: string,
@@ -40,7 +40,7 @@ interface ControlsProps {
   say: (answer: string) => void;
 }
 
-/** Buttons that hold the running tree; they are of use only while this agent runs. */
+/** Buttons that pause, resume and step the tree; enabled only while this agent runs. */
 export function Controls({ host, agent, say }: ControlsProps) {
   const control = useEntry("controls", host);
   const { atS } = useConnection();
@@ -67,7 +67,7 @@ export function Controls({ host, agent, say }: ControlsProps) {
   );
 }
 
-/** What holds the run, in words; nothing while it goes on. */
+/** Why the run is paused; empty while it runs. */
 export function PauseBanner({ host, tree, tip }: { host: string; tree: TreeRecord; tip: string }) {
   const control = useEntry("controls", host);
   const isPaused = control?.paused === true && control.agent === tree.agent;
@@ -97,7 +97,7 @@ interface LeftProps {
   y: number;
 }
 
-/** What is left of the limits of a node and its modifiers, counted down between two messages. */
+/** Remaining limits of a node and its modifiers, counted down between messages. */
 export const Left = memo(function Left({ agent, host, paths, x, y }: LeftProps) {
   return (
     <text className="left" aria-hidden="true" x={x} y={y}>
@@ -120,7 +120,7 @@ function LeftOf({ agent, host, path }: Omit<LeftProps, "paths" | "x" | "y"> & { 
   );
 }
 
-/** What is left of the time of a node or a modifier, as a bar and in words; nothing without a time. */
+/** Remaining time of a node or a modifier, as a bar and text; nothing without a time limit. */
 export function TimeLeft({ agent, host, path }: { agent: string; host: string; path: string }) {
   const left = useLeft(agent, host, path);
   if (left === null || left.text === "") return null;
@@ -135,7 +135,7 @@ export function TimeLeft({ agent, host, path }: { agent: string; host: string; p
   );
 }
 
-/** Countdown of a node, with what is left of its time at the moment that is shown. */
+/** Countdown of a node, and the time that remains at the moment on show. */
 function useLeft(agent: string, host: string, path: string) {
   const countdown = useEntry("countdowns", `${agent}|${path}`);
   const control = useEntry("controls", host);
@@ -150,7 +150,7 @@ function useLeft(agent: string, host: string, path: string) {
   return { countdown, seconds, text };
 }
 
-/** How long a node has run altogether, with the present stretch. */
+/** Total running time of a node, including the current stretch. */
 export function BusyTime({ record }: { record: NodeRecord }) {
   const { atS, offsetS } = useConnection();
   const isRunning = record.status === "RUNNING";
@@ -159,7 +159,7 @@ export function BusyTime({ record }: { record: NodeRecord }) {
   return <>{formatSeconds(record.busy_s + stretchS)}</>;
 }
 
-/** Clock of the page [s since 1970], which goes on only while it is needed. */
+/** Clock of the page [s since 1970]; advances only while needed. */
 function useNow(isNeeded: boolean): number {
   const [nowS, setNowS] = useState(Date.now() / 1000);
   useEffect(() => {
@@ -172,7 +172,7 @@ function useNow(isNeeded: boolean): number {
   return nowS;
 }
 
-/** What a node and its modifiers have read and written, the newest first. */
+/** Values that a node and its modifiers have read and written, newest first. */
 export function NodeValues({ agent, path }: { agent: string; path: string }) {
   const own = `${agent}|${path}`;
   const shown = useCollection("values")

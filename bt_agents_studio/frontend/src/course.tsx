@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The course of things over rounds and feedback: profiles, and contributions to distances.
+// Changes over rounds and feedback: profiles, and contributions to distances.
 
 import { useState } from "react";
 import { useConnection } from "./connection";
@@ -13,7 +13,7 @@ const WIDTH = 600;
 const HEIGHT = 150;
 const EDGE = 8;
 
-/** What caused a step: who, why, and by which rule. */
+/** Cause of a step: who, why, and by which rule. */
 export function causeOf(step: ProfileStepRecord): string {
   const rule = [`${words.rate} ${formatNumber(step.learning_rate)}`, `${words.weight} ${formatNumber(step.weight)}`];
   const wanted = step.parameters
@@ -27,7 +27,7 @@ export function causeOf(step: ProfileStepRecord): string {
   return rule.join(" · ");
 }
 
-/** One line a parameter, with a dot for each feedback that has moved it. */
+/** One line per parameter, with a dot for each feedback that has moved it. */
 export function ProfileCourse({ agent, layer }: { agent: string; layer: string }) {
   const { hello } = useConnection();
   const steps = useCollection("feedback")
@@ -84,7 +84,7 @@ export function ProfileCourse({ agent, layer }: { agent: string; layer: string }
   );
 }
 
-/** What each parameter has added to the distance of one agent, round by round. */
+/** Contribution of each parameter to the distance of one agent, round by round. */
 export function Shares() {
   const rounds = useCollection("rounds").map(([, one]) => one);
   const names = rounds.at(-1)?.scene.values.map((one) => one.name) ?? [];

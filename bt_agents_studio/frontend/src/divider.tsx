@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Edge between the two columns of a page: it is dragged, or moved by keys; each browser keeps its place.
+// Divider between the columns of a page, moved by pointer or keys; each browser keeps its place.
 
 import { useLayoutEffect, useState, type KeyboardEvent, type PointerEvent } from "react";
 import { texts } from "./texts";

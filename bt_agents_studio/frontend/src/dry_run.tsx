@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dry run: who would win for a scene, and from where on somebody else.
+// Dry run: the winner for a scene, and a map of where other agents would win.
 
 import { useRef, useState } from "react";
 import { Bids, smallestChange } from "./bids";
@@ -54,7 +54,7 @@ export function DryRun() {
   const step = async (fields: Operations["dry_run"]): Promise<boolean> => {
     const done = await race.ask(fields);
     if (done !== null) show(done);
-    // A refused scene says nothing about the one that waits.
+    // A refused scene says nothing about the scene that waits.
     return true;
   };
   const follow = (change: Values): void => {
@@ -69,7 +69,7 @@ export function DryRun() {
     if (done === null) return;
     const map = done.accepted ? (done.record as DryRunRecord).map : null;
     setDrawn(map && { map, values });
-    // Meanwhile the bids may be those of another scene.
+    // Meanwhile the bids may belong to another scene.
     if (asked === wanted.current) show(done);
   };
   const choose = (label: string, value: string, side: "across" | "up") => (
@@ -137,7 +137,7 @@ const fieldsOf = (values: Values): Operations["dry_run"] => ({
 
 interface SceneMapProps {
   drawn: Drawn;
-  /** The scene now; the map is that of another one if more than its own two values differ. */
+  /** The scene now; if it differs in more than the two axes, the map belongs to another scene. */
   values: Values;
   parameters: readonly ParameterRecord[];
 }
@@ -155,7 +155,7 @@ function SceneMap({ drawn: { map, values: around }, values, parameters }: SceneM
   const isOther = parameters.some(
     ({ name }) => name !== map.across && name !== map.up && values[name] !== around[name],
   );
-  // Neighbours with the same winner are one area.
+  // Neighbours with the same winner form one area.
   const areas: { x: number; y: number; count: number; winner: number }[] = [];
   map.winners.forEach((winner, place) => {
     const x = place % columns;

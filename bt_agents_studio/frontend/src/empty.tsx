@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Empty panels: whether nothing has happened, no system is there, or this tab may not see it.
+// Empty panels: nothing has happened, there is no system, or this tab lacks the rights.
 
 import { useConnection } from "./connection";
 import { useCollection } from "./store";
 import { texts } from "./texts";
 
-/** What keeps the page from knowing anything, in words; empty when it knows what there is. */
+/** Why the page has no data, as text; empty if it has. */
 export function useMissing(): string {
   const { phase, hello, atS } = useConnection();
   const parts = useCollection("parts");
@@ -15,7 +15,7 @@ export function useMissing(): string {
   return parts.length === 0 ? texts.empty.noSystem : texts.empty.silentSystem;
 }
 
-/** Sentence of a panel that has nothing to show. */
+/** Text of a panel without content. */
 export function Empty({ children }: { children: string }) {
   return <p className="empty">{useMissing() || children}</p>;
 }

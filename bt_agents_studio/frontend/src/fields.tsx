@@ -7,10 +7,10 @@ import { texts } from "./texts";
 
 const STEPS = 100;
 const PERIOD_MS = 100;
-/** Longest time until a value that was set is expected to show. */
+/** Longest wait until a new value shows. */
 const FOLLOW_MS = 2000;
 
-/** Where a slider begins and ends, and its step; the ends are multiples of it, or just outside the range. */
+/** Ends and step of a slider; the ends are multiples of the step, or just outside the range. */
 export interface Scale {
   minimum: number;
   maximum: number;
@@ -19,7 +19,7 @@ export interface Scale {
   high: number;
 }
 
-/** The scale of a range; without a step of its own, it takes 1, 2 or 5 of a decimal place. */
+/** Return the scale of a range; without a given step, the step is 1, 2 or 5 of a decimal place. */
 export function scaleOf(minimum: number, maximum: number, step = 0, isWhole = false): Scale {
   if (step > 0) return { minimum, maximum, step, low: minimum, high: maximum };
   if (!(maximum > minimum)) return { minimum, maximum, step: 1, low: minimum, high: maximum };
@@ -34,7 +34,7 @@ export function scaleOf(minimum: number, maximum: number, step = 0, isWhole = fa
 
 const short = (value: number): number => Number(value.toPrecision(12));
 
-/** Where the thumb of a slider stands, until the value itself has followed. */
+/** Place of a slider's thumb until the value itself follows. */
 export interface Sliding {
   shown: number;
   move: (value: number) => void;
@@ -42,7 +42,7 @@ export interface Sliding {
   drop: () => void;
 }
 
-/** A slider of a value; while earlier places are being sent, the value follows later. */
+/** State of a slider; the value follows later while earlier places are being sent. */
 export function useSliding(value: number, isBusy = false): Sliding {
   const [moved, setMoved] = useState<number | null>(null);
   const isHeld = useRef(false);
@@ -74,9 +74,9 @@ interface SliderProps {
   disabled: boolean;
   /** A value to compare with, marked on the track. */
   mark?: number | undefined;
-  /** Called with each value on the way. */
+  /** Called with each value during a drag. */
   move?: (value: number) => void;
-  /** Called with the value at which the slider is let go. */
+  /** Called with the final value when the slider is released. */
   set?: (value: number) => void;
   /** Called when the slider is pressed without being moved. */
   press?: (() => void) | undefined;
@@ -91,7 +91,7 @@ export function Slider({ id, label, scale, sliding, disabled, mark, move, set, p
     sliding.end();
     if (box.current !== null) set?.(read(box.current));
   };
-  // React calls its onChange for each value on the way, and has nothing for the last one.
+  // React calls its onChange for each value of a drag, but has no event for the final one.
   useEffect(() => {
     const input = box.current;
     const changed = (): void => ended.current();
@@ -133,7 +133,7 @@ export function Slider({ id, label, scale, sliding, disabled, mark, move, set, p
   );
 }
 
-/** What is being written in a field, what was in force when that began, and its revision. */
+/** Text being typed in a field, the value in force when typing began, and its revision. */
 export interface Draft {
   text: string;
   over: string;
@@ -157,17 +157,17 @@ export function useDraft(value: string, seen = 0): Drafting {
 interface NumberFieldProps {
   id: string;
   label?: string;
-  /** What stands there while nothing is being written. */
+  /** Text on show while nobody types. */
   value: string;
   drafting: Drafting;
   disabled: boolean;
   isNumber?: boolean;
-  /** Called with Enter. */
+  /** Called when Enter is pressed. */
   commit: () => void;
   leave?: () => void;
 }
 
-/** Field for the whole value; Escape takes back what was written. */
+/** Field for the exact value; Escape discards the typed text. */
 export function NumberField(props: NumberFieldProps) {
   const { id, label, value, drafting, disabled, isNumber = true, commit, leave } = props;
   return (
@@ -190,21 +190,21 @@ export function NumberField(props: NumberFieldProps) {
 }
 
 interface NumberPairProps {
-  /** Of the slider; that of the field has an ending. */
+  /** Id of the slider; the field's id adds a suffix. */
   id: string;
   name: string;
   scale: Scale;
   value: number;
   disabled: boolean;
   mark?: number | undefined;
-  /** Called with each value on the way of the slider. */
+  /** Called with each value during a drag of the slider. */
   move?: (value: number) => void;
-  /** Called with what is written, and where the slider is let go; `drop` shows the value in force again. */
+  /** Called with the typed or final value; `drop` shows the value in force again. */
   set?: (value: number, drop: () => void) => void;
   press?: () => void;
 }
 
-/** Slider and field of a number that is not sent at once, or only where the slider is let go. */
+/** Slider and field of a number, which is sent later, or only when the slider is released. */
 export function NumberPair({ id, name, scale, value, disabled, mark, move, set, press }: NumberPairProps) {
   const sliding = useSliding(value);
   const drafting = useDraft(exactNumber(value));
@@ -256,17 +256,17 @@ export function NumberPair({ id, name, scale, value, disabled, mark, move, set, 
 }
 
 export interface Newest {
-  /** Send the value of a key; it takes the place of one that waits. `send` returns whether it was taken. */
+  /** Send a value of a key in place of a waiting one; `send` returns whether it is accepted. */
   push: (key: string, send: () => Promise<boolean>) => void;
-  /** Forget what waits; resolves when nothing is on its way. */
+  /** Drop all waiting values; resolves when no request is pending. */
   stop: () => Promise<void>;
   isBusy: boolean;
 }
 
 /**
- * Send the newest value of each key: one at a time, at most ten a second, and the last one in any case.
+ * Send the newest value of each key: one at a time, at most ten a second, and always the last one.
  *
- * What waits for a key is left out when a value of it is not taken.
+ * A refused value of a key also drops the value that waits for that key.
  */
 export function useNewest(): Newest {
   const waiting = useRef(new Map<string, () => Promise<boolean>>());

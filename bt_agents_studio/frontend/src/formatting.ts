@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers and times as people read them.
+// Numbers and times for people.
 
-/** As many digits as the value needs to be read back; other numbers are only looked at. */
+/** Enough digits to read the exact value back; other formats are for display only. */
 export const exactNumber = (value: number): string => String(value);
 
 export function formatNumber(value: number): string {
@@ -14,7 +14,7 @@ export function formatSeconds(seconds: number): string {
   return `${Math.floor(whole / 60)} min ${whole % 60} s`;
 }
 
-// Making one takes longer than drawing a line of the log.
+// Making a formatter takes longer than drawing a line of the log.
 const TIME = new Intl.DateTimeFormat([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
 
 export function formatTime(atS: number): string {

@@ -7,7 +7,7 @@ const TWICE_MS = 1000;
 const TYPED =
   'input:not([type="range"], [type="checkbox"], [type="radio"]), textarea, select, [contenteditable], dialog, [role="dialog"]';
 
-/** Whether a key goes to a field or a dialog, where it has a meaning of its own. */
+/** Whether a key goes to a field or a dialog, which handles it itself. */
 function isTyped(event: KeyboardEvent): boolean {
   return event.target instanceof Element && event.target.closest(TYPED) !== null;
 }
@@ -15,7 +15,7 @@ function isTyped(event: KeyboardEvent): boolean {
 const isPlain = (event: KeyboardEvent): boolean =>
   !event.repeat && !event.ctrlKey && !event.altKey && !event.metaKey && !event.isComposing;
 
-/** Act when a key is pressed. */
+/** Call back when a key is pressed. */
 export function useKey(key: string, act: () => void): void {
   useEffect(() => {
     const pressed = (event: KeyboardEvent): void => {
@@ -26,7 +26,7 @@ export function useKey(key: string, act: () => void): void {
   }, [key, act]);
 }
 
-/** Act when Esc is pressed twice in a row, the first time not while somebody types. */
+/** Call back when Esc is pressed twice, the first time not while somebody types. */
 export function useEscapeTwice(act: () => void, isOn: boolean): void {
   useEffect(() => {
     if (!isOn) return;

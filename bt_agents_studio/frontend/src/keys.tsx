@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Short list of the keys, and the choice of colours; "?" opens it.
+// List of keys, and the choice of colours; "?" opens it.
 
 import { useCallback, useRef } from "react";
 import { useKey } from "./keyboard";

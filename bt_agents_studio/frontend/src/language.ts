@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The browser's language, replaced where it is no language tag. Chromium without a locale says
-// "en-US@posix", and uPlot gives that to Intl.NumberFormat while it is loaded, which throws.
+// Replaces the browser's language if it is not a language tag. Chromium without a locale reports
+// "en-US@posix", which uPlot passes to Intl.NumberFormat while it loads, and that throws.
 
 try {
   new Intl.NumberFormat(navigator.language);

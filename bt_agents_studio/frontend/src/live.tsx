@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Page "Live": the running tree, and what it is about.
+// Page "Live": the running tree and its context.
 
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
@@ -30,7 +30,7 @@ export function Live() {
   const run = useEntry("runs", agent);
   const tree = useEntry("trees", agent);
   const trees = useCollection("trees");
-  // A node is one of its agent, so that another run does not replace it.
+  // Bind the node to its agent, so that another run does not replace it.
   const choose = useCallback((node: string) => go({ agent, node }, false), [agent]);
   const [answer, setAnswer] = useState("");
   const host = tree?.host ?? "";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Log of a run: sorted by time, the newest line in view unless the reader has scrolled up; and its lines about a node.
+// Log of a run, sorted by time, which follows the newest line until the reader scrolls up.
 
 import { memo, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import { useConnection } from "./connection";
@@ -11,7 +11,7 @@ import { texts } from "./texts";
 const PERIOD_MS = 250;
 const MOST_LINES = 100;
 const MOST_RESULTS = 20;
-/** The end is in view when not more than this is below it. */
+/** Distance below the frame that still counts as the end. */
 const END_PX = 8;
 
 type Lines = readonly [string, LogRecord][];
@@ -20,9 +20,9 @@ export function Log() {
   const lines = useCollection("log", PERIOD_MS);
   const { atS, source } = useConnection();
   const box = useRef<HTMLOListElement>(null);
-  // Latched messages are received late; they belong where they were sent.
+  // Latched messages arrive late; place them at the time they were sent.
   const newest = useMemo(() => [...lines].sort(([, one], [, other]) => one.at_s - other.at_s).slice(-MOST_LINES), [lines]);
-  /** Lines that stand still while somebody reads further up. */
+  /** Lines that stay in place while somebody reads further up. */
   const [held, setHeld] = useState<Lines | null>(null);
   const shown = held ?? newest;
   const missed = useMemo(() => {
@@ -58,7 +58,7 @@ export function Log() {
   );
 }
 
-/** The last results of a node, the newest first. */
+/** The last results of a node, newest first. */
 export function NodeResults({ agent, path }: { agent: string; path: string }) {
   const lines = useCollection("log", PERIOD_MS);
   const shown = useMemo(() => {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Start of all pages but Person.
+// Entry point of all pages except Person.
 
 import { load } from "./start";
 

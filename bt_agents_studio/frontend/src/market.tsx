@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Page "Market": rounds with their bids, profiles, and what moved them.
+// Page "Market": rounds with their bids, profiles, and the causes of their changes.
 
 import { useState } from "react";
 import { author } from "./author";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the page is: its state is in the address bar, so that a reload, a link and the back button show the same.
+// State of the page in the address bar, so that a reload, a link and the back button restore it.
 
 import { useEffect, useSyncExternalStore } from "react";
 import { readAddress, writeAddress, type Address } from "./address";
@@ -22,7 +22,7 @@ export function useAddress(): Address {
   );
 }
 
-/** Change what is shown; the back button returns from a step, and from all that is no step at once. */
+/** Change the page's state; the back button undoes a step with the smaller changes after it. */
 export function go(change: Partial<Address>, isStep: boolean): void {
   const after = { ...address, ...change };
   if (isStep) {
@@ -39,7 +39,7 @@ function write(): void {
   timer = 0;
 }
 
-/** Show the moment of the address, and write there the one that is shown. */
+/** Keep the moment on show and the moment of the address the same. */
 export function useMomentInAddress(): void {
   const { atS, source, failure } = useConnection();
   useEffect(() => {
@@ -49,7 +49,7 @@ export function useMomentInAddress(): void {
   }, [atS, source, failure]);
 }
 
-/** Begin with what the address says, and follow the back button. */
+/** Show the state in the address, and follow the back button. */
 export function startNavigation(): void {
   if (address.atS !== null) seek(address.source, address.atS);
   window.addEventListener("popstate", () => {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Operations as people meet them: whether this tab may do one, that it is under way, and what came of it.
+// Operations in the user interface: whether this tab may do one, its progress, and its result.
 
 import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
 import { isSignedIn, operate, useConnection, type Answer } from "./connection";
@@ -12,20 +12,20 @@ interface Numbered extends Answer {
 }
 
 export interface Asked {
-  /** Why this tab may not do it now, in words; empty when it may. */
+  /** Why this tab may not do it now, as text; empty if it may. */
   whyNot: string;
   isPending: boolean;
   answer: Numbered | null;
 }
 
 export interface Operation<N extends keyof Operations> extends Asked {
-  /** Do it; null when it was not sent, since this tab may not or the last one is under way. */
+  /** Do it; null if not sent, because this tab may not or the last request is pending. */
   ask: (fields: Operations[N], limitMs?: number) => Promise<Answer | null>;
 }
 
 let asked = 0;
 
-/** One operation of a panel, perhaps about the past. Its answer stays until it is asked again. */
+/** One operation of a panel, perhaps on the past. Its answer stays until the next request. */
 export function useOperation<N extends keyof Operations>(name: N, isOfPast = false): Operation<N> {
   const whyNot = useWhyNot(name, isOfPast);
   const [isPending, setPending] = useState(false);
@@ -50,7 +50,7 @@ export function useOperation<N extends keyof Operations>(name: N, isOfPast = fal
   return { whyNot, isPending, answer, ask };
 }
 
-/** Why this tab may not do an operation now; empty when it may. */
+/** Why this tab may not do an operation now; empty if it may. */
 export function useWhyNot(name: keyof Operations, isOfPast = false): string {
   const { phase, hello, atS } = useConnection();
   if (phase === "refused") return texts.connection.refused;
@@ -62,12 +62,12 @@ export function useWhyNot(name: keyof Operations, isOfPast = false): string {
 
 const UNHEARD = ["NO_STUDIO", "NO_ANSWER", "NO_SESSION", "NO_KEY", "UNKNOWN_HOST"];
 
-/** Whether no service has taken the request, so that what somebody has written must not be lost. */
+/** Whether no service received the request, so that the user's input must be kept. */
 export const isUnheard = (done: Answer): boolean => UNHEARD.includes(done.code);
 
 interface ButtonProps {
   of: Asked;
-  /** What a click does; without it, the button submits its form. */
+  /** Called on a click; without it, the button submits its form. */
   ask?: (() => Promise<unknown>) | undefined;
   disabled?: boolean | undefined;
   className?: string | undefined;
@@ -75,7 +75,7 @@ interface ButtonProps {
   children: ReactNode;
 }
 
-/** Button of an operation: it says that it waits, and takes no second click meanwhile. */
+/** Button of an operation: shows that it waits, and ignores further clicks meanwhile. */
 export function OperationButton({ of, ask, disabled = false, className, title, children }: ButtonProps) {
   const [isMine, setMine] = useState(false);
   const click = async (): Promise<void> => {
@@ -84,7 +84,7 @@ export function OperationButton({ of, ask, disabled = false, className, title, c
     await ask();
     setMine(false);
   };
-  // It keeps the focus while it waits, which a disabled button does not.
+  // It keeps the focus while it waits; a disabled button would lose it.
   return (
     <button
       type={ask ? "button" : "submit"}
@@ -100,12 +100,12 @@ export function OperationButton({ of, ask, disabled = false, className, title, c
   );
 }
 
-/** Why the controls of a panel are disabled; nothing when they are not. */
+/** Why the controls of a panel are disabled; nothing if they are enabled. */
 export function WhyNot({ of }: { of: Asked }) {
   return of.whyNot === "" ? null : <p className="why-not">{of.whyNot}</p>;
 }
 
-/** What came of the newest of some operations; a failure comes into view. */
+/** Result of the newest of some operations; a failure scrolls into view. */
 export function Outcome({ of }: { of: readonly Asked[] }) {
   const [newest] = of.flatMap((one) => one.answer ?? []).sort((one, other) => other.number - one.number);
   const box = useRef<HTMLOutputElement>(null);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Outline of a behaviour tree: a row a node, of which only those near the frame are drawn.
+// Outline of a behaviour tree with one row per node; only rows near the frame are drawn.
 
 import { memo, useCallback, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import { badgeText, nameWithoutKind } from "./badges";
@@ -21,13 +21,13 @@ export function Outline(props: DrawingProps) {
   const rows = useMemo(() => rowsOf(roots, folded), [roots, folded]);
   const places = useMemo(() => new Map(rows.map((one) => [one.shown.node.path, one])), [rows]);
   const box = useRef<HTMLDivElement>(null);
-  /** Offset that was scrolled to here; any other one is the reader's doing. */
+  /** Offset set by this component; the reader has scrolled if it differs. */
   const offset = useRef(0);
   const [first, setFirst] = useState(0);
   const [inFrame, setInFrame] = useState(0);
   const [isFollowing, setFollowing] = useState(true);
 
-  /** The row of a node, or of the folded one that hides it. */
+  /** The row of a node, or of the folded node that hides it. */
   const rowOf = (path: string): Row | undefined => {
     let shown: Shown | null | undefined = byPath.get(path);
     while (shown && !places.has(shown.node.path)) shown = shown.parent;
@@ -250,7 +250,7 @@ interface RowLimitProps {
   isBadge: boolean;
 }
 
-/** Badge of a modifier, and what is left of its time or of that of the node itself. */
+/** Badge of a modifier, and the remaining time of the modifier or of the node itself. */
 const RowLimit = memo(function RowLimit({ agent, host, node, isBadge }: RowLimitProps) {
   const key = `${agent}|${node.path}`;
   const record = useEntry("nodes", key);

@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows of a tree's outline, and which of them are drawn at a scroll offset; nothing here draws.
+// Rows of a tree's outline, and the rows to draw at a scroll offset; no drawing here.
 
 import type { Shown } from "./tree_layout";
 
 export const ROW_PX = 24;
-/** Rows that are drawn above and below the frame, so that scrolling shows no gap. */
+/** Rows drawn above and below the frame, so that scrolling shows no gap. */
 const MARGIN = 8;
-/** Rows that are held on top at most: the root and the nearest ancestors. */
+/** Most rows held on top: the root and the nearest ancestors. */
 const MOST_HELD = 6;
 
 export interface Row {
   shown: Shown;
   index: number;
-  /** Index of the row of the node around it, -1 for a root. */
+  /** Index of the parent's row, -1 for a root. */
   parent: number;
-  /** Place among its siblings, from 1, and how many they are. */
+  /** Place among its siblings, from 1, and the number of siblings. */
   place: number;
   siblings: number;
 }
 
-/** Rows of all nodes but those below a folded one, parents before children. */
+/** Rows of all nodes except those below a folded one, parents before children. */
 export function rowsOf(roots: readonly Shown[], folded: ReadonlySet<string>): Row[] {
   const rows: Row[] = [];
   const add = (siblings: readonly Shown[], parent: number): void =>
@@ -32,10 +32,10 @@ export function rowsOf(roots: readonly Shown[], folded: ReadonlySet<string>): Ro
   return rows;
 }
 
-/** Height of the rows that are held above a row when it is the first one below them [px]. */
+/** Height of the held rows when a row is the first one below them [px]. */
 export const heldPx = (row: Row): number => Math.min(row.shown.depth, MOST_HELD) * ROW_PX;
 
-/** Rows around a row that are held on top: the root and the nearest ancestors. */
+/** Ancestors of a row that are held on top: the root and the nearest ones. */
 function heldAbove(rows: readonly Row[], row: Row | undefined): Row[] {
   const held: Row[] = [];
   for (let one = rows[row?.parent ?? -1]; one !== undefined; one = rows[one.parent]) held.unshift(one);
@@ -46,11 +46,11 @@ function heldAbove(rows: readonly Row[], row: Row | undefined): Row[] {
 export interface Drawn {
   /** Root and ancestors of the first visible row, which stay on top. */
   held: readonly Row[];
-  /** Rows at their places, in and near the frame. */
+  /** Placed rows in and near the frame. */
   rows: readonly Row[];
 }
 
-/** What is drawn when a row is the first one at the top of a frame with so many rows. */
+/** Rows to draw when a row is the first one in a frame of a given height. */
 export function drawnAt(rows: readonly Row[], first: number, inFrame: number): Drawn {
   let covered = 0;
   while (covered < MOST_HELD && (rows[first + covered]?.shown.depth ?? 0) > covered) covered += 1;

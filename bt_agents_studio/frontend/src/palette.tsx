@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Palette, which Ctrl-K opens: it goes to the page, agent, node or tunable with a name.
+// Palette, opened by Ctrl-K: goes to a page, agent, node or tunable by name.
 
 import { useEffect, useId, useMemo, useRef, useState, type KeyboardEvent as PressedKey } from "react";
 import { PAGES, type Address } from "./address";
@@ -9,13 +9,13 @@ import { texts } from "./texts";
 
 const words = texts.palette;
 const MOST_SHOWN = 12;
-/** A page with a search of its own begins without one. */
+/** A page with its own search opens without a search text. */
 const NOTHING: Partial<Address> = { node: "", search: "" };
 
 interface Place {
   kind: keyof typeof words.kinds;
   name: string;
-  /** What tells it from others of the same name. */
+  /** Distinguishes it from others of the same name. */
   where: string;
   address: Partial<Address>;
 }
@@ -114,7 +114,7 @@ function usePlaces(): Place[] {
   }, [agents, trees, tunables]);
 }
 
-/** The first places that have all words of a text; those whose name begins with it come first. */
+/** The first places that match all words of a text; names that begin with the text come first. */
 function search(places: readonly Place[], text: string): Place[] {
   const wanted = text.toLowerCase().split(/\s+/).filter(Boolean);
   const isFound = ({ name, where }: Place): boolean => {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Error boundary of one panel: what throws in it leaves the rest of the page alive.
+// Error boundary of one panel: an exception in it leaves the rest of the page intact.
 
 import { Component, type ReactNode } from "react";
 import { texts } from "./texts";
 
 interface Properties {
-  /** Name of the panel, as its heading says it. */
+  /** Name of the panel, as in its heading. */
   label: string;
   children: ReactNode;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Page "Person": the robot as the person in front of it meets it, for a tablet.
+// Page "Person": the robot as seen by the person in front of it, for a tablet.
 
 import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
 import { useConnection, type Answer } from "./connection";
@@ -14,7 +14,7 @@ import { useStop } from "./stop";
 import { useEntry } from "./store";
 
 const SCAN_MS = 2000;
-/** Words for the log and the rounds. */
+/** Texts for the log and the rounds. */
 const STOPPED = "stopped by the person";
 const VISITOR = "a visitor at the screen";
 
@@ -448,7 +448,7 @@ function Choice({ parameter, value, choose }: ChoiceProps) {
   );
 }
 
-/** Speak each new text once with the voice of the browser. */
+/** Speak each new text once with the browser's voice. */
 function useVoice(speech: RobotActRecord | undefined, speaks: boolean): void {
   const spoken = useRef("");
   useEffect(() => {
@@ -483,7 +483,7 @@ function useScan(box: React.RefObject<HTMLDivElement | null>, scans: boolean, qu
       event.stopPropagation();
       buttons()[focused()]?.click();
     };
-    // The touch has pressed what had the focus; it is no click on what lies below it.
+    // The touch presses the focused button; it is not a click on the element under it.
     const swallow = (event: MouseEvent): void => {
       if (event.isTrusted && event.detail > 0 && !isStop(event)) {
         event.preventDefault();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The application of the page Person: the robot, and links to the other pages for whoever may open them.
+// Application of the page Person: the robot, and links to other pages for users with the rights.
 
 import { StrictMode } from "react";
 import { createRoot } from "react-dom/client";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Address of the page Person as a QR code, for the phone or tablet of a visitor.
+// Address of the page Person as a QR code for a visitor's phone or tablet.
 
 import { encode } from "uqr";
 import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
@@ -7,7 +7,7 @@ import type { PersonLinkRecord } from "./protocol";
 import { texts } from "./texts";
 
 const words = texts.world;
-/** Light modules around the code, which readers need. */
+/** Light modules around the code, which scanners need. */
 const BORDER = 4;
 
 export function PersonLink() {
@@ -35,7 +35,7 @@ export function PersonLink() {
   );
 }
 
-/** Dark on light in both themes, since not every camera reads the opposite. */
+/** Dark on light in both themes, since not every camera reads the inverse. */
 function QrCode({ text }: { text: string }) {
   const { data, size } = encode(text, { border: BORDER });
   const path = data.flatMap((row, y) => row.map((dark, x) => (dark ? `M${x} ${y}h1v1h-1z` : ""))).join("");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Start of the page Person, which has a document of its own: a tablet loads no tree and no plots.
+// Entry point of the page Person, its own document, so a tablet loads neither tree nor plots.
 
 import { load } from "./start";
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Words of the page Person in the languages of the people who use it; the browser says which.
+// Texts of the page Person in the languages of its users; the browser chooses one.
 
 const EN = {
   says: "The robot says",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether the page is connected to its studio.
+// State of the page's connection to its studio.
 
 import { useConnection } from "./connection";
 import { formatTime } from "./formatting";

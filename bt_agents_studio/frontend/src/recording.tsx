@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recording: its start, its end, and a bookmark of the moment.
+// Controls of the recording: start, stop, and bookmark of the current moment.
 
 import { useState } from "react";
 import { author } from "./author";
@@ -10,7 +10,7 @@ import { texts } from "./texts";
 
 const words = texts.world;
 
-/** Start, stop and bookmark; without a journal, how to get one. */
+/** Start, stop and bookmark; without a journal, a hint how to get one. */
 export function Recording() {
   const record = useEntry("recording");
   const write = useOperation("record");

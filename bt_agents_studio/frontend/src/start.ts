@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Start of a document: it loads its part of the page, and says so in words when that fails.
+// Starts a document: loads its part of the page, and shows a text if that fails.
 
 import "./language";
 import "./style.css";

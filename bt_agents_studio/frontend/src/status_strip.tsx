@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Status strip: what runs now, on every page, with Stop; also while the page shows an earlier moment.
+// Status strip on every page, always of the present: the current run, with Stop.
 
 import { useEffect, useMemo } from "react";
 import { useConnection } from "./connection";
@@ -22,7 +22,7 @@ export function StatusStrip() {
   const isStopping = answer.isAsked || state === "CANCELLING";
   const canStop = !isStopping && market !== undefined && (state !== "IDLE" || market.waiting.length > 0);
   useEscapeTwice(stop, canStop);
-  // What was refused is of the past when something else goes on.
+  // Forget the answer to Stop when another run begins.
   useEffect(forget, [market?.since_s, forget]);
   return (
     <section className={`strip ${isSilent ? "silent" : state.toLowerCase()}`} aria-label={words.label} data-state={state}>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stop of whatever runs: the same from every page, by a button or a key.
+// Stops whatever runs, in the same way on every page, by a button or a key.
 
 import { useCallback, useState } from "react";
 import { operate } from "./connection";
@@ -7,11 +7,11 @@ import { texts } from "./texts";
 
 const LIMIT_MS = 5000;
 
-/** How the last request to stop went. */
+/** Result of the last request to stop. */
 export interface StopAnswer {
   isAsked: boolean;
   isRefused: boolean;
-  /** In words; empty before the first request. */
+  /** Text of the result; empty before the first request. */
   text: string;
 }
 
@@ -19,12 +19,12 @@ const NONE: StopAnswer = { isAsked: false, isRefused: false, text: "" };
 
 interface Words {
   stopping: string;
-  /** Without it, the market says what it has stopped. */
+  /** If left out, the market's own message is shown. */
   stopped?: string;
   notStopped: string;
 }
 
-/** Stop what runs, whatever waits in line, too; `reason` says who wants it. */
+/** Stop the run and all scenes in line; `reason` says who asks. */
 export function useStop(reason: string, words: Words = texts.stop): [StopAnswer, () => void, () => void] {
   const [answer, setAnswer] = useState(NONE);
   const stop = useCallback(() => {

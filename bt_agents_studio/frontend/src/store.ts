@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Entries of the studio in the page: one subscription an entry or a collection.
+// The studio's entries in the page, with one subscription per entry or collection.
 
 import { useCallback, useSyncExternalStore } from "react";
 import type { Collections, Delta, Present, Snapshot } from "./protocol";
 
 type Name = keyof Collections;
-/** Collections of which the present is known while the page shows an earlier moment. */
+/** Collections whose present state is known while the page shows an earlier moment. */
 type PresentName = "agents" | "bookmarks" | "events" | "live" | "market" | "parts" | "recording" | "runs" | "trees";
 type Listener = () => void;
 
 const collections = new Map<string, Map<string, unknown>>();
-/** The same entries, except while the page shows an earlier moment: then these are still those of the present. */
+/** The same maps; while the page shows an earlier moment, the entries of the present. */
 const present = new Map<string, Map<string, unknown>>();
-/** Topic of a collection → its entries as a list, until they change. */
+/** Topic of a collection → list of its entries, until they change. */
 const lists = new Map<string, readonly [string, unknown][]>();
 const listeners = new Map<string, Set<Listener>>();
 
@@ -35,14 +35,14 @@ function notify(topics: ReadonlySet<string>): void {
   for (const topic of topics) for (const listener of listeners.get(topic) ?? []) listener();
 }
 
-/** Longest time until changes are applied where no frames are drawn, as in a tab that is hidden. */
+/** Longest wait before changes are applied where no frames are drawn, as in a hidden tab. */
 const HIDDEN_MS = 500;
 
 let waiting: (Delta | Present)[] = [];
 let frame = 0;
 let timer = 0;
 
-/** Replace everything by a snapshot; the present stays beside one of an earlier moment. */
+/** Replace everything by a snapshot, but keep the present if it is of an earlier moment. */
 export function replaceAll(snapshot: Snapshot): void {
   applyWaiting();
   const topics = new Set<string>();
@@ -76,9 +76,9 @@ function replacePresent(entries: ReadonlyMap<string, Map<string, unknown>>): voi
 }
 
 /**
- * Apply changes with the next frame: those of a delta to what is shown, the others to the present beside it.
+ * Apply changes with the next frame: a delta to the entries on show, other changes to the present.
  *
- * A page that is busy draws fewer frames and applies more at once, instead of falling behind.
+ * A busy page draws fewer frames and applies more changes at once, so it does not fall behind.
  */
 export function apply(changes: Delta | Present): void {
   waiting.push(changes);
@@ -119,19 +119,19 @@ export function readEntry<N extends Name>(name: N, key = ""): Collections[N] | u
   return collections.get(name)?.get(key) as Collections[N] | undefined;
 }
 
-/** Call back after each change of a collection, without rendering anything; returns how to end it. */
+/** Call back after each change of a collection, without rendering; return how to stop it. */
 export function watchCollection(name: Name, watcher: () => void): () => void {
   return subscribe(name, watcher);
 }
 
-/** An entry; the component is rendered again when it changes. */
+/** An entry; a change renders the component again. */
 export function useEntry<N extends Name>(name: N, key = ""): Collections[N] | undefined {
   const topic = entryTopic(name, key);
   const subscribeTo = useCallback((listener: Listener) => subscribe(topic, listener), [topic]);
   return useSyncExternalStore(subscribeTo, () => readEntry(name, key));
 }
 
-/** An entry as it is now, also while the page shows an earlier moment. */
+/** The present state of an entry, even while the page shows an earlier moment. */
 export function usePresent<N extends PresentName>(name: N, key = ""): Collections[N] | undefined {
   const topic = presentTopic(name, key);
   const subscribeTo = useCallback((listener: Listener) => subscribe(topic, listener), [topic]);
@@ -141,15 +141,15 @@ export function usePresent<N extends PresentName>(name: N, key = ""): Collection
 const EMPTY: readonly [string, never][] = [];
 
 /**
- * All keys and values of a collection, in the order in which they were entered.
+ * All keys and values of a collection in order of entry.
  *
- * With a period the component is rendered again at most that often, for what changes quicker than it is read.
+ * A period limits how often the component renders, for values that change faster than people read.
  */
 export function useCollection<N extends Name>(name: N, periodMs = 0): readonly [string, Collections[N]][] {
   return useList(name, () => collections.get(name), periodMs) as readonly [string, Collections[N]][];
 }
 
-/** The same as it is now, also while the page shows an earlier moment. */
+/** The present state of a collection, even while the page shows an earlier moment. */
 export function usePresentCollection<N extends PresentName>(name: N, periodMs = 0): readonly [string, Collections[N]][] {
   return useList(presentListTopic(name), () => present.get(name), periodMs) as readonly [string, Collections[N]][];
 }

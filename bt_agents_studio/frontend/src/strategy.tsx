@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strategy of the market: which one ranks the bids, its options, and a switch to another one.
+// Strategy of the market: the active one, its options, and a switch to another one.
 
 import { useEffect, useState } from "react";
 import { NumberPair, scaleOf } from "./fields";

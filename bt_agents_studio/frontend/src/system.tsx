@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Page "System": what is there, what is wrong with it, and what was recorded.
+// Page "System": the parts of the system, their health, and the recordings.
 
 import { useEffect, useState } from "react";
 import { seek, useConnection } from "./connection";
@@ -115,15 +115,15 @@ const SEVERITY = ["ERROR", "STALE", "WARN", "OK"];
 
 type Told = readonly [string, HealthRecord];
 
-/** The worst first. */
+/** Worst first. */
 function bySeverity([a, one]: Told, [b, other]: Told): number {
   return SEVERITY.indexOf(one.level) - SEVERITY.indexOf(other.level) || a.localeCompare(b);
 }
 
-/** Name of a process in the health that "bt-agents up" reports, after a namespace: machine, process. */
+/** Name of a process in the health from "bt-agents up", after a namespace: machine, process. */
 const PROCESS = /(?:^|\/)up on ([^:]*): (?!parameters$)(.*)$/;
 
-/** Processes that "bt-agents up" has started, the worst first. */
+/** Processes started by "bt-agents up", worst first. */
 function Processes() {
   const found = useCollection("health").filter(([name]) => PROCESS.test(name)).sort(bySeverity);
   const machines = new Set(found.map(([name]) => PROCESS.exec(name)?.[1]));
@@ -169,12 +169,12 @@ function Processes() {
   );
 }
 
-/** A moment as people read it; nothing for one that cannot be read. */
+/** A moment for people; empty if it is not a valid time. */
 function formatMoment(atS: number): string {
   return Number.isFinite(atS) ? formatTime(atS) : "";
 }
 
-/** What the nodes say of their parts, the worst first. */
+/** Health of the parts of the nodes, worst first. */
 function HealthList() {
   const found = useCollection("health").filter(([name]) => !PROCESS.test(name));
   const sorted = [...found].sort(bySeverity);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Colours of the pages: light, dark, or those of the system; each browser keeps its choice.
+// Colours of the pages: light, dark, or the system's; each browser keeps its choice.
 
 import { useSyncExternalStore } from "react";
 
@@ -11,7 +11,7 @@ const scheme = matchMedia("(prefers-color-scheme: dark)");
 const listeners = new Set<() => void>();
 let theme: Theme = "system";
 
-/** Call back when the colours have changed, for what is drawn with them; returns how to end it. */
+/** Call back when the colours change, to redraw with them; return how to stop it. */
 export function watchColours(changed: () => void): () => void {
   listeners.add(changed);
   scheme.addEventListener("change", changed);
@@ -30,7 +30,7 @@ export function chooseTheme(chosen: Theme): void {
   applyTheme();
 }
 
-/** Use the theme that was chosen in this browser, also when another tab chooses one. */
+/** Use the theme chosen in this browser, even if another tab changes it. */
 export function startTheme(): void {
   applyTheme();
   window.addEventListener("storage", (event) => event.key === KEY && applyTheme());

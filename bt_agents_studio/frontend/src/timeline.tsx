@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The timeline: what happened when, in lanes, and which moment is shown.
+// The timeline: events in lanes, and the moment on show.
 
 import { lazy, Suspense, useEffect, useMemo, useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
 import { Bookmarks, useBookmarks } from "./bookmarks";
@@ -69,7 +69,7 @@ export function Timeline() {
   useEffect(() => setView(null), [source]);
   useEffect(() => {
     if (atS !== null) setView((before) => viewWith(atS, before, whole));
-    // The window moves with the moment, not with what is added to the time.
+    // The window moves with the moment, not with the growth of the whole time.
   }, [atS]);
   const toNow = (): void => {
     setView((before) => before && { ...before, endS: null });
@@ -137,12 +137,12 @@ interface ExportProps {
   events: EventRecord[];
   bookmarks: readonly BookmarkRecord[];
   shown: Span;
-  /** The window moves on with the time, which it is told once a second. */
+  /** Whether the window moves with the time, once a second. */
   endsNow: boolean;
   lanes: React.RefObject<HTMLElement | null>;
 }
 
-/** Menu of the files that can be made of the time in the window. */
+/** Menu that exports the time span in the window to files. */
 function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
   const { source, offsetS } = useConnection();
   const written = usePresent("recording");
@@ -188,7 +188,7 @@ function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
   );
 }
 
-/** From the first moment that can be shown to the last one. */
+/** From the first moment that can be shown to the last. */
 function useWhole(): Span {
   const { source, firstS, lastS, offsetS, hello } = useConnection();
   const [nowS, setNowS] = useState(Date.now() / 1000);
@@ -201,20 +201,20 @@ function useWhole(): Span {
   return { fromS: Math.min(Math.max(firstS ?? toS, toS - (hello?.span_s ?? 0)), toS), toS };
 }
 
-/** Events of what is shown in the order of time: of all of a recording, or those that are kept. */
+/** Events in order of time: all events of a recording, or the events that the studio keeps. */
 function useEvents(): EventRecord[] {
   const { source, lastS } = useConnection();
   const kept = usePresentCollection("events", PERIOD_MS);
   const [recorded, setRecorded] = useState<{ source: string; events: EventRecord[] }>({ source: "", events: [] });
   useEffect(() => {
-    // Until its first moment is there, the end of the recording is not known.
+    // The end of the recording is unknown until its first moment arrives.
     if (!source || lastS === null) return;
     const ended = new AbortController();
     void fetchEvents(source, ended.signal).then((events) => {
       if (!ended.signal.aborted) setRecorded({ source, events });
     });
     return () => ended.abort();
-    // A recording that has grown has further events.
+    // A recording that grows gains events.
   }, [source, lastS]);
   return useMemo(() => {
     if (source) return recorded.source === source ? ordered(recorded.events) : [];
@@ -230,7 +230,7 @@ function useTitles(): (agent: string) => string {
   }, [agents]);
 }
 
-/** What an event was, and when. */
+/** Text of an event and its time. */
 function describe(event: EventRecord, title: string): string {
   const kind = event.kind.toLowerCase().replaceAll("_", " ");
   const parts = [formatTime(event.began_s)];
@@ -432,7 +432,7 @@ function BlockShape({ block, top, title }: { block: Block; top: number; title: s
   );
 }
 
-/** The mood during the run that is shown. */
+/** The mood during the run on show. */
 function MoodLine({ shown, width, top }: { shown: Span; width: number; top: number }) {
   const moods = useCollection("moods", PERIOD_MS);
   const { hello } = useConnection();
@@ -464,13 +464,13 @@ function MoodLine({ shown, width, top }: { shown: Span; width: number; top: numb
   );
 }
 
-/** Moods from which on a rule gives feedback in the run that is shown. */
+/** Mood values at which a rule gives feedback in the run on show. */
 function useThresholds(parameter: ParameterRecord | undefined, sensed: number | undefined) {
   const runs = useCollection("runs", PERIOD_MS);
   const run = runs.map(([, one]) => one).sort((one, other) => other.began_s - one.began_s)[0];
   const rules = useEntry("agents", run?.agent ?? "")?.rules ?? [];
   const awarded = useEntry("scene")?.values.find((one) => one.name === parameter?.name);
-  // The first mood that is sensed replaces one that was only given.
+  // The first sensed mood replaces a given one.
   const start = awarded?.origin === "GIVEN" ? (sensed ?? awarded.value) : (awarded?.value ?? sensed ?? null);
   if (run === undefined || parameter === undefined || start === null) return [];
   return rules

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of the time that the timeline shows: its events as CSV, itself as PNG, and the messages of its recording as MCAP.
+// Exports of the span in the timeline: events as CSV, a picture as PNG, messages as MCAP.
 
 import type { BookmarkRecord, EventRecord } from "./protocol";
 import { texts } from "./texts";
 import type { Span } from "./timeline_lanes";
 
 const COLUMNS = ["began", "ended", "lane", "kind", "agent", "text"];
-/** Pixels of the picture for each one of the page. */
+/** Pixels of the picture per pixel of the page. */
 const SHARPNESS = 2;
 const MARGIN_PX = 8;
 const FORGET_MS = 10_000;
 
-/** Offer the events and bookmarks of a span as a table; an event that goes on has no end. */
+/** Offer the events and bookmarks of a span as a table; an event in progress has no end. */
 export function saveTable(
   events: readonly EventRecord[],
   bookmarks: readonly BookmarkRecord[],
@@ -27,7 +27,7 @@ export function saveTable(
   save(new Blob([text], { type: "text/csv" }), nameOf(fromS, source, "csv"));
 }
 
-/** Offer a picture of what is drawn, in the colours of the page. */
+/** Offer a picture of the drawing in the colours of the page. */
 export function savePicture(drawing: SVGSVGElement, { fromS }: Span, source: string): void {
   const { width, height } = drawing.getBoundingClientRect();
   const canvas = document.createElement("canvas");
@@ -43,7 +43,7 @@ export function savePicture(drawing: SVGSVGElement, { fromS }: Span, source: str
   canvas.toBlob((blob) => blob && save(blob, nameOf(fromS, source, "png")));
 }
 
-/** Offer the messages of a span of a recording; return why there are none, in words, empty when there are. */
+/** Offer the messages of a span of a recording; return why that failed, or an empty text. */
 export async function saveMessages({ fromS, toS }: Span, recording: string): Promise<string> {
   try {
     const answer = await fetch(`/api/journals/${encodeURIComponent(recording)}/messages?from=${fromS}&to=${toS}`);
@@ -55,7 +55,7 @@ export async function saveMessages({ fromS, toS }: Span, recording: string): Pro
   }
 }
 
-/** Draw a shape as the page does; there are no others in the timeline. */
+/** Draw a shape as the page does; handles all shapes of the timeline. */
 function draw(context: CanvasRenderingContext2D, shape: SVGGraphicsElement): void {
   const { fill, stroke, strokeWidth, strokeDasharray, font, textAnchor } = getComputedStyle(shape);
   const at = (name: string): number => Number(shape.getAttribute(name));
@@ -86,7 +86,7 @@ function draw(context: CanvasRenderingContext2D, shape: SVGGraphicsElement): voi
 
 const stamp = (atS: number): string => new Date(atS * 1000).toISOString();
 
-/** A cell; a text that a spreadsheet would compute is marked as a text. */
+/** Format a cell; mark a text that a spreadsheet would evaluate as text. */
 function cell(text: string): string {
   const safe = /^[=+\-@\t\r]/.test(text) ? `'${text}` : text;
   return /[",\r\n]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;

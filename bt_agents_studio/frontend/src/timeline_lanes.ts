@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layout of the timeline: which time is in its window, and where events are drawn in it.
+// Layout of the timeline: the time span in its window, and the places of events in it.
 
 import type { EventRecord } from "./protocol";
 
@@ -11,17 +11,17 @@ export const LANE_PX = 11;
 export const TICKS_PX = 14;
 /** Room for the names of the lanes. */
 export const NAMES_PX = 64;
-/** Width of a moment; what is closer to the one before is drawn as one with it. */
+/** Width of a moment; moments closer than this are drawn as one. */
 export const MARK_PX = 4;
 
 /** Wide enough for all lanes [px]. */
 const WIDE_PX = 520;
-/** Room for the time of a tick, and between two of them. */
+/** Room for the label of a tick, and between two ticks. */
 const TICK_PX = 60;
 const BETWEEN_PX = 90;
 const STEPS_S = [1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3600, 7200, 21_600, 86_400];
 const SHORTEST_S = 1;
-/** What an event changes is known shortly after it. */
+/** An event's effect is known shortly after the event. */
 const AFTER_S = 0.1;
 
 export interface Span {
@@ -39,7 +39,7 @@ export interface Block {
   lane: Lane;
   x: number;
   width: number;
-  /** The first, or one that failed, of all that are drawn here. */
+  /** The first event of the block, or one of its failures. */
   event: EventRecord;
   count: number;
 }
@@ -51,7 +51,7 @@ export function lanesIn(widthPx: number): readonly Lane[] {
   return widthPx < WIDE_PX ? NARROW_LANES : LANES;
 }
 
-/** Time in the window; null for the whole time. */
+/** Time span in the window; the whole time for null. */
 export function windowOf(view: View | null, whole: Span): Span {
   if (view === null) return whole;
   const lengthS = Math.min(view.lengthS, lengthOf(whole));
@@ -59,7 +59,7 @@ export function windowOf(view: View | null, whole: Span): Span {
   return { fromS: toS - lengthS, toS };
 }
 
-/** View in which a moment stays where it is, and the time around it becomes longer or shorter. */
+/** Zoomed view, in which one moment keeps its place. */
 export function zoomed(shown: Span, whole: Span, atS: number, factor: number): View | null {
   const lengthS = Math.max(lengthOf(shown) * factor, SHORTEST_S);
   if (lengthS >= lengthOf(whole)) return null;
@@ -67,12 +67,12 @@ export function zoomed(shown: Span, whole: Span, atS: number, factor: number): V
   return viewTo(atS + share * lengthS, lengthS, whole);
 }
 
-/** View that is moved to later moments by some seconds. */
+/** View moved by some seconds to later moments. */
 export function panned(shown: Span, whole: Span, byS: number): View | null {
   return lengthOf(shown) >= lengthOf(whole) ? null : viewTo(shown.toS + byS, lengthOf(shown), whole);
 }
 
-/** The same view, or the nearest one that has a moment in it. */
+/** The same view if it contains a moment, else the nearest view that does. */
 export function viewWith(atS: number, view: View | null, whole: Span): View | null {
   const shown = windowOf(view, whole);
   if (view === null || (atS >= shown.fromS && atS <= shown.toS)) return view;
@@ -92,7 +92,7 @@ export function momentAt(x: number, shown: Span, widthPx: number): number {
   return shown.fromS + clamp(share, 0, 1) * lengthOf(shown);
 }
 
-/** Events in the order of time; a run that nobody has ended ends with the next one at the latest. */
+/** Events in order of time; a run without an end ends at the latest when the next run begins. */
 export function ordered(events: readonly EventRecord[]): EventRecord[] {
   const sorted = [...events].sort((one, other) => one.began_s - other.began_s);
   let nextS: number | null = null;
@@ -109,7 +109,7 @@ export function isFailure(event: EventRecord): boolean {
   return event.lane === "FAULT" || (event.lane === "AGENT" && ["FAILED", "LOST", "REFUSED"].includes(event.kind));
 }
 
-/** What is drawn in the window; moments that are too close for each other are one block. */
+/** Blocks in the window; moments too close to each other form one block. */
 export function blocksOf(events: readonly EventRecord[], shown: Span, widthPx: number): Block[] {
   const blocks: Block[] = [];
   const last = new Map<string, Block>();
@@ -131,7 +131,7 @@ export function blocksOf(events: readonly EventRecord[], shown: Span, widthPx: n
   return blocks;
 }
 
-/** The block of a lane under a pointer, or beside it. */
+/** The block of a lane under a pointer, or next to it. */
 export function blockAt(blocks: readonly Block[], lane: Lane | undefined, x: number): Block | undefined {
   return blocks.findLast((one) => one.lane === lane && x >= one.x - MARK_PX && x <= one.x + one.width + MARK_PX);
 }
@@ -145,7 +145,7 @@ export function ticksOf(shown: Span, widthPx: number): number[] {
   return ticks.filter((one) => placeOf(one, shown, widthPx) + TICK_PX / 2 <= widthPx);
 }
 
-/** Moment at which the next event is known, or the one before; null when there is none. */
+/** Moment at which the next or previous event is known; null if there is none. */
 export function neighbour(events: readonly EventRecord[], whole: Span, atS: number, direction: 1 | -1): number | null {
   const moments = events
     .map((one) => clamp(one.began_s + AFTER_S, whole.fromS, whole.toS))
@@ -154,7 +154,7 @@ export function neighbour(events: readonly EventRecord[], whole: Span, atS: numb
   return direction === 1 ? Math.min(...moments) : Math.max(...moments);
 }
 
-/** The event that a moment is about: the newest one that began before it, if it has not ended. */
+/** The event of a moment: the newest one that began before it, unless that has ended. */
 export function eventAt(events: readonly EventRecord[], atS: number): EventRecord | undefined {
   return events.findLast((one) => one.began_s <= atS && (one.ended_s ?? Infinity) >= atS - 2 * AFTER_S);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Buttons of the timeline that open a small panel; only one is open at a time.
+// Buttons of the timeline that open a small panel; only one panel is open at a time.
 
 import type { ReactNode, RefObject } from "react";
 

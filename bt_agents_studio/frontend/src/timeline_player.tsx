@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Playing on from an earlier moment, as quickly as things happened or faster.
+// Playback from an earlier moment, in real time or faster.
 
 import { useEffect, useRef, useState } from "react";
 import { isAwaited, seek, useConnection } from "./connection";
@@ -19,18 +19,18 @@ export interface Player {
   toggle: () => void;
 }
 
-/** Player of what is shown; whoever wants less motion sees each event when it is due, and nothing between them. */
+/** Playback of the time on show; with reduced motion, it jumps from event to event. */
 export function usePlayer(events: readonly EventRecord[], whole: Span, toEnd: () => void): Player {
   const { atS, source, phase } = useConnection();
   const [isOn, setOn] = useState(false);
   const [speed, setSpeed] = useState(1);
   const isPlaying = isOn && atS !== null;
-  /** Moment that was shown last, and how far it has been played since. */
+  /** The moment last shown, and the moment that playback has since reached. */
   const played = useRef({ shownS: 0, toS: 0 });
   const play = useRef<(passedS: number) => void>(() => undefined);
   play.current = (passedS) => {
     if (atS === null) return;
-    // Somebody has gone elsewhere meanwhile.
+    // The user has jumped to another moment.
     if (played.current.shownS !== atS) played.current = { shownS: atS, toS: atS };
     const toS = (played.current.toS += speed * passedS);
     if (toS >= whole.toS) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Map of a behaviour tree as SVG: one subscription a node; what is far outside of the view is not drawn.
+// Map of a behaviour tree as SVG with one subscription per node; omits nodes far from the view.
 
 import { memo, useEffect, useMemo } from "react";
 import { badgeText } from "./badges";
@@ -122,7 +122,7 @@ interface BadgeProps {
   agent: string;
   node: TreeNodeRecord;
   dx: number;
-  /** Characters that there is room for. */
+  /** Characters that fit. */
   most: number;
 }
 
@@ -146,13 +146,13 @@ export function Tree(props: DrawingProps) {
   const { frame, zoom, show } = view;
   const { placed } = layout;
 
-  // The chosen node is drawn even far away, as it may have the keyboard.
+  // The chosen node may have the keyboard focus, so it is drawn however far away.
   const drawn = useMemo(() => {
     const item = layout.at.get(chosen);
     return item === undefined || view.near.includes(item) ? view.near : [...view.near, item];
   }, [layout, view.near, chosen]);
 
-  // The node has its place only after what hid it is unfolded.
+  // A node has no place until the nodes that hide it are unfolded.
   useEffect(() => show(goal.path || tip || (roots[0]?.node.path ?? "")), [goal]);
 
   const onKeyDown = (event: React.KeyboardEvent): void => {

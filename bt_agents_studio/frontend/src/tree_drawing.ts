@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the drawings of a tree have in common.
+// Shared types and functions of the drawings of a tree.
 
 import type { ReactNode } from "react";
 import type { NodeRecord, TreeRecord } from "./protocol";
@@ -23,16 +23,16 @@ export interface DrawingProps {
   tip: string;
   chosen: string;
   choose: (path: string) => void;
-  /** Node to be brought into view, when it changes; empty for none. */
+  /** Node to bring into view when it changes; empty for none. */
   goal: { path: string };
   goTo: (path: string) => void;
-  /** Paths that the search finds. */
+  /** Paths that the search matches. */
   found: ReadonlySet<string>;
   /** Paths of the nodes with a breakpoint. */
   stops: readonly string[];
   toggleStop: (path: string) => void;
   showDetails: () => void;
   focusSearch: () => void;
-  /** What the bar has for any drawing. */
+  /** Controls of the bar in every drawing. */
   tools: ReactNode;
 }

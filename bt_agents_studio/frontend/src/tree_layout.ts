@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Places of a tree's nodes, and which of them a search finds; nothing here draws.
+// Places of a tree's nodes, and the search in them; no drawing here.
 
 import { hierarchy, tree as tidyTree } from "d3-hierarchy";
 import type { TreeNodeRecord, TreeRecord } from "./protocol";
@@ -15,9 +15,9 @@ export interface Shown {
   node: TreeNodeRecord;
   /** Modifiers around the node, outermost first, without those that have a handler. */
   modifiers: TreeNodeRecord[];
-  /** Key whose handler the node is, as "on_failure"; empty for any other node. */
+  /** Key of the handler, such as "on_failure", if the node is one; else empty. */
   handles: string;
-  /** The node around it; for a handler the one that it is for. */
+  /** The parent; for a handler, the node that it handles. */
   parent: Shown | null;
   /** Handlers come last. */
   children: Shown[];
@@ -32,7 +32,7 @@ export interface Placed {
 }
 
 export interface Layout {
-  /** Nodes that are not below a folded one, parents before children. */
+  /** Nodes outside folded ones, parents before children. */
   placed: readonly Placed[];
   at: ReadonlyMap<string, Placed>;
   width: number;
@@ -42,14 +42,14 @@ export interface Layout {
 const isModifier = (node: TreeNodeRecord): boolean =>
   (node.path.split("/").at(-1) ?? "").includes("@");
 
-/** Whether a node is the handler of the decorator around it, whose other child is the decorated node. */
+/** Whether a node is the handler of the decorator around it, not the decorated node. */
 const isHandler = (node: TreeNodeRecord, around: TreeNodeRecord): boolean =>
   isModifier(around) && isBelow(node.path, around.path);
 
-/** Nodes with their modifiers as badges, and handlers as branches of the node that they are for. */
+/** Nodes with modifiers as badges, and handlers as branches of the nodes that they handle. */
 export function nest(record: TreeRecord): Shown[] {
   const { nodes } = record;
-  // Parents come before children; any other place would lead in a circle.
+  // Parents come before children; ignore any other place, which would form a cycle.
   const aroundOf = (index: number): number => {
     const parent = nodes[index]?.parent ?? -1;
     return parent < index ? parent : -1;
@@ -83,7 +83,7 @@ export function nest(record: TreeRecord): Shown[] {
   return roots;
 }
 
-/** All nodes below some roots, these included. */
+/** All nodes below some roots, including the roots. */
 export function byPathOf(roots: readonly Shown[], found = new Map<string, Shown>()): ReadonlyMap<string, Shown> {
   for (const one of roots) {
     found.set(one.node.path, one);
@@ -92,10 +92,10 @@ export function byPathOf(roots: readonly Shown[], found = new Map<string, Shown>
   return found;
 }
 
-/** When a handler runs, in words; empty for any other node. */
+/** When a handler runs, as text; empty for any other node. */
 export const branchOf = (shown: Shown): string => texts.live.handlers[shown.handles] ?? shown.handles;
 
-/** Places of all nodes but those below a folded one. */
+/** Places of all nodes except those below a folded one. */
 export function layOut(roots: readonly Shown[], folded: ReadonlySet<string>): Layout {
   const placed: Placed[] = [];
   const at = new Map<string, Placed>();
@@ -127,13 +127,13 @@ export function layOut(roots: readonly Shown[], folded: ReadonlySet<string>): La
   return { placed, at, width: width + MARGIN * 2, height: height + MARGIN };
 }
 
-/** Whether a node is below another one, as its path says. */
+/** Whether a node is below another one, according to its path. */
 const isBelow = (path: string, other: string): boolean => path.startsWith(`${other}/`);
 
 /** Path of the node that a modifier belongs to; the same path for any other node. */
 export const withoutModifier = (path: string): string => path.replace(/@[^/]*$/, "");
 
-/** Paths of the nodes that a search finds, in the order of the tree; a modifier stands for its node. */
+/** Paths of the matching nodes in tree order; a match in a modifier yields its node. */
 export function find(record: TreeRecord, search: string): string[] {
   const wanted = search.trim().toLowerCase();
   if (wanted === "") return [];

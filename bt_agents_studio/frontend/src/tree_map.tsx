@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Map of a whole tree as a strip beside it: a dot a node, and the part that is shown.
+// Map of a whole tree as a strip beside it, with one dot per node, and the visible part.
 
 import { memo, useEffect, useRef } from "react";
 import { readEntry, watchCollection } from "./store";
@@ -10,7 +10,7 @@ import type { Part, Viewport } from "./tree_view";
 
 const REDRAW_MS = 250;
 const SMALLEST_DOT_PX = 2;
-/** Statuses in the order in which they are drawn: what runs is above all others. */
+/** Statuses in drawing order: running nodes on top. */
 const COLOURS = [
   ["INVALID", "--line"],
   ["UNKNOWN", "--faint"],

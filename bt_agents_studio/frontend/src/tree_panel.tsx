@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Panel of a behaviour tree: its search, and the outline or the map of it.
+// Panel of a behaviour tree: its search, and its outline or map.
 
 import { memo, useCallback, useMemo, useRef, useState } from "react";
 import { Outline } from "./outline";
@@ -12,7 +12,7 @@ import { byPathOf, find, nest, withoutModifier } from "./tree_layout";
 
 const DRAWINGS = { outline: Outline, map: Tree };
 type Drawing = keyof typeof DRAWINGS;
-/** Under which name the browser keeps the drawing that was chosen last. */
+/** Key under which the browser keeps the last chosen drawing. */
 const KEPT = "drawing";
 
 const NOTHING: ReadonlySet<string> = new Set();
@@ -32,7 +32,7 @@ export const TreePanel = memo(function TreePanel(props: TreePanelProps) {
   const results = useMemo(() => find(record, search), [record, search]);
   const found = useMemo(() => new Set(results), [results]);
 
-  /** Bring a node into view, unfolded if need be. */
+  /** Bring a node into view, unfolding it if necessary. */
   const goTo = (path: string): void => {
     setFolded((before) => {
       const after = new Set(before);

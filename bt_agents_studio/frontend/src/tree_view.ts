@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Part of a tree that its frame shows: zoom and scrolling, by wheel, pointer and buttons.
+// The part of a tree in its frame: zoom and scrolling by wheel, pointer and buttons.
 
 import { useCallback, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import { HEIGHT, WIDTH, type Layout, type Placed } from "./tree_layout";
 
 export const SMALLEST = 0.1;
 export const LARGEST = 2;
-/** Below this zoom texts cannot be read and are left out. */
+/** Below this zoom, texts are illegible and left out. */
 export const READABLE = 0.4;
-/** Zoom by one press of a key or a button. */
+/** Zoom factor of one press of a key or a button. */
 export const STEP = 1.25;
 const CELL = 500;
 const WHEEL = 0.0015;
-/** A pointer that moves no farther has clicked. */
+/** A pointer that moves no farther counts as a click. */
 export const DRAG_PX = 4;
 
 export interface Part {
@@ -25,26 +25,26 @@ export interface Part {
 export interface Viewport {
   frame: React.RefObject<HTMLDivElement | null>;
   zoom: number;
-  /** The whole tree does not fit into the frame. */
+  /** Whether the frame is too small for the whole tree. */
   isPart: boolean;
-  /** Nodes near the part that is shown, and those whose edge leads there. */
+  /** Nodes near the visible part, and nodes whose edges lead there. */
   near: readonly Placed[];
   onScroll: () => void;
   onPointerDown: (event: React.PointerEvent) => void;
-  /** Part that is shown, in places of the layout. */
+  /** Visible part, in coordinates of the layout. */
   part: () => Part;
-  /** Called when the part that is shown has changed. */
+  /** Set the function to call when the visible part changes. */
   watch: (watcher: (() => void) | null) => void;
   zoomBy: (factor: number) => void;
   fit: () => void;
-  /** Bring a node, or a place of the layout, to the middle. */
+  /** Centre a node, or a place of the layout. */
   show: (path: string) => void;
   centre: (x: number, y: number) => void;
 }
 
 const bounded = (zoom: number): number => Math.min(LARGEST, Math.max(SMALLEST, zoom));
 
-/** Nodes in the squares that a part touches and in those around it. */
+/** Nodes in a range of squares, and nodes whose parents are there. */
 function nearest(layout: Layout, squares: string): Placed[] {
   const [left = 0, top = 0, right = 0, bottom = 0] = squares.split(",").map(Number);
   const within = (one: Placed): boolean => {
@@ -58,7 +58,7 @@ function nearest(layout: Layout, squares: string): Placed[] {
 export function useViewport(layout: Layout): Viewport {
   const frame = useRef<HTMLDivElement>(null);
   const watcher = useRef<(() => void) | null>(null);
-  // Where the next zoom puts which place of the layout: x, y, and pixels from the frame's corner.
+  // Place of the layout that the next zoom holds, x and y, and its pixels from the frame's corner.
   const anchor = useRef<readonly [number, number, number, number] | null>(null);
   const [zoom, setZoom] = useState(1);
   const [squares, setSquares] = useState("0,0,3,3");
@@ -110,7 +110,7 @@ export function useViewport(layout: Layout): Viewport {
     if (box === null) return;
     const observer = new ResizeObserver(onScroll);
     observer.observe(box);
-    // React listens passively, so that the page would scroll as well.
+    // React's listener is passive, so the page would scroll as well.
     const onWheel = (event: WheelEvent): void => {
       if (event.shiftKey) return;
       event.preventDefault();
@@ -142,7 +142,7 @@ export function useViewport(layout: Layout): Viewport {
       removeEventListener("pointerup", end);
       removeEventListener("pointercancel", end);
       box.classList.remove("dragged");
-      // The end of a drag is no click on the node below the pointer.
+      // The end of a drag is not a click on the node below the pointer.
       const swallow = (click: Event): void => click.stopPropagation();
       if (isDrag) box.addEventListener("click", swallow, { capture: true, once: true });
       setTimeout(() => box.removeEventListener("click", swallow, { capture: true }));

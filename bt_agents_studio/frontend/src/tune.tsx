@@ -160,7 +160,7 @@ function Group({ name, isOpen, isRunning, values, latest, revisions }: GroupProp
 interface ControlProps {
   tunable: TunableRecord;
   latest: TuningRecord | undefined;
-  /** Of the last change of the host that this page has seen. */
+  /** Revision of the last change of the host that this page has received. */
   revision: number;
 }
 
@@ -168,7 +168,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
   const set = useOperation("tune");
   const slide = useOperation("tune");
   const current = exact(tunable.value);
-  // The answer to a change may come before the change itself.
+  // The answer to a change may arrive before the change itself.
   const confirmed = useRef(0);
   const seenNow = useRef(0);
   seenNow.current = Math.max(revision, confirmed.current);
@@ -202,7 +202,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
     const done = await set.ask(fields(text, seen));
     if (done === null) return;
     note(done, text);
-    // What nobody has taken is still there to be set, and so is what meanwhile rests on another value.
+    // Keep a value that no service received, or that was typed before another change.
     if (isUnheard(done)) drafting.keep({ text, over: draft?.over ?? current, seen });
     else if (done.code === "CHANGED_MEANWHILE" && draft) drafting.keep({ ...draft, seen: seenNow.current });
     else drafting.drop();
@@ -493,7 +493,7 @@ interface PresetProps {
   tune: Operation<"tune">;
 }
 
-/** A preset, and what it would change now. */
+/** A preset, and the changes that it would make now. */
 function Preset({ host, preset, tune }: PresetProps) {
   const tunables = new Map(useCollection("tunables").map(([key, one]) => [key, one]));
   const changes = Object.entries(preset.settings).flatMap(([name, setting]) => {

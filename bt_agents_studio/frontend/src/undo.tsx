@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The newest change of this tab, at the foot of every page for a while, with a button that takes it back.
+// The newest change of this tab, at the foot of every page for a while, with an undo button.
 
 import { useEffect, useState, useSyncExternalStore } from "react";
 import type { Answer } from "./connection";
@@ -9,13 +9,13 @@ const words = texts.undo;
 const SHOWN_MS = 10_000;
 
 interface Change {
-  /** What was changed: further changes of it, as of a slider that moves, are one change with their first. */
+  /** Changed value; later changes of it, as by a moving slider, join the first change. */
   topic: string;
   /** Its value before. */
   from: string;
   /** The change in words. */
   text: (from: string) => string;
-  /** Bring the value before back. */
+  /** Restore the previous value. */
   takeBack: (from: string) => Promise<Answer>;
 }
 
@@ -27,7 +27,7 @@ function show(change: Change | null): void {
   for (const listener of listeners) listener();
 }
 
-/** Offer to take back a change that the system has accepted. */
+/** Offer to undo a change that the system has accepted. */
 export function offerUndo(change: Change): void {
   show(newest?.topic === change.topic ? { ...change, from: newest.from } : change);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Page "World": what the robot would sense, given by hand.
+// Page "World": the robot's sensor values, given by hand.
 
 import { useEffect, useState } from "react";
 import { useConnection } from "./connection";
@@ -48,7 +48,7 @@ export function World() {
   );
 }
 
-/** Switch that says at once whether somebody is there. */
+/** Switch that reports at once whether somebody is present. */
 function Presence() {
   const live = useEntry("live");
   const scene = useEntry("scene");
@@ -199,9 +199,9 @@ function Play() {
   const give = async (announce: boolean): Promise<void> => {
     const names = Object.keys(given);
     const values = Object.values(given);
-    // Only a scene that is announced may name its person.
+    // Only an announced scene may name its person.
     const done = await scene.ask({ label, names, values, person, urgent, announce, ...(announce ? { name } : {}) });
-    // The scene has them now; the next one begins with what is measured.
+    // The scene has the values now; the next one begins with the measured ones.
     if (announce && done?.accepted) setGiven({});
   };
   return (
