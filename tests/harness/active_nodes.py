@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Managed nodes that are active from their start, made of what their process would read."""
+"""Managed nodes that are active from the start, with settings as their process would read them."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def active_host(
 def active_feedback(
     space: SceneSpace, ledger: Ledger, simulated: SimulatedFeedback | None = None
 ) -> FeedbackNode:
-    """Return a feedback node; who has opened the ledger closes it."""
+    """Return a feedback node; the caller that opened the ledger closes it."""
     return FeedbackNode(
         FeedbackConfiguration(space=space, ledger=lambda: nullcontext(ledger), simulated=simulated)
     )
@@ -67,7 +67,7 @@ def active_scene_layer(
     ids: Callable[[], str] | None = None,
     **node_kwargs: Any,
 ) -> SceneLayerNode:
-    """Return a scene layer that listens, or plays a script."""
+    """Return a scene layer that subscribes to sources, or plays a script."""
     given: dict[str, Any] = {} if ids is None else {"ids": ids}
     configuration = SceneLayerConfiguration(spec=spec, script=script, memory=memory, **given)
     return SceneLayerNode(configuration, **node_kwargs)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags as ``ros2 bag record`` of Jazzy writes them, of what a system has published."""
+"""Bags in the format of ``ros2 bag record`` of Jazzy, made from a system's messages."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ def write_bag(
     """Write the folder of a bag: split files, then its ``metadata.yaml``; return it.
 
     Args:
-        folder: Is made.
-        messages: In the order in which they were received.
-        files: Number of the files that share them.
-        namespace: Of the system, as ``/robot1``.
-        chunks: Compression of the parts of each file.
-        use_chunking: False as the preset ``fastwrite``.
-        packed: Each file is compressed as a whole.
-        is_sent_known: False as with a recorder that does not know when a message was sent.
-        definitions: False as where the packages of the messages are not installed.
+        folder: Created by this function.
+        messages: Messages in order of receipt.
+        files: Number of files to split them over.
+        namespace: Namespace of the system, for example ``/robot1``.
+        chunks: Compression of the chunks of each file.
+        use_chunking: False writes like the preset ``fastwrite``.
+        packed: True compresses each file as a whole.
+        is_sent_known: False writes like a recorder that does not know when a message was sent.
+        definitions: False writes like a recorder without the packages of the messages.
     """
     folder.mkdir(parents=True)
     size = -(-len(messages) // files)
@@ -89,7 +89,7 @@ def write_bag(
                 log_time=place + 1000,
                 data=serialize_message(one.message),
                 publish_time=place if is_sent_known else 0,
-                # Rosbag2 counts no messages.
+                # Rosbag2 does not number messages.
                 sequence=0,
             )
         writer.add_metadata("rosbag2", {"serialized_metadata": "version: 9"})

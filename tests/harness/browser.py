@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chromium for tests: that of the machine, or the one that a package of npm ships."""
+"""Chromium for tests: the machine's, or one from an npm package."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def chromium() -> Iterator[Browser]:
 
 
 def installed_browser() -> tuple[str, Path]:
-    """Return the path of a browser, and of the libraries that it needs besides the machine's."""
+    """Return the path of a browser, and of the extra libraries that it needs."""
     folder = installed_packages().parent
     unpacked = folder / "unpacked"
     if not unpacked.exists():
@@ -47,15 +47,15 @@ def installed_browser() -> tuple[str, Path]:
             made = Path(half) / "unpacked"
             made.mkdir()
             _unpack(folder, made)
-            # Only what is complete gets the name, also when two tests unpack at once.
+            # Only a complete folder gets the name, even if two tests unpack at once.
             with contextlib.suppress(OSError):
                 made.rename(unpacked)
     return str(unpacked / "chromium"), unpacked / "al2023" / "lib"
 
 
 def _unpack(package: Path, folder: Path) -> None:
-    # It unpacks into the folder of temporary files; the libraries only where it believes to be on
-    # a bare machine.
+    # The package unpacks into the folder of temporary files; it unpacks its libraries only if it
+    # detects a bare machine.
     bare = {"TMPDIR": str(folder), "AWS_EXECUTION_ENV": "AWS_Lambda_nodejs22.x"}
     subprocess.run(
         [program("node"), "-e", _UNPACK],

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What nodes of one process do on their bus; each case runs in a process of its own.
+"""Cases of nodes that share a process and its bus; each case runs in a process of its own.
 
-The middleware decides once in a process whether its endpoints ignore each other.
+The middleware decides only once per process whether its endpoints ignore each other.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from bt_agents_ros.spinner import Spinner
 
 LIMIT_S = 20.0
 OUTSIDE = "outside_topic"
-"""Topic on which the test, in another process, is told a latched text and answers ``go``."""
+"""Topic on which the test, in another process, receives a latched text and answers ``go``."""
 
 
 class Nodes:
@@ -124,7 +124,7 @@ def actions_are_handed_over() -> None:
             return Say.Result(message=handle.request.text)
 
         def cancel(_handle: Any) -> CancelResponse:
-            # The state changes after this callback.
+            # The goal changes its state only after this callback.
             of.first.create_timer(0.02, lambda: ends[-1].done() or ends[-1].set_result(None))
             return CancelResponse.ACCEPT
 
@@ -217,7 +217,7 @@ def a_callback_that_raises_is_survived_and_nothing_is_lost() -> None:
 def where_the_middleware_matches_endpoints_there_is_no_bus() -> None:
     os.environ["RMW_FASTRTPS_USE_QOS_FROM_XML"] = "0"
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    # The first node makes the participant, here without the property.
+    # The first node creates the participant, here without the property.
     early = rclpy.create_node("early")
     with one_process.bus() as bus:
         assert bus is None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the checkout says about itself: its ROS packages and their metadata."""
+"""ROS packages of the checkout, and their metadata."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class RosPackage:
 
     @property
     def dependencies(self) -> set[str]:
-        """Keys of what the package needs when it runs."""
+        """Keys of the dependencies that the package needs at run time."""
         found = [*self.manifest.iter("depend"), *self.manifest.iter("exec_depend")]
         return {element.text or "" for element in found}
 
     @property
     def data(self) -> set[str]:
-        """The YAML files that are installed, relative to the folder."""
+        """Installed YAML files, relative to the folder."""
         return {str(path.relative_to(self.folder)) for path in self.folder.rglob("*.yaml")}
 
     @property
@@ -44,13 +44,13 @@ class RosPackage:
 
     @property
     def package_data(self) -> set[Path]:
-        """The files beside the Python modules that are installed with them, relative as they."""
+        """Other files installed with the Python modules, relative to the same folder."""
         found = (path for path in (self.folder / self.name).rglob("*.*") if path.is_file())
         other = {path.relative_to(self.folder) for path in found if path.suffix != ".pyc"}
         return other - self.modules
 
     def setup(self) -> dict[str, Any]:
-        """Return the arguments of ``setup()`` in ``setup.py`` that are literals."""
+        """Return the literal arguments of ``setup()`` in ``setup.py``."""
         tree = ast.parse((self.folder / "setup.py").read_text(encoding="utf-8"))
         (call,) = (
             node
@@ -68,7 +68,7 @@ class RosPackage:
         return self.entry_points().get("console_scripts", {})
 
     def entry_points(self) -> dict[str, dict[str, str]]:
-        """Return what others find the package by: group → name → function or module."""
+        """Return the package's entry points: group → name → function or module."""
         groups = self.setup().get("entry_points", {}).items()
         return {group: dict(line.split(" = ") for line in lines) for group, lines in groups}
 
@@ -85,7 +85,7 @@ def ros_packages() -> list[RosPackage]:
 
 
 def needed_by(name: str) -> set[str]:
-    """Return the keys of all that is installed with a package: its own, and those of these."""
+    """Return the keys that a package needs, directly or through other packages."""
     packages = {package.name: package for package in PACKAGES}
     found: set[str] = set()
     new = {name}

@@ -10,9 +10,9 @@ from click.testing import CliRunner
 
 
 def split_runner() -> CliRunner:
-    """Makes a runner whose results keep standard output apart from standard error.
+    """Runner whose results keep standard output apart from standard error.
 
-    Click 8.1, which Ubuntu 24.04 has, mixes them unless told otherwise; later versions cannot.
+    Click 8.1 of Ubuntu 24.04 mixes them unless told otherwise; later versions never do.
     """
     options: dict[str, Any] = {}
     if "mix_stderr" in inspect.signature(CliRunner).parameters:

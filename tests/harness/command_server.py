@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands as processes of their own, forked from one that has loaded them all before."""
+"""Commands in processes of their own, forked from a process that has loaded them all."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STREAMS = ("stdin", "stdout", "stderr")
 
 _REQUEST_BYTES = 1 << 17
 _PIPE_BYTES = 1 << 20
-"""More than any command prints, so that none waits for its reader."""
+"""More than any command prints, so no command waits for its reader."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +32,9 @@ class Ended:
     """A command that has ended.
 
     Attributes:
-        code: Its exit code, as a shell has it.
-        out: What it printed into the pipe that was its standard output.
-        err: The same of standard error.
+        code: Its exit code, as a shell reports it.
+        out: Text from the pipe that was its standard output.
+        err: Text from the pipe that was its standard error.
     """
 
     code: int
@@ -62,12 +62,12 @@ class CommandServer:
 
         Args:
             words: The command and its arguments.
-            folder: Where it runs.
-            stdout: Descriptor that becomes its standard output; a pipe that is read when left out.
-            closed: Standard streams, by number, that it finds closed.
-            largest_file: Bytes that it may write into one file.
-            environment: Its environment; that of the server when left out.
-            together: True: what it prints on standard error is in ``out``, in its place.
+            folder: Working directory.
+            stdout: Descriptor of its standard output; by default a pipe that this reads.
+            closed: Numbers of the standard streams that are closed at its start.
+            largest_file: Most bytes that it may write into one file.
+            environment: Its environment; by default the server's.
+            together: True puts its standard error into ``out``, in order.
         """
         request = {
             "words": words,
@@ -98,11 +98,11 @@ class CommandServer:
 def command_server(
     environment: dict[str, str], *, without_home: bool = False
 ) -> Iterator[CommandServer]:
-    """Start the process that forks commands; kill it, and what it has forked, at the end.
+    """Start the process that forks commands; kill it and its forks at the end.
 
     Args:
         environment: Its environment.
-        without_home: True: the commands are run by a user whom the system does not know.
+        without_home: True runs the commands as a user that the system does not know.
     """
     mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     mine.settimeout(HANG_S)
@@ -140,13 +140,13 @@ def _wait_for_call(connection: socket.socket) -> None:
 
 
 def _become(request: dict[str, Any], descriptors: Sequence[int]) -> None:
-    """Make this process what the shell makes of a new one."""
+    """Turn this fork into a process like one that a shell starts."""
     for number, descriptor in enumerate(descriptors):
         os.dup2(descriptor, number)
         os.close(descriptor)
     for number in request["closed"]:
         os.close(number)
-        # Python finds it so when it starts.
+        # Python reads this when it starts.
         setattr(sys, _STREAMS[number], None)
     if (environment := request["environment"]) is not None:
         os.environ.clear()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Types of the names and fields of other packages, compiled once for each checkout."""
+"""ROS types with the names and fields of other packages, compiled once per checkout."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ _loaded: dict[str, ModuleType] = {}
 
 @contextmanager
 def compiled_types() -> Iterator[Path]:
-    """Make the package importable for a while; tests are skipped where it cannot be built.
+    """Make the package importable for a while; skip the tests if it cannot be built.
 
-    Gives the prefix in which it is installed, where ROS finds it by ``AMENT_PREFIX_PATH``.
+    Gives the installation prefix, which ROS finds by ``AMENT_PREFIX_PATH``.
     """
     prefix = _built()
     for name in _LIBRARIES:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML as an editor understands it: the core schema of YAML 1.2, without the rules of a file."""
+"""YAML as editors read it: the core schema of YAML 1.2, without the rules of a file kind."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
 
 
 def loaded(text: str) -> object:
-    """Return the value of a document; its mappings have texts as keys, as in JSON."""
+    """Return the value of a document; mappings have text keys, as in JSON."""
     source = Source("text.yaml", text)
     node = read_yaml(source, Diagnostics(source))
     assert node is not None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS types by their definitions, of packages that are not installed and of those that are."""
+"""ROS types read from their definitions, whether or not their packages are installed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TYPES = {"string": FieldType.TEXT, "bool": FieldType.BOOLEAN, "float32": FieldT
 
 
 class DefinedInterfaces:
-    """Knows the fields of types, nothing of their values."""
+    """Knows the fields of types, but not the values that they allow."""
 
     def has_package(self, package: str) -> bool:
         """Return whether there are definitions of a package."""
@@ -52,7 +52,7 @@ class DefinedInterfaces:
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return nothing: values are not looked at."""
+        """Return None: values are not checked."""
 
 
 def _folder(package: str) -> Path | None:
@@ -75,7 +75,7 @@ def _section(type_name: str, section: str) -> MessageSpecification | None:
 
 
 def _field(message: MessageSpecification | None, path: str) -> str | None:
-    """Return the name of the type of a field; None when there is none of this path."""
+    """Return the type name of a field; None if no field has this path."""
     first, _, rest = path.partition(".")
     for field in message.fields if message is not None else ():
         if field.name == first:

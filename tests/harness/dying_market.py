@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A marketplace that dies between storing an end and announcing it while some file exists."""
+"""Marketplace that, while a file exists, dies between storing an end and announcing it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from marketplace_node.hosts.host_effects import Effect
 from marketplace_node.outcomes import RunEventKind
 
 DIES_WHILE = "DIES_WHILE"
-"""Environment variable with the file, which the market removes when it dies.
+"""Environment variable with the path of the file, which the market removes when it dies.
 
 The file says what ends, ``run`` or ``scene``.
 """
 
 
 class DyingMarket(node.MarketplaceNode):
-    """Marketplace that kills itself in place of its next announcement of an end."""
+    """Marketplace that kills itself instead of announcing the next end."""
 
     def _execute_one(self, effect: Effect) -> None:
         file = Path(os.environ[DIES_WHILE])
@@ -42,6 +42,6 @@ def _ending(effect: Effect) -> str:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run it as the marketplace is run."""
+    """Run it like the real marketplace."""
     node.MarketplaceNode = DyingMarket
     return node.main(args)

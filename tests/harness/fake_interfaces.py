@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS types that need no ROS: every type of one package, with one field of any kind."""
+"""ROS types without ROS: every type of one package, with one field of any kind."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bt_agents_core.field_types import BindingKind, FieldType, Plain
 
 
 class FakeInterfaces:
-    """Knows the types of ``known_msgs``; every section of one has the field ``good``."""
+    """Knows all types of ``known_msgs``; each section of a type has the field ``good``."""
 
     def has_package(self, package: str) -> bool:
         """Return whether a package is installed."""
@@ -33,5 +33,5 @@ class FakeInterfaces:
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return why values do not fit; only 'wrong' never does."""
+        """Return why values do not fit; only 'wrong' does not."""
         return "a wrong value" if "wrong" in str(values) else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A probe that is the market of a host under test, and trees folders written in a test."""
+"""A probe that acts as the market of a host under test, and trees folders for tests."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from bt_agents_ros.messages import scene_to_msg
 from tree_harness import TREES, scene
 
 TOKEN = list(range(1, 17))
-"""What hosts know the goals of this market by."""
+"""Token by which hosts recognise the goals of this market."""
 
 
 class Market:
-    """A probe that does what a marketplace does, one message at a time; silent until told to live.
+    """Probe that sends a market's messages, one at a time; silent until told to live.
 
     Attributes:
-        epoch: Its name; another one is a market that was started anew.
-        token: What it gives hosts to know its goals by.
-        requests: Registrations so far.
-        refuse: Names of agents that it refuses → why.
-        refuses_host: Why it refuses every host; empty to take them.
-        award: Round and agent that its heartbeat names: those of the goal sent last.
+        epoch: Its epoch; another epoch stands for a restarted market.
+        token: Token that it gives hosts, by which they recognise its goals.
+        requests: Number of registrations so far.
+        refuse: Names of agents that it refuses → reason.
+        refuses_host: Reason to refuse every host; empty to accept them.
+        award: Round and agent in its heartbeat: those of the last goal.
         on_register: Called before a registration is answered.
-        bids: Answers to its calls so far.
+        bids: Answers to its calls for bids so far.
     """
 
     def __init__(self, ros: Any) -> None:
@@ -87,31 +87,31 @@ class Market:
         return response
 
     def open(self) -> None:
-        """Say that it is there."""
+        """Publish that the market is open."""
         self._status.publish(MarketStatus(epoch=self.epoch))
 
     def host(self, trees: Path, **options: Any) -> HostNode:
-        """Start a host; return it as soon as it is registered."""
+        """Start a host; return it once it is registered."""
         node: HostNode = self.ros.add(make_host(trees, **options))
         self.open()
         self.ros.until(lambda: node.registered)
         return node
 
     def beat(self) -> None:
-        """Give a sign of life."""
+        """Publish one heartbeat."""
         number, agent = self.award
         self._heart.publish(MarketHeartbeat(epoch=self.epoch, round=number, agent=agent))
 
     def live(self) -> None:
-        """Give signs of life from now on."""
+        """Publish heartbeats from now on."""
         self._beats.reset()
 
     def fall_silent(self) -> None:
-        """Give none any more."""
+        """Stop the heartbeats."""
         self._beats.cancel()
 
     def announce(self, round_number: int, agent: str, event: int = Run.ENDED, **more: Any) -> None:
-        """Say what has become of a run."""
+        """Announce an event of a run, by default its end."""
         run = Run(epoch=self.epoch, round=round_number, agent=agent, event=event, **more)
         self._runs.publish(run)
 
@@ -130,7 +130,7 @@ class Market:
         self._calls.publish(message)
 
     def goal(self, host: HostNode, agent: str = "talker", **changes: Any) -> RunAgent.Goal:
-        """Return a goal for an agent of a host, with other values for some fields."""
+        """Return a goal for an agent of a host, with some fields changed."""
         member = host.registry.members.get(agent)
         goal = RunAgent.Goal(
             epoch=self.epoch,
@@ -146,7 +146,7 @@ class Market:
         return goal
 
     def send(self, goal: RunAgent.Goal) -> Any:
-        """Send a goal; return its handle when the host has answered."""
+        """Send a goal; return its handle once the host has answered."""
         self.ros.until(self.action.server_is_ready)
         self.award = (goal.round, goal.agent)
         future = self.action.send_goal_async(goal)
@@ -154,7 +154,7 @@ class Market:
         return future.result()
 
     def refusal(self, goal: RunAgent.Goal) -> str:
-        """Send a goal that the host refuses; return the code of its result."""
+        """Send a goal that the host refuses; return the code in the result."""
         answer = self.result(self.send(goal))
         assert answer.status == GoalStatus.STATUS_ABORTED
         assert answer.result.outcome == RunAgent.Result.REFUSED
@@ -162,7 +162,7 @@ class Market:
         return str(answer.result.code)
 
     def result(self, handle: Any) -> Any:
-        """Wait for the end of a run; return status and result."""
+        """Wait for the end of a run; return its status and result."""
         future = handle.get_result_async()
         self.ros.until(future.done)
         return future.result()
@@ -182,7 +182,7 @@ def folder(tmp_path: Path, *agents: str) -> Path:
 def make_host(
     path: Path, parameter_overrides: Sequence[Parameter] = (), **arguments: Any
 ) -> HostNode:
-    """Return a host with the agents of a folder, patient with a market that has no heartbeat."""
+    """Return a host of the agents of a folder that tolerates a market without heartbeat."""
     overrides = [Parameter(MARKET_LEASE, value=10.0), *parameter_overrides]
     trees = read_trees(path, InstalledInterfaces())
     return active_host(trees, parameter_overrides=overrides, **arguments)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An executor whose jobs run at once, or when a test says so."""
+"""An executor that runs its jobs at once, or when a test tells it to."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 
 
 class Disk(Executor):
-    """Executor in place of the thread that waits for the disk.
+    """Executor in place of the thread that writes to the disk.
 
     Args:
-        at_once: False holds the jobs back until :meth:`turn`.
+        at_once: False holds jobs back until :meth:`turn`.
 
     Attributes:
-        at_once: Whether jobs are done at once.
-        jobs: What waits to be done.
+        at_once: Whether jobs run at once.
+        jobs: Pending jobs.
     """
 
     def __init__(self, *, at_once: bool = True) -> None:

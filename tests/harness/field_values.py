@@ -23,7 +23,7 @@ def field(
     runs: Sequence[int] = (),
     rounds: int = 0,
 ) -> RoundBids:
-    """Return bids for a scene; without more, nobody has run, and all is certain and weighs 1."""
+    """Return bids for a scene; by default without runs, all values certain and of weight 1."""
     width, count = len(scene), len(profiles)
     return RoundBids(
         scene=tuple(scene),
@@ -44,6 +44,6 @@ def field(
 def scored(
     name: str, of: RoundBids, random: np.random.Generator | None = None, **options: float
 ) -> list[Score]:
-    """Return the scores of a strategy, with the defaults of what is not named."""
+    """Return the scores of a strategy; options that are not named have their defaults."""
     spec = STRATEGIES[name]
     return list(spec.score(of, spec.values(options), random or round_rng("seed")))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readers of files, given their texts."""
+"""Readers of files, applied to texts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robots with ledgers on the disk, each synchronised with a real database."""
+"""Robots with ledgers on disk, each synchronised with a real database."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ledger_fixture import SPACE
 from simulated_fleet import Clock, Robot
 
 LIMIT_S = 2.0
-"""Longest time of a transaction; long enough for a machine that is busy [s]."""
+"""Longest time of a transaction, enough for a busy machine [s]."""
 
 
 class FleetRobot:
-    """A robot that learns, and what synchronises its ledger."""
+    """A robot that learns, with the synchronisation of its ledger."""
 
     def __init__(
         self,
@@ -32,7 +32,7 @@ class FleetRobot:
         **fields: Any,
     ) -> None:
         self.path = folder / f"{name}.sqlite"
-        clock.now += 0.001  # No two ledgers begin at the same time.
+        clock.now += 0.001  # Two ledgers never begin at the same time.
         self.robot = Robot(name, clock, path=str(self.path), **fields)
         self.shares = {"guide": share}
         self.address = address
@@ -43,7 +43,7 @@ class FleetRobot:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew with the process that synchronises."""
+        """Restart the process that synchronises."""
         self.database.close()
         self.sync = FleetSync(
             self.robot.name,
@@ -67,7 +67,7 @@ class FleetRobot:
 
 
 def synchronise(*robots: FleetRobot) -> None:
-    """Let all of them push, and then all of them pull; a connection may have been lost before."""
+    """Let all of them push, then all of them pull; retry after a lost connection."""
     for _ in range(2):
         for one in robots:
             try:

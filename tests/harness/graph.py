@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes of a test in this process, and the executor that turns them until something holds."""
+"""The nodes of a test in this process, and an executor that spins them until a condition holds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 
 class Ros:
-    """The nodes of one test and the executor that turns them."""
+    """The nodes of one test, and the executor that spins them."""
 
     def __init__(self) -> None:
         self.executor = CachedExecutor()
@@ -26,19 +26,19 @@ class Ros:
         self.node = self.add(rclpy.create_node("probe"))
 
     def add(self, node: Any) -> Any:
-        """Turn a node until the end of the test; return it."""
+        """Spin a node until the end of the test; return it."""
         self.nodes.append(node)
         self.executor.add_node(node)
         return node
 
     def remove(self, node: Any) -> None:
-        """Take a node away, as if its process had ended."""
+        """Remove a node, as if its process had ended."""
         self.nodes.remove(node)
         self.executor.remove_node(node)
         node.destroy_node()
 
     def until(self, condition: Callable[[], Any], limit_s: float = 30.0) -> None:
-        """Turn until the condition holds; fail the test at the limit."""
+        """Spin until the condition holds; fail the test at the time limit."""
         end = time.monotonic() + limit_s
         while not condition():
             if time.monotonic() > end:
@@ -46,7 +46,7 @@ class Ros:
             self.executor.spin_once(timeout_sec=0.05)
 
     def turns(self, count: int = 20) -> None:
-        """Turn a few times, for things that must not happen."""
+        """Spin a few times, to check that something does not happen."""
         for _ in range(count):
             self.executor.spin_once(timeout_sec=0.01)
 
@@ -64,7 +64,7 @@ class Ros:
         return received
 
     def close(self) -> None:
-        """End what is under way, as the runner does, and destroy everything."""
+        """End pending work, as the runner does, and destroy all nodes."""
         try:
             for node in self.nodes:
                 if hasattr(node, "request_stop"):
@@ -80,7 +80,7 @@ class Ros:
 
 @contextmanager
 def fresh_graph() -> Iterator[Ros]:
-    """Make a ROS context of its own, and take it down again."""
+    """Create a ROS context for one test, and shut it down afterwards."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         graph = Ros()
@@ -90,5 +90,5 @@ def fresh_graph() -> Iterator[Ros]:
             graph.close()
     finally:
         rclpy.try_shutdown()
-        # Nodes hold themselves, and those of earlier tests would go on answering each other.
+        # Reference cycles keep nodes alive, and those of earlier tests would answer each other.
         gc.collect()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of the corpus that are too large to be kept, or no files at all, made when needed."""
+"""Corpus files that are generated, because they are too large to store or not regular files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MIB = 1024 * 1024
 
 
 def tree(text: str, head: str = "") -> bytes:
-    """Return an agent file with a tree that starts in the line after ``tree:``."""
+    """Return an agent file whose tree starts in the line after ``tree:``."""
     return f"{HEAD}{head}tree:\n  {text}\n".encode()
 
 
@@ -30,7 +30,7 @@ def words(count: int, seed: int = 0) -> list[str]:
 
 
 def chain(count: int) -> str:
-    """Return subtrees of which each calls the next one."""
+    """Return subtrees that each call the next one."""
     lines = [f"  s{i}: {{tree: {{subtree: s{i + 1}}}}}" for i in range(count - 1)]
     return "\n".join([*lines, f"  s{count - 1}: {{tree: {{say: x}}}}"])
 
@@ -136,7 +136,7 @@ BUILT: Mapping[str, bytes] = {
     "agents/deep_references.yaml": tree("say: " + "${" * 4_000 + "x" + "}" * 4_000),
     "agents/valid_many_references.yaml": tree("say: " + "${scene.age} " * 1_500),
     "agents/valid_many_dollars.yaml": tree("say: " + "$" * 19_000),
-    # Messages that are dear to make.
+    # Messages that are expensive to produce.
     "agents/many_near_misses.yaml": tree("say: " + NEAR, TUNABLES),
     "agents/many_unknown_nodes.yaml": tree(
         "sequence:\n" + "".join(f"    - {word}: x\n" for word in words(450, seed=1))
@@ -154,17 +154,17 @@ BUILT: Mapping[str, bytes] = {
 """Path in the corpus → content."""
 
 UNLISTED = ("imports/libraries/chain_", "imports/libraries/large.yaml")
-"""What needs no expectation of its own: an agent imports it."""
+"""Files without an expectation of their own: an agent imports them."""
 
 
 NO_FILES = tuple(
     f"agents/{name}.yaml" for name in ("pipe", "folder", "device", "dead_link", "link_to_itself")
 )
-"""What is in the place of a file, but is none."""
+"""Paths of files that are not regular files."""
 
 
 def build(corpus: Path) -> None:
-    """Add to a copy of the corpus what is not kept in the repository."""
+    """Add the generated files to a copy of the corpus."""
     for name, content in BUILT.items():
         (corpus / name).write_bytes(content)
     outside = corpus.parent / "outside"

@@ -13,16 +13,16 @@ from bt_agents_ros.types import slot_at
 HOSTILE = (
     "[/x]\x1b]0;title\x07\x1b[2J\x9b1A\r\x7f\n[FATAL] forged\u2028\t\u202e\u2066\u200b\ufeff\x00"
 )
-"""Title and screen of a terminal, line ends, marks of direction and invisible characters."""
+"""Terminal title and screen, line ends, direction marks and invisible characters."""
 
 _ITEMS = 2
 
 _NUMBERS = {"boolean": False, "octet": b"\0", "float": 0.0, "double": 0.0}
-"""Type of a field → its value; 0 for all others."""
+"""Type of a field → its value; all others are 0."""
 
 
 def hostile(kind: type[Any]) -> Any:
-    """Return a message in which every text is :data:`HOSTILE`, and every list has two items."""
+    """Return a message with :data:`HOSTILE` in every text and two items in every list."""
     message = kind()
     for name in kind.get_fields_and_field_types():
         slot = slot_at(kind, name)
@@ -36,7 +36,7 @@ def hostile(kind: type[Any]) -> Any:
 
 
 def texts(value: Any) -> Iterator[str]:
-    """Yield every text of a message, also in lists."""
+    """Yield every text of a message, including texts in lists."""
     if isinstance(value, str):
         yield value
     elif hasattr(value, "get_fields_and_field_types"):
@@ -48,7 +48,7 @@ def texts(value: Any) -> Iterator[str]:
 
 
 def _value(slot: Any) -> Any:
-    """Return a value of a field or an item; None for an array, which stays as it is."""
+    """Return a value of a field or an item; None for an array, which stays unchanged."""
     if isinstance(slot, idl.AbstractGenericString):
         return HOSTILE
     if isinstance(slot, idl.BasicType):

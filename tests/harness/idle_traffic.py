@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Traffic of an idle system: run as ``unshare -rn python idle_traffic.py TREES``.
 
-Prints a line of JSON: how many datagrams a second are sent, how many of them to ports that nobody
-listens on, and after which time each of some late processes has heard of the system [s].
+Prints a line of JSON: datagrams sent per second, how many of them go to ports without a listener,
+and after which time each of some late processes has discovered the system [s].
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ print(time.monotonic() - begin)
 def main() -> None:
     """Measure, and print the result."""
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
-    # As for all commands: with the profile of the launcher.
+    # Use the launcher's profile, like all commands.
     from bt_agents_tools.launcher.supervisor import set_discovery
 
     environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
@@ -88,7 +88,7 @@ def main() -> None:
 
 
 def _counts() -> dict[str, int]:
-    """Return the counters of UDP in this network namespace by name."""
+    """Return the UDP counters of this network namespace by name."""
     lines = Path("/proc/net/snmp").read_text().splitlines()
     names, values = (line.split()[1:] for line in lines if line.startswith("Udp:"))
     return dict(zip(names, map(int, values), strict=True))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small journal as a system would have written it: rounds, feedback and a run of a tree."""
+"""A small journal in a system's format: rounds, feedback and a run of a tree."""
 
 from __future__ import annotations
 
@@ -92,13 +92,13 @@ def write_folder(folder: Path, **profiles: tuple[float, float, float]) -> Path:
 
 
 class JournaledSystem:
-    """Two agents, a market and a robot, without processes; publishes what a journal would record.
+    """Two agents, a market and a robot without processes; publishes what a journal would record.
 
     Args:
-        folder: For the trees folder.
-        strategy: By which bids are ranked.
-        options: What is set about it.
-        shadow: Strategy that only looks on.
+        folder: Place of the trees folder.
+        strategy: Strategy that ranks the bids.
+        options: Options of the strategy.
+        shadow: Strategy that also ranks, without deciding.
     """
 
     def __init__(
@@ -255,7 +255,7 @@ class JournaledSystem:
         )
 
     def write(self, path: Path, alter: Callable[[int, Any], Any] | None = None) -> Path:
-        """Write the messages into a journal; ``alter`` may change or drop (None) a message."""
+        """Write the messages into a journal; ``alter`` may change a message, or drop it (None)."""
         file = JournalFile(path)
         counts: dict[str, int] = {}
         for number, one in enumerate(self.published):
@@ -324,7 +324,7 @@ def morning(folder: Path, **how: Any) -> JournaledSystem:
 
 
 def topic_of(kind: Any, name: str) -> RecordedTopic:
-    """Return a topic with the definition of its type."""
+    """Return a topic and the definition of its type."""
     type_name = f"bt_agents_interfaces/msg/{kind.__name__}"
     return RecordedTopic(
         name=name, type=type_name, definition=definition(type_name, definition_text)
@@ -332,7 +332,7 @@ def topic_of(kind: Any, name: str) -> RecordedTopic:
 
 
 def recorded(number: int, *, topic: str = "/agents/status", tip: str = "") -> RecordedMessage:
-    """Return a small message that is distinguished from others by its number."""
+    """Return a small message, identified by its number."""
     message = TreeStatus(tick=number, tip=tip)
     data = serialize_message(message)
     ns = 1_000_000_000 * (number + 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small client of the language server that editors use for YAML."""
+"""A small client of the YAML language server that editors use."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ ANSWER_S = 60
 
 
 def installed_server() -> list[str]:
-    """Return the command that starts the server, which is installed first when it is not there."""
+    """Return the command that starts the server; install the server first if necessary."""
     program_file = installed_packages() / PACKAGE / "bin" / PACKAGE
     return [program("node"), str(program_file), "--stdio"]
 
 
 class LanguageServer:
-    """One running server and the documents that are open in it."""
+    """One running server and its open documents."""
 
     def __init__(self, command: list[str]) -> None:
         self._process = subprocess.Popen(
@@ -63,7 +63,7 @@ class LanguageServer:
                     pipe.close()
 
     def problems(self, path: Path, text: str) -> list[str]:
-        """Open a text as a file and return what the server finds wrong with it."""
+        """Open a text as a file and return the server's diagnostics."""
         uri = self._open(path, text)
         while uri not in self._problems:
             self._handle(self._messages.get(timeout=ANSWER_S))
@@ -72,14 +72,14 @@ class LanguageServer:
         ]
 
     def completions(self, path: Path, text: str) -> dict[str, dict[str, Any]]:
-        """Return what the server offers where ``▮`` stands in the text, by label."""
+        """Return the server's completions at ``▮`` in the text, by label."""
         uri, place = self._opened_at(path, text)
         answer = self._ask("textDocument/completion", {**place, "textDocument": {"uri": uri}})
         items = answer if isinstance(answer, list) else answer["items"]
         return {item["label"]: item for item in items}
 
     def hover(self, path: Path, text: str) -> str:
-        """Return what the server shows about the word where ``▮`` stands in the text."""
+        """Return the server's hover text for the word at ``▮`` in the text."""
         uri, place = self._opened_at(path, text)
         answer = self._ask("textDocument/hover", {**place, "textDocument": {"uri": uri}})
         return "" if answer is None else str(answer["contents"]["value"])
@@ -91,7 +91,7 @@ class LanguageServer:
         return uri, {"position": {"line": line, "character": len(before) - before.rfind("\n") - 1}}
 
     def _open(self, path: Path, text: str) -> str:
-        # A name of its own for each text: the server remembers what it found in the last one.
+        # Each text gets a name of its own: the server remembers its last diagnostics.
         self._opened += 1
         uri = path.with_stem(f"{path.stem}_{self._opened}").as_uri()
         document = {"uri": uri, "languageId": "yaml", "version": 1, "text": text}
@@ -112,7 +112,7 @@ class LanguageServer:
         self._send({"method": method, "params": parameters})
 
     def _handle(self, message: dict[str, Any]) -> None:
-        """Note problems, and answer what the server asks its editor."""
+        """Keep diagnostics, and answer the server's questions to its editor."""
         if message.get("method") == "textDocument/publishDiagnostics":
             parameters = message["params"]
             self._problems[parameters["uri"]] = parameters["diagnostics"]
@@ -145,7 +145,7 @@ class LanguageServer:
 
 
 _SETTINGS = {
-    # Nothing but the schemas that the files themselves name, and no look-up on the net.
+    # Only the schemas that the files name, without look-ups on the net.
     "yaml": {
         "validate": True,
         "hover": True,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environments and wheels of tests, from nothing but what ``uv.lock`` names."""
+"""Environments and wheels of tests, made only from packages that ``uv.lock`` names."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _OWN = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH"
 
 
 def make_environment(folder: Path, *groups: str) -> None:
-    """Make an environment with what the project needs to run, and groups of ``pyproject.toml``."""
+    """Make an environment with the project's dependencies and groups of ``pyproject.toml``."""
     chosen = [option for group in groups for option in ("--group", group)]
     locked = ["sync", "--project", str(ROOT), "--frozen", "--no-install-project"]
     uv(*locked, "--python", sys.executable, *chosen, UV_PROJECT_ENVIRONMENT=str(folder))
@@ -26,7 +26,7 @@ def build_wheel(source: Path, folder: Path, limit_s: float, *options: str) -> Pa
     """Build the wheel of a project with the locked build requirements.
 
     Raises:
-        CalledProcessError: It cannot be built.
+        CalledProcessError: The build fails.
     """
     constraints = ["--build-constraints", str(_BUILD_REQUIREMENTS), "--require-hashes"]
     built = ["--wheel", "--python", sys.executable, "--out-dir", str(folder), str(source)]
@@ -36,7 +36,7 @@ def build_wheel(source: Path, folder: Path, limit_s: float, *options: str) -> Pa
 
 
 def uv(*arguments: str, limit_s: float | None = None, **variables: str) -> str:
-    """Return what uv prints, run without the paths that a process on ROS wheels hands down.
+    """Return uv's output, run without the paths that a process on ROS wheels passes on.
 
     Raises:
         CalledProcessError: It fails; a note says why.

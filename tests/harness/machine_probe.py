@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Process that prints what one machine hears of a system: acts, runs, scenes, the market."""
+"""Process that prints the messages that reach one machine: acts, runs, scenes, the market."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def say(text: str) -> None:
 
 
 def on_market(status: Any) -> None:
-    """Print how many hosts and agents there are."""
+    """Print the numbers of hosts and agents."""
     say(f"market: {status.hosts} hosts, {status.agents} agents")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Machines on one network, each a namespace of its own; all traffic stays inside."""
+"""Machines on one network, each in its own namespace; no traffic leaves them."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from skipped_tests import NAMESPACES
 
 DOMAIN = "64"
 SERVER_PORT = "11811"
-"""Of the discovery server."""
+"""Port of the discovery server."""
 
 _SLEEP = ("unshare", "--net", "--uts", "sh", "-c")
 
 
 def address_of(number: int) -> str:
-    """Return the address of a machine by its place among the names, from 1."""
+    """Return the address of a machine by its position among the names, from 1."""
     return f"10.64.0.{number}"
 
 
 def reason_against() -> str:
-    """Return why this machine cannot make others; empty when it can."""
+    """Return why this machine cannot create others; empty if it can."""
     for tool in ("unshare", "nsenter", "ip"):
         if shutil.which(tool) is None:
             return f"{tool} is not installed"
@@ -45,7 +45,7 @@ def reason_against() -> str:
 
 
 class Machine:
-    """A network namespace with a host name, kept by a process that sleeps."""
+    """A network namespace with a host name, kept alive by a sleeping process."""
 
     def __init__(
         self, name: str, address: str, folder: Path, environment: Mapping[str, str]
@@ -76,20 +76,20 @@ class Machine:
 
     @property
     def inside(self) -> tuple[str, ...]:
-        """What a command line begins with to run on this machine."""
+        """Prefix of a command line that runs on this machine."""
         return ("nsenter", "--target", str(self.keeper.pid), "--net", "--uts")
 
 
 class Network:
-    """Machines with a switch between them, whose programs are killed by pid at the end.
+    """Machines connected by a switch; their programs are killed by pid at the end.
 
     Args:
-        folder: In which each has its own.
-        names: Their host names; their addresses are 10.64.0.1 and so on.
-        environment: Variables that all of them have beside the usual ones.
+        folder: Contains a folder for each machine.
+        names: Host names; the addresses are 10.64.0.1 and so on.
+        environment: Variables that all machines have in addition to the usual ones.
 
     Raises:
-        pytest.skip.Exception: This machine cannot make others.
+        pytest.skip.Exception: This machine cannot create others.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class Network:
         assert self._switch.stdout.readline() == "ready\n"
 
     def set(self, **settings: object) -> None:
-        """Set delay and loss, which cables are out, or whether multicast is carried."""
+        """Set delay and loss, the unplugged cables, and whether multicast passes."""
         self._settings |= settings
         told = dict(self._settings)
         told["out"] = [self._names.index(name) for name in told["out"]]  # type: ignore[attr-defined]
@@ -145,14 +145,14 @@ class Network:
         """Start a discovery server on a machine."""
         one = self.machines[machine]
         server = Path(sys.prefix) / "bin" / "fast-discovery-server"
-        # Wheels keep the libraries of a program where only Python looks for them.
+        # Wheels keep the libraries of a program where only Python finds them.
         libraries = [Path(sys.prefix) / "lib", *Path(sysconfig.get_path("purelib")).glob("*.libs")]
         environment = {**one.environment, "LD_LIBRARY_PATH": ":".join(map(str, libraries))}
         command = [*one.inside, str(server), "-i", "0", "-l", one.address, "-p", SERVER_PORT]
         self._servers.append(subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL))
 
     def listen(self, machine: str) -> Program:
-        """Start a probe on a machine, which prints what is heard there."""
+        """Start a probe on a machine, which prints the messages that it receives there."""
         one = self.machines[machine]
         environment = {**one.environment, PROFILE: str(LAN_PROFILE)}
         program = Program(
@@ -163,7 +163,7 @@ class Network:
         return program
 
     def ask(self, machine: str, *arguments: str) -> str:
-        """Run a command on a machine to its end; return what it prints."""
+        """Run a command on a machine to its end; return its output."""
         program = self.start(machine, *arguments)
         assert program.wait() == 0, program.output
         return program.output

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A market with a clock turned by hand, and the words for what happens to it in tests."""
+"""A market with a manual clock, and short words for the events of a test."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ SPACE = SceneSpace(
 )
 GUIDE, EXPRESS, PLAIN = "attentive_guide", "professional_express", "plain"
 EffectT = TypeVar("EffectT")
-_STEP_S = 1 / 16  # exact in binary, so that sums of steps are
+_STEP_S = 1 / 16  # exact in binary, so sums of steps are exact, too
 
 
 def scene(scene_id: str = "s1", *values: float, label: str = "", urgent: bool = False) -> Scene:
-    """Return a scene; NaN stands for a missing value, without values it is [5, 1, 3]."""
+    """Return a scene; NaN marks a missing value, the default is [5, 1, 3]."""
     return Scene(
         scene_id=scene_id,
         label=label,
@@ -60,7 +60,7 @@ def scene(scene_id: str = "s1", *values: float, label: str = "", urgent: bool = 
 def registration(
     host: str = "/agents", agents: tuple[str, ...] = (GUIDE, EXPRESS), **changes: Any
 ) -> Registration:
-    """Return a request that is in order but for ``changes``."""
+    """Return a valid request, apart from ``changes``."""
     values: dict[str, Any] = {
         "host": host,
         "instance": "first",
@@ -73,7 +73,7 @@ def registration(
 
 
 class MarketHarness:
-    """Drives one market, by the paper's rule unless told otherwise, and keeps every effect."""
+    """Drives one market, by default with the paper's rule, and keeps every effect."""
 
     def __init__(self, rules: tuple[MarketRule, ...] = (), **settings: Any) -> None:
         self.now = 100.0
@@ -87,7 +87,7 @@ class MarketHarness:
         self.do(self.market.tick(self.now))
 
     def do(self, effects: list[Effect]) -> list[Effect]:
-        """Keep the effects, and publish calls at once as the node does."""
+        """Keep the effects, and publish calls for bids at once, as the node does."""
         self.effects += effects
         for effect in effects:
             if isinstance(effect, OpenCall):
@@ -95,7 +95,7 @@ class MarketHarness:
         return effects
 
     def register(self, host: str = "/agents", *agents: str, **changes: Any) -> RegistrationAnswer:
-        """Register a host that has a heartbeat from now on."""
+        """Register a host, which has a heartbeat from now on."""
         request = registration(host, agents or (GUIDE, EXPRESS), **changes)
         if self.instances.get(host) == request.instance:
             request = replace(request, token=self.tokens[host])
@@ -185,7 +185,7 @@ class MarketHarness:
         return accepted, message
 
     def operate(self, action: OperatorAction, agent: str = "", **fields: Any) -> str:
-        """Have a say; return the answer, or the code of the refusal."""
+        """Act as an operator; return the answer, or the code of the refusal."""
         command = OperatorCommand(action=action, agent=agent, **fields)
         try:
             message, effects = self.market.operate(command, self.now)
@@ -195,20 +195,20 @@ class MarketHarness:
         return message
 
     def preview(self, *values: float, strategy: str = "", last: bool = False) -> int:
-        """Ask who would win; return the number of the preview."""
+        """Request a preview; return its number."""
         asked = None if last else scene("preview", *values)
         number, effects = self.market.preview(asked, strategy, self.now)
         self.do(effects)
         return number
 
     def ranked(self, *agents: str, failure: str = "", round_number: int = 0) -> None:
-        """Answer a question to the outside, by default the last one."""
+        """Answer a request for an external ranking, by default the last one."""
         external = External(ranking=agents, message="it fits", failure=failure)
         number = round_number or self.questions[-1].round
         self.do(self.market.ranked(number, external, self.now))
 
     def wait(self, seconds: float) -> None:
-        """Let time pass in steps of a heartbeat; hosts in ``busy`` are alive."""
+        """Let time pass in steps of a heartbeat; hosts in ``busy`` stay alive."""
         for _ in range(round(seconds / _STEP_S)):
             self.now += _STEP_S
             for host in list(self.busy):
@@ -225,7 +225,7 @@ class MarketHarness:
         self.busy.pop(host)
 
     def run(self, scene_id: str = "s1") -> RunGoal:
-        """Bring the guide to run."""
+        """Start a run of the guide."""
         if not self.ids:
             self.register()
         self.scene(scene_id)
@@ -262,22 +262,22 @@ class MarketHarness:
 
     @property
     def ends(self) -> list[tuple[str, str]]:
-        """Every end of a scene so far: its id and the code."""
+        """Ends of scenes so far: id and code of each."""
         return [(effect.scene_id, effect.code) for effect in self.all(SceneEnded)]
 
     @property
     def over(self) -> list[str]:
-        """The scenes that have ended, in order."""
+        """Scenes that have ended, in order."""
         return [effect.scene_id for effect in self.all(SceneEnded)]
 
     @property
     def end_words(self) -> str:
-        """The words of the last end."""
+        """Message of the last end."""
         return self.all(SceneEnded)[-1].message
 
     @property
     def events(self) -> list[str]:
-        """Every run event so far: ``"1 attentive_guide ENDED SUCCEEDED"``."""
+        """Run events so far: ``"1 attentive_guide ENDED SUCCEEDED"``."""
         return [
             f"{run.goal.round} {run.goal.agent} {run.event.name}"
             + (f" {run.outcome.name}" if run.outcome else "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A marketplace node, hosts that do what a test says, and what the market publishes."""
+"""A marketplace node, fake hosts that a test controls, and the market's messages."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NEAR, FAR = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5)
 
 
 class FakeHost(Node):
-    """A host that does what a test tells it to."""
+    """A host under the control of a test."""
 
     def __init__(self, name: str = "agents", **bids: tuple[float, ...]) -> None:
         super().__init__(name)
@@ -165,7 +165,7 @@ class FakeHost(Node):
 
 
 class MarketNodeHarness:
-    """A market by the paper's rule, what it says, and the ways to talk to it."""
+    """A market with the paper's rule, its messages, and its services."""
 
     def __init__(
         self,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A folder in memory, for files that a test writes often or that must not wait for a disk."""
+"""A folder in memory, for files that a test writes often or without waiting for a disk."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MEMORY = "/dev/shm"
 
 @contextmanager
 def memory_folder() -> Iterator[Path]:
-    """Make a folder, in memory where there is one; remove it at the end."""
+    """Make a folder, in memory if the system allows it; remove it at the end."""
     root = _MEMORY if os.access(_MEMORY, os.W_OK) else None
     with TemporaryDirectory(prefix="bt-agents-", dir=root) as folder:
         yield Path(folder)

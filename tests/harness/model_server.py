@@ -16,7 +16,7 @@ Reply = Callable[[BaseHTTPRequestHandler], None]
 
 
 def completion(content: object) -> bytes:
-    """Return the body of a good answer with these words of the model."""
+    """Return the body of a valid answer with this text of the model."""
     message = {"role": "assistant", "content": content}
     return json.dumps(
         {"id": "1", "object": "chat.completion", "choices": [{"index": 0, "message": message}]}
@@ -41,7 +41,7 @@ def sends(body: bytes, status: int = 200) -> Reply:
 
 
 def drips(data: bytes, ended: threading.Event) -> Reply:
-    """Send a byte now and then, for ever."""
+    """Send a byte from time to time, for ever."""
 
     def reply(request: BaseHTTPRequestHandler) -> None:
         for byte in data:
@@ -59,10 +59,10 @@ class ModelServer:
 
     Attributes:
         url: Its base URL.
-        reply: How it answers.
-        questions: The bodies of all requests so far.
-        headers: Their headers.
-        ended: Set when the test is over.
+        reply: How it answers requests.
+        questions: Bodies of all requests so far.
+        headers: Headers of all requests so far.
+        ended: Set at the end of the test.
     """
 
     url: str = ""
@@ -87,7 +87,7 @@ def model_server() -> Iterator[ModelServer]:
                 told.reply(self)
 
         def log_message(self, *_: object) -> None:
-            """Say nothing."""
+            """Log nothing."""
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     server.daemon_threads = True
@@ -104,7 +104,7 @@ def model_server() -> Iterator[ModelServer]:
 
 
 def free_port() -> int:
-    """Return a port on which nothing listens."""
+    """Return a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Switch in user space between network namespaces, with delay, loss and cables that are out.
+"""Switch in user space between network namespaces, with delay, loss and unplugged cables.
 
-Called with ``PID ADDRESS`` of each machine. It makes a TAP device in the network namespace of each
-process, and reads settings from its standard input, one JSON object a line: ``delay`` [s],
-``loss`` (0 to 1), ``out``, the numbers of the machines whose cable is out, and ``multicast``,
-false on a network that carries none.
+Its arguments are ``PID ADDRESS`` of each machine. It makes a TAP device in the network namespace
+of each process, and reads settings from its standard input, one JSON object a line: ``delay``
+[s], ``loss`` (0 to 1), ``out``, the numbers of the machines with unplugged cables, and
+``multicast``, false on a network that does not carry multicast.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ _CLONE_NEWNET = 0x40000000
 _FRAME = 65_536
 _QUEUE = 10_000
 _MULTICAST = b"\x01\x00\x5e"
-"""Beginning of the addresses of multicast, not of broadcast, by which machines are asked for."""
+"""Prefix of multicast addresses; broadcast, which ARP uses, has another."""
 _MOST_FRAMES = 64
-"""Frames of one machine that are read before those of the next."""
+"""Most frames of one machine that are read before those of the next."""
 
 
 def cable(pid: int, address: str) -> int:
-    """Make a device in the namespace of a process, up and with an address; return its frames."""
+    """Create a device in the namespace of a process, up and with an address; return its frames."""
     libc = ctypes.CDLL(None, use_errno=True)
     with Path(f"/proc/{pid}/ns/net").open("rb") as namespace:
         if libc.setns(namespace.fileno(), _CLONE_NEWNET) != 0:
@@ -56,14 +56,14 @@ def cable(pid: int, address: str) -> int:
 
 
 def waiting_frames(device: int) -> Iterator[bytes]:
-    """Read what a machine has sent."""
+    """Read the frames that a machine has sent."""
     with suppress(BlockingIOError):
         for _ in range(_MOST_FRAMES):
             yield os.read(device, _FRAME)
 
 
 def forward(devices: list[int]) -> None:
-    """Carry frames to all other devices until the standard input ends."""
+    """Forward frames to all other devices until the standard input ends."""
     settings = {"delay": 0.0, "loss": 0.0, "out": [], "multicast": True}
     chance = random.Random(7)
     numbers = count()

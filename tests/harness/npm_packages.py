@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Packages of npm that tests need, fetched once into a cache; a test is skipped without them."""
+"""npm packages for tests, fetched once into a cache; without them a test is skipped."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LOCKED = ROOT / "tests" / "npm"
 
 
 def program(name: str) -> str:
-    """Return the path of ``node`` or ``npm``, of the environment or of the machine."""
+    """Return the path of ``node`` or ``npm``, from the environment or the machine."""
     beside = Path(sys.executable).parent
     found = shutil.which(name, path=f"{beside}{os.pathsep}{os.environ.get('PATH', '')}")
     if found is None:
@@ -30,13 +30,13 @@ def program(name: str) -> str:
 
 
 def node_environment() -> dict[str, str]:
-    """Return an environment in which ``npm`` finds the ``node`` that belongs to it."""
+    """Return an environment in which ``npm`` finds its own ``node``."""
     folder = Path(program("node")).parent
     return {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ.get('PATH', '')}"}
 
 
 def npm(*arguments: str, folder: Path) -> None:
-    """Run npm in a folder; what it says may name the registry of this machine, and is left out."""
+    """Run npm in a folder; omit its output, which may name the registry of this machine."""
     command = [program("npm"), *arguments, "--no-audit", "--no-fund"]
     try:
         done = subprocess.run(
@@ -68,7 +68,7 @@ def installed_packages() -> Path:
             for path in locked:
                 shutil.copy(path, made)
             npm("ci", "--ignore-scripts", folder=made)
-            # Only what is complete gets the name, also when two tests fetch at once.
+            # Only a complete folder gets the name, even if two tests fetch at once.
             with contextlib.suppress(OSError):
                 made.rename(folder)
     return folder / "node_modules"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run of a simulated world, played with what the nodes decide by: the slow and sure way."""
+"""One run of a simulated world by the code of the nodes: slow, but certain."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from marketplace_node.round.ranking import decide
 
 @dataclass
 class Lived:
-    """What one run came to, round by round."""
+    """Results of one run, round by round."""
 
     awarded: list[int] = field(default_factory=list)
     cancelled: list[int] = field(default_factory=list)
@@ -130,7 +130,7 @@ def live(
 def react(
     person: Person, space: SceneSpace, vector: Vector, fit: float, noise: list[float]
 ) -> tuple[list[FeedbackKind], float]:
-    """Let the mood rules watch a person; return what they give and the last mood seen."""
+    """Let the mood rules watch a person; return their feedback and the last mood."""
     now = 0.0
     watch = Watch(rules(person, space), seen(vector, space), space, lambda: now)
     assert space.mood is not None
@@ -165,7 +165,7 @@ def rules(person: Person, space: SceneSpace) -> list[MoodRule]:
 
 
 def seen(vector: Vector, space: SceneSpace) -> Scene:
-    """Return a scene of which everything is known."""
+    """Return a scene in which every value is known."""
     return Scene(
         scene_id="s",
         label="",

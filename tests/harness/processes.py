@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real node processes that a test kills, stops and starts again, and the probe that hears them."""
+"""Node processes that a test kills, suspends and restarts, and a probe of their messages."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ from programs import ROOT
 from tree_harness import SPACE, scene
 
 HELD_UP = "Timeout (0:00:05)!"
-"""Said by a process that the middleware has held up for so long at its end."""
+"""Printed by a process that the middleware has blocked for this long at its end."""
 
 LIMIT_S = 60.0
-"""Until a test gives up waiting for something that hangs [s]."""
+"""Time limit of a wait for something that may hang [s]."""
 
 BEATS_A_SECOND = round(1 / HEARTBEAT_S)
-"""Heartbeats of a host in a second; on a machine under load the clock of the processes."""
+"""Heartbeats of a host per second; on a busy machine, the clock of the processes."""
 
 MODULES = (
     "marketplace_node.node",
@@ -61,7 +61,7 @@ MODULES = (
     "bt_agents_robot.robot",
     "bt_agents_ros.one_process",
 )
-"""Modules that are loaded once for all processes of a test worker."""
+"""Modules that a test worker loads once for all its processes."""
 
 SKILLS = """
 format: 1
@@ -78,8 +78,8 @@ def write_trees(folder: Path, **trees: tuple[float, str]) -> Path:
     """Make a trees folder whose agents know one skill, ``say``; return it.
 
     Args:
-        folder: Made by this.
-        trees: Agent to the age in its profile, and its tree as an author writes it.
+        folder: Created by this function.
+        trees: Agent → the age in its profile, and its tree as YAML.
     """
     (folder / "agents").mkdir(parents=True)
     (folder / "skills").mkdir()
@@ -98,7 +98,7 @@ def write_trees(folder: Path, **trees: tuple[float, str]) -> Path:
 
 @cache
 def fork_server() -> ForkServer:
-    """Return the server of this test worker."""
+    """Return the fork server of this test worker."""
     server = ForkServer(MODULES)
     atexit.register(server.close)
     return server
@@ -108,9 +108,9 @@ class NodeProcess:
     """One node in a process of its own.
 
     Args:
-        component: What to run.
+        component: Component to run.
         node: Name of the node instead of its own.
-        log: File for what it prints; grows over its starts.
+        log: File of its output; grows over restarts.
     """
 
     def __init__(self, component: Component, node: str, log: Path) -> None:
@@ -120,10 +120,10 @@ class NodeProcess:
         self.start()
 
     def start(self) -> None:
-        """Start it, once more after it was killed."""
+        """Start it, or restart it after a kill."""
         self._killed = False
         component = self._component
-        # Nodes that share a process would all get the name.
+        # All nodes in one process would get the name.
         remapping = [] if component.parts else ["-r", f"__node:={self.node}"]
         with self._log.open("ab") as log:
             self._process = launch(
@@ -136,53 +136,53 @@ class NodeProcess:
 
     @property
     def said(self) -> str:
-        """All that it has printed."""
+        """Its whole output."""
         return self._log.read_text(errors="replace")
 
     def hang(self) -> None:
-        """Stop its time."""
+        """Suspend it."""
         self._process.send_signal(signal.SIGSTOP)
 
     def go_on(self) -> None:
-        """Let its time go on."""
+        """Resume it."""
         self._process.send_signal(signal.SIGCONT)
 
     @property
     def pid(self) -> int:
-        """Id of its process."""
+        """Process id."""
         return self._process.pid
 
     @property
     def crashed(self) -> bool:
-        """Whether it has ended without having been killed."""
+        """Whether it has ended without being killed."""
         return not self._killed and self._process.poll() is not None
 
     def terminate(self) -> None:
-        """Tell it to end, as a supervisor does; until :attr:`ended` it cleans up."""
+        """Ask it to end, as a supervisor does; it cleans up until :attr:`ended`."""
         self._killed = True
         self._process.terminate()
 
     @property
     def ended(self) -> bool:
-        """Whether its process is over."""
+        """Whether its process has ended."""
         return self._process.poll() is not None
 
     @property
     def exit_code(self) -> int | None:
-        """The code with which it has ended; None while it lives.
+        """Exit code of the process; None while it lives.
 
-        It is 0 for a process whose work was over when the middleware held it up: see
+        It is 0 for a process that the middleware blocked after its work was done: see
         ``bt_agents_ros.workarounds.bounded_end``.
         """
         code = self._process.poll()
         return 0 if code == 1 and HELD_UP in self.said else code
 
     def expect_end(self) -> None:
-        """Do not take it for a crash when it ends."""
+        """Do not count its end as a crash."""
         self._killed = True
 
     def kill(self) -> None:
-        """End it as a crash does; nothing when it has ended."""
+        """Kill it, as in a crash; do nothing if it has ended."""
         self._killed = True
         self._process.kill()
         self._process.wait()
@@ -193,8 +193,8 @@ class SayGoal:
     """One goal of ``say``.
 
     Attributes:
-        how: Empty while it is being said, then finished or cancelled.
-        beside: What was being said already when it began.
+        how: Empty while it runs, then ``finished`` or ``cancelled``.
+        beside: Texts that were already being said when it began.
     """
 
     text: str
@@ -205,12 +205,12 @@ class SayGoal:
 
 
 class SayServer(Node):
-    """Action server of `say`: says each text until the test lets it end, or until it is cancelled.
+    """Action server of ``say``: says each text until the test ends it, or until it is cancelled.
 
     Attributes:
-        holds: Whether a text is held until :meth:`finish`; others end at once.
-        on_cancel: ``stops``; ``refuses``; ``hangs``, which never answers.
-        say_goals: Everything it was told to say, in order.
+        holds: Whether texts last until :meth:`finish`; otherwise they end at once.
+        on_cancel: ``stops``; ``refuses``; or ``hangs``, which never answers.
+        say_goals: All goals so far, in order.
     """
 
     def __init__(self) -> None:
@@ -232,21 +232,21 @@ class SayServer(Node):
 
     @property
     def texts(self) -> list[str]:
-        """What it was told to say, in order."""
+        """Texts of all goals so far, in order."""
         return [sentence.text for sentence in self.say_goals]
 
     @property
     def speaking(self) -> list[str]:
-        """What is being said now."""
+        """Texts that are being said now."""
         return [sentence.text for sentence in self.say_goals if not sentence.how]
 
     def finish(self) -> None:
-        """Come to the end of everything that is being said."""
+        """Finish all texts that are being said."""
         for sentence in self.say_goals:
             self._end(sentence, "finished")
 
     def destroy_node(self) -> None:
-        """Go, the action first."""
+        """Destroy the action first, then the node."""
         self._server.destroy()
         super().destroy_node()
 
@@ -283,7 +283,7 @@ class SayServer(Node):
 
 
 class SilentHost(Node):
-    """A healthy host that never answers a call, so that each round lasts to its deadline."""
+    """A host with a heartbeat that never answers a call, so each round lasts to its deadline."""
 
     def __init__(self) -> None:
         super().__init__("silent")
@@ -297,7 +297,7 @@ class SilentHost(Node):
         )
 
     def register(self, ros: Ros) -> None:
-        """Enter the market."""
+        """Register at the market."""
         host = self.get_fully_qualified_name()
         request = RegisterHost.Request(
             host=host,
@@ -317,18 +317,18 @@ class SilentHost(Node):
 
 @dataclass(eq=False)
 class HeartbeatProbe:
-    """The heartbeats of a host, as the probe hears them."""
+    """Heartbeats of a host that the probe has received."""
 
     beats: list[Heartbeat] = field(default_factory=list)
 
     @property
     def count(self) -> int:
-        """How many there were; the time of a loaded machine, in :data:`HEARTBEAT_S`."""
+        """Number of heartbeats: elapsed time of a busy machine, in :data:`HEARTBEAT_S`."""
         return len(self.beats)
 
     @property
     def busy(self) -> bool:
-        """Whether a tree was under way at the last one."""
+        """Whether a tree was running at the last heartbeat."""
         return bool(self.beats) and self.beats[-1].round > 0
 
 
@@ -361,7 +361,7 @@ class System:
     # Processes
 
     def start(self, component: Component, node: str = "") -> NodeProcess:
-        """Start a node, under another name if one is given."""
+        """Start a node, optionally under another name."""
         node = node or component.name
         log = self.folder / f"{node}-{len(self.processes)}.log"
         self.processes.append(NodeProcess(component, node, log))
@@ -375,22 +375,22 @@ class System:
     def host(
         self, name: str, trees: Path, open_goals: Path | None = None, **parameters: float
     ) -> NodeProcess:
-        """Start a host of the agents of a folder; ``open_goals`` is the file that outlives it."""
+        """Start a host of the agents of a folder; the file ``open_goals`` outlives it."""
         file = str(open_goals) if open_goals is not None else ""
         component = components.host(trees, open_goals=file)
         given = {**component.parameters, **parameters}
         return self.start(replace(component, parameters=given), name)
 
     def heartbeat_probe(self, host: str) -> HeartbeatProbe:
-        """Listen to the heartbeats of a host."""
+        """Subscribe to the heartbeats of a host."""
         return HeartbeatProbe(self.ros.collect(Heartbeat, f"/{host}/heartbeat", qos.EVENTS))
 
     def close(self) -> None:
-        """Kill everything and print what it said, which pytest shows of a failed test."""
+        """Kill everything and print its output, which pytest shows if a test fails."""
         for process in self.processes:
             process.kill()
             print(f"--- {process.node}\n{process.said[-6000:]}")
-        # A goal that has come in has to be answered, or rclpy leaves a coroutine behind.
+        # A received goal needs an answer, or rclpy leaves a coroutine behind.
         self.say_server.holds = lambda _text: False
         self.say_server.finish()
         self.ros.turns()
@@ -398,7 +398,7 @@ class System:
     # Waiting
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
-        """Turn until a condition holds, of which ``what`` says what it is."""
+        """Spin until a condition holds; ``what`` describes it."""
         end = time.monotonic() + LIMIT_S
         while not condition():
             if time.monotonic() > end:
@@ -408,7 +408,7 @@ class System:
             self.ros.executor.spin_once(timeout_sec=0.05)
 
     def ask(self, client: Any, request: Any) -> Any:
-        """Call a service of a process, again and again: what the graph shows may be dead."""
+        """Call a service repeatedly until it answers: the graph may still list a dead process."""
         asked = time.monotonic()
         answers = [client.call_async(request)]
 
@@ -424,7 +424,7 @@ class System:
         return next(answer.result() for answer in answers if answer.done())
 
     def told(self) -> str:
-        """Return what has happened so far, in words."""
+        """Return the events so far as text."""
         lines = [
             f"round {r.round} of {r.epoch}: {r.agent} {_event(r)}: {r.message}" for r in self.runs
         ]
@@ -437,16 +437,16 @@ class System:
 
     @property
     def epoch(self) -> str:
-        """The market of the last status; empty before the first."""
+        """Epoch in the last status of the market; empty before the first."""
         return self.statuses[-1].epoch if self.statuses else ""
 
     def until_ready(self, hosts: int, agents: int, *, after: str = "") -> None:
-        """Wait for a market that has so many hosts and hears scenes.
+        """Wait for a market that has this many hosts and subscribes to scenes.
 
         Args:
-            hosts: How many hosts.
-            agents: How many agents all of them have.
-            after: Epoch of an earlier market that was killed.
+            hosts: Number of hosts.
+            agents: Number of agents of all hosts.
+            after: Epoch of an earlier, killed market.
         """
 
         def ready() -> bool:
@@ -466,22 +466,22 @@ class System:
     def kill_market(self, market: NodeProcess) -> str:
         """Kill the marketplace; return its epoch."""
         market.kill()
-        # The graph goes on counting a reader that was killed.
+        # The graph still counts a killed subscriber.
         self._dead_readers = self._scenes.get_subscription_count()
         return self.epoch
 
     # Scenes and runs
 
     def scene(self, scene_id: str, **values: float) -> None:
-        """Put a scene on the market."""
+        """Send a scene to the market."""
         self._scenes.publish(scene_to_msg(scene(scene_id, **values)))
 
     def has_bid(self, host: str, round_number: int) -> bool:
-        """Return whether a host has answered the call of a round."""
+        """Return whether a host has answered the call for bids of a round."""
         return any((b.host, b.round) == (host, round_number) for b in self.bids)
 
     def started(self, agent: str = "", *, epoch: str = "") -> list[Run]:
-        """Return the starts of runs, of one agent and of one market where they are named."""
+        """Return the starts of runs, optionally of one agent and one market."""
         return [
             run
             for run in self.runs
@@ -489,7 +489,7 @@ class System:
         ]
 
     def ended(self, agent: str = "", *, epoch: str = "") -> list[Run]:
-        """Return the ends of runs, of one agent and of one market where they are named."""
+        """Return the ends of runs, optionally of one agent and one market."""
         return [
             run
             for run in self.runs
@@ -497,7 +497,7 @@ class System:
         ]
 
     def ends_of(self, scene_id: str) -> list[SceneEnd]:
-        """Return the ends of a scene, of which there should be one."""
+        """Return the ends of a scene, of which only one is allowed."""
         return [end for end in self.ends if end.scene_id == scene_id]
 
     def until_end_of(self, scene_id: str) -> SceneEnd:

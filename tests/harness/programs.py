@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real processes of the command line, whose lines a test waits for."""
+"""Processes of the command line, whose output a test waits for."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ BT_AGENTS = ("-m", "bt_agents_tools.cli")
 
 
 class Program:
-    """One ``bt-agents`` process whose lines a test waits for.
+    """One ``bt-agents`` process, whose output a test waits for.
 
     Args:
-        arguments: Of the program.
-        environment: All of it.
-        folder: In which it runs.
-        before: A command that becomes the program, such as ``nsenter``.
+        arguments: Arguments of the program.
+        environment: Its whole environment.
+        folder: Working directory.
+        before: Command that executes the program, such as ``nsenter``.
         program: Another Python program.
     """
 
@@ -60,7 +60,7 @@ class Program:
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            # pytest shows it with a test that fails.
+            # pytest shows it if the test fails.
             print(line, end="")
             self._lines.put(line)
 
@@ -77,7 +77,7 @@ class Program:
                 return line
 
     def seen(self, limit_s: float) -> str:
-        """Read the lines that come within some seconds; return all so far."""
+        """Read the lines of the next seconds; return all lines so far."""
         end = time.monotonic() + limit_s
         with suppress(queue.Empty):
             while True:
@@ -96,13 +96,13 @@ class Program:
         return code
 
     def close(self) -> None:
-        """Read what is left once the process has ended."""
+        """Read the remaining output after the end of the process."""
         self._reader.join()
         assert self.process.stdout is not None
         self.process.stdout.close()
 
     def stop(self, number: int = signal.SIGINT) -> tuple[int, float]:
-        """Send a signal; return the exit code and the time it took [s]."""
+        """Send a signal; return the exit code and how long the process took to end [s]."""
         start = time.monotonic()
         self.process.send_signal(number)
         code = self.wait(20.0)
@@ -123,7 +123,7 @@ def children(pid: int) -> list[int]:
 
 
 def nodes(pid: int) -> list[tuple[str, int]]:
-    """Return module and pid of those children of a process that run a node."""
+    """Return module and pid of the children of a process that run a node."""
     found = []
     for child in children(pid):
         with suppress(OSError):
@@ -134,13 +134,13 @@ def nodes(pid: int) -> list[tuple[str, int]]:
 
 
 def node_of(pid: int, module: str) -> int:
-    """Return the pid of the one child of a process that runs a module."""
+    """Return the pid of the only child of a process that runs a module."""
     [found] = [child for name, child in nodes(pid) if name == module]
     return found
 
 
 def alive(pid: int) -> bool:
-    """Return whether a process exists and is no zombie."""
+    """Return whether a process exists and is not a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random trees over every kind of node, as the reader would hand them to the engine."""
+"""Random trees of all node types, in the form that the reader gives the engine."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ POSITION = Position(file="random.yaml", line=1, column=1)
 
 
 class ScriptedLeaf(py_trees.behaviour.Behaviour):
-    """Ends as it was told, after so many ticks; ``crash`` raises instead.
+    """Leaf that ends in a given way after a given number of ticks; ``crash`` raises instead.
 
     Attributes:
-        alive: Those of the current example that were started and have not ended yet.
-        set_up: Those that were set up and not shut down yet.
+        alive: Leaves of the current example that have started and not ended.
+        set_up: Leaves that are set up and not shut down.
     """
 
     alive: set[ScriptedLeaf]
@@ -75,7 +75,7 @@ def _node(kind: str, /, *children: NodeSpec, **fields: Value | Expression) -> No
 
 
 def placed(spec: NodeSpec, path: str = "tree") -> NodeSpec:
-    """Return the tree with a path of its own for every node."""
+    """Return the tree with a unique path for every node."""
     children = tuple(
         placed(child, f"{path}/{index}.{child.kind}") for index, child in enumerate(spec.children)
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rounds of the market made by hand, and the plain sum that distances are compared to."""
+"""Rounds of the market made by hand, and a plain sum to compare distances with."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from marketplace_node.round.ranking import decide
 
 
 def added_up(bid: Vector, wanted: Vector) -> float:
-    """Return the Manhattan distance as a plain loop adds it up."""
+    """Return the Manhattan distance, added up by a plain loop."""
     distance = 0.0
     for offered, value in zip(bid, wanted, strict=True):
         if not math.isnan(value):
@@ -25,7 +25,7 @@ def added_up(bid: Vector, wanted: Vector) -> float:
 
 
 def terms(awarded_for: Scene | None = None, **changes: Any) -> Terms:
-    """Return the terms of a round that are in order but for ``changes``."""
+    """Return valid terms of a round, apart from ``changes``."""
     values: dict[str, Any] = {
         "epoch": "epoch",
         "round": 4,
@@ -39,7 +39,7 @@ def terms(awarded_for: Scene | None = None, **changes: Any) -> Terms:
 
 
 def bids(vectors: Mapping[str, Vector], **weights: Vector) -> list[AcceptedBid]:
-    """Return one accepted bid an agent; ids count from 1."""
+    """Return one accepted bid per agent; ids count from 1."""
     return [
         AcceptedBid(
             agent=agent,
@@ -54,7 +54,7 @@ def bids(vectors: Mapping[str, Vector], **weights: Vector) -> list[AcceptedBid]:
 
 
 def decided(of: Terms, accepted: Sequence[AcceptedBid], **changes: Any) -> Decision:
-    """Return the decision of a round that all have answered."""
+    """Return the decision of a round that all agents have answered."""
     external = changes.pop("external", None)
     ranked = decide(changes.pop("space", SPACE), of, accepted, external=external)
     values: dict[str, Any] = {
@@ -70,7 +70,7 @@ def decided(of: Terms, accepted: Sequence[AcceptedBid], **changes: Any) -> Decis
 
 
 def with_values(awarded_for: Scene, values: Mapping[str, float]) -> Scene:
-    """Return a scene with some other values."""
+    """Return a scene with some values changed."""
     return replace(
         awarded_for,
         values=tuple(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agents and scenarios written in a test, rehearsed."""
+"""Rehearsals of agents and scenarios written in a test."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tree_harness import SPACE, SYMBOLS, agent
 
 
 def scenario(spec: AgentSpec, text: str = "") -> Scenario:
-    """Return the scenario of a text with the keys of a case."""
+    """Return the scenario of a YAML text with the keys of a case."""
     head = "format: 1\n"
     if "scene:" not in text:
         head += "scene: {age: 3, familiarity: 3, mood: 3}\n"
@@ -23,7 +23,7 @@ def scenario(spec: AgentSpec, text: str = "") -> Scenario:
 
 
 def rehearsed(tree: str, text: str = "", *, head: str = "") -> Rehearsed:
-    """Return the rehearsal of the agent of a tree in a scenario."""
+    """Rehearse the agent of a tree in a scenario."""
     spec = agent(tree, head)
     return rehearse(spec, SPACE, scenario(spec, text))
 
@@ -37,7 +37,7 @@ def cases_for(spec: AgentSpec, cases: str) -> AgentTest:
 
 
 def events_of(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:
-    """Return the times of events of some kinds, with their skill or text."""
+    """Return the times of events of some kinds, with their skills or texts."""
     return [
         (round(event.at_s, 6), event.node.kind if event.node is not None else event.text)
         for event in result.events
@@ -46,5 +46,5 @@ def events_of(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:
 
 
 def spoken_texts(result: Rehearsed) -> list[object]:
-    """Return the texts that were said and asked, in order."""
+    """Return the texts of ``say`` and ``ask``, in order."""
     return [use.main for use in result.uses if use.spoken]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A trees folder that a test edits as people and editors do, and what a watch makes of it."""
+"""A trees folder that a test edits as people and editors do, and the watch that reads it."""
 
 from __future__ import annotations
 
@@ -54,26 +54,26 @@ class Watched:
         self.in_force = {agent.name: agent for agent in trees.agents}
 
     def poll(self) -> list[str]:
-        """Poll until the folder stands still; return what was reported."""
+        """Poll until the folder is unchanged; return the reports."""
         said: list[str] = []
         for _ in range(3):
             said += self.poll_once()
         return said
 
     def poll_once(self) -> list[str]:
-        """Poll once; return what was reported."""
+        """Poll once; return the reports."""
         trees = self.watch.poll()
         return self.settle(trees) if trees is not None else []
 
     def settle(self, trees: Trees) -> list[str]:
-        """Settle all agents that have changed."""
+        """Settle all changed agents."""
         effects = [
             self.versions.settle(name, self.running) for name in self.versions.update(trees)
         ]
         return [self.apply(effect) for effect in effects if effect is not None]
 
     def end_run(self) -> list[str]:
-        """End the run; return what was reported."""
+        """End the run; return the reports."""
         name, self.running = self.running, ""
         effect = self.versions.run_ended(name)
         return [self.apply(effect)] if effect is not None else []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which worker runs which tests: those that wait share the machine with those that compute."""
+"""Scheduling of tests on workers: tests that wait share the machine with tests that compute."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from xdist.scheduler import LoadScopeScheduling
 
 
 class Kind(Enum):
-    """What tests do, and the folders of such tests."""
+    """The load that tests cause, and the folders of such tests."""
 
     PROCESSES = ("tests/e2e/", "tests/faults/")
     """They wait half of the time."""
@@ -27,10 +27,10 @@ ORDERS = (
     (Kind.NODES, Kind.PROCESSES, Kind.COMPUTING),
     (Kind.COMPUTING, Kind.PROCESSES, Kind.NODES),
 )
-"""What each of the first workers runs, in this order; all others are as the last one.
+"""Order of the kinds for each of the first workers; further workers use the last order.
 
-Together they keep two cores busy. More tests of processes beside tests that compute would make
-each other late.
+Together they keep two cores busy. More tests of processes beside tests that compute would delay
+each other.
 """
 
 _BUILT_ONCE = "tests/packaging/"
@@ -44,18 +44,18 @@ _TOGETHER = (
     "tests/faults/test_machines.py",
     "tests/ros/test_ros4hri.py",
 )
-"""Files of tests that share what takes long to start or to compile."""
+"""Files whose tests share something slow to start or to compile."""
 
 
 def kind_of(test: str) -> Kind:
-    """Return what a test does."""
+    """Return the load that a test causes."""
     return next(kind for kind in Kind if test.startswith(kind.value))
 
 
 class Scheduling(LoadScopeScheduling):
-    """Tests of each kind on the workers that begin with it, and then what is left.
+    """Gives each worker tests of its first kind, then the rest.
 
-    Tests that compute are given out by the file, as each piece of work takes its time. The mark
+    Tests that compute are assigned by file, because each piece of work takes its time. The mark
     ``xdist_group`` could keep tests together, but does nothing from pytest 9.2 on.
     """
 
@@ -66,7 +66,7 @@ class Scheduling(LoadScopeScheduling):
         return nodeid if alone else nodeid.partition("::")[0]
 
     def _assign_work_unit(self, node: Any) -> None:
-        # A worker that has crashed is replaced by one with the next number.
+        # The replacement of a crashed worker has the next number.
         workers = sorted(self.nodes, key=lambda one: int(one.gateway.id.removeprefix("gw")))
         for kind in ORDERS[min(workers.index(node), len(ORDERS) - 1)]:
             for scope in self.workqueue:

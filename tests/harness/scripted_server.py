@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Action and service servers that are as late, stubborn or dead as their test says."""
+"""Action and service servers that are late, stubborn or dead, as a test requires."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from bt_agents_ros.types import fill
 
 @dataclass(kw_only=True)
 class Script:
-    """What a server does with a goal; may be changed between goals.
+    """How a server treats a goal; may change between goals.
 
     Attributes:
-        accept_s: Time until it answers a goal [s]; None waits for :meth:`Served.accept`.
-        rejects: Whether that answer is no.
+        accept_s: Delay before it answers a goal [s]; None waits for :meth:`Served.accept`.
+        rejects: Whether it rejects the goal.
         finish_s: Time from acceptance to the end [s]; None waits for :meth:`Served.finish`.
-        aborts: Whether that end is no success.
+        aborts: Whether the goal ends as aborted.
         result: Fields of the result.
-        feedback: Times from acceptance [s] and the fields that are then told.
-        on_cancel: ``stops``; ``refuses``; ``ignores``, which says yes and goes on; ``hangs``,
+        feedback: Times from acceptance [s], and the feedback fields at these times.
+        on_cancel: ``stops``; ``refuses``; ``ignores``, which accepts and continues; or ``hangs``,
             which never answers.
-        cancel_s: Time from the cancel to the end where it stops [s].
+        cancel_s: Time from the cancel to the end, if it stops [s].
     """
 
     accept_s: float | None = 0.0
@@ -47,12 +47,12 @@ class Script:
 
 
 class Served:
-    """One goal that a server was sent.
+    """One goal that a server has received.
 
     Attributes:
-        request: The goal.
-        cancels: How often it was asked to cancel it.
-        outcome: ``""`` while it goes on; ``rejected``, ``succeeded``, ``aborted``, ``cancelled``.
+        request: The goal's request.
+        cancels: Number of cancel requests for it.
+        outcome: ``""`` while it runs; ``rejected``, ``succeeded``, ``aborted``, ``cancelled``.
     """
 
     def __init__(self, request: Any, script: Script, executor: Any) -> None:
@@ -64,16 +64,16 @@ class Served:
         self.ended: Future = Future(executor=executor)
 
     def accept(self) -> None:
-        """Answer the goal now, as its script says."""
+        """Answer the goal now, according to its script."""
         if not self.accepted.done():
             self.accepted.set_result(None)
 
     def finish(self) -> None:
-        """End it now, as its script says."""
+        """End the goal now, according to its script."""
         self._end("aborted" if self.script.aborts else "succeeded")
 
     def stop(self) -> None:
-        """End it now as cancelled."""
+        """End the goal now as cancelled."""
         self._end("cancelled")
 
     def _end(self, outcome: str) -> None:
@@ -82,7 +82,7 @@ class Served:
 
 
 class _ServerNode(Node):
-    """A node that takes its action server along when it leaves the graph."""
+    """Node that also destroys its action server when it leaves the graph."""
 
     server: Any = None
 
@@ -99,12 +99,12 @@ class ScriptedServer:
     Args:
         ros: The nodes of the test; see ``graph.py``.
         name: Name of the action.
-        kind: Its type.
-        script: What it does with goals.
-        node: Name of the node; empty takes one that names the action.
+        kind: Type of the action.
+        script: How it treats goals.
+        node: Name of the node; by default derived from the action.
 
     Attributes:
-        goals: Every goal that it was sent, in order.
+        goals: All goals so far, in order.
     """
 
     def __init__(
@@ -147,11 +147,11 @@ class ScriptedServer:
         self._beats = self._timer(every_s, lambda: self._heart.publish(Empty()))
 
     def fall_silent(self) -> None:
-        """Beat no more, but stay on the graph."""
+        """Stop the heartbeat, but stay on the graph."""
         self._beats.cancel()
 
     def die(self) -> None:
-        """Leave the graph without a word to anybody."""
+        """Leave the graph without notice."""
         self._ros.remove(self.node)
 
     async def _answer(self, request: Any) -> GoalResponse:
@@ -206,7 +206,7 @@ class ScriptedServer:
         handle.publish_feedback(message)
 
     def _later(self, seconds: float | None, do: Callable[[], None]) -> None:
-        """Do something after a time, at once for none, never for None."""
+        """Call something after a delay: at once for 0, never for None."""
         if seconds is None:
             return
         if seconds <= 0.0:
@@ -224,17 +224,17 @@ class ScriptedServer:
 
 
 class ScriptedService:
-    """A service on a node of its own, which answers when it is told to.
+    """A service on a node of its own, which answers when told to.
 
     Args:
         ros: The nodes of the test.
         kind: Type of the service.
-        name: Its name.
-        answer: Fills the response in.
+        name: Name of the service.
+        answer: Fills in the response.
 
     Attributes:
-        requests: Every request, in order.
-        patience: One future a request; the response leaves when it is done.
+        requests: All requests so far, in order.
+        patience: One future per request; completing it sends the response.
     """
 
     def __init__(self, ros: Any, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
@@ -252,7 +252,7 @@ class ScriptedService:
         )
 
     def answer(self, number: int) -> None:
-        """Answer a request, counted from 0."""
+        """Answer a request by its index, from 0."""
         self.patience[number].set_result(None)
 
     async def _answer(self, request: Any, response: Any) -> Any:

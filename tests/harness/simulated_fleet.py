@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robots of a fleet with a ledger each and one clock, and what they hand to each other."""
+"""Robots of a fleet, each with a ledger, one clock for all, and the steps that they exchange."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def learning(**fields: object) -> LearningEntry:
 
 
 class Robot:
-    """A robot that learns; its ledger is in memory unless a path is given."""
+    """A robot that learns; without a path, its ledger is in memory."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class Robot:
         return self._management.execute(ManagementCommand(action=action, **fields))
 
     def steps(self) -> list[FleetStep]:
-        """Return its own steps that may leave it."""
+        """Return its own steps that it may share."""
         found = own_steps(self.ledger.entries(), self.name, {})
         return [one for one in found if not _is_of_person(one.layer)]
 
@@ -137,7 +137,7 @@ class Robot:
         self.manage(ManagementAction.FORGET, agent="guide", layer=layer)
 
     def take(self, steps: Iterable[FleetStep]) -> list[dict[str, Any]]:
-        """Take in steps of others in the order given; return the refusals."""
+        """Apply steps of other robots in the given order; return the refusals."""
         given = list(steps)
         refused: list[dict[str, Any]] = []
         for start in range(0, max(1, len(given)), MOST_STEPS):
@@ -148,7 +148,7 @@ class Robot:
         return refused
 
     def current(self) -> dict[str, tuple[float, ...]]:
-        """Return the profiles by layer, without those of persons."""
+        """Return the current profiles by layer, except those of persons."""
         return {
             layer: vector
             for _, layer, _, vector in self.profiles.table()
@@ -161,7 +161,7 @@ def _is_of_person(layer: str) -> bool:
 
 
 def largest_difference(robots: Iterable[Robot]) -> float:
-    """Return how far the profiles of robots are apart; infinite when they have other layers."""
+    """Return the largest difference between robots' profiles; infinite if their layers differ."""
     first, *others = [robot.current() for robot in robots]
     if any(other.keys() != first.keys() for other in others):
         return math.inf

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A test that is skipped in CI has failed, unless a machine of CI may lack what it needs."""
+"""In CI, turns a skipped test into a failed one, unless its reason is allowed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import pytest
 
 NAMESPACES = "no network namespaces"
-"""Beginning of the reason where the system refuses them, as in most containers."""
+"""Beginning of the reason where the system refuses them, as most containers do."""
 
 _MAY_BE_SKIPPED = (NAMESPACES,)
 
@@ -17,7 +17,7 @@ _MAY_BE_SKIPPED = (NAMESPACES,)
 def judge(
     report: pytest.TestReport | pytest.CollectReport, environment: Mapping[str, str] = os.environ
 ) -> None:
-    """Make a report of a skipped test one of a failed test, in CI."""
+    """In CI, report a skipped test as failed unless its reason is allowed."""
     if not (environment.get("CI") and report.skipped and isinstance(report.longrepr, tuple)):
         return
     path, line, reason = report.longrepr

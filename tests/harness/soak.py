@@ -95,7 +95,7 @@ SERVICES = {
     "analyze": "scene_layer", "cancel": "marketplace", "operate": "marketplace",
     "preview": "marketplace", "give": "feedback", "manage": "feedback",
 }  # fmt: skip
-"""Service that is asked → its component; those of hosts bear their name."""
+"""Service → its component; the services of hosts have the host's name."""
 
 COMPONENTS = (*MODULES.values(), OTHER_HOST)
 
@@ -129,37 +129,37 @@ tree:
 ACTIONS = ("say", "show", "ask", "drive")
 FLOODER = ROOT / "benchmarks" / "flooder.py"
 FLOODS = ("small messages", "malformed messages", "parameters")
-"""Kinds of floods without large messages: the middleware keeps the room of the largest one."""
+"""Kinds of floods without large messages: the middleware keeps the memory of the largest one."""
 
 FLOOD_S = 2.0
 """How long a flood of the marketplace lasts [s]."""
 
 FLOODED_S = 5.0
-"""Until it is over, with the start of the process that floods [s]."""
+"""Length of a flood [s], including the start of the process that floods."""
 
 ANSWER_S = 5.0
-"""Until a request counts as unanswered [s]."""
+"""Time after which a request counts as unanswered [s]."""
 
 READY_S = 60.0
-"""Until a start, or the end of all scenes, counts as failed [s]."""
+"""Time after which a start, or the end of all scenes, counts as failed [s]."""
 
 SERVED_S = 30.0
-"""Until a fault counts as one that nothing was served after [s]."""
+"""Longest wait for a run after a fault [s]."""
 
 PROBE_S = 0.3
-"""Time between two scenes after a fault while nothing is there to be served [s]."""
+"""Time between two scenes after a fault while no scene is waiting [s]."""
 
 STEADY_S = 11.0
-"""Life of a process before it is killed once more [s]; its supervisor would wait longer else."""
+"""Least life of a process before the next kill [s]; otherwise its supervisor would wait longer."""
 
 TRAP_SHARE = 0.5
-"""Share of the kills that come right after the victim has answered or announced something."""
+"""Share of the kills that follow right after an answer or announcement of the victim."""
 
 TRAP_S = 4.0
 """Longest wait for that [s]."""
 
 SETTLED_S = 1.5
-"""Time after a request or a start before what is in force is read [s]."""
+"""Delay after a request or a start before settings in force are read [s]."""
 
 MEASURED_S = 5.0
 SPARE_SHARE = 0.15
@@ -179,7 +179,7 @@ class HostComponent(Component):
 
 @dataclass(eq=False, kw_only=True)
 class _Act:
-    """Goal at the robot: when it began, and when it ended or was seen last."""
+    """Goal at the robot: when it began, and when it ended or was last seen."""
 
     at: float
     until: float
@@ -189,7 +189,7 @@ class _Act:
 
 @dataclass(eq=False, kw_only=True)
 class _Pending:
-    """Fault after which nothing was served yet, and the CPU times when it was made."""
+    """Fault after which no run has started yet, and the CPU times at the fault."""
 
     fault: Fault
     cpu: tuple[float, float]
@@ -197,7 +197,7 @@ class _Pending:
 
 @dataclass(eq=False, kw_only=True)
 class Request:
-    """Call of a service; the answer counts also when nobody waits for it any more."""
+    """Call of a service; the answer counts even if nobody waits for it any more."""
 
     future: Any
     asked: float
@@ -211,11 +211,11 @@ def cpu_times() -> tuple[float, float]:
 
 
 class Soak:
-    """A system of real processes, its operator, the one who disturbs it, and the observer.
+    """A system of real processes, its operator, a source of faults, and an observer.
 
     Args:
         folder: For trees, state and logs.
-        seed: Of all that is left to chance.
+        seed: Seed of all random choices.
     """
 
     def __init__(self, folder: Path, seed: int) -> None:
@@ -344,7 +344,7 @@ class Soak:
     def _on_end(self, message: Any) -> None:
         self._ended.add(message.scene_id)
         self._spring("marketplace")
-        if message.scene_id:  # the scenes of a flood have none
+        if message.scene_id:  # the scenes of a flood have no id
             self.events.append(
                 SceneEnded(
                     at=self.now(), scene=message.scene_id, code=message.code, epoch=message.epoch
@@ -370,7 +370,7 @@ class Soak:
             self._next_fault = self.now() + self._chance.uniform(2.0, 7.0)
 
     def _silence_s(self, fault: Fault, until: float) -> float:
-        """Return the longest time between a fault and the next run in which nobody acted."""
+        """Return the longest time without an act between a fault and the next run."""
         signs = [fault.over, max(fault.over, until)]
         for act in self._acts.values():
             signs += [one for one in (act.at, act.until) if fault.over < one < until]
@@ -390,7 +390,7 @@ class Soak:
     def _on_open_goals(self, message: Any) -> None:
         run = f"{message.host} {message.host_instance} {message.epoch}/{message.round}"
         for goal in message.goals:
-            # A goal whose end is not confirmed is named again in the next run of its host.
+            # The host's next run names a goal again if its end is not confirmed.
             self._runs.setdefault(bytes(goal.goal_id), run)
 
     def _states(self, action: str) -> Callable[[Any, Any], None]:
@@ -400,19 +400,19 @@ class Soak:
             for goal, status in listed.items():
                 act = self._acts.get((action, goal))
                 if act is None and status not in UNDER_WAY:
-                    continue  # it was over before anybody could see it begin
+                    continue  # it ended before anybody saw it begin
                 if act is None:
                     act = self._acts[action, goal] = _Act(at=at, until=at, action=action)
                 if not act.over:
                     act.until, act.over = at, status not in UNDER_WAY
             for (other, goal), act in self._acts.items():
                 if other == action and goal not in listed and not act.over:
-                    act.over = True  # a robot that was started again knows nothing of it
+                    act.over = True  # a restarted robot does not know it
 
         return take
 
     def _end_acts(self) -> None:
-        """Note that the robot was killed: whatever it did is over."""
+        """End all acts, because the robot was killed."""
         now = self.now()
         for act in self._acts.values():
             if not act.over:
@@ -421,7 +421,7 @@ class Soak:
     # Turning
 
     def turn(self) -> None:
-        """Handle what has come, do what is due, and disturb when it is time."""
+        """Handle messages, do what is due, and cause a fault when it is time."""
         self._executor.spin_once(timeout_sec=0.02)
         now = self.now()
         due = [one for one in self._due if one[0] <= now]
@@ -446,14 +446,14 @@ class Soak:
             self._disturb()
 
     def _probe(self) -> None:
-        """Announce a scene when none is left, so that there is something to serve."""
+        """Announce a scene if none is waiting, so that a run can follow."""
         client = self._clients["analyze"]
         if not self._waiting() and client.service_is_ready():
             future = client.call_async(self._scene())
             future.add_done_callback(lambda done: self._take_scene(done.result()))
 
     def _until(self, condition: Callable[[], Any], what: str, limit_s: float = READY_S) -> bool:
-        """Turn until a condition holds; return whether it did, and note when it did not."""
+        """Spin until a condition holds; return whether it did, and record a failure if not."""
         end = self.now() + limit_s
         while not condition():
             if self.now() > end:
@@ -483,7 +483,7 @@ class Soak:
         return self._up.seen(0.0)[before:].splitlines()
 
     def pids(self) -> dict[str, int]:
-        """Return component → process of those that live."""
+        """Return component → process id of the living ones."""
         found = {}
         for parent, other in ((self._up.process.pid, ""), (os.getpid(), OTHER_HOST)):
             for pid in children(parent):
@@ -538,7 +538,7 @@ class Soak:
             getattr(self, f"_{kind}")(component, pids[component])
 
     def _spring(self, component: str) -> None:
-        """Kill a component in the moment after it has answered or announced something."""
+        """Kill a component just after it has answered or announced something."""
         if self._trap == component:
             self._trap = ""
             pid = self.pids().get(component)
@@ -556,7 +556,7 @@ class Soak:
         self._note_end(component)
 
     def _note_end(self, component: str) -> None:
-        """Note what is over with a component that was killed."""
+        """Record the ends that the death of a component implies."""
         if component == "robot":
             self._end_acts()
         elif component == "scene_layer":
@@ -609,9 +609,9 @@ class Soak:
     def ask(
         self, service: str, request: Any, then: Callable[[Any], None] | None = None
     ) -> Any | None:
-        """Ask a service; return the answer, None without one.
+        """Call a service; return the answer, or None without one.
 
-        ``then`` takes the answer when it comes, also when nobody waits for it any more.
+        ``then`` receives the answer when it comes, even if nobody waits for it any more.
         """
         client = self._clients[service]
         end = self.now() + ANSWER_S
@@ -631,7 +631,7 @@ class Soak:
         return future.result()
 
     def operate(self) -> None:
-        """Do one thing that an operator does."""
+        """Do one random operation of an operator."""
         weights = {
             "scene": 40,
             "cancel": 5,
@@ -657,7 +657,7 @@ class Soak:
         return {one.scene for one in self.events if isinstance(one, SceneAcknowledged)}
 
     def _waiting(self) -> set[str]:
-        """Return the scenes without an end that may still have one; see :func:`died_unsent`."""
+        """Return the scenes that may still end; see :func:`died_unsent`."""
         died = {
             scene
             for scene, at in self._not_shown.items()
@@ -687,7 +687,7 @@ class Soak:
                 self._not_shown[scene] = self.now()
 
     def do_cancel(self) -> None:
-        # Only some forget the scenes that wait.
+        # Only some cancels also drop the scenes in line.
         number = 0 if self._chance.random() < 0.2 else self._market.round
         request = CancelRun.Request(reason="soak", by=Run.OPERATOR, round=number)
         self.ask("cancel", request)
@@ -737,7 +737,7 @@ class Soak:
             self._values[name] = value if answer is not None else float("nan")
 
     def do_preset(self) -> None:
-        """Save the value of an agent, or bring back what was saved before."""
+        """Save the value of an agent, or restore a saved one."""
         agent = self._chance.choice(list(AGENTS))
         name, service = f"{agent}.pause", f"{AGENTS[agent][0]}/tune"
         value, saved = self._values.get(name), self._presets.get(agent)
@@ -800,7 +800,7 @@ class Soak:
         self.ask("preview", PreviewAuction.Request())
 
     def do_look(self) -> None:
-        """Read what is in force of all that was asked for."""
+        """Read all settings that were requested before."""
         for host in ("agents", OTHER_HOST):
             names = [
                 f"{agent}.pause"
@@ -828,7 +828,7 @@ class Soak:
     # The whole
 
     def run(self, minutes: float, tell: Callable[[str], None]) -> None:
-        """Operate and disturb the system for so long, and bring it to rest."""
+        """Operate and disturb the system for a while, then let it come to rest."""
         self._faults = True
         end, told = self.now() + 60.0 * minutes, self.now()
         self._next_fault = self.now() + 3.0
@@ -857,10 +857,10 @@ class Soak:
         return not self._pending
 
     def progress(self) -> str:
-        """Return how far it has come, on a line."""
+        """Return the progress on one line."""
         faults = sum(isinstance(one, Fault) for one in self.events)
         scenes = len(self._acknowledged())
-        # What has no end yet, and what the ledger holds, is known only at the end.
+        # Ends and stored feedback can be judged only after the soak.
         broken = sum(
             len(verdict.breaches)
             for verdict in check(self._all())
@@ -869,7 +869,7 @@ class Soak:
         return f"{self.now() / 60:4.1f} min: {scenes} scenes, {faults} faults, {broken} breaches"
 
     def _all(self) -> list[Event]:
-        """Return all events, with what the robot has done."""
+        """Return all events, including the acts of the robot."""
         acts = [
             Acted(at=act.at, until=act.until, run=self._runs[goal], what=act.action)
             for (_, goal), act in self._acts.items()
@@ -921,7 +921,7 @@ class Soak:
             self.events.append(LedgerRead(at=at, feedback=frozenset(row[0] for row in rows)))
 
     def _replay_journal(self, at: float) -> None:
-        """Note how what the journal holds replays; it lacks what happened while it was dead."""
+        """Record how the journal replays; it has gaps where its process was dead."""
         recording = read(newest_files(self.folder / "journal"))
         for findings in (replay_decisions(recording.rounds), replay_feedback(recording.feedbacks)):
             for one in findings:
@@ -930,14 +930,14 @@ class Soak:
 
 
 def table(verdicts: list[Verdict]) -> Iterator[str]:
-    """Return the lines of the promises, each with how often it was checked and broken."""
+    """Return the lines of the promises: how often each was checked and broken."""
     yield f"{'promise':<62}{'checked':>9}{'broken':>8}"
     for verdict in verdicts:
         yield f"{verdict.promise:<62}{verdict.checked:>9}{len(verdict.breaches):>8}"
 
 
 def recovery_table(events: list[Event]) -> Iterator[str]:
-    """Return the lines of the times in which nobody acted after a fault, by fault."""
+    """Return the lines of the times without an act after a fault, by fault."""
     kinds: dict[str, list[Served]] = {}
     for one in events:
         if isinstance(one, Served):
@@ -954,7 +954,7 @@ def recovery_table(events: list[Event]) -> Iterator[str]:
 
 
 def growth_table(events: list[Event]) -> Iterator[str]:
-    """Return the lines of the worst growth of each component."""
+    """Return the lines of the strongest growth of each component."""
     by_component: dict[str, list[Any]] = {}
     for growth in growths(events):
         by_component.setdefault(growth.component, []).append(growth)
@@ -970,7 +970,7 @@ def growth_table(events: list[Event]) -> Iterator[str]:
 
 
 def soak(minutes: float, seed: int, folder: Path, tell: Callable[[str], None]) -> list[Verdict]:
-    """Run a soak; tell its progress and its tables, and return what became of each promise."""
+    """Run a soak; print its progress and tables, and return the verdicts."""
     running = Soak(folder, seed)
     try:
         running.start()
@@ -999,7 +999,7 @@ def main(minutes: float, seed: int, any_time: bool, logs: str) -> None:
     """Operate a whole system for MINUTES while its processes are killed, hung and flooded."""
     set_discovery(os.environ)
     os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
-    # A shell starts what runs in the background without SIGINT.
+    # A shell starts background processes with SIGINT ignored.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
     folder = Path(logs).resolve() if logs else Path(tempfile.mkdtemp(prefix="bt-agents-soak-"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Promises of a running system, and whether the timed events of a soak have broken one; no ROS."""
+"""Promises of a running system, and the check whether the events of a soak break one; no ROS."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ EVERYTHING = "everything"
 """Component of the fault that kills all processes at once."""
 
 RESTART_S = 6.0
-"""The same after all processes were killed at once, which start beside one another [s]."""
+"""The same after a kill of all processes, which start at the same time [s]."""
 
 LATE_S = 10.0
-"""A request without an answer may still be carried out for so long [s]."""
+"""Longest time after which an unanswered request may still be carried out [s]."""
 
 WARM_UP_S = 60.0
-"""Life of a process before its growth counts [s]; caches and histories fill until then."""
+"""Age of a process from which its growth counts [s]; caches and histories fill until then."""
 
 SHORTEST_LIFE_S = 240.0
-"""Life after which a slope says something [s]."""
+"""Least age for a meaningful slope [s]."""
 
 MOST_PER_MINUTE: Mapping[str, float] = {"memory_mb": 1.0, "descriptors": 1.0, "threads": 0.5}
-"""Growth of a process that is none, and the same of files in the state folder."""
+"""Growth that is tolerated for a process, and for files in the state folder."""
 
 MOST_FILES_PER_MINUTE = 1.0
 
@@ -50,7 +50,7 @@ _MOST_PAIRS = 200
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that was seen from outside; ``at`` is the time since the soak began [s]."""
+    """Something observed from outside; ``at`` is the time since the soak began [s]."""
 
     at: float
 
@@ -64,7 +64,7 @@ class SceneAcknowledged(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneShown(Event):
-    """The market has shown that it has a scene."""
+    """The market has published that it has a scene."""
 
     scene: str
 
@@ -80,7 +80,7 @@ class SceneEnded(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackAcknowledged(Event):
-    """The feedback node has accepted a feedback."""
+    """The feedback node has accepted feedback."""
 
     feedback: str
 
@@ -94,10 +94,10 @@ class LedgerRead(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class SettingRequested(Event):
-    """A value was asked for: of a tunable, of a preset, of a pin or a veto.
+    """A new value was requested: of a tunable, of a preset, of a pin or a veto.
 
     Attributes:
-        acknowledged: Whether it was accepted, at ``at``; else it may count or not.
+        acknowledged: Whether it was accepted, at ``at``; otherwise it may or may not apply.
     """
 
     name: str
@@ -107,7 +107,7 @@ class SettingRequested(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class SettingRead(Event):
-    """A value that is in force, read when the last request had surely been carried out."""
+    """A value in force, read when the last request must have been carried out."""
 
     name: str
     value: object
@@ -115,7 +115,7 @@ class SettingRead(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Acted(Event):
-    """The robot has acted for a run, from ``at`` until ``until``."""
+    """The robot acted for a run, from ``at`` until ``until``."""
 
     until: float
     run: str
@@ -124,7 +124,7 @@ class Acted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Event):
-    """A fault that was made: a component was killed, hung or flooded; ``over`` at the end."""
+    """A fault: a component was killed, hung or flooded; it ended at ``over``."""
 
     component: str
     kind: str
@@ -137,9 +137,9 @@ class Served(Event):
 
     Attributes:
         fault: The fault.
-        silence_s: The longest time in which nobody acted, between the end of the fault and ``at``
-            [s]; 0 when a run had started before the fault was over.
-        overloaded: Whether the machine had no time to spare meanwhile.
+        silence_s: Longest time without an act between the end of the fault and ``at`` [s];
+            0 if a run started before the fault was over.
+        overloaded: Whether the machine was fully busy meanwhile.
     """
 
     fault: Fault
@@ -149,7 +149,7 @@ class Served(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Measured(Event):
-    """What one process had in use."""
+    """Resources that one process used."""
 
     component: str
     pid: int
@@ -160,14 +160,14 @@ class Measured(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class FilesCounted(Event):
-    """How many files there were in the state folder."""
+    """Number of files in the state folder."""
 
     files: int
 
 
 @dataclass(frozen=True, kw_only=True)
 class Failed(Event):
-    """A process that nobody killed has ended, or has written a traceback."""
+    """A process ended without being killed, or wrote a traceback."""
 
     component: str
     text: str
@@ -175,11 +175,11 @@ class Failed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Replayed(Event):
-    """A recorded decision or profile change was repeated.
+    """A recorded decision or profile change was recomputed.
 
     Attributes:
-        item: Which one.
-        difference: How the result differs from the recorded one; empty if it is equal.
+        item: The decision or change.
+        difference: Difference from the recorded result; empty if equal.
     """
 
     item: str
@@ -197,10 +197,10 @@ class Breach:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What became of one promise.
+    """Result of checking one promise.
 
     Attributes:
-        checked: How often it was put to the test.
+        checked: How often it was checked.
     """
 
     promise: str
@@ -209,7 +209,7 @@ class Verdict:
 
 
 def check(events: Iterable[Event]) -> list[Verdict]:
-    """Return the verdict on each promise, from the events of a whole soak."""
+    """Return the verdict on each promise from the events of a whole soak."""
     ordered = sorted(events, key=lambda event: event.at)
     checks = {
         ONE_END: _check_ends,
@@ -225,7 +225,7 @@ def check(events: Iterable[Event]) -> list[Verdict]:
 
 
 _Findings = Iterator[tuple[float, str] | None]
-"""For each thing that was checked None, or when and how it broke the promise."""
+"""For each check None, or when and how it broke the promise."""
 
 
 def _verdict(promise: str, findings: _Findings) -> Verdict:
@@ -241,9 +241,9 @@ def _of(kind: type, events: Sequence[Event]) -> list:
 
 
 def _check_ends(events: Sequence[Event]) -> _Findings:
-    """Check scenes; one that the scene layer had not handed over when it was killed is its own.
+    """Check scenes, except those that the scene layer was killed before delivering.
 
-    The same end of the same market may be announced twice, as by the next start after a kill.
+    The same end of the same market may be announced twice, for example after a kill.
     """
     ends: dict[str, list[SceneEnded]] = defaultdict(list)
     shown: dict[str, float] = {}
@@ -274,10 +274,10 @@ def _check_ends(events: Sequence[Event]) -> _Findings:
 
 
 def died_unsent(acknowledged_at: float, kills: Iterable[float]) -> bool:
-    """Return whether a scene that the market has not shown may have died with the scene layer.
+    """Return whether a scene missing at the market may have died with the scene layer.
 
     Args:
-        acknowledged_at: When the answer of the scene layer came, perhaps after its end [s].
+        acknowledged_at: When the scene layer's answer arrived, perhaps after its end [s].
         kills: When the scene layer was killed [s].
     """
     return any(acknowledged_at - 1.0 <= at for at in kills)
@@ -355,7 +355,7 @@ class Growth:
 
 
 def growths(events: Iterable[Event]) -> list[Growth]:
-    """Return the growth of each process that has lived long enough to judge it."""
+    """Return the growth of each process that has lived long enough to judge."""
     lives: dict[tuple[str, int], list[Measured]] = defaultdict(list)
     for one in _of(Measured, list(events)):
         lives[one.component, one.pid].append(one)
@@ -377,7 +377,7 @@ def growths(events: Iterable[Event]) -> list[Growth]:
 
 
 def slope(points: Sequence[tuple[float, float]]) -> float:
-    """Return the median of the slopes between points, which single outliers do not move."""
+    """Return the median of the slopes between points, which is robust against outliers."""
     step = max(1, len(points) // _MOST_PAIRS)
     kept = points[::step]
     slopes = [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Studio of a running system as a browser sees it, and what an operator does there."""
+"""Studio of a running system in a browser, and the actions of an operator there."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ LIMIT_MS = 30_000
 
 
 class System:
-    """A running system and its studio, of the shipped trees folder or another one.
+    """A running system and its studio, by default of the shipped trees folder.
 
-    ``others`` are variables of its environment, for example another ROS domain.
+    ``others`` are additional environment variables, for example another ROS domain.
     """
 
     def __init__(self, state: Path, trees: str = "trees", *options: str, **others: str) -> None:
@@ -62,7 +62,7 @@ class System:
 
 @contextmanager
 def opened_page(browser: Browser, address: str, locale: str = "en-US") -> Iterator[Page]:
-    """Open an address in a context of its own; an error that the page reports fails the test."""
+    """Open an address in a new context; an error that the page reports fails the test."""
     context = browser.new_context(viewport={"width": 1280, "height": 800}, locale=locale)
     page = context.new_page()
     page.set_default_timeout(LIMIT_MS)
@@ -77,7 +77,7 @@ def opened_page(browser: Browser, address: str, locale: str = "en-US") -> Iterat
 
 def open_page(page: Page, name: str) -> None:
     page.get_by_role("navigation").get_by_role("link", name=name, exact=True).click()
-    # It may be loaded only now.
+    # The page may load it only now.
     expect(page.locator("main section").first).to_be_visible()
 
 
@@ -90,7 +90,7 @@ def open_values(page: Page, agent: str) -> None:
 
 
 def announce(page: Page, label: str, **values: float) -> None:
-    """Announce a scene as an operator does: by sliders and a button."""
+    """Announce a scene as an operator does: with sliders and a button."""
     open_page(page, "World")
     for name, value in values.items():
         slider = page.locator(f"#world-{name}")
@@ -110,19 +110,19 @@ def serve(page: Page, label: str, **values: float) -> None:
 
 
 def come(tablet: Page, *who: str) -> None:
-    """Begin an encounter as somebody."""
+    """Begin an encounter with a person."""
     for choice in who:
         tablet.get_by_role("button", name=choice, exact=True).click()
     tablet.get_by_role("button", name="Begin").click()
 
 
 def strip(page: Page) -> Locator:
-    """The line that says what runs now, on every page."""
+    """The status strip, which every page has."""
     return page.get_by_label("What runs now")
 
 
 def stop(page: Page) -> None:
-    """Stop whatever runs, from any page, so that the next scene comes at once."""
+    """Stop the current run from any page, so that the next scene starts at once."""
     shown = strip(page)
     expect(shown).to_have_attribute("data-state", re.compile("[A-Z]"))
     button = shown.get_by_role("button", name="Stop", exact=True)
@@ -134,7 +134,7 @@ def stop(page: Page) -> None:
 
 
 def look_back(page: Page) -> None:
-    """Show the oldest moment that is kept."""
+    """Show the oldest moment that the studio keeps."""
     timeline = page.get_by_label("Moment that is shown")
     expect(timeline).to_have_attribute("aria-disabled", "false")
     timeline.press("Home")
@@ -142,7 +142,7 @@ def look_back(page: Page) -> None:
 
 
 def box(found: Locator) -> dict[str, float]:
-    """Return where something is seen: x, y, width, height and bottom [px]."""
+    """Return the position of an element: x, y, width, height and bottom [px]."""
     measured = found.bounding_box()
     assert measured is not None
     return {

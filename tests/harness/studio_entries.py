@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Entries of a studio as a system with two agents would fill it."""
+"""Entries of a studio, like those of a system with two agents."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def tunable(agent: str, key: str, value: Json, **fields: Any) -> TunableRecord:
 
 
 def tunings(revision: int = 0, *presets: PresetRecord, changes: int = 0) -> TuningsRecord:
-    """Return the changes of the host, some of them in its list."""
+    """Return the changes of the host, some of them in its history."""
     listed = tuple(
         TuningRecord(
             at_s=time.time(),
@@ -90,7 +90,7 @@ def agent(name: str, title: str = "") -> AgentRecord:
 
 
 def run(name: str, began_s: float = 0.0) -> RunRecord:
-    """Return a run that goes on."""
+    """Return a run in progress."""
     return RunRecord(
         **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
         **dict.fromkeys(("stop_reason", "message", "tip"), ""),
@@ -152,7 +152,7 @@ def scene(label: str = "somebody") -> SceneRecord:
 
 
 def auction(*agents: str) -> RoundRecord:
-    """Return a round that the first of some agents has won."""
+    """Return a round, which the first of some agents has won."""
     bids = tuple(
         BidRecord(
             agent=name,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Studio that is served on a port of this machine, without a ROS system behind it."""
+"""Studio served on a port of this machine, without a ROS system."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from bt_agents_studio.studio import Studio
 
 LIMIT_S = 30.0
 HANG_S = 300.0
-"""A browser's test takes no longer."""
+"""Time limit of a browser test."""
 
 SPACE = SceneSpace(
     parameters=(
@@ -38,7 +38,7 @@ SPACE = SceneSpace(
 
 
 class RecordingCaller:
-    """Services that all give one answer, and what they were asked."""
+    """Services that all give the same answer, and the requests that they received."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, str, dict[str, Any]]] = []
@@ -97,12 +97,12 @@ def _done(value: Any) -> Future[Any]:
 
 
 class ServedStudio:
-    """A studio, its server, and where that is."""
+    """A studio, its server and its address."""
 
     def __init__(self, journal: Path | None = None) -> None:
         self.studio = Studio("studio", space=SPACE, journal=journal)
         self.caller = RecordingCaller()
-        # Whether any page, and a page Person, was open, at each change.
+        # Whether any page, and whether a page Person, was open, at each change.
         self.watched: list[tuple[bool, bool]] = []
         self.port = 0
         self.access: AccessControl
@@ -127,7 +127,7 @@ class ServedStudio:
         return self.access.log_in(self.access.token(role))
 
     def client(self, role: SessionRole | None = None) -> ClientSession:
-        """Return a client that is signed in, and names the page as its origin."""
+        """Return a signed-in client that names the page as its origin."""
         cookies, headers = {}, {"Origin": self.origin}
         if role is not None:
             session = self.session(role)
@@ -158,7 +158,7 @@ def served(
 
 @asynccontextmanager
 async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
-    """A studio that is served at a free port."""
+    """A studio served at a free port."""
     one = ServedStudio(journal)
     hosts: set[str] = set()
     one.access = AccessControl(
@@ -182,7 +182,7 @@ async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
 
 
 class BackgroundStudio:
-    """Studio that is served by a thread, for a test with a browser."""
+    """Studio served by a thread, for a test with a browser."""
 
     def __init__(self, one: ServedStudio, loop: asyncio.AbstractEventLoop) -> None:
         self._one = one
@@ -199,7 +199,7 @@ class BackgroundStudio:
 
     @property
     def caller(self) -> RecordingCaller:
-        """What the services were asked, and answer."""
+        """The requests to the services, and their answer."""
         return self._one.caller
 
     def put(self, collection: str, key: str, value: object) -> None:
@@ -207,7 +207,7 @@ class BackgroundStudio:
         self._loop.call_soon_threadsafe(self._one.put, collection, key, value)
 
     def put_past(self, at_s: float, collection: str, key: str, value: object) -> None:
-        """Note what was changed at an earlier moment [s since 1970], before any other change."""
+        """Record changes of an earlier moment [s since 1970], before any other change."""
         change = Change(collection=collection, key=key, value=value)
         self._loop.call_soon_threadsafe(self._one.studio.history.record, at_s, change)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records of a tree and its run, as a studio shows them."""
+"""Records of a tree and its run, in the studio's form."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bt_agents_studio.records import NodeRecord, RunRecord, TreeNodeRecord, Tree
 
 
 def node(path: str, parent: int, kind: str, name: str) -> TreeNodeRecord:
-    """Return a node of a tree; ``parent`` is its place in the list, -1 for a root."""
+    """Return a node of a tree; ``parent`` is its index in the list, -1 for a root."""
     return TreeNodeRecord(
         path=path, parent=parent, kind=kind, name=name, file="a.yaml", line=1, column=1
     )
@@ -30,7 +30,7 @@ def large_tree(agent: str, groups: int, leaves: int) -> TreeRecord:
 
 
 def run(agent: str, tip: str) -> RunRecord:
-    """Return a run of an agent that is under way."""
+    """Return a run of an agent in progress."""
     now = time.time()
     return RunRecord(
         **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
@@ -52,7 +52,7 @@ def run(agent: str, tip: str) -> RunRecord:
 
 
 def status(name: str, message: str = "", since_s: float | None = None) -> NodeRecord:
-    """Return how a node is, since now or an earlier moment."""
+    """Return the state of a node, since now or an earlier moment."""
     return NodeRecord(
         **dict.fromkeys(("starts", "successes", "failures"), 1),
         status=name,

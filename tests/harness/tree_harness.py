@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Harness for trees: an agent written in a test, a scripted environment, a clock set by hand."""
+"""Harness for trees: an agent written in a test, a scripted environment, a manual clock."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
 def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
-    """Return a scene; parameters that are not named are missing."""
+    """Return a scene; parameters without a value are missing."""
     return Scene(
         scene_id=scene_id,
         label="",
@@ -47,7 +47,7 @@ def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
 
 
 def agent(tree: str, head: str = "") -> AgentSpec:
-    """Return the agent of a tree, and of more top-level keys in ``head``."""
+    """Return the agent of a tree; ``head`` adds top-level keys to its file."""
     text = (
         "format: 1\nagent: a\ntitle: A\ndescription: d\n"
         "profile: {age: 3, familiarity: 3, mood: 3}\n"
@@ -59,13 +59,13 @@ def agent(tree: str, head: str = "") -> AgentSpec:
 
 
 class TreeHarness:
-    """One run of a tree that a test watches tick by tick.
+    """One run of a tree that a test ticks step by step.
 
     Args:
-        tree: As an author writes it, or what the reader would make of it.
-        head: More top-level keys of the agent's file.
+        tree: YAML text, or the tree that the reader would make of it.
+        head: Additional top-level keys of the agent's file.
         answers: See :class:`ScriptedEnvironment`.
-        awarded: The scene; None takes one without anything special.
+        awarded: The scene; None for an ordinary one.
         limits: See :class:`Run`.
         random: See :class:`Run`.
     """
@@ -108,7 +108,7 @@ class TreeHarness:
         self.changes: list[StatusChange] = []
 
     def tick(self, times: int = 1, step_s: float = 0.0) -> str:
-        """Tick, moving the clock on before each tick but the first; return how it stands."""
+        """Tick, advancing the clock before each tick but the first; return the status."""
         for number in range(times):
             if number:
                 self.environment.clock.advance(step_s)
@@ -117,16 +117,16 @@ class TreeHarness:
         return self.outcome
 
     def after(self, seconds: float) -> str:
-        """Move the clock on and tick once."""
+        """Advance the clock and tick once."""
         self.environment.clock.advance(seconds)
         return self.tick()
 
     def set_mood(self, mood: float) -> None:
-        """Let the live mood change."""
+        """Change the live mood."""
         self.set_live("mood", mood)
 
     def set_live(self, name: str, value: float) -> None:
-        """Let a value of the live scene change."""
+        """Change a value of the live scene."""
         values = tuple(
             replace(v, value=value, origin=Origin.MEASURED) if v.name == name else v
             for v in self.live.values
@@ -134,7 +134,7 @@ class TreeHarness:
         self.live = replace(self.live, values=values)
 
     def interrupt(self) -> None:
-        """Stop the tree from above; the next tick starts it afresh."""
+        """Interrupt the tree from above; the next tick restarts it."""
         self.run.changes = []
         self.run._ticker(self.root).halt()
         self.changes += self.run.changes
@@ -145,7 +145,7 @@ class TreeHarness:
         return self.run.root
 
     def status(self, path: str) -> str:
-        """Return the status of the node with this path, or with this end of its path."""
+        """Return the status of the node with this path, or with a path that ends so."""
         [found] = [
             node.status.name
             for node in self.root.iterate()
@@ -154,12 +154,12 @@ class TreeHarness:
         return found
 
     def reports(self, path: str) -> list[tuple[str, str]]:
-        """Return status and message of each change of a node so far."""
+        """Return status and message of all changes of a node so far."""
         return [(c.status.name, c.message) for c in self.changes if c.path == path]
 
     @property
     def message(self) -> str:
-        """Why the run has ended so."""
+        """The reason for the run's outcome."""
         assert self.run.result is not None
         return self.run.result.message
 
@@ -175,5 +175,5 @@ class TreeHarness:
 
     @property
     def asked(self) -> list[str]:
-        """Names of everything sent so far, in order."""
+        """Names of all goals and requests so far, in order."""
         return [g.goal.name for g in self.environment.goals]

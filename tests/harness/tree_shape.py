@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a tree does, to compare trees of different files."""
+"""The shape of a tree, to compare trees of different files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 def shape(spec: NodeSpec | None) -> object:
-    """Return what a tree does, without the places in its file."""
+    """Return the content of a tree, without its places in the file."""
     if spec is None:
         return None
     children = [shape(one) for one in spec.children]

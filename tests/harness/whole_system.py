@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole system in one process, on one executor, for tests of what its parts do together."""
+"""The whole system in one process and one executor, for tests of all parts together."""
 
 from __future__ import annotations
 
@@ -78,14 +78,14 @@ class System:
         return self.ros.call(client, request)
 
     def analyze_absent(self, **values: float) -> str:
-        """Trigger a scene in which nobody is there; return its id."""
+        """Trigger a scene without a person; return its id."""
         return str(self.analyze(person=Analyze.Request.ABSENT, **values).scene.scene_id)
 
     def finished(self, scene_id: str) -> bool:
         return any(status.finished_scene_id == scene_id for status in self.statuses)
 
     def interact(self, **values: float) -> str:
-        """Trigger a scene and wait until it is over; return the last winner."""
+        """Trigger a scene and wait for its end; return the last winner."""
         scene_id = self.analyze(**values).scene.scene_id
         self.ros.until(lambda: self.finished(scene_id))
         return str(self.auctions[-1].winner)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A behaviour that makes an action client in ``setup`` and sends a goal at each start."""
+"""A behaviour that creates an action client in ``setup`` and sends a goal at each start."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rclpy.action import ActionClient
 
 
 class FromConstant(Behaviour):
-    """Sends the same goal each time; it waits for the server for ever, in ``setup``."""
+    """Sends the same goal each time; ``setup`` waits for the server for ever."""
 
     def __init__(self, name: str, action_type: Any, action_name: str, action_goal: Any) -> None:
         super().__init__(name)

@@ -41,7 +41,7 @@ class Handler(Behaviour):
 
 
 class CheckData(Handler):
-    """Runs until a field of the message is as expected."""
+    """Runs until a field of the message has the expected value."""
 
     def __init__(
         self,
