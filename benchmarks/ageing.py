@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures whether the thousandth goal and the last of many rounds are as quick as the first."""
+"""Measures whether late goals and late rounds are as fast as the first."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from run_probes import Market
 GOALS = 900
 ROUNDS = 10_000
 EARLY = 100
-"""Rounds that count as the first ones, and goals."""
+"""Number of rounds and goals that count as the first ones."""
 
 AGENTS = ("first", "second", "third")
 TREE = "{check: scene.age >= 1}"
@@ -43,15 +43,15 @@ ANALYZE = Analyze.Request(
     names=list(NAMES), values=list(WANTED), person=Analyze.Request.PRESENT, announce=True
 )
 LEASE_S = 5.0
-"""How long a host may be held up by what else goes on on this machine [s]."""
+"""Longest delay of a host by other work of this machine [s]."""
 
 _REST_S = 0.5
 _PARTS = 7
-"""The first and the last ones are looked at in so many parts."""
+"""The first and the last ones are split into this many parts."""
 
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Yield what has become slower or larger."""
+    """Yield comparisons of late and early times and memory."""
     yield from _goals(effort)
     yield from _rounds(effort)
 
@@ -60,12 +60,12 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 
 class Client:
-    """Sends goals to a host as the market does: by the services of its action.
+    """Sends goals to a host as the market does: with the services of the host's action.
 
     Args:
-        graph: Of the host.
-        market: At which it is registered.
-        host: Name of its node.
+        graph: Graph of the host.
+        market: Market at which the host is registered.
+        host: Name of the host's node.
     """
 
     def __init__(self, graph: Graph, market: Market, host: str) -> None:
@@ -84,7 +84,7 @@ class Client:
         graph.until_matched(self._goals, self._results)
 
     def run(self) -> float:
-        """Have a tree run to its end; return how long its acceptance took [s]."""
+        """Run a tree to its end; return how long the host took to accept the goal [s]."""
         self._sent += 1
         request = RunAgent.Impl.SendGoalService.Request(
             goal=self._market.goal(self._host, AGENTS[0])
@@ -121,7 +121,7 @@ def _goals(effort: Effort) -> Iterator[Row]:
                 took.append(client.run())
             return took
 
-        some(HOT, few)  # what is loaded by the first goals
+        some(HOT, few)  # the first goals load modules
         early = {pace: some(pace, few) for pace in (COLD, HOT)}
         some(HOT, goals - 3 * few)
         late = {pace: some(pace, few) for pace in (HOT, COLD)}
@@ -149,10 +149,10 @@ def _parts(took: list[float]) -> list[float]:
 
 
 class Cycle:
-    """A whole system, robot aside, that goes through round after round.
+    """A whole system without a robot that runs round after round.
 
     Args:
-        graph: Where it is started.
+        graph: Graph in which to start it.
     """
 
     def __init__(self, graph: Graph) -> None:
@@ -188,7 +188,7 @@ class Cycle:
         self._market[:] = [status]
 
     def round(self) -> float:
-        """Ask for a scene; return the time until all that comes of it is over [s]."""
+        """Request a scene; return the time until everything that follows from it has ended [s]."""
         self._ends.clear()
         began = time.perf_counter()
         answer = self._analyze.call_async(ANALYZE)
@@ -198,7 +198,7 @@ class Cycle:
         return took
 
     def memory_mb(self) -> dict[str, float]:
-        """Return what each process holds [MB]."""
+        """Return the memory of each process [MB]."""
         return {name: one.resident_mb for name, one in self.processes.items()}
 
 

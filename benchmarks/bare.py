@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What bare rclpy programs share: QoS, and the executor, which is that of our nodes."""
+"""Shared parts of the bare rclpy programs: QoS, and the executor of our nodes."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 EVENTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-"""As all topics and services of events of the system have it."""
+"""QoS of all event topics and of all services of the system."""
 
 SERVICES = {
     "goal_service_qos_profile": EVENTS,
     "result_service_qos_profile": EVENTS,
     "cancel_service_qos_profile": EVENTS,
 }
-"""Both ends of actions."""
+"""QoS of both ends of actions."""
 
 LATCHED = QoSProfile(
     depth=50, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-"""As the history of decisions has it."""
+"""QoS of the history of decisions."""
 
 
 def executor(context: Any = None) -> Any:
@@ -35,11 +35,11 @@ def executor(context: Any = None) -> Any:
 
 
 def spin(*nodes: Node, turner: Any = None) -> None:
-    """Say that the nodes are made, and turn them until the parent kills the process or ends.
+    """Report that the nodes exist, and spin them until the parent kills the process or ends.
 
     Args:
         nodes: The nodes.
-        turner: Another executor than that of :func:`executor`.
+        turner: Executor to use instead of :func:`executor`.
     """
     turner, parent_id = turner or executor(), os.getppid()
     for node in nodes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A process that joins late and asks one that is there until it is answered.
+"""A process that joins late and calls an existing one until it receives an answer.
 
 ``bare_echo.py`` answers; ``bare_echo.py late`` asks, prints how long it took [s], and ends.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bare node that answers, turned by the executor that is named: ``bare_executor.py lean``."""
+"""A bare node that answers, spun by an executor: ``bare_executor.py lean``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KINDS: dict[str, Callable[..., Any]] = {
     "lean": CachedExecutor,
     "events": EventsExecutor,
 }
-"""Those of rclpy and ours."""
+"""Executors of rclpy, and ours."""
 
 _BEAT_S = 0.1
 
@@ -35,7 +35,7 @@ def answer(request: Trigger.Request, response: Trigger.Response) -> Trigger.Resp
 
 
 def echo(node: Node) -> None:
-    """Have a node answer messages of ``asked`` on ``told``, and requests of ``ask``."""
+    """Make a node republish messages of ``asked`` on ``told``, and answer requests of ``ask``."""
     tells = node.create_publisher(String, "told", EVENTS)
     node.create_subscription(String, "asked", tells.publish, EVENTS)
     node.create_service(Trigger, "ask", answer, qos_profile=EVENTS)

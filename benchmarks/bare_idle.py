@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bare node with the endpoints and timers that a file lists: ``bare_idle.py LAYOUT NODE``."""
+"""A bare node with the endpoints and timers in a file: ``bare_idle.py LAYOUT NODE``."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def load(type_name: str) -> Any:
 
 
 def qos(policies: list[int]) -> QoSProfile:
-    """Return a profile of these policies of reliability and durability."""
+    """Return a profile with these policies of reliability and durability."""
     return QoSProfile(depth=EVENTS.depth, reliability=policies[0], durability=policies[1])
 
 
 def make(name: str, layout: dict[str, list[Any]]) -> Node:
-    """Return a node that looks from outside like the one that was listed."""
+    """Return a node that looks from outside like a node of the layout."""
     node = rclpy.create_node(name)
     for topic, type_name, policies in layout["subscriptions"]:
         node.create_subscription(load(type_name), topic, lambda _: None, qos(policies))

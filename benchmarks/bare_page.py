@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The least page that shows changes of nodes: a box each, set by every message as it comes.
+"""A minimal page of node changes: one box per node, updated by every message.
 
-It prints its address when it can be opened.
+It prints its address once it can be opened.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ new WebSocket(`ws://${location.host}/socket`).onmessage = (event) => {
 
 
 class BarePage(Node):
-    """Hands each message to all browsers."""
+    """Passes each message to all browsers."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         super().__init__("bare_page", enable_rosout=False)

@@ -22,7 +22,7 @@ WANTED = (3.0, 2.0, 3.0)
 
 
 def scene(scene_id: str) -> Scene:
-    """Return a scene of the size that all scenes of the benchmarks have."""
+    """Return a scene of the same size as all scenes of the benchmarks."""
     return Scene(
         scene_id=scene_id,
         person=True,
@@ -34,19 +34,19 @@ def scene(scene_id: str) -> Scene:
 
 
 def call_for_bids(number: int, of: Scene) -> CallForBids:
-    """Return the call of a round."""
+    """Return the call for bids of a round."""
     return CallForBids(
         epoch="0123456789ab", round=number, scene=of, parameters=list(NAMES), deadline_s=0.5
     )
 
 
 def profile(index: int) -> tuple[float, float, float]:
-    """Return what the agent of this number bids; no two of a thousand are alike."""
+    """Return the bid of an agent by its number; no two of a thousand are equal."""
     return 1 + index % 997 * 4 / 997, 3.0, 3.0
 
 
 class Service(Node):
-    """Publishes a scene for each request, and answers with it."""
+    """Publishes a scene for each request, and returns it."""
 
     def __init__(self) -> None:
         super().__init__("service")
@@ -102,7 +102,7 @@ class Market(Node):
 
 
 class Listener(Node):
-    """Listens in on calls for bids, as the probe does on those of a market."""
+    """Subscribes to calls for bids, as the probe does in the graph of a market."""
 
     def __init__(self) -> None:
         super().__init__("listener")
@@ -110,7 +110,7 @@ class Listener(Node):
 
 
 class Host(Node):
-    """Answers calls for bids, and says at each goal that it begins."""
+    """Answers calls for bids, and publishes the start of a run at each goal."""
 
     def __init__(self, agents: int) -> None:
         super().__init__("host")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bare rclpy programs that do what a host, the scene layer and the feedback node do for a run."""
+"""Bare rclpy programs with the work of a host, scene layer and feedback node for a run."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Cancelled(Node):
 
 
 class Waiting(Node):
-    """Says at once that a message or the result of a goal has come."""
+    """Publishes at once that a message or the result of a goal has arrived."""
 
     def __init__(self) -> None:
         super().__init__("bare_host")
@@ -94,7 +94,7 @@ class Mood(Node):
 
 
 class Learning(Node):
-    """Commits a row for each scene, as durably as the ledger, and says so."""
+    """Commits a row for each scene, as durably as the ledger, and publishes that."""
 
     def __init__(self, file: Path) -> None:
         super().__init__("bare_feedback")
@@ -120,7 +120,7 @@ PROGRAMS: dict[str, Callable[..., Node]] = {
     "mood": Mood,
     "learning": lambda file: Learning(Path(file)),
 }
-"""What this module runs, by the first word of its command line."""
+"""Programs of this module by the first word of the command line."""
 
 
 if __name__ == "__main__":

@@ -39,25 +39,25 @@ BENCHMARKS = {
     "footprint": "idle CPU, memory, discovery",
     "studio": "the page in a browser: painted changes, frames, memory; what its process costs",
 }
-"""Module → what it measures; its ``measure(effort)`` gives rows."""
+"""Module → subject of the measurement; its ``measure(effort)`` yields rows."""
 
 LIMIT_S = 900.0
-"""One benchmark does not take longer [s]."""
+"""Time limit of one benchmark [s]."""
 
 STOP_S = 10.0
-"""How long a benchmark that is interrupted has to end its processes [s]."""
+"""Time that an interrupted benchmark has to end its processes [s]."""
 
 SHORT = {"repetitions": 1, "scale": 0.01}
 """Effort that only shows whether a benchmark works."""
 
 FIGURES = Path(__file__).parents[1] / "build" / "benchmarks.json"
-"""Where the figures go when it is not said."""
+"""Default file of the figures."""
 
 COMPARED = (
     "py_trees", "numpy", "PyYAML", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp",
     "behaviortreepy", "bonsai-bt",
 )  # fmt: skip
-"""Packages whose versions the figures depend on."""
+"""Packages whose versions affect the figures."""
 
 
 @click.command()
@@ -113,10 +113,10 @@ def main(names: tuple[str, ...], short: bool, file: Path | None, seed: int) -> N
 
 
 def _run(name: str, short: bool, seed: int) -> tuple[list[Row], str]:
-    """Run one benchmark in a process of its own, as if it had been started alone.
+    """Run one benchmark in a process of its own, as if it were started alone.
 
     Returns:
-        The rows it has given, and why there are no more; empty when that is all.
+        Its rows, and why it yielded no more; empty if it is complete.
     """
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
@@ -140,10 +140,10 @@ def _run(name: str, short: bool, seed: int) -> tuple[list[Row], str]:
 
 
 def _received(receiver: Connection) -> Iterator[Row | str]:
-    """Give what a benchmark sends, until it says that this is all.
+    """Yield the messages of a benchmark until it is complete.
 
     Raises:
-        TimeoutError: Its time is over.
+        TimeoutError: The benchmark exceeds its time limit.
     """
     limit = time.monotonic() + LIMIT_S
     try:
@@ -159,7 +159,7 @@ def _received(receiver: Connection) -> Iterator[Row | str]:
 
 
 def _end(process: Any) -> None:
-    """Let a benchmark end; one that does not is interrupted, so that it ends its own processes."""
+    """Let a benchmark end; interrupt it if it does not, so that it ends its own processes."""
     process.join(STOP_S)
     if process.is_alive():
         os.kill(process.pid, signal.SIGINT)
@@ -170,7 +170,7 @@ def _end(process: Any) -> None:
 
 
 def _measure(name: str, short: bool, seed: int, sender: Connection) -> None:
-    # It is ignored in what a shell has started in the background.
+    # Background processes of a shell ignore it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     random = Random(seed)
     effort = Effort(random=random, **SHORT) if short else Effort(random=random)  # type: ignore[arg-type]
@@ -183,7 +183,7 @@ def _measure(name: str, short: bool, seed: int, sender: Connection) -> None:
 
 
 def _machine() -> dict[str, str]:
-    """Return what the figures are measured on."""
+    """Return a description of the machine and its software."""
     model = platform.processor() or platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
@@ -200,7 +200,7 @@ def _machine() -> dict[str, str]:
 
 
 def _packages() -> dict[str, str]:
-    """Return the versions of the packages that are compared with and are installed."""
+    """Return the versions of the installed packages among those compared."""
     found = {}
     for name in COMPARED:
         try:

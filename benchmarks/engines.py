@@ -27,14 +27,14 @@ from reference_trees import Answer, Kind, Shape
 
 @dataclass(kw_only=True)
 class Built:
-    """A tree that an engine has built.
+    """A tree built for an engine.
 
     Attributes:
-        tick: Ticks it once.
-        means: The engine's words for a status.
-        leaves: From the first to the last.
-        ticked: How often so far.
-        status: Returns the status in the engine's words, from what a tick has returned.
+        tick: Ticks the tree once.
+        means: The engine's status values and their meaning.
+        leaves: Its leaves from the first to the last.
+        ticked: Number of ticks so far.
+        status: Returns the engine's status from the result of a tick.
     """
 
     tick: Callable[[], Any]
@@ -49,7 +49,7 @@ class Built:
         return self.means[self.status(self.tick())]
 
     def way(self, number: int) -> Way:
-        """Return a measurement of so many ticks back to back."""
+        """Return a measurement of some ticks back to back."""
         ticks = timed(self.tick, number, time.thread_time)
 
         def way() -> float:
@@ -64,7 +64,7 @@ class Built:
 
 
 class _Counting(Behaviour):
-    """What a leaf does in both engines, as a user writes it: only ``update``."""
+    """Leaf for both engines, written as users do: with ``update`` only."""
 
     def __init__(self, answer: Status) -> None:
         super().__init__("leaf")
@@ -77,7 +77,7 @@ class _Counting(Behaviour):
 
 
 class _LightLeaf(_Counting, LightBehaviour):
-    """The same leaf on the base class of our nodes."""
+    """The same leaf with the base class of our nodes."""
 
 
 PY_TREES = {
@@ -105,7 +105,7 @@ def behaviours(shape: Shape) -> tuple[Behaviour, list[Any]]:
 
 
 def py_trees(shape: Shape) -> Built:
-    """py_trees ticks with its own ``tick_once``."""
+    """Tree that py_trees ticks with its own ``tick_once``."""
     root, leaves = behaviours(shape)
     return Built(
         tick=root.tick_once, means=PY_TREES, leaves=leaves, status=lambda _answer: root.status
@@ -140,13 +140,13 @@ def light_behaviours(shape: Shape) -> tuple[Behaviour, list[Any]]:
 
 
 def ours(shape: Shape) -> Built:
-    """Our engine ticks its own classes."""
+    """Tree of our own classes that our engine ticks."""
     root, leaves = light_behaviours(shape)
     return Built(tick=Ticker(root).tick, means=PY_TREES, leaves=leaves)
 
 
 def only_leaves(shape: Shape) -> Built:
-    """Only the methods of the leaves that a second tick calls, by a loop: no engine is faster."""
+    """Loop over the leaves that a second tick calls: no engine can be faster."""
     built = py_trees(shape)
     built.tick_once()
     before = built.counts()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the executor of our nodes beside those of rclpy, all with the same bare nodes."""
+"""Measures the executor of our nodes and those of rclpy, all with the same bare nodes."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _WORDS = String(data="x" * 100)
 _LIMIT_S = 30.0
 _IDLE_S = 2.0
 Case = Callable[[], None]
-"""Asks for one thing and returns when it has come."""
+"""Requests one thing and returns when it has arrived."""
 
 
 class Asker:
-    """A node that asks others, and the executor that turns it.
+    """A node that calls other nodes, and the executor that spins it.
 
     Args:
-        kind: One of :data:`KINDS`.
-        context: Of its nodes.
+        kind: A key of :data:`KINDS`.
+        context: Context of its nodes.
     """
 
     def __init__(self, kind: str, context: Context) -> None:
@@ -52,14 +52,14 @@ class Asker:
         self._client = self.node.create_client(Trigger, "ask", qos_profile=EVENTS)
 
     def add(self, name: str) -> Node:
-        """Return a new node that is turned as well."""
+        """Return a new node that is spun as well."""
         node = Node(name, context=self._context, enable_rosout=False)
         self._nodes.append(node)
         self._executor.add_node(node)
         return node
 
     def until(self, condition: Callable[[], Any]) -> None:
-        """Turn until something holds.
+        """Spin until a condition holds.
 
         Raises:
             RuntimeError: It takes too long.
@@ -71,13 +71,13 @@ class Asker:
             self._executor.spin_once(timeout_sec=0.1)
 
     def until_matched(self, answers: int = 1) -> None:
-        """Wait until so many nodes answer."""
+        """Wait until this many nodes answer."""
         self.until(lambda: self._asks.get_subscription_count() == answers)
         self.until(lambda: self.node.count_publishers("told") == answers)
         self.until(self._client.service_is_ready)
 
     def hop(self, answers: int = 1) -> None:
-        """Publish a message and wait until so many have been published on its arrival."""
+        """Publish a message and wait until this many messages have been published in return."""
         self._told.clear()
         self._asks.publish(_WORDS)
         self.until(lambda: len(self._told) == answers)
@@ -89,17 +89,17 @@ class Asker:
         assert future.result().success
 
     def close(self) -> None:
-        """Take all nodes off the graph."""
+        """Remove all nodes from the graph."""
         self._executor.shutdown(timeout_sec=1.0)
         for node in self._nodes:
             node.destroy_node()
 
 
 class Acting:
-    """An action, and goals that are sent to it.
+    """An action server, and goals for it.
 
     Args:
-        asker: Both are turned with it.
+        asker: Spins both.
     """
 
     def __init__(self, asker: Asker) -> None:
@@ -123,7 +123,7 @@ class Acting:
 
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Yield what each costs, as a ratio to rclpy's single-threaded executor."""
+    """Yield the cost of each executor, as a ratio to rclpy's single-threaded executor."""
     with ExitStack() as stack:
         one, crowd = _in_one_process(stack, effort)
         yield from _rows("topic there and back, 1 process", effort, 300, one, Asker.hop)
@@ -148,7 +148,7 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 
 def _in_one_process(stack: ExitStack, effort: Effort) -> tuple[dict[str, Asker], dict[str, Asker]]:
-    """Return by kind who asks one node, and who asks a crowd."""
+    """Return, by kind, an asker of one node and an asker of many nodes."""
     one: dict[str, Asker] = {}
     crowd: dict[str, Asker] = {}
     for kind in KINDS:
@@ -193,7 +193,7 @@ def _rows(
 
 
 def _idle(effort: Effort, processes: dict[str, Running]) -> Iterator[Row]:
-    """Yield how much CPU processes take that only beat ten times a second."""
+    """Yield the CPU use of processes that only publish ten heartbeats a second."""
     found: dict[str, list[float]] = {kind: [] for kind in processes}
     for _ in range(effort.repetitions):
         before = {kind: one.cpu_s for kind, one in processes.items()}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shows figures of benchmarks as tables, on a terminal and in a page of the documentation.
+"""Shows the figures of benchmarks as tables, in a terminal and in a page of the documentation.
 
-``python benchmarks/figures.py build/benchmarks.json docs/performance.md`` puts them into the page.
+``python benchmarks/figures.py build/benchmarks.json docs/performance.md`` writes into the page.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ END = "<!-- end of figures -->"
 COLUMNS = ("who", "median", "least … most", "beside", "ratio", "least … most", "goal")
 
 BAR = "\\|"
-"""A bar inside of a cell in Markdown."""
+"""A bar inside a cell in Markdown."""
 
 _WRAPPED = ("who", "beside")
 
 
 def as_json(row: Row) -> dict[str, Any]:
-    """Return a row as plain data, with what follows from it."""
+    """Return a row as plain data, including derived values."""
     return {
         **asdict(row),
         "ratio": row.ratio,
@@ -45,12 +45,12 @@ def as_json(row: Row) -> dict[str, Any]:
 
 
 def from_json(kept: dict[str, Any]) -> Row:
-    """Return the row that was kept as plain data."""
+    """Return the row of stored plain data."""
     return Row(**{one.name: kept[one.name] for one in fields(Row)})
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """Return the text of a row's cells, one of each of :data:`COLUMNS`."""
+    """Return the texts of a row's cells, one per :data:`COLUMNS`."""
     goal = ""
     if row.is_met is not None:
         goal = f"{_bound(row)} {'met' if row.is_met else 'missed'}"
@@ -69,7 +69,7 @@ def cells(row: Row) -> tuple[str, ...]:
 
 
 def table(title: str, rows: Sequence[Row]) -> RenderableType:
-    """Return what a terminal shows: the rows below their cases, and their notes below all."""
+    """Return text for a terminal: the rows under their cases, then all notes."""
     shown = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
     for column in COLUMNS:
         shown.add_column(column, no_wrap=column not in _WRAPPED)
@@ -91,7 +91,7 @@ def table(title: str, rows: Sequence[Row]) -> RenderableType:
 
 
 def markdown(rows: Iterable[Row]) -> str:
-    """Return the rows as a table in Markdown, and their notes below it."""
+    """Return the rows as a Markdown table, followed by their notes."""
     lines = [f"| what | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 1) + "|"]
     notes: list[str] = []
     before = ""
@@ -116,7 +116,7 @@ def summary(figures: dict[str, Any]) -> str:
 
 
 def section(name: str, kept: dict[str, Any]) -> str:
-    """Return what a page says of one benchmark."""
+    """Return the section of a page for one benchmark."""
     machine = kept["machine"]
     on = (
         f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}, Python "
@@ -136,7 +136,7 @@ def put_into(page: str, figures: dict[str, Any]) -> str:
     """Return a page with these figures between the marks.
 
     Raises:
-        ValueError: A mark is missing, or the figures mean nothing as they were taken in short.
+        ValueError: A mark is missing, or the figures are of a short measurement and mean nothing.
     """
     short = [name for name, kept in figures.items() if kept["short"]]
     if short:
@@ -150,7 +150,7 @@ def put_into(page: str, figures: dict[str, Any]) -> str:
 
 
 def _mark(row: Row, notes: list[str]) -> str:
-    """Return the number of a row's note, with a space; empty without one."""
+    """Return the number of a row's note after a space; empty without a note."""
     if not row.note:
         return ""
     if row.note not in notes:
@@ -163,7 +163,7 @@ def _case(row: Row) -> str:
 
 
 def _spread(values: Sequence[float], unit: str) -> tuple[str, str]:
-    """Return the median with its unit, and between what the values are, in the same one."""
+    """Return the median with its unit, and the range of the values in the same unit."""
     median = statistics.median(values)
     factor, word = _scale(median, unit)
     between = _between([value * factor for value in values], "{:.3g}")
@@ -176,7 +176,7 @@ def _between(values: Iterable[float], form: str) -> str:
 
 
 def _scale(median: float, unit: str) -> tuple[float, str]:
-    """Return by what a value is multiplied to be readable, and its unit then."""
+    """Return the factor that makes a value readable, and the unit that goes with it."""
     if unit != "s":
         return 1.0, unit
     for factor, word in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
@@ -186,7 +186,7 @@ def _scale(median: float, unit: str) -> tuple[float, str]:
 
 
 def _number(value: float, form: str = "{:.3g}") -> str:
-    """Return a number of few digits without an exponent."""
+    """Return a number with few digits and without an exponent."""
     return f"{value:,.0f}" if abs(value) >= 100 else form.format(value)
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A process that floods nodes: each line of its input is ``KIND, NODE, SECONDS``.
 
-A kind is one of :data:`FLOODS`. The process knows nothing of the system but its names and types,
-as anybody on the same ROS domain does.
+A kind is one of :data:`FLOODS`. The process knows nothing of the system except names and types,
+like any process on the same ROS domain.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from bt_agents_ros.size_check import is_own, largest_bytes, most_entries
 from bt_agents_ros.types import resolved, slots_of
 
 MATCHED_S = 20.0
-"""Until a flood gives up looking for its node [s]."""
+"""Time after which a flood stops looking for its node [s]."""
 
 TOPICS: Mapping[str, tuple[tuple[Any, str], ...]] = {
     "marketplace": (
@@ -96,7 +96,7 @@ _MOST_PARAMETERS = limits.ENTRIES_OF["SetParameters_Request.parameters"]
 
 _LATE_S = 1.0
 _OVER = 1.5
-"""How many times the limit is what is over the limit."""
+"""Ratio of an oversized message to the limit."""
 
 _FLOODER = QoSProfile(
     depth=5, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -105,7 +105,7 @@ _FLOODER = QoSProfile(
 
 
 class Flood:
-    """What one flooding process has: its node, whom it floods, and for how long."""
+    """One flooding process: its node, its target and its duration."""
 
     def __init__(self, target: str, seconds: float) -> None:
         self.node = rclpy.create_node("flooder", enable_rosout=False)
@@ -114,13 +114,13 @@ class Flood:
         self.sent = 0
 
     def lasts(self) -> Callable[[], bool]:
-        """Begin; return what says whether it goes on."""
+        """Start the time; return a function that reports whether it continues."""
         end = time.monotonic() + self.seconds
         print("begins", flush=True)
         return lambda: not self.sent or time.monotonic() < end
 
     def publish(self, *topics: tuple[Any, str, bytes]) -> None:
-        """Publish bytes on topics in turn, as fast as it goes."""
+        """Publish bytes on topics in turn, as fast as possible."""
         made = []
         for kind, topic, message in topics:
             made.append((self.publisher(kind, topic), message))
@@ -133,7 +133,7 @@ class Flood:
             publisher.wait_for_all_acked(Duration(seconds=_LATE_S))
 
     def publisher(self, kind: Any, topic: str) -> Publisher[Any]:
-        """Return a publisher that the node hears, and not only others that have the topic."""
+        """Return a publisher matched with the target, not only with others on the topic."""
         made = self.node.create_publisher(kind, topic, _FLOODER)
 
         def is_heard() -> bool:
@@ -145,7 +145,7 @@ class Flood:
         return made
 
     def ask(self, *services: tuple[Any, str, Callable[[int], Any]]) -> None:
-        """Send requests to services in turn, some of them at a time."""
+        """Send requests to services in turn, several at a time."""
         made = []
         largest = 1
         for kind, name, make in services:
@@ -178,9 +178,9 @@ def until(condition: Callable[[], Any]) -> None:
 
 
 def filled(kind: Any, size: int) -> Any:
-    """Return a message of about so many bytes, with as many small objects in it as may be.
+    """Return a message of a given size with as many small objects in it as possible.
 
-    Lists and texts keep their limits unless the whole is beyond its own.
+    Lists and texts stay within their limits unless the whole message exceeds its own.
     """
     message = kind()
     is_over = size > largest_bytes(kind)
@@ -217,7 +217,7 @@ def _entry(slot: Any) -> Any:
 
 
 def messages(flood: Flood, share: float) -> None:
-    """Publish on all topics, each message of a share of its limit."""
+    """Publish on all topics; each message is a share of its limit."""
     flood.publish(
         *(
             (kind, topic, _serialized(kind, int(share * largest_bytes(kind))))
@@ -232,7 +232,7 @@ def _serialized(kind: Any, size: int) -> bytes:
 
 
 def malformed(flood: Flood) -> None:
-    """Publish bytes that are no message."""
+    """Publish bytes that do not form a message."""
     flood.publish(
         *(
             (kind, topic, b"\0\1\0\0" + b"\xff" * 60)
@@ -243,7 +243,7 @@ def malformed(flood: Flood) -> None:
 
 
 def requests(flood: Flood, share: float) -> None:
-    """Ask all services, each request of a share of its limit."""
+    """Call all services; each request is a share of its limit."""
     services = []
     for kind, name in SERVICES[flood.target]:
         request = filled(kind.Request, int(share * largest_bytes(kind.Request)))
@@ -265,7 +265,7 @@ def goals(flood: Flood, share: float) -> None:
 
 
 def cancels(flood: Flood) -> None:
-    """Cancel all goals of an action, and goals that there are not."""
+    """Cancel all goals of an action, and goals that do not exist."""
     _, action = ACTIONS[flood.target]
 
     def some(number: int) -> Any:
@@ -277,7 +277,7 @@ def cancels(flood: Flood) -> None:
 
 
 def parameters(flood: Flood, entries: int) -> None:
-    """Set, get and list parameters that there are not."""
+    """Set, get and list parameters that do not exist."""
     made = {
         SetParameters: SetParameters.Request(parameters=[Parameter(name="x")] * entries),
         GetParameters: GetParameters.Request(names=["x"] * entries),
@@ -292,7 +292,7 @@ def parameters(flood: Flood, entries: int) -> None:
 
 
 def names(flood: Flood) -> None:
-    """Introduce one host after the other, each with topics of its own."""
+    """Introduce one host after another, each with its own topics."""
     if flood.target == "marketplace":
         flood.ask((RegisterHost, "marketplace/register", _registration))
         return
@@ -326,7 +326,7 @@ def _registration(number: int) -> Any:
 
 
 def participants(flood: Flood) -> None:
-    """Join and leave, each time with some endpoints."""
+    """Join and leave repeatedly, each time with some endpoints."""
     goes_on = flood.lasts()
     while goes_on():
         context = Context()
@@ -342,7 +342,7 @@ def participants(flood: Flood) -> None:
 
 
 def states(flood: Flood) -> None:
-    """Publish feedback and states of actions, as a server does that answers a host."""
+    """Publish feedback and states of actions, like a server that answers a host."""
     states = filled(GoalStatusArray, limits.MESSAGE_BYTES)
     feedback = filled(Say.Impl.FeedbackMessage, limits.MESSAGE_BYTES)
     flood.publish(
@@ -368,17 +368,17 @@ FLOODS: Mapping[str, tuple[Callable[[Flood], None], tuple[str, ...]]] = {
     "participants": (participants, tuple(TOPICS)),
     "states of goals": (states, ("agents",)),
 }
-"""Name → how it floods a node, and the nodes that it concerns.
+"""Name → function that floods a node, and the nodes that it applies to.
 
 What is over the limit comes first, so that the middleware has room for what is at the limit.
 """
 
 ROUNDS: Mapping[str, int] = {"messages over the limit": 2}
-"""How often a test floods, if not once: the middleware keeps room, which a leak does not end."""
+"""Repeats of a flood in a test, if not once: the middleware keeps memory, which a leak exceeds."""
 
 
 def pairs() -> Iterator[tuple[str, str]]:
-    """Yield each flood with each node that it concerns."""
+    """Yield each flood with each node that it applies to."""
     for name, (_, targets) in FLOODS.items():
         yield from ((name, target) for target in targets)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures how long a node is silent under a flood, and what stays of it in its memory."""
+"""Measures how long a flood silences a node, and how much memory the node keeps."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from measuring import Effort, Row
 from processes import Graph, Running, graphs, write_trees
 
 PERIOD_S = 0.1
-"""Time between two heartbeats of a node, or two questions to one that has none [s]."""
+"""Time between two heartbeats of a node, or two requests to a node without heartbeats [s]."""
 
 FLOOD_S = 2.0
-"""How long a flood lasts [s]."""
+"""Length of a flood [s]."""
 
 ALIVE = 2
-"""Signs of life after a flood until a node counts as one that lives."""
+"""Signs of life after a flood that show that a node lives."""
 
 HEARTBEATS: Mapping[str, tuple[Any, str]] = {
     "marketplace": (MarketHeartbeat, "marketplace/heartbeat"),
     "agents": (Heartbeat, "agents/heartbeat"),
     "robot": (Empty, "robot/heartbeat"),
 }
-"""The nodes that have heartbeats; the others are asked."""
+"""Nodes with heartbeats; other nodes are polled."""
 
 REST_S = 1.0
-"""How long a node is watched before a flood and after it [s]."""
+"""Time for which a node is watched before and after a flood [s]."""
 
 _CODES = ("TOO_LARGE", "MALFORMED")
 _LIFE_S = 30.0
@@ -47,15 +47,15 @@ _LIFE_S = 30.0
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a flood has done to a node.
+    """Effect of a flood on a node.
 
     Attributes:
-        silence_s: Longest time between two signs of life, from its begin to some time after [s].
+        silence_s: Longest time between two signs of life, from the flood to some time after [s].
         before_s: The same without a flood [s].
-        growth_mb: What the node has more in memory then [MB].
-        refusals: Lines that the node has logged of what it has refused.
-        codes: Codes of what it has refused since its start, as its log says them.
-        sent: Messages or requests that were sent.
+        growth_mb: Memory that the node has gained [MB].
+        refusals: Lines in the node's log about refusals.
+        codes: Codes of all refusals in the node's log since its start.
+        sent: Number of messages or requests sent.
     """
 
     silence_s: float
@@ -67,7 +67,7 @@ class Outcome:
 
 
 class Life:
-    """Signs of life of a node: its heartbeats, or its answers to something small."""
+    """Signs of life of a node: its heartbeats, or its answers to a small request."""
 
     def __init__(self, graph: Graph, name: str) -> None:
         self._graph = graph
@@ -82,7 +82,7 @@ class Life:
         graph.until_matched(matched)
 
     def watch(self, goes_on: Callable[[int], bool]) -> float:
-        """Look on while something goes on, which takes the number of signs so far.
+        """Watch while ``goes_on`` returns True for the number of signs so far.
 
         Returns:
             The longest time between two signs [s].
@@ -103,7 +103,7 @@ class Life:
 
 
 class System:
-    """The nodes of a system, to be flooded one after the other."""
+    """The nodes of a system, to be flooded one after another."""
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
@@ -123,7 +123,7 @@ class System:
         self._flooder = graph.bare("flooder.py")
 
     def flood(self, kind: str, target: str, seconds: float, rest_s: float) -> Outcome:
-        """Flood a node for so long [s], and watch it before and afterwards [s]."""
+        """Flood a node for a time [s], and watch it before and afterwards [s]."""
         life, process = self._lives[target], self.processes[target]
         before_s = life.watch(_lasting(rest_s))
         before_mb, before = process.resident_mb, _refusals(process)
@@ -160,7 +160,7 @@ def _lasting(seconds: float) -> Callable[..., bool]:
 
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Yield how long each node is silent under each flood."""
+    """Yield how long each flood silences each node."""
     with graphs() as make:
         system = System(make("floods"))
         for kind, target in pairs():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures what a system costs that does nothing: CPU, memory, and how soon a late one is in."""
+"""Measures the cost of an idle system: CPU, memory, and how fast a late process joins."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ AGENTS = 30
 MANY = 1000
 
 _IDLE_LIMIT = 2.2
-"""Of all nodes in one process [% of a core]."""
+"""CPU limit of all nodes in one process [% of a core]."""
 
 _MEMORY_LIMIT_MIB = 90.0
-"""Of the same, with its share of what it has with others [MiB]."""
+"""Memory limit of the same process, including its share of shared memory [MiB]."""
 
 _READY_LIMIT_S = 1.2
-"""From the start of ``bt-agents up`` until it says that the system is ready [s]."""
+"""Longest time from the start of ``bt-agents up`` until the system is ready [s]."""
 
 _WINDOW_S = 4.0
 _LISTEN_S = 2.0
@@ -62,12 +62,12 @@ NODES_20 = """
 """
     for step in (1, 2, 3)
 )
-"""A sequence of three steps of six nodes, and its last leaf."""
+"""A sequence of three steps of six nodes each, and a last leaf."""
 NODES_20 += "    - say: That is all."
 
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Yield what each costs."""
+    """Yield each cost."""
     yield _idle(effort)
     yield from _one_process(effort)
     yield from _memory(effort)
@@ -76,7 +76,7 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 
 def _start(graph: Graph, trees: Path, *components: Component) -> list[Running]:
-    """Start processes, the last of them a host; return when all its agents are in."""
+    """Start processes, the last of them a host; return once all its agents are registered."""
     cards: list[Any] = []
     listening = graph.probe.create_subscription(HostCard, "bt_agents/cards", cards.append, LATCHED)
     running = [graph.start(component) for component in components]
@@ -93,12 +93,12 @@ def _start(graph: Graph, trees: Path, *components: Component) -> list[Running]:
 def layout_of(
     node: Node, names: Iterable[str], rest: Callable[[float], None], listen_s: float
 ) -> dict[str, Any]:
-    """Return what nodes offer and use, and how often they publish, for :mod:`bare_idle`.
+    """Return the endpoints and publishing rates of nodes for :mod:`bare_idle`.
 
     Args:
-        node: In their graph; listens to all their topics for a while.
-        names: Of the nodes.
-        rest: Lets the node do its work for so long [s].
+        node: Node in the same graph; subscribes to all their topics for a while.
+        names: Names of the nodes.
+        rest: Spins the node for a time [s].
         listen_s: How long to count messages [s].
     """
     layouts = {name: _endpoints(node, name) for name in names}
@@ -160,7 +160,7 @@ def _policies(infos: Any, name: str) -> list[int]:
 
 
 def _is_common(service: str, type_name: str) -> bool:
-    """Return whether a service belongs to an action, or to every node of rclpy."""
+    """Return whether a service belongs to an action, or to every rclpy node."""
     return "/_action/" in service or type_name.startswith("rcl_interfaces/srv/")
 
 
@@ -181,7 +181,7 @@ def _idle(effort: Effort) -> Row:
         names = ["marketplace", "scene_layer", "feedback", "agents"]
         known = ours.probe.get_node_names
         ours.until(lambda: {*names} <= {*known()}, "all nodes are in the graph")
-        ours.rest(_MATCH_S)  # their endpoints come after them
+        ours.rest(_MATCH_S)  # the graph learns of their endpoints after the nodes
         layout = layout_of(ours.probe, names, ours.rest, 0.5 if effort.is_short else _LISTEN_S)
         beating = {name for name, one in layout.items() if any(p[3] for p in one["publishers"])}
         assert {"marketplace", "agents"} <= beating, layout
@@ -213,7 +213,7 @@ def _idle(effort: Effort) -> Row:
 
 
 def _one_process(effort: Effort) -> Iterator[Row]:
-    """Yield what all nodes in one process cost, beside the limits for a small robot."""
+    """Yield the cost of all nodes in one process, and the limits for a small robot."""
     with graphs() as make:
         graph = make("together")
         trees = write_trees(
@@ -248,7 +248,7 @@ def _one_process(effort: Effort) -> Iterator[Row]:
 
 
 def _cpu_s(running: Iterable[Running]) -> float:
-    """Return how long processes have computed [s]."""
+    """Return the CPU time of processes [s]."""
     return sum(one.cpu_s for one in running)
 
 
@@ -298,7 +298,7 @@ def _host_memory(agents: int) -> float:
 
 
 def _joining(effort: Effort) -> Iterator[Row]:
-    """Yield how soon a process that comes later has its first answer."""
+    """Yield how soon a late process has its first answer."""
     number = 1 if effort.is_short else 3
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory()))
@@ -336,7 +336,7 @@ def _joining(effort: Effort) -> Iterator[Row]:
 
 
 def _environments() -> dict[str, dict[str, str]]:
-    """Return the settings of our processes on a domain, and those of ROS itself on another."""
+    """Return the settings of our processes, and those of plain ROS, on a domain each."""
     found = {}
     for name in ("ours", "default"):
         environment = {key: v for key, v in os.environ.items() if "PROFILES_FILE" not in key}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures several ways to do one thing in turn, so that each figure is a ratio of one run."""
+"""Measures several ways to do one thing in turn, so that each ratio comes from one run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HOT = "hot"
 """Back to back."""
 
 ROUND_LIMIT_S = 0.12
-"""A round with 1,000 agents takes no longer [s]."""
+"""Longest time of a round with 1,000 agents [s]."""
 
 COLD = "cold"
 """One at a time, with a pause before each."""
@@ -24,11 +24,11 @@ PAUSE_S = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How much is measured.
+    """How much to measure.
 
     Attributes:
-        repetitions: How often each way is measured.
-        scale: What the number of calls in each measurement is multiplied by.
+        repetitions: Number of measurements of each way.
+        scale: Factor of the number of calls in each measurement.
         random: Shuffles the order.
     """
 
@@ -38,11 +38,11 @@ class Effort:
 
     @property
     def is_short(self) -> bool:
-        """True when it is only seen whether the benchmark works."""
+        """True if the measurement only shows whether the benchmark works."""
         return self.scale < 1
 
     def times(self, number: int) -> int:
-        """Return how often something is done that is done so often in a whole measurement."""
+        """Return the number of calls, given the number in a full measurement."""
         return max(1, round(number * self.scale))
 
 
@@ -51,16 +51,16 @@ class Row:
     """One comparison.
 
     Attributes:
-        case: What is done.
+        case: The task.
         side: Who does it.
-        values: How long it takes, or how much of something, once a repetition.
-        floor: Whom it is compared with; empty for a figure that stands alone.
-        floor_values: The same of the floor, in the same order.
-        unit: Of both.
-        goal: The ratio that is wanted, at most; None for none.
-        at_least: True when the ratio is wanted to be so large at least.
-        pace: :data:`HOT` or :data:`COLD`; empty where nothing waits.
-        note: Where the figure misses its goal, where the time goes; or what is special.
+        values: Time, or another quantity, once per repetition.
+        floor: Name of the comparison; empty for a figure without one.
+        floor_values: Values of the comparison, in the same order.
+        unit: Unit of both.
+        goal: Largest ratio wanted; None for no goal.
+        at_least: True if the goal is the smallest ratio wanted.
+        pace: :data:`HOT` or :data:`COLD`; empty if nothing waits.
+        note: Where the time goes if the figure misses its goal; or a peculiarity.
     """
 
     case: str
@@ -87,7 +87,7 @@ class Row:
         goal: float = 1.0,
         pace: str = "",
     ) -> Row:
-        """Return the comparison of figures with a limit, in their unit."""
+        """Return the comparison of figures with a limit in the same unit."""
         return cls(
             case=case,
             side=side,
@@ -100,10 +100,10 @@ class Row:
         )
 
     def __post_init__(self) -> None:
-        """Refuse a row that cannot be compared.
+        """Reject a row that cannot be compared.
 
         Raises:
-            ValueError: It has no values, or the floor has not one for each.
+            ValueError: It has no values, or not one value of the floor for each.
         """
         if not self.values or (self.floor and len(self.floor_values) != len(self.values)):
             raise ValueError(f"'{self.case}' of {self.side} lacks values")
@@ -115,24 +115,24 @@ class Row:
 
     @property
     def ratio(self) -> float | None:
-        """The ratio of the medians; None without a floor, or with one of zero."""
+        """The ratio of the medians; None without a floor, or with a floor of zero."""
         floor = statistics.median(self.floor_values) if self.floor_values else 0
         return statistics.median(self.values) / floor if floor > 0 else None
 
     @property
     def is_met(self) -> bool | None:
-        """Whether the goal is reached; None without one."""
+        """Whether the goal is met; None without a goal."""
         if self.goal is None or self.ratio is None:
             return None
         return self.ratio >= self.goal if self.at_least else self.ratio <= self.goal
 
 
 Way = Callable[[], float]
-"""Does the thing some times; returns how long it took each time [s], or how much of something."""
+"""Does the task several times; returns the time of one [s], or another quantity."""
 
 
 def in_turn(ways: Mapping[str, Way], effort: Effort) -> dict[str, list[float]]:
-    """Measure each way once a repetition, in an order that is shuffled anew each time."""
+    """Measure each way once per repetition, in a new random order each time."""
     found: dict[str, list[float]] = {name: [] for name in ways}
     names = list(ways)
     for _ in range(effort.repetitions):
@@ -145,12 +145,12 @@ def in_turn(ways: Mapping[str, Way], effort: Effort) -> dict[str, list[float]]:
 def timed(
     call: Callable[[], object], number: int, clock: Callable[[], float] = time.perf_counter
 ) -> Way:
-    """Return a way that does a call so often, back to back, and takes the mean.
+    """Return a way that repeats a call back to back and takes the mean.
 
     Args:
-        call: What is measured.
-        number: How often.
-        clock: :func:`time.thread_time` for what only computes: a busy machine disturbs it less.
+        call: Call to measure.
+        number: Number of calls.
+        clock: :func:`time.thread_time` for pure computation, which a busy machine disturbs less.
     """
 
     def way() -> float:
@@ -163,11 +163,11 @@ def timed(
 
 
 def paused(call: Callable[[], float], number: int) -> Way:
-    """Return a way that does a call so often, each after a pause, and takes the median.
+    """Return a way that repeats a call, each after a pause, and takes the median.
 
     Args:
-        call: Returns how long it took itself [s].
-        number: How often.
+        call: Returns its own time [s].
+        number: Number of calls.
     """
 
     def way() -> float:

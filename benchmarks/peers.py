@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Other behaviour-tree engines, each building the same trees in its own way, no debugging on.
+"""Other behaviour-tree engines, each building the same trees in its own way, without debugging.
 
-The leaves are plain Python that counts how often it was ticked, in every engine.
+In every engine, the leaves are plain Python and count their ticks.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from reference_trees import Answer, Kind, Shape
 
 @dataclass(kw_only=True)
 class Counted:
-    """A leaf's answer in the words of its engine, and how often it was ticked."""
+    """A leaf's answer in the terms of its engine, and the number of its ticks."""
 
     answer: Any
     ticks: int = 0
 
 
 def behaviortree_cpp(shape: Shape) -> Built:
-    """BehaviorTree.CPP through its binding: the tree from XML, the leaves registered."""
+    """BehaviorTree.CPP through its Python binding: a tree from XML, with registered leaves."""
     import behaviortreepy as bt
 
     factory = bt.BehaviorTreeFactory()
@@ -63,7 +63,7 @@ def _registered(factory: Any, leaves: list[Counted], statuses: Any, answer: Answ
 
 
 def bonsai(shape: Shape) -> Built:
-    """bonsai-bt, in Rust: one callback for all leaves; a tree that ended is reset."""
+    """bonsai-bt, in Rust: one callback for all leaves; a tree that has ended is reset."""
     import bonsai_bt as bt
 
     leaves: list[Counted] = []
@@ -120,4 +120,4 @@ PEERS = {
     CPP: Peer(module="behaviortreepy", build=behaviortree_cpp),
     "bonsai-bt": Peer(module="bonsai_bt", build=bonsai),
 }
-"""By name; none of them has to be installed."""
+"""Peers by name; all are optional."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node processes on ROS domains of their own, and the probe in this process that talks to them."""
+"""Node processes on ROS domains of their own, and a probe in this process."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from bt_agents_tools.launcher.supervisor import Component, set_discovery
 HERE = Path(__file__).parent
 
 LIMIT_S = 60.0
-"""Whatever takes longer hangs [s]."""
+"""Time limit of every wait [s]."""
 
 _TURN_S = 0.05
 _END_S = 3.0
 _CPU_CLOCK = 2
-"""In the id of the clock of another process: the time that it has computed."""
+"""Bits in the id of another process's clock that select its CPU time."""
 
 SKILLS = """\
 format: 1
@@ -47,15 +47,15 @@ skills:
 
 
 class Running:
-    """A process that was started.
+    """A started process.
 
     Args:
         command: Its command line.
         environment: Its environment.
-        log: What it prints goes here.
+        log: File of its output.
 
     Attributes:
-        name: For people.
+        name: Name in messages.
     """
 
     def __init__(
@@ -89,10 +89,10 @@ class Running:
 
     @property
     def is_up(self) -> bool:
-        """Whether it has said that its nodes are made.
+        """Whether it has reported that its nodes exist.
 
         Raises:
-            RuntimeError: It has ended; the message ends with what it said last.
+            RuntimeError: It has ended; the message ends with its last output.
         """
         if self._process.poll() is not None:
             raise RuntimeError(f"{self.name} ended by itself:\n{self.said[-3000:]}")
@@ -103,30 +103,30 @@ class Running:
 
     @property
     def exit_code(self) -> int | None:
-        """The code with which it has ended; None while it lives."""
+        """Exit code of the process; None while it lives."""
         return self._process.poll()
 
     @property
     def cpu_s(self) -> float:
-        """How long it has computed [s]."""
+        """CPU time [s]."""
         return time.clock_gettime((~self.pid << 3) | _CPU_CLOCK)
 
     @property
     def resident_mb(self) -> float:
-        """Memory that it has in RAM [MB]."""
+        """Memory in RAM [MB]."""
         statm = Path(f"/proc/{self.pid}/statm").read_text(encoding="ascii")
         return int(statm.split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
     @property
     def proportional_mib(self) -> float:
-        """Memory that it has in RAM, and its share of what it has with others [MiB]."""
+        """Memory in RAM, with its share of shared memory [MiB]."""
         rollup = Path(f"/proc/{self.pid}/smaps_rollup").read_text(encoding="ascii")
         (line,) = (line for line in rollup.splitlines() if line.startswith("Pss:"))
         return int(line.split()[1]) / 1024
 
     @property
     def said(self) -> str:
-        """All that it has printed."""
+        """Its whole output."""
         return self._log.read_text(errors="replace")
 
     def tell(self, line: str) -> None:
@@ -136,7 +136,7 @@ class Running:
         self._process.stdin.flush()
 
     def kill(self) -> None:
-        """End it as a crash does; nothing when it has ended."""
+        """Kill it, as in a crash; do nothing if it has ended."""
         self._process.kill()
         self._process.wait()
         if self._process.stdin is not None:
@@ -146,7 +146,7 @@ class Running:
             self._ready = -1
 
     def end(self) -> None:
-        """End it in order, or kill it when that takes too long."""
+        """End it cleanly, or kill it if that takes too long."""
         self._process.terminate()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_END_S)
@@ -156,14 +156,14 @@ class Running:
 class Graph:
     """A ROS graph of processes on a domain of its own, with a probe in this process.
 
-    Discovery and transport are those of a system that ``bt-agents up`` has started. Several
-    graphs at a time do not hear each other.
+    Discovery and transport are the same as under ``bt-agents up``. Several graphs may exist at the
+    same time, isolated from each other.
 
     Args:
-        name: For people.
+        name: Name in messages.
 
     Attributes:
-        probe: A bare node in this process; turned while something is waited for.
+        probe: A bare node in this process; spun during waits.
         folder: For trees, logs and a ledger; removed at the end.
     """
 
@@ -184,13 +184,13 @@ class Graph:
 
     @property
     def context(self) -> Any:
-        """Of all nodes in this process."""
+        """Context of all nodes in this process."""
         return self._context
 
     def start(self, component: Component, node: str = "") -> Running:
-        """Start a node of ours, under another name if one is given, or several in one process."""
+        """Start one of our nodes, optionally under another name, or several in one process."""
         name = node or component.name
-        # Nodes that share a process would all get the name.
+        # All nodes in one process would get the name.
         remapping = [] if component.parts else ["-r", f"__node:={name}"]
         return self._start(name, [*component.command(), *remapping])
 
@@ -201,7 +201,7 @@ class Graph:
         return self._start(name, [sys.executable, str(HERE / program), *words])
 
     def command(self, program: str, *arguments: object) -> Running:
-        """Start a program that is installed with us."""
+        """Start a program of our installation."""
         words = [str(argument) for argument in arguments]
         path = str(Path(sys.executable).parent / program)
         return self._start(" ".join([program, *words]), [path, *words])
@@ -212,15 +212,15 @@ class Graph:
         return self._running[-1]
 
     def turn(self, timeout_s: float = _TURN_S) -> None:
-        """Let the nodes of this process do one piece of work, or wait for some so long [s]."""
+        """Spin the nodes of this process once, waiting for work up to a time limit [s]."""
         self._executor.spin_once(timeout_sec=timeout_s)
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
-        """Turn the nodes of this process until a condition holds.
+        """Spin the nodes of this process until a condition holds.
 
         Args:
-            condition: Looked at after each piece of work.
-            what: What is waited for, in words.
+            condition: Checked after each piece of work.
+            what: Description of the condition.
 
         Raises:
             RuntimeError: It takes too long, or a process has ended.
@@ -233,16 +233,16 @@ class Graph:
             self.turn()
 
     def until_up(self) -> None:
-        """Wait until every process says that its nodes are made."""
+        """Wait until every process has reported that its nodes exist."""
         self.until(lambda: all(one.is_up for one in self._running), "all processes are up")
 
     def until_matched(self, *endpoints: Any, count: int = 1) -> None:
-        """Wait until publishers, subscriptions and clients of the probe have so many partners."""
+        """Wait until endpoints of the probe have this many partners."""
         for endpoint in endpoints:
             self.until(lambda of=endpoint: _partners(of) >= count, f"a partner of {endpoint}")
 
     def rest(self, seconds: float) -> None:
-        """Turn for so long [s], as between two cold requests."""
+        """Spin for a time [s], for example between two cold requests."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             self.turn(left)
@@ -269,7 +269,7 @@ def _partners(endpoint: Any) -> int:
 
 @contextmanager
 def graphs() -> Iterator[Callable[[str], Graph]]:
-    """Give a maker of graphs, all of which are ended at the end, however that comes."""
+    """Yield a function that makes graphs; end all of them afterwards, even after an exception."""
     with ExitStack() as stack:
 
         def make(name: str) -> Graph:
@@ -284,8 +284,8 @@ def write_trees(folder: Path, agents: Mapping[str, str]) -> Path:
     """Make a trees folder of agents with profiles that differ; return it.
 
     Args:
-        folder: Made by this.
-        agents: Name to the tree, as JSON or on lines that are indented by two spaces.
+        folder: Created by this function.
+        agents: Name → tree, as JSON or on lines indented by two spaces.
     """
     (folder / "agents").mkdir(parents=True)
     (folder / "skills").mkdir()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long it takes to rank bids."""
+"""Measures how long the market takes to rank bids."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ HIGHEST = 10.0
 PARAMETERS = 3
 CLOSED = (3, 1_000)
 DECISIONS_A_TURN = 2_000
-"""About so many bids are decided on in each measurement."""
+"""Approximate number of bids in each measurement."""
 
 OURS = "bt-agents"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A scene and bids of chance.
+    """A random scene and random bids.
 
     Attributes:
-        space: Its parameters.
-        terms: Of the round.
-        bids: In the order of their agents' names.
+        space: Scene parameters.
+        terms: Terms of the round.
+        bids: Bids in the order of the agents' names.
     """
 
     space: SceneSpace
@@ -44,7 +44,7 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 
 def case(agents: int, parameters: int) -> Case:
-    """Return so many agents with so many parameters; every tenth bid is like the one before."""
+    """Return a case with agents and parameters; every tenth bid equals the one before."""
     random = round_rng(f"{agents} agents, {parameters} parameters")
     vectors = HIGHEST * random.random((agents, parameters))
     vectors[10::10] = vectors[9:-1:10]
@@ -83,7 +83,7 @@ def case(agents: int, parameters: int) -> Case:
 
 
 def _decision(agents: int, effort: Effort) -> Row:
-    """Compare a round, from the answer of its host to its decision, with the limit."""
+    """Compare a round, from a host's answer to the decision, with the limit."""
     of = case(agents, PARAMETERS)
     names, ids = tuple(bid.agent for bid in of.bids), tuple(bid.agent_id for bid in of.bids)
     answer = Bids(

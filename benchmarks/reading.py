@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long agent files take to be read, checked and built, beside a YAML parser on the same text.
+"""Measures reading, checking and building of agent files against a YAML parser on the same text.
 
-Every file is read as the first one of a process: no condition is known from the last time.
+Every file is read as the first one of a process: no parsed condition is cached.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SHORT_SIZES = (20, 200)
 LARGE = 5_000
 GOAL = 0.25
 LEAST_S = 0.02
-"""A measurement repeats what takes less [s]."""
+"""A measurement repeats shorter calls until it takes this long [s]."""
 
 HEAD = """\
 format: 1
@@ -62,7 +62,7 @@ STEP = """\
           on_failure: {{show: {{text: Nobody has answered., duration: 3 s}}}}
 """
 NODES_OF_STEP = 9
-"""A selector, a sequence, four leaves and three decorators."""
+"""Nodes of a step: a selector, a sequence, four leaves and three decorators."""
 
 VARIED_STEP = """\
     - name: {word} {number}
@@ -75,7 +75,7 @@ VARIED_STEP = """\
           retry: {few}
           on_failure: {{show: {{text: {word} number {number}., duration: {number} s}}}}
 """
-"""The same, with no text, number or condition twice."""
+"""The same, with every text, number and condition different."""
 
 SUBTREE = """\
   part_{number}:
@@ -94,7 +94,7 @@ def measure(effort: Effort) -> Iterator[Row]:
     """Compare files of several kinds and sizes, and the folder of trees.
 
     Raises:
-        RuntimeError: A file means something else than it should.
+        RuntimeError: A file does not have its expected meaning.
     """
     symbols = read_symbols(TREES)
     for nodes in SHORT_SIZES if effort.is_short else SIZES:
@@ -111,14 +111,14 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 
 def mixture(nodes: int) -> str:
-    """Return a file with so many nodes, as people write them."""
+    """Return a file with a number of nodes, similar to an author's."""
     steps, rest = divmod(nodes - 1, NODES_OF_STEP)
     text = "".join(STEP.format(number=number) for number in range(steps))
     return HEAD + TREE + text + LEAF * rest
 
 
 def varied(nodes: int) -> str:
-    """Return a file with so many nodes in which hardly anything stands twice."""
+    """Return a file with a number of nodes that has hardly any repetition."""
     steps, rest = divmod(nodes - 1, NODES_OF_STEP)
     source = random.Random(1)
     text = "".join(
@@ -134,7 +134,7 @@ def varied(nodes: int) -> str:
 
 
 def subtrees(nodes: int) -> str:
-    """Return a file with so many nodes, most of them in subtrees that are called once."""
+    """Return a file with a number of nodes, most of them in subtrees that are called once."""
     calls, rest = divmod(nodes - 1, NODES_OF_CALL)
     called = "".join(CALL.format(number=number) for number in range(calls))
     parts = "".join(SUBTREE.format(number=number) for number in range(calls))
@@ -142,7 +142,7 @@ def subtrees(nodes: int) -> str:
 
 
 def _way(call: Callable[[], object]) -> Way:
-    """Return a way that does a call as often as it takes to measure it."""
+    """Return a way that repeats a call often enough to measure it."""
 
     def way() -> float:
         gc.collect()
@@ -203,12 +203,12 @@ def _whole(text: str, symbols: SymbolTable) -> Behaviour:
 
 
 def _forget() -> None:
-    """Forget the conditions that have been parsed."""
+    """Clear the cache of parsed conditions."""
     names._parsed.cache_clear()
 
 
 def _folder(effort: Effort) -> Row:
-    """Compare the folder as a host reads it when it starts."""
+    """Compare the folder, read as a host reads it at its start."""
     agents = [path for path in yaml_files(TREES / "agents") if ".test." not in path.name]
     libraries = [*(TREES / "skills").glob("*.yaml"), *(TREES / "libraries").glob("*.yaml")]
     files = [TREES / "scene.yaml", *libraries, *agents]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The trees that engines are compared on, in words that every engine has."""
+"""Trees on which engines are compared, made of nodes that every engine has."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import Enum
 
 
 class Kind(Enum):
-    """What a node is."""
+    """Kind of a node."""
 
     SEQUENCE = "sequence"
     SELECTOR = "selector"
@@ -17,7 +17,7 @@ class Kind(Enum):
 
 
 class Answer(Enum):
-    """What a leaf, or a tree, answers to a tick."""
+    """Answer of a leaf, or of a tree, to a tick."""
 
     SUCCESS = "success"
     FAILURE = "failure"
@@ -26,13 +26,13 @@ class Answer(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """A node and those below it.
+    """A node and its descendants.
 
     Attributes:
-        kind: What it is.
-        children: Below it.
-        memory: Whether a composite goes on at the child that runs, not at its first one.
-        answer: Of a leaf, to every tick.
+        kind: Kind of the node.
+        children: Its children.
+        memory: Whether a composite continues at the running child instead of its first one.
+        answer: A leaf's answer to every tick.
     """
 
     kind: Kind
@@ -57,19 +57,19 @@ def selector(*children: Shape) -> Shape:
 
 
 def inverted(shape: Shape, times: int) -> Shape:
-    """Return a node with so many inverters around it."""
+    """Return a node with this many inverters around it."""
     for _ in range(times):
         shape = Shape(kind=Kind.INVERT, children=(shape,))
     return shape
 
 
 def balanced(nodes: int, width: int, last: Shape) -> Shape:
-    """Return sequences of sequences with so many nodes in all, in levels that are filled in turn.
+    """Return sequences of sequences with a total number of nodes, filled level by level.
 
     Args:
-        nodes: All of them.
-        width: The most children of a node.
-        last: The leaf that is ticked last; the others succeed.
+        nodes: Total number.
+        width: Most children of a node.
+        last: The last leaf; the others succeed.
     """
 
     def node(number: int) -> Shape:

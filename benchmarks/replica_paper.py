@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plain replica of the paper's flow: scene analysis, market, agents and feedback, bare."""
+"""A replica of the paper's flow in bare rclpy: scene analysis, market, agents and feedback."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import CollectFeedback, RegisterHost, SetProfile
 
 AGENTS = {"agent_0": 2.0, "agent_1": 3.0, "agent_2": 4.0}
-"""Agent to the age in its profile."""
+"""Agent → the age in its profile."""
 
 GIVEN = [3.5, 3.0, 3.0]
 """The prepared feedback, always the same."""
@@ -60,7 +60,7 @@ class SceneAnalysis(Node):
 
 
 class Marketplace(Node):
-    """Asks all registered agents for bids, has the nearest one run, then collects feedback."""
+    """Calls all registered agents for bids, runs the nearest one, then collects feedback."""
 
     def __init__(self) -> None:
         super().__init__("marketplace")
@@ -123,7 +123,7 @@ class Marketplace(Node):
 
 
 class Agent(Node):
-    """Bids with its parameters, runs when it is told to, and takes new parameters."""
+    """Bids with its parameters, runs when told to, and takes new parameters."""
 
     def __init__(self, name: str, age: float) -> None:
         super().__init__(name)
@@ -165,12 +165,12 @@ class Agent(Node):
 
 
 class Feedback(Node):
-    """Answers with prepared feedback, by which it moves the parameters of the agent."""
+    """Answers with prepared feedback, which moves the parameters of the agent."""
 
     def __init__(self) -> None:
         super().__init__("feedback")
         self._parameters = {name: [age, 3.0, 3.0] for name, age in AGENTS.items()}
-        # It awaits the agent's answer, which the group of the service would keep from coming.
+        # It awaits the agent's answer, which the callback group of the service would block.
         group = ReentrantCallbackGroup()
         self._clients_of = {
             name: self.create_client(
@@ -199,7 +199,7 @@ ROLES: dict[str, Callable[[], list[Node]]] = {
     "agents": lambda: [Agent(name, age) for name, age in AGENTS.items()],
     "feedback": lambda: [Feedback()],
 }
-"""What this module runs, by its command line."""
+"""Roles of this module by the command line."""
 
 
 if __name__ == "__main__":

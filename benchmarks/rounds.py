@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene to the first tick; bidding with many agents, with many hosts, with a dead one."""
+"""Measures the time from scene to first tick, and bidding of many or silent agents and hosts."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ TREE = "{check: scene.age >= 1}"
 """It ends with its first tick."""
 
 SETTLE_S = 0.5
-"""After so long whatever was under way has come through [s]."""
+"""Time after which all earlier messages have arrived [s]."""
 
 DEADLINE_S = 0.5
-"""A round closes so long after its call, whoever is silent [s]."""
+"""Time from a call for bids to the end of the round, even if a host is silent [s]."""
 
 ANALYZE = Analyze.Request(
     names=list(NAMES), values=list(WANTED), person=Analyze.Request.PRESENT, announce=True
 )
 
 NUMBER = {HOT: 110, COLD: 40}
-"""Measurements a repetition; where all are done, more than 1,000 rounds that lose no bid."""
+"""Measurements per repetition; in total more than 1,000 rounds without a lost bid."""
 
 HOPS = (
     "five hops (request, scene, call, bids, goal) and a start beside four; bare nodes that do the "
@@ -54,13 +54,13 @@ Once = Callable[[], float]
 
 
 class System:
-    """A market and hosts, as ``bt-agents up`` starts them.
+    """A market and hosts, as started by ``bt-agents up``.
 
     Args:
-        graph: Where they are started.
-        hosts: How many agents each host has.
-        layer: Whether there is a scene layer too.
-        deadline_s: Of a round [s]; long, as it is not to be reached.
+        graph: Graph in which to start them.
+        hosts: Number of agents of each host.
+        layer: Whether to start a scene layer, too.
+        deadline_s: Deadline of a round [s]; long, so that no round reaches it.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class System:
         )
 
     def _take_end(self, end: Any) -> None:
-        # The first scene may be sent twice, to a market that is just starting.
+        # The first scene may be sent twice, if the market is still starting.
         if end.code != "DUPLICATE":
             self._ends.append(end)
 
@@ -119,13 +119,13 @@ class System:
             f"{self.agents} agents are registered",
         )
         self.graph.until_matched(self._preview, *self._heard)
-        # A host that has just registered is still busy with introducing its agents.
+        # A newly registered host is still busy introducing its agents.
         self.graph.until(
             lambda: len(self.auction().ranking) == self.agents, "all agents bid in time"
         )
 
     def first_tick(self) -> float:
-        """Ask for a scene; return the time to the first tick, once the scene is over [s]."""
+        """Request a scene; return the time to the first tick [s], once the scene has ended."""
         for seen in (self._ticks, self._ends):
             seen.clear()
         self.graph.until_matched(self._analyze)
@@ -138,7 +138,7 @@ class System:
         return seconds(self._ticks[0].header.stamp) - began
 
     def auction(self) -> Any:
-        """Hold a round that gives nobody a run; return its outcome, of which no bid is lost."""
+        """Hold a round without a run; return its outcome, which includes all bids."""
         self._calls.clear()
         self._previews += 1
         request = PreviewAuction.Request(scene=scene(str(self._previews)))
@@ -148,18 +148,18 @@ class System:
         return answer.result().auction
 
     def bidding(self) -> float:
-        """Hold a round; return the time from the call to the outcome [s]."""
+        """Hold a round; return the time from the call for bids to the outcome [s]."""
         auction = self.auction()
         assert len(auction.ranking) == self.agents, (len(auction.ranking), auction.reason)
         return seconds(auction.header.stamp) - seconds(self._calls[0].header.stamp)
 
 
 class Bare:
-    """Bare programs that do a part of a round each.
+    """Bare programs, each of which does a part of a round.
 
     Args:
-        graph: Where they are started.
-        parts: Which ones.
+        graph: Graph in which to start them.
+        parts: Names of the parts.
     """
 
     def __init__(self, graph: Graph, *parts: str) -> None:
@@ -181,7 +181,7 @@ class Bare:
         )
 
     def until_ready(self) -> None:
-        """Wait until a whole round comes through, of which messages are lost at first."""
+        """Wait for a complete round; at first, messages are lost."""
         asked = 0.0
 
         def has_ticked() -> bool:
@@ -195,7 +195,7 @@ class Bare:
         self.graph.rest(SETTLE_S)
 
     def request_and_goal(self) -> float:
-        """Return the time of a service round trip and of the acceptance of a goal [s]."""
+        """Return the time of a service call, and of the acceptance of a goal [s]."""
         self.graph.until_matched(self._analyze, self._runs)
         began = time.perf_counter()
         answer = self._analyze.call_async(ANALYZE)
@@ -219,7 +219,7 @@ class Bare:
         return seconds(self._ticks[0].header.stamp) - began
 
     def round_trip(self) -> float:
-        """Return the time from a call to the bids of a host, there and back by topics [s]."""
+        """Return the time from a call for bids to the bids of a host, both sent by topics [s]."""
         self._bids.clear()
         self._scenes += 1
         self.graph.until_matched(self._calls, count=2)
@@ -231,10 +231,10 @@ class Bare:
 
 
 class SilentHost:
-    """A host of one agent in this process that lives and never answers.
+    """A host of one agent in this process, alive but silent.
 
     Args:
-        graph: Of a system that is ready.
+        graph: Graph of a ready system.
     """
 
     def __init__(self, graph: Graph) -> None:
@@ -265,7 +265,7 @@ class SilentHost:
 
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Give the figures of all parts."""
+    """Yield the figures of all parts."""
     yield from first_ticks(effort)
     yield from many_agents(effort)
     yield from many_hosts(effort)
@@ -328,7 +328,7 @@ def many_agents(effort: Effort) -> Iterator[Row]:
 
 
 def many_hosts(effort: Effort) -> Iterator[Row]:
-    """Compare rounds of several hosts, each in its process, with one message there and back."""
+    """Compare rounds of several hosts, one process each, with one message there and back."""
     counts = (2,) if effort.is_short else (1, 3, 10)
     goals = {3: 2.5, 10: 7.0}
     with graphs() as make:
@@ -356,7 +356,7 @@ def many_hosts(effort: Effort) -> Iterator[Row]:
 
 
 def dead_agent(effort: Effort) -> Iterator[Row]:
-    """Compare the length of rounds in which one agent of many is silent with their deadline."""
+    """Compare the length of rounds with one silent agent among many with their deadline."""
     agents = 10 if effort.is_short else 999
     with graphs() as make:
         one = System(make("deadline"), [agents], deadline_s=DEADLINE_S)
@@ -387,14 +387,14 @@ def dead_agent(effort: Effort) -> Iterator[Row]:
 
 
 def _paced(once: Once, graph: Graph, pace: str, effort: Effort, share: float = 1.0) -> Way:
-    """Return a way that takes the median of many, back to back or with rests between.
+    """Return a way that takes the median of many calls, back to back or with rests between.
 
     Args:
-        once: What is done.
-        graph: Turned during the rests.
+        once: Call to measure.
+        graph: Graph that is spun during the rests.
         pace: Back to back or not.
-        effort: How much is done.
-        share: What part of the usual number.
+        effort: How much to measure.
+        share: Fraction of the usual number.
     """
     number = effort.times(round(NUMBER[pace] * share))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in for the rest of the system when runs are measured: a market, a skill, a face."""
+"""Stand-ins for the rest of the system in measurements of runs: a market, a skill, a face."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ MIDDLE = [3.0, 3.0, 3.0]
 BEAT_S = 0.2
 TRIES, TRY_S = 60, 1.0
 SETTLE_S = 0.5
-"""Until all that is known of new processes has gone round [s]."""
+"""Time until all nodes know of new processes [s]."""
 
 
 def scene(scene_id: str = "s1") -> Scene:
-    """Return a scene in the middle of everything."""
+    """Return a scene with the middle value of every parameter."""
     values = [SceneValue(name=name, value=3.0, origin=SceneValue.GIVEN) for name in PARAMETERS]
     return Scene(scene_id=scene_id, person=True, values=values)
 
 
 class Market:
-    """What a host needs of a market, played by the probe of a graph."""
+    """The parts of a market that a host needs, played by the probe of a graph."""
 
     def __init__(self, graph: Graph) -> None:
         self.hosts: dict[str, Any] = {}
@@ -87,12 +87,12 @@ class Market:
 
 
 class Runs:
-    """Starts and cancels the runs of one host, ours or a bare one.
+    """Starts and cancels runs of one host, ours or a bare one.
 
     Args:
-        graph: Where it is.
-        market: Names it; None for a bare one.
-        host: Name of its node.
+        graph: Graph of the host.
+        market: Market that makes the goals; None for a bare host.
+        host: Name of the host's node.
     """
 
     def __init__(self, graph: Graph, market: Market | None, host: str) -> None:
@@ -105,7 +105,7 @@ class Runs:
         graph.until_matched(self._action)
 
     def start(self, agent: str) -> Any:
-        """Start a run; return its handle when its first feedback is there."""
+        """Start a run; return its handle after its first feedback."""
         heard: list[Any] = []
         if self._market is not None:
             goal = self._market.goal(self._host, agent)
@@ -118,7 +118,7 @@ class Runs:
         return sent.result()
 
     def cancel(self, handle: Any) -> float:
-        """Cancel a run; return how long it took until its end was known [s]."""
+        """Cancel a run; return the time until its end is known [s]."""
         result = handle.get_result_async()
         self.graph.rest(0.002)
         began = time.perf_counter()
@@ -130,13 +130,13 @@ class Runs:
 
 
 def told(graph: Graph, tell: Callable[[], None], condition: Callable[[], Any]) -> float:
-    """Tell something until it has an effect, as readings may be lost.
+    """Repeat a message until it has an effect, because readings may be lost.
 
     Returns:
-        When it was told last [s].
+        When it was last sent [s].
 
     Raises:
-        RuntimeError: It never has.
+        RuntimeError: It never has an effect.
     """
     for _ in range(TRIES):
         began = time.time()
@@ -151,12 +151,12 @@ def told(graph: Graph, tell: Callable[[], None], condition: Callable[[], Any]) -
 
 
 class Told:
-    """Hears the messages of a topic; each comes with when it was published [s].
+    """Collects the messages of a topic, each with the time when it was published [s].
 
     Args:
-        node: Whose.
+        node: Node that subscribes.
         kind: Class of the messages.
-        topic: Where.
+        topic: Name of the topic.
         profile: Quality of service.
     """
 
@@ -173,12 +173,12 @@ Begin = Callable[[str], Callable[[], None]]
 
 
 class Results:
-    """Gives the leaves of a host, ours or a bare one, what they wait for.
+    """Delivers messages and goal results that the leaves of a host, ours or a bare one, wait for.
 
     Args:
-        graph: Where it is.
-        host: Its node.
-        begin: Begins a run of an agent; returns what waits for its end.
+        graph: Graph of the host.
+        host: Name of the host's node.
+        begin: Begins a run of an agent; returns a function that waits for its end.
     """
 
     def __init__(self, graph: Graph, host: str, begin: Begin) -> None:
@@ -198,7 +198,7 @@ class Results:
         return Say.Result()
 
     def topic(self, pause_s: float) -> float:
-        """Publish a message; return how long it took until a tick had seen it [s]."""
+        """Publish a message; return the time until a tick has used it [s]."""
         end = self._begin("listener")
         self._graph.until_matched(self._heard)
         self._graph.rest(pause_s)
@@ -207,7 +207,7 @@ class Results:
         return self._took(began, end)
 
     def action(self, pause_s: float) -> float:
-        """End a goal; return how long it took until a tick had seen that [s]."""
+        """End a goal; return the time until a tick has seen the end [s]."""
         self._goal = None
         end = self._begin("speaker")
         self._graph.until(lambda: self._goal is not None, "the goal of a leaf")
@@ -220,7 +220,7 @@ class Results:
         return self._took(began, end)
 
     def _seen(self) -> list[TreeStatus]:
-        """Return the ticks so far that have seen an end; a bare host names no nodes."""
+        """Return the ticks so far that have seen an end; a bare host sends no nodes."""
         return [
             message
             for message, _ in self._status.heard
@@ -237,8 +237,8 @@ class Moods:
     """Plays the market and a host for the scene layer and the feedback node, and a face.
 
     Args:
-        graph: Where they are.
-        bare: True for bare ones, which need no market.
+        graph: Graph of these nodes.
+        bare: True for bare nodes, which need no market.
     """
 
     def __init__(self, graph: Graph, *, bare: bool) -> None:
@@ -286,7 +286,7 @@ class Moods:
         )
 
     def see(self, pause_s: float) -> float:
-        """Let a mood change; return how long it took until its feedback was applied [s]."""
+        """Change the mood; return the time until its feedback is applied [s]."""
         graph = self._graph
         if not self._bare:
             self._round += 1
@@ -319,11 +319,11 @@ class Moods:
 
 
 class Cycle:
-    """Triggers scenes, and waits until the profile of the winner has moved.
+    """Triggers scenes, and waits until the winner's profile has moved.
 
     Args:
-        graph: Where the system is.
-        agents: How many agents it has.
+        graph: Graph of the system.
+        agents: Number of agents.
     """
 
     def __init__(self, graph: Graph, agents: int) -> None:
@@ -338,7 +338,7 @@ class Cycle:
         graph.rest(SETTLE_S)
 
     def once(self, pause_s: float) -> float:
-        """Have one scene dealt with; return how long it took [s]."""
+        """Complete one cycle for a scene; return its time [s]."""
         graph = self._graph
         graph.rest(pause_s)
         self._cards.heard.clear()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures what runs wait for: a cancel, the results of leaves, feedback, the full cycle."""
+"""Measures delays of runs: a cancel, the results of leaves, feedback, the full cycle."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from processes import Graph, graphs, write_trees
 from run_probes import SETTLE_S, Cycle, Market, Moods, Results, Runs
 
 REST_S = 0.005
-"""After a run has begun, even when hot [s]."""
+"""Pause after the start of a run, even at a hot pace [s]."""
 
 CROWD = "\n  parallel:\n" + 31 * ("    - parallel:\n" + 31 * "      - wait: 1 h\n")
 """993 nodes, all of which run."""
@@ -46,14 +46,14 @@ SIDES = {
     "ours": "bt-agents, 4 processes",
     "plain": "paper's flow, rclpy.spin",
 }
-"""Who goes through full cycles."""
+"""Systems that go through full cycles."""
 
 GOALS = {("ours", "plain"): 1.5, ("together", "ours"): 0.45, ("together", "plain"): 0.7}
-"""Ratios of cycles that are wanted."""
+"""Largest ratios of cycle times wanted."""
 
 
 def cancels(runs: Runs, agent: str, number: int, pause_s: float) -> Way:
-    """Return a way that cancels so many runs, each so long after it has begun [s]."""
+    """Return a way that cancels a number of runs, each some time after its start [s]."""
 
     def way() -> float:
         took = []
@@ -67,13 +67,13 @@ def cancels(runs: Runs, agent: str, number: int, pause_s: float) -> Way:
 
 
 def paces(effort: Effort, hot_s: float) -> tuple[tuple[str, float], ...]:
-    """Return how long to pause before each request [s], by pace; one pace when it is short."""
+    """Return the pause before each request [s] by pace; only one pace for a short effort."""
     cold = (COLD, PAUSE_S)
     return (cold,) if effort.is_short else ((HOT, hot_s), cold)
 
 
 def measure(effort: Effort) -> Iterable[Row]:
-    """Yield what each costs."""
+    """Yield each cost."""
     with graphs() as make:
         yield from _host(effort, make("runs-floor"), make("runs"))
     with graphs() as make:
@@ -165,7 +165,7 @@ def _results(effort: Effort, floor: Graph, runs: Runs) -> Iterator[Row]:
 
 
 def median_of(call: Callable[[], float], number: int) -> Way:
-    """Return a way that calls so often and takes the median."""
+    """Return a way that repeats a call and takes the median."""
     return lambda: statistics.median(call() for _ in range(number))
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A host's messages without a host: ``status_source.py AGENTS NODES RATE`` ticks the first agent.
 
-It prints a line of JSON a second: how long each tick took, from when it was due until its changes
-were published [s].
+It prints one line of JSON per second: the time of each tick, from its due time until its changes
+are published [s].
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from bt_agents_interfaces.msg import (
 
 HOST = "/agents"
 PROBE = "tree/0.sequence/0.say"
-"""Node that fails every so often, with the time in its reason."""
+"""Node that fails regularly, with the time in its message."""
 
 GROUP = 10
 """Nodes of each part of a tree."""
@@ -72,7 +72,7 @@ class StatusSource(Node):
         trees = [tree_of(name, nodes) for name in names]
         self._names = {"host": HOST, "host_instance": "one"}
         self._paths = [node.path for node in trees[0].nodes]
-        # A host without one is not watched.
+        # The studio ignores a host without a heartbeat.
         self._heartbeat = self.create_publisher(Heartbeat, "agents/heartbeat", EVENTS)
         self._latched = [
             self.create_publisher(kind, topic, LATCHED)
@@ -140,7 +140,7 @@ class StatusSource(Node):
 
 
 class _Turner:
-    """Turns a source between its ticks, as an executor does."""
+    """Spins a source between its ticks, as an executor does."""
 
     def __init__(self, source: StatusSource) -> None:
         self._source = source

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the page of the studio in a headless browser, and what its process costs.
+"""Measures the page of the studio in a headless browser, and the cost of its process.
 
-``studio.py --minutes 60`` says how page and process grow while the page stays open.
+``studio.py --minutes 60`` reports how page and process grow while the page stays open.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ PAINTED_S = 0.040
 SLOWEST_S = 0.100
 FIRST_VIEW_S = 1.0
 FRAMES = 0.95
-"""Frames of those that a bare page has."""
+"""Smallest share of a bare page's frames."""
 
 PAGE_MB = 200.0
 FIRST_PAGE_KB = 130.0
 PERSON_PAGE_KB = 90.0
 TICK = 1.05
 STUDIO_CPU = 20.0
-"""Of a core [%]."""
+"""CPU limit of the studio [% of a core]."""
 
 _WINDOW_S = 6.0
 _SHORT_S = 1.5
@@ -101,23 +101,23 @@ _LOADED = """
   .filter((one) => !new URL(one.name).pathname.startsWith("/api/"))
   .map((one) => one.encodedBodySize)
 """
-"""Sizes of the files of a page, as they were sent [bytes]."""
+"""Transferred sizes of the files of a page [bytes]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """What one window of a page has shown.
+    """Measurements of one window of a page.
 
     Attributes:
-        painted_s: From the tick to the painted frame, of each change of the probe.
-        frames: A second, while the tree is moved.
+        painted_s: Time from the tick to the painted frame, for each change of the probe.
+        frames: Frames a second while the tree moves.
         page_mb: Memory of the processes that draw the page.
-        heap_mb: Objects of its scripts.
-        elements: Of the document.
-        drawing: Of the processes that draw the page, of a core.
-        messages: Of the WebSocket, a second.
-        message_bytes: Of one, on average.
-        cpu: Of the serving process, of a core.
+        heap_mb: Memory of its scripts' objects.
+        elements: Number of elements of the document.
+        drawing: CPU of the processes that draw the page, as a share of a core.
+        messages: Messages of the WebSocket a second.
+        message_bytes: Average size of a message.
+        cpu: CPU of the serving process, as a share of a core.
     """
 
     painted_s: Sequence[float]
@@ -132,12 +132,12 @@ class Figures:
 
 
 class Shown:
-    """A page that a process serves, in a browser.
+    """A served page in a browser.
 
     Args:
-        browser: Its own context is opened, so that nothing is cached.
-        server: Process that serves it.
-        address: Of the page.
+        browser: Gets a new context for the page, so nothing is cached.
+        server: Process that serves the page.
+        address: Address of the page.
     """
 
     def __init__(self, browser: Browser, server: Running, address: str) -> None:
@@ -161,7 +161,7 @@ class Shown:
         self._session.send("Performance.enable")
 
     def figures(self, window_s: float) -> Figures:
-        """Return what is seen in so long [s], half of it while the tree is moved."""
+        """Measure for a time [s]; the tree moves during half of it."""
         self.page.evaluate("window.painted = []")
         self._lengths.clear()
         drawn_s, cpu_s = self._drawn_s(), self._server.cpu_s
@@ -187,7 +187,7 @@ class Shown:
         )
 
     def heap_mb(self) -> float:
-        """Return the memory of the objects that are in use [MB]."""
+        """Return the memory of the objects in use [MB]."""
         self._session.send("HeapProfiler.collectGarbage")
         return self._metrics()["JSHeapUsedSize"] / 1e6
 
@@ -200,11 +200,11 @@ class Shown:
         return {one["name"]: float(one["value"]) for one in found}
 
     def _drawn_s(self) -> float:
-        """Return how long the drawing processes have computed [s]."""
+        """Return the CPU time of the drawing processes [s]."""
         return sum(float(one["cpuTime"]) for one in self._processes())
 
     def _memory_mb(self) -> float:
-        """Return the memory of the drawing processes, each shared page by its part [MB]."""
+        """Return the memory of the drawing processes, with their share of shared pages [MB]."""
         return sum(_proportional_mb(one["id"]) for one in self._processes())
 
     def _processes(self) -> list[dict[str, Any]]:
@@ -224,7 +224,7 @@ def _proportional_mb(pid: int) -> float:
 
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Yield what each costs."""
+    """Yield each cost."""
     window_s = _SHORT_S if effort.is_short else _WINDOW_S
     repetitions = 1 if effort.is_short else 3
     with chromium() as browser:
@@ -236,7 +236,7 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 
 def _loaded(browser: Browser) -> Iterator[Row]:
-    """Yield what a browser without a cache loads until a page is connected."""
+    """Yield the size that a browser without a cache loads until a page is connected."""
     with graphs() as make:
         graph = make("loaded")
         studio = graph.command("bt-agents", "studio", HERE.parent / "trees", "--port", 0)
@@ -359,11 +359,11 @@ def _quantile(values: Sequence[float], part: float) -> float:
 
 
 def _ticks_s(source: Running, graph: Graph, window_s: float) -> list[float]:
-    """Return how long each tick of the next so long took [s]."""
+    """Return the time of each tick of the next seconds [s]."""
     before = len(source.said.splitlines())
     graph.rest(window_s)
     graph.until(lambda: len(source.said.splitlines()) > before + 1, "ticks")
-    # The first line may have ticks of the time before.
+    # The first line may contain earlier ticks.
     lines = source.said.splitlines()[before + 1 :]
     return [took for line in lines for took in json.loads(line)]
 

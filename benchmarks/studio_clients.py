@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clients of a studio without a browser: ``studio_clients.py ADDRESS READING HANGING``.
 
-Those that hang open their connection and never read. A line is printed when all are connected.
+Hanging clients open their connection and never read. It prints a line once all are connected.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a tick of reference trees takes, beside py_trees, BehaviorTree.CPP and bonsai-bt."""
+"""Measures a tick of reference trees, against py_trees, BehaviorTree.CPP and bonsai-bt."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from peers import CPP, PEERS
 from reference_trees import TREES, Shape
 
 GOALS = {"a": 0.10, "b": 0.10, "c": 0.10, "d": 0.10, "e": 0.17, "f": 0.17}
-"""Of our time to that of stock py_trees, by the letter of the tree."""
+"""Goals for the ratio of our time to stock py_trees, by the letter of the tree."""
 
 EACH_S = 0.05
-"""About how long each measurement takes [s]."""
+"""Approximate time of each measurement [s]."""
 
 STOCK = "py_trees"
 OURS = "bt-agents"
@@ -62,13 +62,13 @@ def _compared(case: str, shape: Shape, effort: Effort) -> Iterator[Row]:
 
 
 def _check_alike(case: str, built: Mapping[str, Built]) -> list[tuple[int, int]]:
-    """See that all engines answer alike and tick the same leaves.
+    """Check that all engines give the same answers and tick the same leaves.
 
     Returns:
-        How often each leaf is ticked by the first tick, and by each further one.
+        Ticks of each leaf in the first tick, and in each further one.
 
     Raises:
-        RuntimeError: One does not.
+        RuntimeError: The engines differ.
     """
     steps: list[tuple[int, int]] = []
     for name, one in built.items():
@@ -87,12 +87,12 @@ def _check_alike(case: str, built: Mapping[str, Built]) -> list[tuple[int, int]]
 
 
 def _check_counts(case: str, name: str, one: Built, steps: list[tuple[int, int]]) -> None:
-    """See that each leaf was ticked in each tick of the measurement, too."""
+    """Check that the measured ticks have also ticked each leaf."""
     expected = [first + (one.ticked - 1) * further for first, further in steps]
     if one.counts() != expected:
         raise RuntimeError(f"{name} has ticked '{case}' {one.ticked} times, but not its leaves")
 
 
 def _number(one: Built, effort: Effort) -> int:
-    """Return how many ticks last long enough to be measured."""
+    """Return the number of ticks that last long enough to measure."""
     return max(1, round(effort.scale * EACH_S / one.way(effort.times(100))()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What it costs to collect the status changes of a tick."""
+"""Measures the cost of collecting the status changes of a tick."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from measuring import Effort, Row, in_turn, timed
 from reference_trees import RUNNING, TREES, Shape, balanced
 
 TRACED = 1.15
-"""Goal: of a tick whose changes are collected to a bare one."""
+"""Goal: ratio of a tick with collected changes to a bare one."""
 
 LARGE = 3.0
-"""Goal: of a tick of a large tree to that of a small one."""
+"""Goal: ratio of a tick of a large tree to that of a small one."""
 
 EACH_S = 0.005
-"""About how long each measurement takes [s]."""
+"""Approximate time of each measurement [s]."""
 
 FINE = 10
-"""Times as many measurements as elsewhere: goals near to 1 need short ones in quick turn."""
+"""Factor of repetitions: goals close to 1 need many short measurements in quick turn."""
 
 SMALL_NODES, LARGE_NODES = 10, 5000
 
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Compare ticks with and without."""
+    """Compare ticks with and without collecting."""
     for case, shape in TREES.items():
         _check_reported(case, shape)
         bare, traced = Ticker(light_behaviours(shape)[0]).tick, _tracing(shape)
@@ -44,10 +44,10 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 
 def _check_reported(case: str, shape: Shape) -> None:
-    """See that what changes is reported, and nothing else.
+    """Check that all changes are reported, and only changes.
 
     Raises:
-        RuntimeError: It is not so.
+        RuntimeError: The reports are wrong.
     """
     root, _ = light_behaviours(shape)
     reported: list[Behaviour] = []
@@ -62,7 +62,7 @@ def _check_reported(case: str, shape: Shape) -> None:
 
 
 def _tracing(shape: Shape) -> Callable[[], object]:
-    """Return a tick of a tree that collects what has changed."""
+    """Return a tick of a tree that collects the changes."""
     changes: deque[StatusChange] = deque(maxlen=LARGE_NODES)
 
     def collect(node: Behaviour) -> None:
@@ -82,7 +82,7 @@ def _compared(
     effort: Effort,
     goal: float,
 ) -> Row:
-    """Compare two ticks by their names, measured in turn, after some that are not measured."""
+    """Compare two named ticks, measured in turn after a warm-up."""
     ways = {}
     for name, tick in (side, floor):
         once = timed(tick, effort.times(100), time.thread_time)

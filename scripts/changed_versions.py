@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Versions that lock files of this checkout have changed since the last commit."""
+"""Versions in lock files of this checkout that differ from the last commit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def versions(file: str, text: str) -> dict[str, str]:
-    """Return the versions of all packages that a lock file of uv or npm names."""
+    """Return the versions of all packages in a lock file of uv or npm."""
     if file.endswith(".json"):
         packages = json.loads(text)["packages"].items()
         found = [(name.rpartition("node_modules/")[2], one) for name, one in packages if name]
@@ -26,7 +26,7 @@ def versions(file: str, text: str) -> dict[str, str]:
 
 
 def changes(before: dict[str, str], after: dict[str, str]) -> list[str]:
-    """Return a line for each package whose versions differ."""
+    """Return a line for each package with a changed version."""
     return [
         f"{name} {before.get(name, 'none')} → {after.get(name, 'none')}"
         for name in sorted(before.keys() | after.keys())
@@ -35,7 +35,7 @@ def changes(before: dict[str, str], after: dict[str, str]) -> list[str]:
 
 
 def main(files: list[str]) -> None:
-    """Print the changes of some files, whose paths begin at the root of the checkout."""
+    """Print the changes of some files; their paths are relative to the root of the checkout."""
     for file in files:
         committed = subprocess.run(
             ["git", "show", f"HEAD:{file}"], cwd=ROOT, capture_output=True, text=True, check=True

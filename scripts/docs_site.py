@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of the documentation site: those of docs/, and those that are made from the code."""
+"""Pages of the documentation site: those of docs/, and pages generated from the code."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def contributing_page() -> str:
 
 
 def _moved(text: str) -> str:
-    """Return a text of the root folder with links as they are seen from docs/."""
+    """Return a text of the root folder with its links relative to docs/."""
     text = re.sub(r"\]\(docs/", "](", text)
     return text.replace("](CONTRIBUTING.md", "](contributing.md").replace(
         "](README.md", "](index.md"
@@ -35,7 +35,7 @@ def _moved(text: str) -> str:
 
 
 def commands_page() -> str:
-    """Return the page of all commands, from the help that they print."""
+    """Return the page of all commands, made from their help."""
     from bt_agents_tools.cli.main import bt_agents
 
     top = click.Context(bt_agents, info_name="bt-agents")
@@ -66,7 +66,7 @@ def _help(command: click.Command, context: click.Context) -> str:
 
 
 def files_page() -> str:
-    """Return the page of all keys of all kinds of files, from the tables they are read by."""
+    """Return the page of all keys of all file kinds, made from their field tables."""
     from bt_agents_language.reference.file_pages import key_pages
     from bt_agents_tools.cli.installed_kinds import installed_kinds
 
@@ -115,11 +115,11 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "reference/files.md": files_page,
     "reference/interfaces.md": interfaces_page,
 }
-"""Page of the site → what makes it."""
+"""Page of the site → function that makes it."""
 
 
 def write_pages(folder: Path) -> None:
-    """Write all pages, those of docs/ too."""
+    """Write all pages, including those of docs/."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(ROOT / "docs", folder)
     for name, make in PAGES.items():
@@ -129,7 +129,7 @@ def write_pages(folder: Path) -> None:
 
 
 def load_nothing_from_the_net(site: Path) -> None:
-    """Let the pages of a site load what stands in for workers from the site itself.
+    """Make the pages of a site load their workers from the site itself.
 
     Raises:
         RuntimeError: A page loads something else from the net.
@@ -147,7 +147,7 @@ def load_nothing_from_the_net(site: Path) -> None:
 
 
 def main() -> None:
-    """Build the site; every link is checked."""
+    """Build the site and check every link."""
     write_pages(ROOT / "build" / "pages")
     site = ROOT / "build" / "site"
     shutil.rmtree(site, ignore_errors=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The files of this repository that are made from the code, for scripts/generate."""
+"""The generated files of this repository, for scripts/generate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[1]
 
 @cache
 def shipped() -> SymbolTable:
-    """Return the words of the trees folder of this repository, without installed plug-ins."""
+    """Return the symbol table of this repository's trees folder, without installed plug-ins."""
     return folder_symbols(ROOT / "trees", plugins={})
 
 
@@ -44,10 +44,10 @@ GENERATED: Mapping[str, Callable[[], str]] = {
     "docs/patterns.md": lambda: patterns_page(ROOT / "trees"),
     **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in installed_kinds()},
 }
-"""File → what stands in it."""
+"""File → function that makes its content."""
 
 OF_NODES: Mapping[str, Callable[[], str]] = {"docs/ros_reference.md": ros_reference}
-"""The same, for what real nodes are asked for."""
+"""The same for content that needs real nodes."""
 
 
 def main() -> None:

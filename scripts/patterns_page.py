@@ -68,7 +68,7 @@ def _pattern(name: str) -> str:
 
 
 def _rehearsal(name: str, case: str) -> str:
-    """Return what a rehearsal of the pattern prints in a folder that has nothing else."""
+    """Return the output of a rehearsal of the pattern in a folder without other files."""
     runner = CliRunner()
     with TemporaryDirectory() as folder, chdir(folder):
         made = runner.invoke(bt_agents, ["new", name, "--pattern", name], catch_exceptions=False)

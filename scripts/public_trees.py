@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many public trees of BehaviorTree.CPP can be imported, checked and exported again.
+"""Counts public trees of BehaviorTree.CPP that can be imported, checked and exported again.
 
-Arguments are clones of repositories; read are the XML files in them, and texts in their C++.
-Rows are printed as in docs/groot.md, and then a line for each tree that does not come through.
+The arguments are clones of repositories; it reads their XML files, and texts in their C++ files.
+It prints rows as in docs/groot.md, then a line for each tree that fails.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ STEPS = ("trees", "imported", "without a loss", "pass check", "equal after expor
 
 
 def texts(clone: Path) -> Iterator[tuple[str, str]]:
-    """Yield each text with a tree in the files that git knows, and where it is."""
+    """Yield the place and text of each tree in the files that git tracks."""
     listed = subprocess.run(
         ["git", "ls-tree", "-r", "--name-only", "-z", "HEAD"],
         cwd=clone,
@@ -56,13 +56,13 @@ def texts(clone: Path) -> Iterator[tuple[str, str]]:
 
 
 def main_tree(text: str) -> str:
-    """Return the first of several trees of which the file names none as the main one."""
+    """Return the first of several trees if the file names no main one; else an empty text."""
     names = NAME.findall(text)
     return str(names[0]) if len(names) > 1 and "main_tree_to_execute" not in text else ""
 
 
 def follow(text: str, symbols: SymbolTable) -> Iterator[str]:
-    """Yield each step that a tree comes through; the last one may be why it goes no further."""
+    """Yield each step that a tree passes, then the failure, if any."""
     yield "trees"
     try:
         made = import_agent(Source("tree.xml", text), "agent", symbols, main=main_tree(text))
@@ -87,7 +87,7 @@ def follow(text: str, symbols: SymbolTable) -> Iterator[str]:
 
 
 def main(clones: list[str]) -> None:
-    """Print how far the trees of some clones come."""
+    """Print how far the trees of some clones get."""
     symbols = read_symbols(ROOT / "trees")
     rows, failed = [], []
     for clone in map(Path, clones):

@@ -39,7 +39,7 @@ def refusals_table(root: Path) -> str:
 
 
 def _raised(node: ast.AST) -> Iterator[str]:
-    """Yield the codes in a syntax tree, without those that others are compared with."""
+    """Yield the codes in a syntax tree, except those in comparisons."""
     match node:
         case ast.Attribute(attr=name) if _is_code(node):
             yield name

@@ -25,7 +25,7 @@ from bt_agents_ros.system_topics import (
 ROOT = Path(__file__).parents[1]
 
 HANG_S = 60.0
-"""How long the host may take until it offers its action [s]."""
+"""Longest wait for the host's action [s]."""
 
 _OF_ROS = (
     "change_state",
@@ -43,7 +43,7 @@ _OF_ROS = (
     "set_parameters",
     "set_parameters_atomically",
 )
-"""Last parts of the names of services that every node, or managed node, of ROS has."""
+"""Last parts of the names of services that every node, or every managed node, of ROS has."""
 
 _HEAD = """\
 <!-- Made by scripts/generate from the code; do not edit. -->
@@ -74,7 +74,7 @@ host has [tunables](tuning.md) of its agents besides, as `<agent>.<name>`; `use_
 
 
 def ros_reference() -> str:
-    """Return the page; the nodes are made in this process, in a domain that nobody else uses."""
+    """Return the page; the nodes are made in this process, in a domain of their own."""
     with TemporaryDirectory() as folder:
         given = _given(Path(folder))
         with _made_nodes(given) as nodes:
@@ -82,7 +82,7 @@ def ros_reference() -> str:
 
 
 def _given(folder: Path) -> Mapping[str, object]:
-    """Return the parameters without which a node is not made; they are empty by default."""
+    """Return the parameters that the nodes require; by default they are empty."""
     return {
         "trees": ROOT / "trees",
         "market": "none",  # a host offers its action at once
@@ -95,7 +95,7 @@ def _given(folder: Path) -> Mapping[str, object]:
 
 @contextmanager
 def _made_nodes(given: Mapping[str, object]) -> Iterator[Mapping[str, Any]]:
-    """Make each node as its process does; by name, with :data:`HOST` for a host."""
+    """Make each node as its process does, by name; :data:`HOST` stands for a host."""
     import rclpy
 
     from bt_agents.host.node import make_node as make_host
@@ -204,7 +204,7 @@ def _actions(nodes: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
 
 
 def _actions_of(node: Any) -> Any:
-    """Return names and types of the actions that a node serves."""
+    """Return names and types of a node's actions."""
     from rclpy.action.graph import get_action_server_names_and_types_by_node
 
     return get_action_server_names_and_types_by_node(node, node.get_name(), node.get_namespace())

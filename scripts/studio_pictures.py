@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of the pages of a running studio, for docs/studio: its address is the argument."""
+"""Takes pictures of the pages of a running studio for docs/studio; its address is the argument."""
 
 from __future__ import annotations
 

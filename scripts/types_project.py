@@ -2,7 +2,7 @@
 """A project that compiles the types of one ROS package: types_project.py PACKAGE TARGET PREFIX.
 
 PACKAGE is a folder with the name of the package and at least one of the folders msg, srv and
-action; nothing else of it is used. TARGET is made; PREFIX has the packages of earlier calls.
+action; its other contents are ignored. TARGET is made; PREFIX has the packages of earlier calls.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def write_project(package: Path, target: Path, prefix: Path) -> None:
     """Write the definitions of a package with the files that build them.
 
     Raises:
-        SystemExit: It is no package with types; the text says why.
+        SystemExit: The folder is not a package with types; the text says why.
     """
     name = package.resolve().name
     if not _NAME.fullmatch(name):
@@ -81,7 +81,7 @@ def _manifest(name: str, used: Iterable[str]) -> str:
 def _pyproject(name: str, wheels: list[str], prefix: Path) -> str:
     own = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]
     includes = str(ROOT / "cmake" / "ros_wheels.cmake")
-    # Texts and lists are the same in JSON and in TOML.
+    # JSON and TOML have the same syntax for texts and lists.
     return f"""[build-system]
 build-backend = "scikit_build_core.build"
 requires = {json.dumps([*own["requires"], *wheels])}
