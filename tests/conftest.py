@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds for all tests: the same examples, a private ROS domain, no silent skip in CI."""
+"""Settings of all tests: the same examples, a private ROS domain, no silent skip in CI."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Paths and packages that the documents name, and the way of one cycle through the files."""
+"""Paths and packages named in the documents, and the files of one cycle."""
 
 from __future__ import annotations
 

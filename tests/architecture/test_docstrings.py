@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Public methods say what they do, unless what they override or implement says it."""
+"""Public methods have docstrings, or override or implement a documented one."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The glossary: in alphabetical order, one line a term, and each home of a term exists."""
+"""The glossary: alphabetical order, one line per term, and an existing module for each."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Additions as docs/how_to_add.md writes them, made in a copy of the packages and used there."""
+"""The additions of docs/how_to_add.md, made and used in a copy of the packages."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No module imports itself through others, not even for a type checker."""
+"""Modules form no import cycles, not even for a type checker."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Benchmarks compare what was measured in the same run, and say so in tables."""
+"""Comparison of measurements of one run, and the tables of benchmarks."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A name leads to one place: no module of a package and no public class has a namesake."""
+"""Unique names: each module of a package and each public class has a name of its own."""
 
 from __future__ import annotations
 

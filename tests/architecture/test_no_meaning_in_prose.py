@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No product module decides anything by reading a text that was written for people."""
+"""Product modules never base a decision on text for people."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Codes of refusals come from one enumeration, and every code is documented and used."""
+"""Refusal codes: from one enumeration, documented and used."""
 
 from __future__ import annotations
 

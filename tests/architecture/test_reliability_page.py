@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page about reliability names tests that are there, and a soak's table with each promise."""
+"""The page about reliability: its tests exist, and its soak table lists every promise."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node keeps to, read from the sources: one runner, one table of QoS, steady timers."""
+"""Conventions of all nodes in the sources: one runner, one table of QoS, steady timers."""
 
 from __future__ import annotations
 

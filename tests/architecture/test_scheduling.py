@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All tests are run, each by a worker that is made for it."""
+"""Scheduling: every test runs, on a worker for its kind."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped agents pass their tests, which go through every node and branch."""
+"""The shipped agents pass their tests, which cover every node and branch."""
 
 from __future__ import annotations
 

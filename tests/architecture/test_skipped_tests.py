@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a skipped test counts as."""
+"""Skipped tests fail in CI."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that are killed by pid at the end of each test."""
+"""Fixtures for programs, which are killed by pid at the end of each test."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every command ends in words, whatever terminal, disk and home it is given."""
+"""Every command ends with a message on any terminal, disk and home."""
 
 from __future__ import annotations
 

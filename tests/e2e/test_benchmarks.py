@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every benchmark still measures what it says; how long it takes is not tested."""
+"""Every benchmark still works; its times are not tested."""
 
 from __future__ import annotations
 

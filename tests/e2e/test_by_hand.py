@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""People play the person before the robot from the command line."""
+"""The command line in the role of the person in front of the robot."""
 
 from __future__ import annotations
 

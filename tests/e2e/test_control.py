@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A person holds a running tree from the command line."""
+"""Run control from the command line."""
 
 from __future__ import annotations
 

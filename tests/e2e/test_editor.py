@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An author's editor: what the language server makes of the committed schemas."""
+"""The committed schemas in an editor's language server."""
 
 from __future__ import annotations
 

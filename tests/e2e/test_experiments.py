@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's experiments through real processes, each profile against its closed form."""
+"""The paper's experiments in real processes: each profile equals its closed form."""
 
 from __future__ import annotations
 

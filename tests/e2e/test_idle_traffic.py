@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system that has nothing to do is quiet, and whoever joins late finds it soon."""
+"""Network traffic of an idle system, and discovery by late processes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""People and a language model have a say in a running system, by the command line."""
+"""People and a language model operate a running system from the command line."""
 
 from __future__ import annotations
 

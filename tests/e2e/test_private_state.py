@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a session leaves behind: nobody but its owner can read it."""
+"""Files of a session: only their owner can read them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system whose agents are edited, broken, mended and rolled back while it runs."""
+"""Agents that are edited, broken, repaired and rolled back while the system runs."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every node ends cleanly whenever it is told to, on a machine that is busy."""
+"""Every node ends cleanly at any time, on a busy machine."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The site of the documentation, as scripts/docs builds it."""
+"""The documentation site, as built by scripts/docs."""
 
 from __future__ import annotations
 

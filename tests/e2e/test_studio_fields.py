@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers in the page of the studio: what is typed, dragged and written, and what is sent."""
+"""Numbers on the studio's pages: typing, dragging, display, and the values sent."""
 
 from __future__ import annotations
 

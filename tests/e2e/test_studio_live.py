@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Page Live of the studio: what the drawings of a tree let a person see."""
+"""Page Live of the studio: the drawings of a tree."""
 
 from __future__ import annotations
 

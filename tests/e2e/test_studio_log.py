@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The log on the page Live of the studio: in order, readable, and still while it is read."""
+"""The log on the page Live of the studio: sorted, readable, and still while somebody reads."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Market of the studio as a race: a dragged scene, the bids that follow, and the strategy."""
+"""Page Market of the studio as a race: a dragged scene, its bids, and the strategy."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operations in the page of the studio: who may do them, that they wait, and what came of them."""
+"""Operations on the studio's pages: permissions, waiting, and results."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The outline of a tree of 2,000 nodes in the studio: followed, scrolled, searched and walked."""
+"""The outline of a tree of 2,000 nodes in the studio: following, scrolling, search and keys."""
 
 from __future__ import annotations
 

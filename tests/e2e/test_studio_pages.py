@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the pages of the studio change: recordings, answers, messages, dry runs, kept values."""
+"""Changes made by the studio's pages: recordings, answers, messages, dry runs, kept values."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Earlier moments in the page of the studio: of quick clicks, the last one counts."""
+"""Earlier moments on the studio's pages: of quick clicks, the last one counts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page Person: what a tablet loads of it, for whom it is there, and a robot without it."""
+"""The page Person: what a tablet loads, who may open it, and a robot without it."""
 
 from __future__ import annotations
 

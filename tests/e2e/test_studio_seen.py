@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every page of the studio as it is seen: in a narrow window, with long words, and by axe."""
+"""Look of every page of the studio: in a narrow window, with long words, and under axe."""
 
 from __future__ import annotations
 

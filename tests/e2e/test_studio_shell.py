@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every page of the studio has: status strip and Stop, connection, and address."""
+"""Shared parts of the studio's pages: status strip and Stop, connection, and address."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The timeline of the studio: where events are drawn, live and recorded, and how to reach them."""
+"""The timeline of the studio: places of live and recorded events, and ways to reach them."""
 
 from __future__ import annotations
 

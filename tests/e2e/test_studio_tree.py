@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The map of a tree of 2,000 nodes in the studio: found, walked, moved and zoomed."""
+"""The map of a tree of 2,000 nodes in the studio: search, keys, scrolling and zoom."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tuning from the command line: changed, undone, kept in the files, there after a restart."""
+"""Tuning from the command line: change, undo, keep in files, restart."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system that is kept running and spoken to from other processes."""
+"""A system that keeps running, used from other processes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run under way when a component of a kept system is killed, and the next run after it."""
+"""A run during which a component of the system is killed, and the next run."""
 
 from __future__ import annotations
 

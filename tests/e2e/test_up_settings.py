@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings that an author gives to `up`, which a component that is started again has, too."""
+"""Settings of `up`, which restarted components keep."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages that go through a system step by step: their files are written, their commands run."""
+"""Step-by-step pages: the tests write their files and run their commands."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system of real processes, each killed by its pid at the end of the test."""
+"""Fixtures for a system of real processes, each killed by its pid at the end of the test."""
 
 from __future__ import annotations
 

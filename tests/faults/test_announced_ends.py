@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An end that is stored is announced by the next market, if the first is killed in between."""
+"""Stored ends: the next market announces them if the first one was killed before."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All parts of a system are told to end at once, as Ctrl-C does under ``ros2 launch``."""
+"""Shutdown of all parts of a system at once, as by Ctrl-C under ``ros2 launch``."""
 
 from __future__ import annotations
 

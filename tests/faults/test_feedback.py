@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback given while the process of the feedback node is dead is applied once, and only once."""
+"""Feedback given while the feedback node is dead: applied exactly once."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robots that learn together over a real database: outages, hostile rows, and who shares what."""
+"""Robots that learn together over a real database: outages, hostile rows, and sharing."""
 
 from __future__ import annotations
 

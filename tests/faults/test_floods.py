@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every node under messages and requests that are too large or too many, from elsewhere."""
+"""Every node under floods of messages and requests that are too large or too many."""
 
 from __future__ import annotations
 

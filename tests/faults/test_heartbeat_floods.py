@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run under a flood of heartbeats that others send on the topic of its host or of its market."""
+"""A run under a flood of forged heartbeats of its host or its market."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the others do when the process of a host is killed, hangs, or runs twice."""
+"""Host behaviour when its process is killed, hangs or runs twice."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages in a journal whose process is killed again and again."""
+"""Messages in a journal whose process is killed repeatedly."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A feedback node that is killed between recording feedback and answering has applied it once."""
+"""A feedback node killed between recording and answering: it applies feedback once."""
 
 from __future__ import annotations
 

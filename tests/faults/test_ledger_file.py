@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ledger's file is killed, cut, flipped and filled up, and never says anything wrong."""
+"""The ledger's file under kills, cuts, flipped bits and full disks: never a wrong value."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of the scenes in line when their host, their market, or both are away."""
+"""Scenes in line when their host, their market, or both are away."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system on three machines: on a network that loses packets, and with cables that are out."""
+"""A system on three machines: packet loss and unplugged cables."""
 
 from __future__ import annotations
 

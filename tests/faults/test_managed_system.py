@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system of processes that a lifecycle manager brings up, takes down, and brings up again."""
+"""A system that a lifecycle manager brings up, takes down, and brings up again."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a run, and of its scene, when the process of the marketplace is killed."""
+"""Runs and their scenes when the process of the marketplace is killed."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a killed host has left the robot to do ends before another agent acts."""
+"""Open goals of a killed host: they end before another agent acts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pins and vetoes that were acknowledged outlive a market that is killed right afterwards."""
+"""Acknowledged pins and vetoes: they outlive a market that is killed right afterwards."""
 
 from __future__ import annotations
 

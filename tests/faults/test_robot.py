@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a tree is told when the process of the robot is killed in the middle of a sentence."""
+"""Outcome for a tree when the robot's process is killed in the middle of a sentence."""
 
 from __future__ import annotations
 

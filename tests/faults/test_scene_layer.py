@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What trees see of the live scene when the process of the scene layer is killed."""
+"""The live scene in trees when the process of the scene layer is killed."""
 
 from __future__ import annotations
 

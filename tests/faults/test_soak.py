@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A short soak breaks no promise; ``BT_AGENTS_SOAK_MINUTES`` makes it a long one."""
+"""A short soak breaks no promise; ``BT_AGENTS_SOAK_MINUTES`` makes it longer."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The checker of a soak finds each promise that is broken, and none that is held."""
+"""The checker of a soak finds every broken promise, and no kept one."""
 
 from __future__ import annotations
 

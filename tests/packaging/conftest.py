@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The distribution built and installed both ways, once for all tests of this folder."""
+"""Fixtures of the distribution, built and installed both ways once for this folder."""
 
 from __future__ import annotations
 

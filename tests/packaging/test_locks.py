@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lock files: they hold what ``pyproject.toml`` names, and nothing else is installed."""
+"""Lock files: they contain exactly the packages that ``pyproject.toml`` needs."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A marketplace without agents: what is installed with it, and that it needs nothing else."""
+"""A marketplace without agents: its installation, and no further requirements."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`scripts/demo`: what it says where it cannot install, and that it never half-installs.
+"""`scripts/demo`: messages where it cannot install, and no partial installation.
 
-Python and uv of these tests are a few lines of shell that answer as the real ones do; what they
-were asked to do is in the file `asked`.
+The Python and uv of these tests are short shell scripts with the answers of the real ones; they
+write their arguments to the file `asked`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`scripts/add_types`: what it compiles for a folder with definitions of another package."""
+"""`scripts/add_types`: compiles a folder with definitions of another package."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wheel: one file that holds all packages, and works in an environment of its own."""
+"""The wheel: one file with all packages, which works in its own environment."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real nodes over real DDS in one process, turned by one executor until a condition holds."""
+"""Fixtures for real nodes over real DDS in one process, spun by one executor."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rights of the security policies are those that the running nodes use, no more, no less."""
+"""Security policies: exactly the rights that the running nodes use."""
 
 from __future__ import annotations
 

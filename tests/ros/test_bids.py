@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Answers of hosts as bytes: what goes out is what was meant, what comes in is what was said."""
+"""Answers of hosts as bytes: encoding and decoding preserve their meaning."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is too large is refused before it becomes objects: requests, goals, answers, feedback."""
+"""Oversized requests, goals, answers and feedback: refused before they become objects."""
 
 from __future__ import annotations
 

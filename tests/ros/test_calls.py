@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each service call has one outcome, whatever becomes of the server and of its neighbours."""
+"""Service calls: one outcome each, whatever happens to the server and to other calls."""
 
 from __future__ import annotations
 

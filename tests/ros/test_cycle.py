@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One cycle from a reading to the next bid passes the files that docs/architecture.md names."""
+"""One cycle from a reading to the next bid: it uses the files named in docs/architecture.md."""
 
 from __future__ import annotations
 

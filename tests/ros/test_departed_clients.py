@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clients that leave before their answers are sent: nobody else waits for them.
+"""Clients that leave before their answers are sent: no other client waits for them.
 
-The middleware waits only sometimes, so that here a clock makes every answer a slow one.
+The middleware waits only sometimes; here a clock makes every answer slow.
 """
 
 from __future__ import annotations

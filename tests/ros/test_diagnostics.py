@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every node tells on ``/diagnostics`` how its parts are: once a second, and when that changes."""
+"""``/diagnostics`` of every node: once a second, and after every change."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs without a market: any program runs an agent by its name."""
+"""Runs without a market: any program runs an agent by name."""
 
 from __future__ import annotations
 

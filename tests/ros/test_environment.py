@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environment of a host's trees besides goals: log lines, feedback, preparation."""
+"""Environment of a host's trees apart from goals: log lines, feedback, preparation."""
 
 from __future__ import annotations
 

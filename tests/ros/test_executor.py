@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executor does what rclpy's single-threaded one does, which goes through the same tests."""
+"""The executor behaves like rclpy's single-threaded one, which passes the same tests."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals that another process has sent are cancelled, whatever their server does about it."""
+"""Cancellation of another process's goals, whatever their server does."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes that have nothing to do: how often they wake up."""
+"""Wake-ups of idle nodes."""
 
 from __future__ import annotations
 

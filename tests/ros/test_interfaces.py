@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS types by name, and messages from plain data: strict, atomic, with words that help."""
+"""ROS types by name, and messages from plain data: strict, atomic, with helpful errors."""
 
 from __future__ import annotations
 

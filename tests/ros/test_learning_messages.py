@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an agent learns on its way from its file to the feedback node."""
+"""Learning settings on their way from an agent's file to the feedback node."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Managed nodes: what whoever manages them by the services of a life cycle sees and gets."""
+"""Managed nodes as seen by a lifecycle manager."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits of messages and requests: what is legitimate fits, more is refused and named."""
+"""Limits of messages and requests: legitimate ones fit, larger ones are refused with a code."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live scene over real DDS: when it is stale, and what a thousand a second do to the nodes."""
+"""The live scene over real DDS: staleness, and a thousand messages a second."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A copied message is what the middleware would have made of it, and shares nothing with it."""
+"""Message copies: equal to the middleware's, and without shared objects."""
 
 from __future__ import annotations
 

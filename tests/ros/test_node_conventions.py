@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ROS users expect of every node: QoS overrides, levels of loggers, messages with headers."""
+"""Conventions of ROS in every node: QoS overrides, logger levels, messages with headers."""
 
 from __future__ import annotations
 

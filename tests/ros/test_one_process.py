@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of one process hand over to each other, and others hear and are heard all the same."""
+"""Nodes in one process exchange messages directly, and with other processes as usual."""
 
 from __future__ import annotations
 

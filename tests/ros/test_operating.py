@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services of operators over real DDS: a say, previews, and strategies that are switched."""
+"""Services of operators over real DDS: orders, previews, and switches of strategy."""
 
 from __future__ import annotations
 

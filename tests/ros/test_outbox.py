@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests that must arrive, and the feedback of trees among them, over real DDS."""
+"""The outbox over real DDS, including feedback of trees."""
 
 from __future__ import annotations
 

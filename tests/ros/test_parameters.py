@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter services of every node: hostile requests are answered, and nothing is lost."""
+"""Parameter services of every node: hostile requests are answered, and no value is lost."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Persons before a real scene layer: real publishers of trackers and sensors."""
+"""Persons in front of a real scene layer: real publishers of trackers and sensors."""
 
 from __future__ import annotations
 

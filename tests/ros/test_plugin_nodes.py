@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Behaviours of py_trees_ros as leaves of a host: the example of the page, and its promises."""
+"""Behaviours of py_trees_ros as leaves of a host: the page's example, and its promises."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages that people type for what nodes listen to."""
+"""Messages on topics of the nodes, typed by people."""
 
 from __future__ import annotations
 

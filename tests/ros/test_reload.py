@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A host whose agents' files change: what comes into force when, and who is reported."""
+"""A host with changing agent files: when changes take effect, and who is told."""
 
 from __future__ import annotations
 

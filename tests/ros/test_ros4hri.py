@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot with the topics and skills of ROS4HRI and with Nav2, by types of the same fields."""
+"""A robot with ROS4HRI topics and skills and with Nav2, using types with the same fields."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference of the ROS graph is what the nodes offer and say of themselves."""
+"""The reference of the ROS graph matches the nodes."""
 
 from __future__ import annotations
 

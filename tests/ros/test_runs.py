@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of a host: ticks and their time, cancels at odd moments, markets that go away."""
+"""Runs of a host: ticks and their times, cancels at odd moments, markets that leave."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who speaks in whose name: what another process sends in the name of a host or market."""
+"""Proof of the sender: messages that another process sends as a host or market."""
 
 from __future__ import annotations
 

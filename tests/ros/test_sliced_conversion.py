@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Large messages are made in slices, and are the same as those that rclpy makes."""
+"""Conversion of large messages in slices: the same result as by rclpy."""
 
 from __future__ import annotations
 

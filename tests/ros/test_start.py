@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts and ends of a node: signals while it is made, and a middleware that hangs."""
+"""Start and end of a node: signals during its start, and a middleware that hangs."""
 
 from __future__ import annotations
 

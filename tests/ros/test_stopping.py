@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ends of runs that are nobody's plan: a host told to stop, a fault of the engine."""
+"""Unplanned ends of runs: a host that is told to stop, a fault of the engine."""
 
 from __future__ import annotations
 

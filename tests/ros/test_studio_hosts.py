@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hosts that a studio watches: those that have a heartbeat, and only as long as they have it."""
+"""Hosts in a studio: those with a heartbeat, for as long as it lasts."""
 
 from __future__ import annotations
 

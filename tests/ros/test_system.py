@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole system in one process: every part real, and hostile input at every door."""
+"""The whole system in one process: all parts real, and hostile input on every interface."""
 
 from __future__ import annotations
 

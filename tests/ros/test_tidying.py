@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a host made for its trees goes when no tree names it any more."""
+"""Entities that a host created for trees: removed when no tree names them any more."""
 
 from __future__ import annotations
 

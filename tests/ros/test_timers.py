@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A timer that rings once, at a time that may be moved."""
+"""A timer that fires once, at a time that can be moved."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Streams for the tools of py_trees_ros, driven as its watchers and its viewer drive them."""
+"""Streams for the tools of py_trees_ros, used by its watchers and its viewer."""
 
 from __future__ import annotations
 

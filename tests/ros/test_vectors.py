@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every door through which a vector comes in: what is not one is refused by name."""
+"""Every interface that accepts vectors: invalid ones are refused with a code."""
 
 from __future__ import annotations
 

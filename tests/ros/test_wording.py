@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sentences are for people: with every one of them replaced, the system does the same."""
+"""Sentences are only for people: the system works the same with other ones."""
 
 from __future__ import annotations
 

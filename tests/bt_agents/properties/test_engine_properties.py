@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of the engine: whatever a tree is made of and whatever happens around it."""
+"""Laws of the engine, for random trees and random events around them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""File of open goals: what is read is what was written, whenever the writer was killed."""
+"""File of open goals: reading returns what was written, even if the writer was killed."""
 
 from __future__ import annotations
 

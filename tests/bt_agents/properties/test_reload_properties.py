@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever happens to the files: what is in force was good once, whole, and follows in the end."""
+"""Laws of reloading: the version in force is valid and complete, and follows the files."""
 
 from __future__ import annotations
 

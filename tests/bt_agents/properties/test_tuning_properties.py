@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of tuning: undo and redo, the files of it, and what is kept in an agent's file."""
+"""Laws of tuning: undo and redo, its files, and values kept in an agent's file."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who bids for a scene, and why the others do not."""
+"""Agent registry: which agents bid for a scene, and why others do not."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every shipped agent, cancelled at each of its ticks, ends once and leaves nothing running."""
+"""Every shipped agent, cancelled at any tick, ends once and leaves no goal running."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees ticked on a scripted environment: what each node does, tick by tick."""
+"""Engine on a scripted environment: the behaviour of each node, tick by tick."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Breakpoints: a node is stopped before it starts, and everything else is as without them."""
+"""Breakpoints stop a node before its start and change nothing else."""
 
 from __future__ import annotations
 

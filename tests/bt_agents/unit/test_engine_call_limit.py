@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calls that block are ended, whatever they do against it, and nothing else is disturbed."""
+"""Time limit of calls that block: they end, and other calls are unaffected."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a cancel does at every stage of a run, tick by tick."""
+"""Cancels at every stage of a run, tick by tick."""
 
 from __future__ import annotations
 

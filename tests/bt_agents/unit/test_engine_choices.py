@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choose and random: which child is done, and that nothing else is."""
+"""Choose and random: they run exactly one child."""
 
 from __future__ import annotations
 

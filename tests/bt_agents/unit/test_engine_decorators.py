@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decorators that guard a node, leave it out or fix how it ends, tick by tick."""
+"""Decorators that guard or skip a node, or fix its outcome, tick by tick."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Details of a running tree: values that its nodes read and write, and what is left of limits."""
+"""Details of a running tree: values read and written by its nodes, and remaining limits."""
 
 from __future__ import annotations
 

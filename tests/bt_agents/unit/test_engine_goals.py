@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals on a clock turned by hand: how each ends for its leaf, and what is known of its server."""
+"""Goals on a manual clock: their outcomes for leaves, and the state of their servers."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What leaves send, log, remember and tell, and values computed on the way."""
+"""Leaves that send, log, remember and report, and values computed for them."""
 
 from __future__ import annotations
 

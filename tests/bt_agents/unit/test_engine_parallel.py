@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parallel children: when they have succeeded together, and when that cannot happen any more."""
+"""Parallel children: when they succeed together, and when they no longer can."""
 
 from __future__ import annotations
 

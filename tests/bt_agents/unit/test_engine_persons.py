@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A person in a tree: their name and visits, what is remembered of them, what they have told."""
+"""Persons in trees: name and visits, remembered facts, told values."""
 
 from __future__ import annotations
 

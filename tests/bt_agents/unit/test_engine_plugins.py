@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Behaviours of plug-ins as leaves: one object a run, kept apart, and never fatal."""
+"""Plug-in behaviours as leaves: one object per run, isolated, and never fatal."""
 
 from __future__ import annotations
 

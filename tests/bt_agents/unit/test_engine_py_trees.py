@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What tools of py_trees see of our trees, and what they can do with them."""
+"""Tools of py_trees on our trees."""
 
 from __future__ import annotations
 

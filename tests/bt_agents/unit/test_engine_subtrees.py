@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subtrees: what they see, what they keep for themselves and what they hand over."""
+"""Subtrees: their inputs, their private values and their outputs."""
 
 from __future__ import annotations
 

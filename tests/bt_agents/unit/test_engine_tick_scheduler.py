@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a run is ticked next, in tables of events on a clock turned by hand."""
+"""Tick scheduler: the time of the next tick, in tables of events on a manual clock."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The trace of a run: each element has the values that its node has changed."""
+"""Trace of a run: each element has the values that its node changed."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conditions that are neither true nor false: the node fails, and nobody overlooks it."""
+"""Conditions that are neither true nor false: the node fails, and a message says so."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several texts of a skill, of which it takes another one each time."""
+"""Variants of a skill's text: a different one each time."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting for conditions and messages: how long they must hold, and what is remembered."""
+"""Waits for conditions and messages: holding times and remembered messages."""
 
 from __future__ import annotations
 

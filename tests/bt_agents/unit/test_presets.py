@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Presets of a trees folder: saved, read, applied to others, refused, and never overwritten."""
+"""Presets of a trees folder: saved, read, applied to other hosts, refused, never overwritten."""
 
 from __future__ import annotations
 

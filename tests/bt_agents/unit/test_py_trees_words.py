@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The words that docs/py_trees_ros.md has for classes of py_trees: they tick as these do."""
+"""The words of docs/py_trees_ros.md for classes of py_trees: they tick like these classes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines of an answer to a reload."""
+"""Lines of the answer to a reload."""
 
 from __future__ import annotations
 

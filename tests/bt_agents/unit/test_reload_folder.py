@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A trees folder that changes: what is read again, when, and what is left as it is."""
+"""A changing trees folder: which files are read again, and when."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Versions of an agent: broken, with other values, with another tree, waiting, rolled back."""
+"""Versions of an agent: broken, with new values, with a new tree, waiting, rolled back."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped bindings of other robots: what their servers are told, and when they have failed."""
+"""The shipped bindings of other robots: requests to their servers, and their failures."""
 
 from __future__ import annotations
 

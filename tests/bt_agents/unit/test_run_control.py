@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control of runs: what a person may ask when, and what is in force then."""
+"""Control of runs: valid requests, and their effect."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decisions of the streams for the tools of py_trees_ros: when, what, and for how long."""
+"""Streams for the tools of py_trees_ros: when they open, what they send, and how long."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file of tunings: what is written survives, and what is damaged is set aside."""
+"""File of tunings: written values survive, and damaged files are set aside."""
 
 from __future__ import annotations
 

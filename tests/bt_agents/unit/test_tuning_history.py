@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Undo and redo: what is next, what stands in the way, and that nothing grows for ever."""
+"""Undo and redo: the next step, conflicts, and bounds."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a host: what is recorded, what a restart brings back, what a file overrules."""
+"""Parameters of a host: what it records, what a restart restores, and what a file overrides."""
 
 from __future__ import annotations
 

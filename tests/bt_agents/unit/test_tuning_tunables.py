@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a parameter takes and what it refuses, with words."""
+"""Values that a parameter accepts, and messages for values that it refuses."""
 
 from __future__ import annotations
 

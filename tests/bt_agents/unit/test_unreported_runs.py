@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs whose end nobody has announced wait for the next market, each is told once."""
+"""Unreported runs: they wait for the next market, which learns of each once."""
 
 from __future__ import annotations
 

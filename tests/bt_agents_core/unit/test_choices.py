@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choices of a question: which answers count."""
+"""Choices of a question: which answers match."""
 
 from __future__ import annotations
 

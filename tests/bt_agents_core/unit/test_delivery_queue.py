@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which letter is sent when, on a manual clock."""
+"""Delivery queue: which message is sent when, on a manual clock."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of parts: how many values are told."""
+"""Health of parts: the number of published values."""
 
 from __future__ import annotations
 

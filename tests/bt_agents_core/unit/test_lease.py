@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a host believes in the market of its run, in tables on a clock turned by hand."""
+"""Lease of a host on the market of its run, in tables on a manual clock."""
 
 from __future__ import annotations
 

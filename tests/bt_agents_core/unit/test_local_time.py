@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The local time: what it is called, and how it goes on."""
+"""The local time: its name, and its progress."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log lines that other processes cause are bounded, and say so."""
+"""Log lines caused by other processes: bounded, with a note about omitted ones."""
 
 from __future__ import annotations
 

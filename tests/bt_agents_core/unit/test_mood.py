@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mood of a run against its start."""
+"""The mood of a run relative to its start."""
 
 from __future__ import annotations
 

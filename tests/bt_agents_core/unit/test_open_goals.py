@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is taken as an open goal, and how goals are named to people."""
+"""Open goals: which messages are accepted, and how texts name goals."""
 
 from __future__ import annotations
 

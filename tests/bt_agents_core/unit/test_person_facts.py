@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is remembered of a person: typed, bounded, and never anything else."""
+"""Facts about a person: typed, bounded, and separate from other values."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Private files: who may read what is made, and what is left alone."""
+"""Private files: who may read new ones, and which files are left alone."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one validator of vectors: what it takes, and the name of every refusal."""
+"""The validator of vectors: what it accepts, and the code of every refusal."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whoever was held up waits for news before going on, in tables on a clock turned by hand."""
+"""Stalls: a suspended node waits for news before it acts, in tables on a manual clock."""
 
 from __future__ import annotations
 

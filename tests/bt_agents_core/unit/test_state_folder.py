@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where what belongs to one trees folder is kept."""
+"""State folder: where the state of each trees folder is kept."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who stopped a run, in the words of ``cancel.by``."""
+"""Stop causes as values of ``cancel.by``."""
 
 from __future__ import annotations
 

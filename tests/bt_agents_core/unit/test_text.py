@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Texts for people are formatted in one place."""
+"""Formatting of texts for people."""
 
 from __future__ import annotations
 

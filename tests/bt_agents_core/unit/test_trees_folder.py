@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which folder of trees is taken, and what is proposed where there is none."""
+"""Choice of the trees folder, and the hint if there is none."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thread that reads and saves files beside a host."""
+"""The thread of a host that reads and saves files."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The settings of a robot that has joined a fleet, its password, and what the files share."""
+"""Settings of a robot in a fleet, its password, and the layers that it shares."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random trees end in BehaviorTree.CPP itself as their translation does, or a note says why."""
+"""Random trees end in BehaviorTree.CPP like their translation, or a note says why not."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of the way to BehaviorTree.CPP and back: nothing of a tree is lost or changed on it."""
+"""Laws of export and import: a tree comes back from BehaviorTree.CPP unchanged."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents import groot` and `export groot`: what they write, say and refuse."""
+"""`bt-agents import groot` and `export groot`: their output, messages and refusals."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agents as files of BehaviorTree.CPP: what each node becomes, what is declared, what is said."""
+"""Export to BehaviorTree.CPP: the result of each node, declarations, and remarks."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are no trees of Groot2, or bad ones: every problem has a code and a place."""
+"""Files that are not trees of Groot2, or bad ones: every problem has a code and a place."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees of BehaviorTree.CPP as agents: what each node becomes, and what is said about the rest."""
+"""Import from BehaviorTree.CPP: the result of each node, and remarks about the rest."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Imported trees, rehearsed: their skills come in the order of BehaviorTree.CPP and Nav2."""
+"""Rehearsals of imported trees: skills in the same order as in BehaviorTree.CPP and Nav2."""
 
 from __future__ import annotations
 

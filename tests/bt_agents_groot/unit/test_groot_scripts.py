@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scripts of BehaviorTree.CPP as our expressions and nodes, and our expressions as scripts."""
+"""Scripts of BehaviorTree.CPP as expressions and nodes, and expressions as scripts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of simulated runs: closed form, reactions as the mood rules see them, intervals, errors."""
+"""Laws of simulated runs: closed form, reactions as seen by mood rules, intervals, errors."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of a replay: whatever is decided and learned, the messages about it do it again."""
+"""Laws of replay: recorded messages reproduce every decision and learning step."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of ``ros2 bag record`` are read as journals are, and what they do not tell is said."""
+"""Bags of ``ros2 bag record``: read like journals, with remarks about missing data."""
 
 from __future__ import annotations
 

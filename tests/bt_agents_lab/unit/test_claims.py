@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the paper claims, judged, and its figures, the same each time they are made."""
+"""The paper's claims and the verdicts on them, and reproducible figures."""
 
 from __future__ import annotations
 

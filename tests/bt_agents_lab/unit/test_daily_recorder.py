@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal has a file for each start and day, reports a full disk, and goes on after it."""
+"""Daily files of the journal: one per start and day, and recovery from a full disk."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An excerpt of a journal is a journal: what was sent in the span, after the facts before it."""
+"""Excerpts of a journal: a journal with the messages of the span and earlier facts."""
 
 from __future__ import annotations
 

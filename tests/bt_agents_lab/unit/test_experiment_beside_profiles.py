@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Experiments whose scenes have what no profile has: market, host and feedback node together."""
+"""Experiments with scene parameters outside profiles: market, host and feedback node together."""
 
 from __future__ import annotations
 

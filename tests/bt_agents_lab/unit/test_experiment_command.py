@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents experiment run`: what it refuses, what it writes, what it says of the profiles."""
+"""`bt-agents experiment run`: its refusals, its files, and its report on profiles."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures: nothing that is written in one is cut at its edge."""
+"""Figures: no text is cut at an edge."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Forgetting of a person: what is removed from the files of a state folder, and what stays."""
+"""Forgetting a person: what is removed from a state folder, and what stays."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The layout for Foxglove names topics and fields that there are, and its page names them all."""
+"""The layout for Foxglove: its topics and fields exist, and its page lists them all."""
 
 from __future__ import annotations
 

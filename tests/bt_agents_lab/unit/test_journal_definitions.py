@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The definition of a type holds every type that it uses, once."""
+"""Definition of a type: contains every type that it uses, once."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file of the journal is only ever added to, and every whole record of it can be read."""
+"""File of the journal: append-only, and every complete record is readable."""
 
 from __future__ import annotations
 

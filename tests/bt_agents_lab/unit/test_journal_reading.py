@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A journal is read while it is written, says what is torn, and keeps only what is asked for."""
+"""Reading of journals: during writing, with torn files, and only the requested topics."""
 
 from __future__ import annotations
 

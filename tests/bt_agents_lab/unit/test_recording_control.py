@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording is begun, marked and ended by hand, and each file is complete in itself."""
+"""Recordings started, bookmarked and stopped by hand; each file is complete."""
 
 from __future__ import annotations
 

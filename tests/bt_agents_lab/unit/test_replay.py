@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A replay finds equal what is equal, different what was altered, and names what is missing."""
+"""Replay: equal results are equal, altered ones differ, missing ones are named."""
 
 from __future__ import annotations
 

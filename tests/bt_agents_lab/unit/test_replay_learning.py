@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a profile was taught last is remembered; it is the same as what the ledger has."""
+"""Cached recent feedback of a profile: the same as in the ledger."""
 
 from __future__ import annotations
 

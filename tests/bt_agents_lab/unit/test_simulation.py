@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated runs go exactly as those of the nodes go."""
+"""Simulated runs: the same as runs of the nodes."""
 
 from __future__ import annotations
 

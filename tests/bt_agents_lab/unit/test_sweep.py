@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sweeps: read with located errors, the same in any number of processes, written as files."""
+"""Sweeps: located errors, equal results for any number of processes, output files."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command that shows the trace of a run in a journal."""
+"""The command that shows the trace of a recorded run."""
 
 from __future__ import annotations
 

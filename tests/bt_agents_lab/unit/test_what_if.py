@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What would have been: equal without a change, and worked out by hand with one."""
+"""What-if replays: equal without a change, and as computed by hand with a change."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of expressions: they mean what their tree means, and nothing makes them crash."""
+"""Laws of expressions: they mean the same as their tree, and never crash."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that nobody would write: refused with a named code at a place in the file, or they run."""
+"""Hostile files: they run, or are refused with a code and a place in the file."""
 
 from __future__ import annotations
 

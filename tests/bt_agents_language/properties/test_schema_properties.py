@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a reader takes, the schema of the editor takes too, however it is written."""
+"""The schema for editors accepts what a reader accepts, in every notation."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of a changed value: it is the new one, and everything else stays to the letter."""
+"""Laws of edits: the new value is in the file, and all other text is unchanged."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of values: what is written is read back, and quantities are finite."""
+"""Laws of values: reading returns what was written, and quantities are finite."""
 
 from __future__ import annotations
 

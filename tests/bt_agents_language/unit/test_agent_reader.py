@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agent files: what each part becomes."""
+"""Agent files and the specs that they become."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A folder of files: a broken agent stops no other, a broken scene or skill stops all."""
+"""A folder of files: a broken agent affects no other; a broken scene or skill affects all."""
 
 from __future__ import annotations
 

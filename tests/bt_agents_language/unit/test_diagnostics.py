@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How problems of a file are shown."""
+"""Display of a file's problems."""
 
 from __future__ import annotations
 

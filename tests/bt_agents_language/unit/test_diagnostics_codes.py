@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of codes: each is documented by examples that do what they are said to."""
+"""The table of codes: the examples of each code cause it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hand-made files, most of them bad: every problem with its code and place, and no other."""
+"""A corpus of files, most of them bad: exactly the expected problems, with code and place."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Problems as text with colours, as JSON and as annotations on GitHub."""
+"""Problems as coloured text, as JSON and as annotations on GitHub."""
 
 from __future__ import annotations
 

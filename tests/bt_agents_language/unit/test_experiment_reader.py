@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Experiments: scenes and the feedback that follows them."""
+"""Experiment files: scenes and the feedback after them."""
 
 from __future__ import annotations
 

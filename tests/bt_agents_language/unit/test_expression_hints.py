@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slips in expressions: each is refused at the wrong word, with a way to mend it."""
+"""Slips in expressions: refused at the wrong word, with a hint."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Expressions: what they mean, and how large they may be."""
+"""Expressions: their meaning and their size limits."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Field tables: what one declaration says holds for the reader and for the JSON Schema."""
+"""Field tables: one declaration for both the reader and the JSON Schema."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The composites, decorators and leaves of the language become the nodes that they say."""
+"""Composites, decorators and leaves of the language, and the nodes that they become."""
 
 from __future__ import annotations
 

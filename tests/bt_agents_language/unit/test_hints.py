@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hints that are followed lead on: to a file that is read, or to the end of the matter."""
+"""Hints: following them leads to a valid file, or to a final answer."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Libraries: skills and subtrees that several agents of one trees folder share."""
+"""Libraries: skills and subtrees shared by agents of a trees folder."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an agent learns, as its file says it: ``learning``, ``weights`` and mood rules."""
+"""Learning in agent files: ``learning``, ``weights`` and mood rules."""
 
 from __future__ import annotations
 

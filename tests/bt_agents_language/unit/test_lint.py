@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warnings about agents that can be read."""
+"""Warnings about valid agents."""
 
 from __future__ import annotations
 

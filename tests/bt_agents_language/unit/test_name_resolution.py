@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the names of a condition mean, wherever it is evaluated."""
+"""Names of a condition: the same meaning wherever it is evaluated."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents new`: what it writes works at once, in any trees folder."""
+"""`bt-agents new`: its files work at once, in any trees folder."""
 
 from __future__ import annotations
 

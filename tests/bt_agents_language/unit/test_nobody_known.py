@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warnings about persons whom no source of the scene ever knows."""
+"""Warnings about persons that no source of the scene identifies."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node types: each is known from its record alone, and nothing else decides by its key."""
+"""Node types: their record alone defines them, and no code depends on their key."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What agents say of persons, checked: names, what is remembered, what was told."""
+"""Checks of person values in agents: names, remembered facts, told values."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the declared ranges of names say about a condition before any run."""
+"""Ranges of names: what they show about a condition before any run."""
 
 from __future__ import annotations
 

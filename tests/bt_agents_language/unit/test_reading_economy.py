@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading is sparing: it leaves no garbage, and what files say again and again is there once."""
+"""Economical reading: no garbage, and shared objects for repeated text."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference: a page for every word of the language, each with an example that works."""
+"""The reference: a page for every word of the language, with a working example."""
 
 from __future__ import annotations
 

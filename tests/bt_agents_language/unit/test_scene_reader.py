@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""scene.yaml: what parameters and sources become."""
+"""scene.yaml: its parameters and sources as specs."""
 
 from __future__ import annotations
 

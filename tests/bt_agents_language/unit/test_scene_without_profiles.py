@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene parameters with ``profile: false``: part of every scene, and of no profile."""
+"""Scene parameters with ``profile: false``: in every scene, but in no profile."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schemas for editors: they take every file that the readers take, and refuse the usual slips."""
+"""Schemas for editors: they accept all valid files, and reject common slips."""
 
 from __future__ import annotations
 

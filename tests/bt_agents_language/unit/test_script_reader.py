@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scripts of visits: what a visit becomes."""
+"""Scripts of visits, and the specs that they become."""
 
 from __future__ import annotations
 

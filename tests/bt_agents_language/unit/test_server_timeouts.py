@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a binding says about its server: timeouts, heartbeat, and outputs that feedback gives."""
+"""Servers in bindings: timeouts, heartbeat, and outputs from feedback."""
 
 from __future__ import annotations
 

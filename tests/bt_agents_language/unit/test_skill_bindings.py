@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several robots for one symbols: which binding counts, and what happens without one."""
+"""Several robots for one skill: which binding applies, and errors without one."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Skills files: what a skill becomes."""
+"""Skills files, and the specs that they become."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an author may write about sources, persons and places, and what is wrong with the rest."""
+"""Sources, persons and places: valid files, and errors in others."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test files: what they may say, and how slips are named with their place."""
+"""Test files: their keys, and located errors for slips."""
 
 from __future__ import annotations
 

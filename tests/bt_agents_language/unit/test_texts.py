@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Texts of a language: files, what inserts them, and what is told about both."""
+"""Texts of a language: files, references to them, and diagnostics about both."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tunables: the default says the type, and one slip is one error."""
+"""Tunables: the default determines the type, and one slip causes one error."""
 
 from __future__ import annotations
 

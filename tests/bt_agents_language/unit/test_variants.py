@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several texts of a skill, as they are written, checked, drawn and exported."""
+"""Variants of a skill's text: reading, checking, drawing and export."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Types of what nodes write: as a subtree declares them, and of one kind for one name."""
+"""Types of written values: declared by subtrees, and the same wherever a name is written."""
 
 from __future__ import annotations
 

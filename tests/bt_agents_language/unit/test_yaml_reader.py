@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML with places: what the nodes know, what is refused, and that nothing makes it fall over."""
+"""YAML with places: positions of nodes, refusals, and robustness."""
 
 from __future__ import annotations
 

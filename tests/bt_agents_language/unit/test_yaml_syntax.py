@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Syntax errors: where the slip is, how to mend it, and that the rest is still looked at."""
+"""Syntax errors: their place, a hint, and checks of the rest of the file."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Acts as a person sees them: what is said, asked and shown, and when an answer is awaited."""
+"""Acts for a person: what is said, asked and shown, and when an answer is expected."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a simulated visitor presses a button, and which presses nobody waited for."""
+"""Button presses of a simulated visitor: when they happen, and which are missed."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of scripted visits: those that the live scene does not show had no effect."""
+"""Changes of scripted visits: without effect if the live scene does not show them."""
 
 from __future__ import annotations
 

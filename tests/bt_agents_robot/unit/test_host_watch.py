@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which goals of the robot have lost their host."""
+"""Host watch: which goals of the robot have lost their host."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which runs are over for the robot."""
+"""Run fence: which runs have ended for the robot."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a page Person is the screen of the robot."""
+"""Screen watch: whether a page Person serves as the robot's screen."""
 
 from __future__ import annotations
 

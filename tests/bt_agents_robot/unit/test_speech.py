@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speech and the other acts of the simulated robot, with a clock turned by hand and no sound."""
+"""Speech and other acts of the simulated robot, on a manual clock and without sound."""
 
 from __future__ import annotations
 

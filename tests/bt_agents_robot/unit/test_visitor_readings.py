@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sensors read of a simulated visitor."""
+"""Sensor readings of a simulated visitor."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of the bus, in whatever order its ends publish and take."""
+"""Laws of the bus for every order of publishing and taking."""
 
 from __future__ import annotations
 

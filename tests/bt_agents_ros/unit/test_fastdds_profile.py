@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Profiles of Fast DDS that are made from others keep what these say."""
+"""Profiles of Fast DDS derived from others: they keep the settings of the originals."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What nodes of one process hand over waits for its receiver, bounded, each with its own copy."""
+"""Messages between nodes of one process: queued, bounded, and copied for each receiver."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file of tokens and sessions: private, bounded, and never a reason to fail."""
+"""The file of tokens and sessions: private, bounded, and never fatal."""
 
 from __future__ import annotations
 

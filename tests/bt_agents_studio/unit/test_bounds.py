@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a studio keeps, whatever is sent to it: so many entries and bytes, and what is in use."""
+"""Bounds of a studio's entries and bytes, whatever it receives."""
 
 from __future__ import annotations
 

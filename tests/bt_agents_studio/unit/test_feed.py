@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moments of recordings that a page wants: one is read at a time, and the last wish counts."""
+"""Requests for recorded moments: one is read at a time, and the last one counts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operations: requests of a page become requests of services, or are refused."""
+"""Operations: the page's requests become service requests, or are refused."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the studio does itself: answers, messages, dry runs, kept values, and files to download."""
+"""The studio's own operations: answers, messages, dry runs, kept values and downloads."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a system as entries of the studio: scenes, pauses, countdowns, values of nodes."""
+"""Projection of messages: scenes, pauses, countdowns, values of nodes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The protocol: what goes over the wire, and what of a client is refused."""
+"""The protocol: its messages, and refusals of a client's messages."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Looking into a recording: what is not written yet is waited for, and what grows is read on."""
+"""Moments of a recording: waiting for unwritten ones, and reading as the file grows."""
 
 from __future__ import annotations
 

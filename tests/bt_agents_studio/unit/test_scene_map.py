@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The map of who would win is that of the strategy at every place."""
+"""The scene map: at every point, the winner by the strategy."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of the order in which the events of a system are shown."""
+"""Laws of the causal order of a system's events."""
 
 from __future__ import annotations
 

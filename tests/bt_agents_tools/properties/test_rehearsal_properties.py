@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of rehearsals: nothing written in a test file is more than a problem, and runs repeat."""
+"""Laws of rehearsals: test files cause at most a diagnostic, and runs are repeatable."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is printed while nobody reads, and when the reader is gone."""
+"""Output while nobody reads, and after the reader has gone."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What must stand before an event of a system, and when a tree was ticked."""
+"""Causal order: which events precede another, and when a tree was ticked."""
 
 from __future__ import annotations
 

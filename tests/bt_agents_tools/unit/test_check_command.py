@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents check`: what it looks at, how it tells, and that it looks again."""
+"""`bt-agents check`: the files that it checks, its output, and repeated checks."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `bt-agents` as a whole: what it loads, lists and refuses."""
+"""The command `bt-agents` as a whole: its imports, lists and refusals."""
 
 from __future__ import annotations
 

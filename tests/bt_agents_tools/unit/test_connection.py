@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a command line finds a running system, and what it says when it does not."""
+"""Connection of a command line to a running system, and the messages without one."""
 
 from __future__ import annotations
 

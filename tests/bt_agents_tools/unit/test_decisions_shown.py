@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decisions of the market as a terminal shows them."""
+"""Decisions of the market in a terminal."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What README, docs and launch files say is so."""
+"""README, docs and launch files: their statements are true."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS domains that processes of this machine hold."""
+"""ROS domains reserved by processes of this machine."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the terminal shows of an event, line by line."""
+"""Events in the terminal, line by line."""
 
 from __future__ import annotations
 

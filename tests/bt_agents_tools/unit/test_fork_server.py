@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A forked process is what was asked for, and a child like any other."""
+"""Fork server: a forked process does what was requested, and is a normal child."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever others send, a terminal is given printable text."""
+"""Hostile messages: a terminal receives only printable text."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Before tuned values become defaults, the tests of their agents are run with them."""
+"""Keeping tuned values as defaults: the tests of their agents run first."""
 
 from __future__ import annotations
 

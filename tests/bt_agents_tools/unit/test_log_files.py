@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log files of a system: what is read of them, and their bounds."""
+"""Log files of a system: reading, and their bounds."""
 
 from __future__ import annotations
 

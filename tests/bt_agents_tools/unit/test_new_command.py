@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agents to start from: patterns, and copies of other agents."""
+"""New agents: patterns, and copies of other agents."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene that another round would be for, as previews take it."""
+"""The scene of the next round, as used by previews."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open questions: an answer is for the first one that takes it, and is refused in words."""
+"""Open questions: an answer goes to the first one that accepts it, or is refused."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which parameters of a ROS parameter file no node has."""
+"""ROS parameter files: which parameters belong to no node."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter files that a command gives to its nodes."""
+"""Parameter files that a command passes to its nodes."""
 
 from __future__ import annotations
 

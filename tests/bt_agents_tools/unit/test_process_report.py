@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is reported of supervised processes: state, restarts, usage and end of the log."""
+"""Reports on supervised processes: state, restarts, usage and end of the log."""
 
 from __future__ import annotations
 

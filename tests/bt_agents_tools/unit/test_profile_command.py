@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents profile` in front of a feedback node that answers from memory."""
+"""`bt-agents profile` with a feedback node that answers from memory."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees rehearsed on a virtual clock: what happens when, and how it ends."""
+"""Rehearsals of trees on a virtual clock: their events and outcomes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rehearsals judge mood rules by the code that judges them on the robot."""
+"""Mood rules in rehearsals: evaluated by the same code as on the robot."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Persons in rehearsals: who they are, what is remembered of them, what they have told."""
+"""Persons in rehearsals: identity, remembered facts, told values."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a rehearsal is compared with, what it covers, and how both are shown."""
+"""Results of rehearsals: expectations, coverage, and their display."""
 
 from __future__ import annotations
 

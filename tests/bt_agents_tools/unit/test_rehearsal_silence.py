@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rehearsals in which the scene layer falls silent."""
+"""Rehearsals with a silent scene layer."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents rehearse`: what an author types, and what the terminal shows."""
+"""`bt-agents rehearse`: its arguments and its output."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of a system that run on one of several machines."""
+"""Parts of a system on one of several machines."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system that is run for its visitors goes on as long as they do."""
+"""A system with scripted visitors: it runs until the last one has left."""
 
 from __future__ import annotations
 

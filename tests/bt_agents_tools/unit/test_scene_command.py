@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The present scene as people read it: values, how sure they are, and who is there."""
+"""The current scene in the terminal: values, their certainty, and persons."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The policy for DDS security, as the command line writes it."""
+"""The policy for DDS security, as written by the command line."""
 
 from __future__ import annotations
 

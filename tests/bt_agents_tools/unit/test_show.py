@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents show` and its flowcharts, to the letter."""
+"""`bt-agents show` and its flowcharts: exact output."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the status tells of a system that is not as it should be."""
+"""Status of a system with problems."""
 
 from __future__ import annotations
 

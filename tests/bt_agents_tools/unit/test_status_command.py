@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the market does, as `bt-agents status` shows it."""
+"""`bt-agents status`: the market's current activity."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The studio of a system: which process it is, and what happens where it cannot run."""
+"""The studio of a system: its process, and errors where it cannot run."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Supervised processes: command lines, environment, logs, and a new start after an end."""
+"""Supervised processes: command lines, environment, logs, and restarts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of commands: no width cuts anything, and programs get the values as they are."""
+"""Tables of commands: no width cuts text, and programs get unformatted values."""
 
 from __future__ import annotations
 

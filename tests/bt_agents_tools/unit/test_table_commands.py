@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that print a table, which programs read, too."""
+"""Commands that print a table, also in formats for programs."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents test` and the pytest plugin: what they run, what they print, how they end."""
+"""`bt-agents test` and the pytest plugin: the cases that they run, output and exit codes."""
 
 from __future__ import annotations
 

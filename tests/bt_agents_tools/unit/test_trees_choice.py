@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which folder commands work on, and what they say about it."""
+"""The trees folder that commands use, and their messages about it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of profiles by `bt-agents tune`: which values are meant, and what an undo takes back."""
+"""Changes of profiles by `bt-agents tune`: names of values, and the effect of an undo."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of a fleet that learns together: its profiles depend on the steps, not on their way."""
+"""Laws of a fleet that learns together: profiles depend on the steps, not on their order."""
 
 from __future__ import annotations
 

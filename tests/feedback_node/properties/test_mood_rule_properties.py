@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of mood rules that hold however the mood goes and however often anybody looks."""
+"""Laws of mood rules, for every course of the mood and every rate of checks."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which feedback reaches which profile: rules of the run, people, prepared lists."""
+"""Routing of feedback to profiles: from mood rules, people and prepared lists."""
 
 from __future__ import annotations
 

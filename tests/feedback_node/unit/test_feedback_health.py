@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the feedback node: a ledger that takes nothing, profiles that no host has taken."""
+"""Health of the feedback node: a ledger that cannot write, profiles that no host has."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Documents with steps of other robots, as the feedback node takes them in."""
+"""Documents with steps of other robots, as the feedback node imports them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One step of learning, by tables."""
+"""One learning step, in tables."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an agent learns, as a card of a host says it: checked before anything is learned by it."""
+"""Learning settings in a host's card: checked before anything is learned."""
 
 from __future__ import annotations
 

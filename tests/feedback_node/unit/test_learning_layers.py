@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an agent learns apart for a person or a place, and what everybody's learns of it."""
+"""Layers for a person or a place, and their effect on everybody's profile."""
 
 from __future__ import annotations
 

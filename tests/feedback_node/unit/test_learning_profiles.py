@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cards of hosts, current profiles, and what a host has yet to learn."""
+"""Cards of hosts, current profiles, and profiles that a host does not have yet."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ledger keeps every revision, applies an id once, and never replaces a damaged file."""
+"""The ledger: keeps every revision, applies an id once, never replaces a damaged file."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Layers of the ledger, what has taught them, and how they are forgotten without a trace."""
+"""Layers in the ledger: their feedback, and complete removal."""
 
 from __future__ import annotations
 

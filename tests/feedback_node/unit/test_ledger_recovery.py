@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check of a ledger, what can be saved of a damaged one, and where its files lie."""
+"""Check and recovery of a ledger, and the place of its files."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orders of people about what was learned: each happens as a whole, or is refused by name."""
+"""Management of profiles: each order takes effect completely, or is refused with a code."""
 
 from __future__ import annotations
 

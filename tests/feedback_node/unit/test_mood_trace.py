@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which node of a tree the mood of a person is credited to, on a manual clock."""
+"""Mood trace: which node of a tree a person's mood is credited to, on a manual clock."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a mood rule fires, on a manual clock."""
+"""Mood rules: when they fire, on a manual clock."""
 
 from __future__ import annotations
 

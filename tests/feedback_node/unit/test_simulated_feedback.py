@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prepared feedback is handed out in order, the first row too."""
+"""Prepared feedback: given in order, including the first row."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An auction ends in exactly one outcome, whatever comes in and in whatever order."""
+"""Laws of auctions: exactly one outcome for any input in any order."""
 
 from __future__ import annotations
 

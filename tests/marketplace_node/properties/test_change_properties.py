@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The smallest change of a scene: it does what it says, and no smaller one does."""
+"""Laws of counterfactuals: the change works, and no smaller one does."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever dies and comes back, each scene and run ends once, and none for want of a host."""
+"""Laws of the line: each scene and run ends once, and none for lack of a host."""
 
 from __future__ import annotations
 

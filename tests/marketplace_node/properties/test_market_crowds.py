@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thousand scenes among hosts that die, stay silent and dawdle: each one ends exactly once."""
+"""A thousand scenes among hosts that die, stay silent or are slow: each ends exactly once."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever happens: one tree at a time, one end a scene, and the market comes to rest."""
+"""Laws of the market: one tree at a time, one end per scene, and rest in the end."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds for every strategy, whatever the bids and the scene."""
+"""Laws of all strategies, for any bids and scenes."""
 
 from __future__ import annotations
 

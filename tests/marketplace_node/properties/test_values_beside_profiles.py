@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What no profile has changes no decision, whatever the strategy."""
+"""Scene parameters outside profiles affect no decision of any strategy."""
 
 from __future__ import annotations
 

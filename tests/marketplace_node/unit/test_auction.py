@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One round: what is taken, what is refused under which code, and how ties end."""
+"""One round: accepted and refused bids with their codes, and ties."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The smallest change of a scene in some rounds that are easy to work out."""
+"""Counterfactuals of rounds that are easy to compute by hand."""
 
 from __future__ import annotations
 

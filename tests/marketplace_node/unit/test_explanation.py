@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Typical decisions in words: first on one line, then in plain sentences, as written down."""
+"""Explanations of typical decisions: one line, then sentences, compared exactly."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The market from a scene to its one end, with a clock turned by hand."""
+"""The market from a scene to its only end, on a manual clock."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each way in which a scene ends, with its code; and hosts that die around an award."""
+"""Ends of scenes with their codes, and hosts that die around an award."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wait for a ranking from outside: answers, silence, and whatever else happens meanwhile."""
+"""The wait for an external ranking: answers, silence, and other events meanwhile."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of an earlier market: recorded once, and asked for again once when they were cut off."""
+"""Failover: runs of an earlier market are recorded once, and repeated once if cut off."""
 
 from __future__ import annotations
 

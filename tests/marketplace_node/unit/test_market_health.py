@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the market: hosts that cannot be asked, and scenes that wait for them."""
+"""Health of the market: unreachable hosts, and scenes that wait for them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes in line wait for a host that is away, for a bounded time, and outlive the market."""
+"""Scenes in line: they wait a limited time for a missing host, and outlive the market."""
 
 from __future__ import annotations
 

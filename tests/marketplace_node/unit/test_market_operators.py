@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""People have a say: pinned, vetoed and directly awarded agents."""
+"""Operators: pinned, vetoed and directly awarded agents."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees that nobody waits for: they are stopped, and no other host begins before they have."""
+"""Orphans: they are stopped before another host begins."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene that comes during a run, where new scenes preempt: who is stopped for whom, and when."""
+"""Preemption by a scene during a run: which run is stopped, and when."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Previews: who would win, while nothing else changes."""
+"""Previews: the winner, without any side effect."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may enter the market, under which id, and who is turned away."""
+"""Registration at the market: ids and refusals."""
 
 from __future__ import annotations
 

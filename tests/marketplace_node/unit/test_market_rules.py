@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules of ``market.yaml`` and rankings from outside: who comes before nearer bids."""
+"""Precedence by ``market.yaml`` and external rankings over nearer bids."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A market that was held up itself reads what has come meanwhile before it acts on a deadline."""
+"""A stalled market reads queued messages before it acts on a deadline."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What many rounds tell together: starved agents, and a shadow that decides otherwise."""
+"""Statistics over rounds: starved agents, and a shadow strategy that disagrees."""
 
 from __future__ import annotations
 

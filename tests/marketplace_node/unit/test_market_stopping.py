@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an interaction is stopped: by people, by a change of mood, by another scene."""
+"""Stops of an interaction: by people, by a change of mood, by another scene."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals that a dead host has left open: nobody acts before they have ended."""
+"""Takeover of goals that a dead host has left open: no agent acts before they end."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Questions to a language model and what is made of its answers, with a real server."""
+"""Questions to a language model, and its answers, with a real server."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two marketplaces of one name: the younger one ends, and one that is dead hinders nobody."""
+"""Two marketplaces with one name: the younger one ends, and a dead one causes no harm."""
 
 from __future__ import annotations
 

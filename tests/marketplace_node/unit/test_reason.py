@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The decision in words and numbers, as people read it in a terminal."""
+"""The decision as text and numbers, in the terminal's form."""
 
 from __future__ import annotations
 

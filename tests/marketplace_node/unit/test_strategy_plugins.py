@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strategies that other packages bring: found, checked, and checked again in every round."""
+"""Strategies of other packages: found, checked, and checked again in every round."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of the addressee and of what is remembered, over random crowds and readings."""
+"""Laws of the addressee and of memory, over random crowds and readings."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever a message holds: a source reads a good value of it, or refuses it by name."""
+"""Laws of sources: they read a valid value from any message, or refuse it with a code."""
 
 from __future__ import annotations
 

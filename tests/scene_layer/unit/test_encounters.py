@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes of persons with ids: each has values of their own, and gaps are filled from before."""
+"""Scenes of persons with ids: separate values, and gaps filled from memory."""
 
 from __future__ import annotations
 

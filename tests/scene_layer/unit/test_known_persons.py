@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Persons who are known by name: their visits, what is remembered of them, what is theirs."""
+"""Persons known by name: their visits, remembered facts, and own values."""
 
 from __future__ import annotations
 

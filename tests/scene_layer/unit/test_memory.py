@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an estimate is made of: the written formulas, number by number."""
+"""Estimates: the documented formulas, number by number."""
 
 from __future__ import annotations
 

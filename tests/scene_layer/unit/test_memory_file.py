@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file of the scene layer's memory: read as a whole or not at all, kept aside when damaged."""
+"""File of the scene layer's memory: read completely or not at all, set aside if damaged."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who is tracked and whom a scene is about: gaps and short leads change nothing."""
+"""Tracked persons and the addressee of a scene: gaps and short leads change nothing."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a live scene counts, and what trees make of one that does not count any more."""
+"""Validity of the live scene, and the behaviour of trees with a stale one."""
 
 from __future__ import annotations
 

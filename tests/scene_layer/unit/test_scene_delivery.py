@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes reach a market that is away, just starting, or dying, and then are sent no more."""
+"""Scene delivery to a market that is away, starting or dying: resent until accepted."""
 
 from __future__ import annotations
 

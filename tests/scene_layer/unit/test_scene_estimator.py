@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes from readings and given values: missing is never zero, the newer of two holds."""
+"""Scenes from readings and given values: a missing value is not zero, the newer one counts."""
 
 from __future__ import annotations
 

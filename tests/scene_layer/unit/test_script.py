@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scripted play: one visit after the other, none skipped, none twice, none for ever."""
+"""A scripted play: one visit after another, none skipped, repeated or endless."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the sources: those that are stale, and those of which nothing was read."""
+"""Health of sources: stale ones, and ones without any reading."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings: mapped, checked, and never replaced by a bad one."""
+"""Readings: mapped, checked, and never replaced by an invalid one."""
 
 from __future__ import annotations
 
