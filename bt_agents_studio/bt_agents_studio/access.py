@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Access to a studio: start tokens, sessions with a role, and which requests are answered."""
+"""Access to a studio: start tokens, sessions with a role, and checks of requests."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 
 LARGEST_BODY = 256 * 1024
-"""Bytes of the body of a request."""
+"""Maximum size of a request's body [bytes]."""
 
 MOST_SESSIONS = 100
-"""Sessions of one role that are known; the one that was used longest ago is forgotten first."""
+"""Maximum number of sessions of one role; the least recently used one is forgotten first."""
 
 SESSION_S = 7 * 24 * 3600.0
-"""Time after which a session that is not used ends [s]."""
+"""Time after which an unused session ends [s]."""
 
 TOKEN_S = 30 * 24 * 3600.0
-"""Age at which the start tokens are replaced when the studio starts again [s]."""
+"""Age from which a start of the studio replaces the start tokens [s]."""
 
 LARGEST_STATE = 256 * 1024
-"""Characters of the text that keeps tokens and sessions."""
+"""Maximum length of the text that stores tokens and sessions [characters]."""
 
 _TOKEN_BYTES = 32
 _COOKIE = "bt_agents_studio"
@@ -41,12 +41,12 @@ _JSON = "application/json"
 
 
 class SessionRole(StrEnum):
-    """What a session may do.
+    """Rights of a session.
 
     Attributes:
         VIEW: See everything, change nothing.
         OPERATE: Stop, answer, give feedback, pin, veto, announce scenes and tune.
-        AUTHOR: The same, and write into the trees folder.
+        AUTHOR: The same, and write files of the trees folder.
         PERSON: See what the robot says and asks, answer, stop, give feedback, begin an encounter.
     """
 
@@ -66,12 +66,12 @@ _LINK_IS_FOR = {
     SessionRole.OPERATE: "not for writing files",
     SessionRole.AUTHOR: "for authors only",
 }
-"""What the link of a role is for."""
+"""Purpose of the link of a role."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WebRequest:
-    """What of an HTTP request decides whether it is answered; empty texts for what is not sent."""
+    """Parts of an HTTP request that decide on access; an empty text stands for a missing part."""
 
     method: str
     host: str
@@ -89,9 +89,9 @@ class WebRequest:
 
 
 def cookie_name(host: str) -> str:
-    """Return the name of the cookie that holds the id of a session with the studio at ``host``.
+    """Return the name of the session cookie of the studio at ``host``.
 
-    The port is in it, as a browser does not tell the ports of one address apart.
+    The name contains the port, because browsers share cookies between the ports of an address.
     """
     port = _PORT.search(host)
     return f"{_COOKIE}_{port[1]}" if port else _COOKIE
@@ -101,13 +101,13 @@ class AccessControl:
     """Tokens, sessions and the rules for requests.
 
     Args:
-        hosts: Names and addresses with port by which the studio may be called, for example
-            ``127.0.0.1:8770``; a browser that was led to the studio by another name is refused.
+        hosts: Names and addresses with port under which the studio may be requested, for example
+            ``127.0.0.1:8770``; requests under another name are refused.
         scheme: ``http`` or ``https``.
         random_bytes: Source of secrets.
-        clock: Time of day [s since 1970], as sessions outlive the process.
-        kept: What :meth:`text` returned in an earlier start; what is wrong in it is left out.
-        keep: Called with :meth:`text` whenever that has changed enough.
+        clock: Time of day [s since 1970], because sessions outlive the process.
+        kept: Result of :meth:`text` from an earlier start; invalid parts are ignored.
+        keep: Called with the result of :meth:`text` after a significant change.
     """
 
     def __init__(
@@ -130,11 +130,11 @@ class AccessControl:
         self._keep(self.text())
 
     def token(self, role: SessionRole) -> str:
-        """Return the start token of a role, 256 bit in hexadecimal digits."""
+        """Return the start token of a role: 256 bits in hexadecimal digits."""
         return self._tokens[role]
 
     def text(self) -> str:
-        """Return tokens and sessions as JSON; of a session only the digest of its id."""
+        """Return tokens and sessions as JSON, with only the digest of each session's id."""
         sessions = [[digest.hex(), role, used] for digest, (role, used) in self._sessions.items()]
         kept = {"made_at": self._made_at, "tokens": self._tokens, "sessions": sessions}
         return json.dumps(kept)
@@ -145,7 +145,7 @@ class AccessControl:
         Raises:
             Refused: ``BAD_TOKEN``.
         """
-        # All are compared, so that the time says nothing.
+        # Compare all of them, so that the time reveals nothing.
         fitting = [
             role
             for role, own in self._tokens.items()
@@ -166,13 +166,13 @@ class AccessControl:
         return session
 
     def knows(self, session: str) -> bool:
-        """Return whether a session was begun and not ended."""
+        """Return whether a session has begun and not ended."""
         return _digest(session) in self._sessions
 
     def key(self, session: str) -> str:
-        """Return the key of a session, which a page sends with whatever changes something.
+        """Return the key of a session, which a page sends with every change.
 
-        A browser sends the cookie to all ports of an address, and so to servers of others.
+        Browsers send the cookie to all ports of an address, which may belong to other servers.
 
         Raises:
             Refused: ``NO_SESSION``.
@@ -188,8 +188,8 @@ class AccessControl:
     def check_sender(self, request: WebRequest) -> None:
         """Refuse a request that a foreign page may have made.
 
-        What changes something or opens a WebSocket has to name its origin, as browsers do; a
-        ``POST`` has to be JSON, which no form can send.
+        A request that changes something or opens a WebSocket must have an origin, which browsers
+        send; a ``POST`` must be JSON, which forms cannot send.
 
         Raises:
             Refused: ``FOREIGN_HOST``, ``FOREIGN_ORIGIN``, ``NO_ORIGIN`` or ``NOT_JSON``.
@@ -211,7 +211,7 @@ class AccessControl:
             raise Refused(RefusalCode.NOT_JSON, f"expected the content type {_JSON}")
 
     def check(self, request: WebRequest, allowed: Collection[SessionRole]) -> SessionRole:
-        """Return the role of a request; it has to be one of those that are allowed.
+        """Return the role of a request, which must be one of the allowed roles.
 
         Raises:
             Refused: As by :meth:`check_sender`; ``NO_SESSION``, ``FORBIDDEN`` or ``NO_KEY``.
@@ -278,7 +278,7 @@ def _media_type(content_type: str) -> str:
 
 
 def security_headers(*, secure: bool) -> Mapping[str, str]:
-    """Return the headers of every answer: no foreign content, no frames, no guessing of types."""
+    """Return the headers of every answer: no foreign content, no frames, no type sniffing."""
     policy = (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
         "font-src 'self'; connect-src 'self'; media-src 'self'; manifest-src 'self'; "
@@ -300,7 +300,7 @@ def security_headers(*, secure: bool) -> Mapping[str, str]:
 
 
 def is_loopback(address: str) -> bool:
-    """Return whether an address is one of this machine only."""
+    """Return whether only this machine can reach an address."""
     try:
         return ip_address(address).is_loopback
     except ValueError:

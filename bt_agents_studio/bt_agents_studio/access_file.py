@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""File of the tokens and sessions of a studio, which only its owner can read."""
+"""File of a studio's tokens and sessions, readable only by its owner."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from bt_agents_studio.access import LARGEST_STATE
 
 
 class AccessFile:
-    """File with what :meth:`AccessControl.text` returns.
+    """File with the result of :meth:`AccessControl.text`.
 
-    An unusable file is reported once on the error stream; then nothing is kept.
+    An unusable file is reported once on the error stream; after that nothing is stored.
 
     Args:
-        path: The file, in a folder that is there; None keeps nothing.
+        path: The file, in an existing folder; None stores nothing.
     """
 
     def __init__(self, path: Path | None) -> None:
         self._path = path
 
     def read(self) -> str:
-        """Return the text; empty without one."""
+        """Return the text; empty without a file."""
         if self._path is None:
             return ""
         try:

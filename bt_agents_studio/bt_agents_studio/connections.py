@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Connections of a server: how many may be open, and which closes when there is one too many."""
+"""Limit on the connections of a server, and the choice of one to close for a new one."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 MOST_CONNECTIONS = 256
-"""Open connections, at most; fewer where the process may open few files."""
+"""Maximum number of open connections; less if the process may open few files."""
 
 WAIT_S = 15.0
-"""Time in which a connection has to send the header or the body of a request [s]."""
+"""Time in which a client must send the header or the body of a request [s]."""
 
 HANDSHAKE_S = 5.0
-"""Time for the handshake of TLS [s]."""
+"""Time for the TLS handshake [s]."""
 
 
 class Connections:
-    """Accepts connections; one too many takes the place of one that asks nothing.
+    """Accepts connections; at the limit, closes an idle one for each new one.
 
-    That is the first on which no session has ever asked anything, else the one that was answered
-    longest ago. One on which a session is being answered, as on a WebSocket, stays.
+    It closes the first connection that no session has used, else the one whose last answer is
+    oldest. A connection with a pending answer to a session, such as a WebSocket, stays.
 
     Args:
         server: Answers the requests.
-        most: Open connections, at most.
+        most: Maximum number of open connections.
     """
 
     def __init__(self, server: web.Server, most: int) -> None:
         self._server = server
         self._most = most
         self._asking: set[web.RequestHandler] = set()
-        # Those that were answered and ask nothing now, the longest ago first.
+        # Idle connections with an earlier answer, oldest first.
         self._answered: dict[web.RequestHandler, None] = {}
 
     def accept(self) -> asyncio.Protocol:
@@ -55,7 +55,7 @@ class Connections:
 
     @contextmanager
     def asking(self, connection: web.RequestHandler) -> Iterator[None]:
-        """Answer a request of a session on a connection within the block."""
+        """Mark a connection as answering a request of a session within the block."""
         self._answered.pop(connection, None)
         self._asking.add(connection)
         try:
@@ -66,7 +66,7 @@ class Connections:
 
 
 class _Refusal(asyncio.Protocol):
-    """Protocol of a connection that there is no room for."""
+    """Protocol of a connection beyond the limit."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.WriteTransport)
@@ -74,13 +74,13 @@ class _Refusal(asyncio.Protocol):
 
 
 def most_connections() -> int:
-    """Return how many connections may be open, so that files are left for everything else."""
+    """Return the maximum number of connections that leaves enough files for everything else."""
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return min(MOST_CONNECTIONS, files // 4)
 
 
 def server_logger() -> logging.Logger:
-    """Return the logger of a server, which leaves out what is no HTTP."""
+    """Return the logger of a server, which omits messages about input that is not HTTP."""
     logger = logging.getLogger("bt_agents_studio.server")
     logger.addFilter(_is_own_fault)
     return logger

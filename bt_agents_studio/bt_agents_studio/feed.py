@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feed of one client: which message it needs next, however slowly it reads."""
+"""Feed of one client: the next message for it, however slowly it reads."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from bt_agents_studio.store import Change, Entries, Store
 
 
 class Feed:
-    """What one client has received of a store, and is shown: now, or an earlier moment.
+    """Messages of a store that one client has received, of now or of an earlier moment.
 
-    A client that is shown an earlier moment still gets what runs now, to be able to stop it.
+    A client at an earlier moment also receives the current run, so that it can stop it.
 
-    Nothing is queued for a client. It is sent what has changed since its last message, the newest
-    value of each entry only, so a slow one gets fewer and larger messages.
+    Nothing is queued for a client. It receives the changes since its last message, only the newest
+    value of each entry, so a slow client gets fewer and larger messages.
 
     Args:
-        store: Of the running system.
-        history: Its last minutes.
-        studio: Name of this start of the studio.
-        collections: Those that the client may see, and only as they are now; None for all.
+        store: Store of the running system.
+        history: History of the store.
+        studio: Identifier of this start of the studio.
+        collections: Collections that the client may see, only as of now; None for all.
     """
 
     def __init__(
@@ -53,12 +53,12 @@ class Feed:
         self._seek: Seek | None = None
         self._is_moment_due = False
         self._resumed = False
-        # Moment of a recording that is being read, and what was read.
+        # Moment of a recording that is being read, and the last result.
         self._reading: Seek | None = None
         self._read: str | None = None
 
     def take(self, message: ClientMessage) -> None:
-        """Act on a message of the client; :meth:`next` has the answer.
+        """Handle a message of the client; :meth:`next` returns the answer.
 
         Raises:
             Refused: ``OTHER_VERSION``, ``NOT_RESUMED`` or ``FORBIDDEN``.
@@ -86,9 +86,9 @@ class Feed:
             self._return()
 
     def take_recorded(self) -> Seek | None:
-        """Return the moment of a recording that is due, for :meth:`give`; None while one is read.
+        """Return the next moment of a recording to read, for :meth:`give`; None while reading one.
 
-        Of all moments that the client wants meanwhile, only the last one is due then.
+        Of all moments that the client has requested meanwhile, only the last one counts.
         """
         seek = self._seek
         if self._reading is not None or seek is None or not seek.source or not self._is_moment_due:
@@ -97,23 +97,23 @@ class Feed:
         return seek
 
     def give(self, encoded: str, *, is_failure: bool) -> None:
-        """Take what was read of a recording, unless the client wants to see something else by now.
+        """Take a moment read from a recording, unless the client has requested another view.
 
-        After a failure, the client is shown what happens now.
+        After a failure, the client returns to now.
         """
         read, self._reading = self._reading, None
         wanted = self._seek
         if read is None or wanted is None or wanted.source != read.source:
             return
         if not is_failure:
-            # Perhaps it is no longer the last wish; it shows at least that the reading goes on.
+            # The client may have requested another moment; this one at least shows progress.
             self._read = encoded
         elif wanted is read:
             self._return()
             self._read = encoded
 
     def next(self) -> ServerMessage | str | None:
-        """Return the message that is due, perhaps encoded; None while there is nothing new."""
+        """Return the next message, which may be encoded; None if there is nothing new."""
         if not self._resumed:
             return None
         if self._read is not None:
@@ -166,7 +166,7 @@ class Feed:
 
 
 def shown_entries(entries: Entries, collections: Collection[str] | None) -> Entries:
-    """Return the entries of some collections; None for all."""
+    """Return the entries of some collections; None stands for all."""
     if collections is None:
         return entries
     return {name: found for name, found in entries.items() if name in collections}

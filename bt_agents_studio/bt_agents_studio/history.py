@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""History of a store: what it held at an earlier moment."""
+"""History of a store: its contents at earlier moments."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from bt_agents_studio.store import Change
 _Value = TypeVar("_Value")
 
 SPAN_S = 600.0
-"""Time that a running system can be looked back over [s]."""
+"""Length of a running system's history [s]."""
 
 MOST_CHANGES = 300_000
-"""Changes that are remembered, whatever their time; the oldest are forgotten first."""
+"""Maximum number of changes to keep, whatever their time; the oldest go first."""
 
 MOST_BYTES = 64 * 1024 * 1024
-"""Bytes of the changes that are remembered of a running system; the oldest are forgotten first."""
+"""Maximum size of the changes of a running system to keep [bytes]; the oldest go first."""
 
 _KEYFRAME = 5000
 _CHANGE = 200
-"""Bytes of a change beside its key and its value."""
+"""Bytes of a change in addition to its key and its value."""
 
 
 class History:
-    """Changes of a store by time, from which it is put together again for any moment.
+    """Changes of a store by time, from which it restores the store at any moment.
 
     Args:
-        span_s: Older changes are forgotten [s]; infinite for what was recorded.
-        most: Changes that are remembered.
-        keyframe: All entries are noted after so many changes, from where the others are applied;
-            after more when there are more entries.
-        most_bytes: Bytes of the changes that are remembered.
+        span_s: Maximum age of changes [s]; infinite for recordings.
+        most: Maximum number of changes.
+        keyframe: Number of changes after which it saves all entries, to which later changes are
+            applied; larger if there are more entries.
+        most_bytes: Maximum size of the changes [bytes].
     """
 
     def __init__(
@@ -54,25 +54,25 @@ class History:
         self._base_s: float | None = None
         self._changes: deque[tuple[float, Change]] = deque()
         self._dropped = 0
-        # Entries after a number of changes, counted from the first one ever.
+        # Number of changes since the beginning → all entries after them.
         self._keyframes: dict[int, dict[tuple[str, str], object]] = {}
         self._newest: dict[tuple[str, str], object] = {}
         self._last_s = 0.0
 
     @property
     def first_s(self) -> float | None:
-        """Earliest moment that can be looked at [s since 1970]; None while there is none."""
+        """Earliest available moment [s since 1970]; None if there is none."""
         if self._base_s is not None:
             return self._base_s
         return self._changes[0][0] if self._changes else None
 
     @property
     def last_s(self) -> float | None:
-        """Moment of the last change [s since 1970]; None before the first."""
+        """Time of the last change [s since 1970]; None before the first."""
         return self._last_s if self._changes or self._base_s is not None else None
 
     def record(self, at_s: float, change: Change) -> None:
-        """Remember a change; a clock that goes back is taken as one that stands still."""
+        """Record a change; a clock that goes back counts as one that stands still."""
         self._last_s = max(at_s, self._last_s)
         self._changes.append((self._last_s, change))
         _apply(self._newest, change)
@@ -89,7 +89,7 @@ class History:
             self._drop()
 
     def at(self, at_s: float) -> dict[str, dict[str, object]]:
-        """Return what the store held at a moment [s since 1970], the changes of it included."""
+        """Return the contents of the store at a moment [s since 1970], including its changes."""
         count = bisect_right(self._changes, at_s, key=lambda one: one[0])
         numbers = [n for n in self._keyframes if self._dropped <= n <= self._dropped + count]
         start = max(numbers, default=self._dropped)
@@ -102,7 +102,7 @@ class History:
         return found
 
     def newest(self, collection: str, kind: type[_Value]) -> tuple[_Value, ...]:
-        """Return the values of a collection, all of a type, after the last change."""
+        """Return the values of a collection, all of one type, after the last change."""
         return tuple(
             value
             for (name, _), value in self._newest.items()

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Process that reads recordings for the pages of a studio, and its client in the studio.
 
-Reading takes long, so that a thread of the studio would hold up what happens now. The process gets
-a line of JSON for each moment, timeline or excerpt. It answers with a line that says whether it
-could be read, and how long the message for the page is, and with that message; an excerpt is in a
-file, and needs none. It ends with its standard input.
+Reading is slow, so a thread of the studio would delay current messages. The process receives a
+line of JSON for each moment, timeline or excerpt. It answers with a line that reports success
+and the length of the message for the page, followed by that message; an excerpt is written to a
+file instead. It ends with its standard input.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from bt_agents_studio.protocol import Events, Failure, Snapshot, encode
 from bt_agents_studio.recordings import Recordings
 
 LIMIT_S = 1800.0
-"""Longest time for one answer; a large recording takes minutes [s]."""
+"""Longest wait for one answer; a large recording takes minutes [s]."""
 
 EXCERPT_S = 60.0
-"""Longest time for an excerpt, which keeps the pages waiting that look into a recording [s]."""
+"""Longest wait for an excerpt, which delays pages that show a recording [s]."""
 
 _FOUND, _FAILURE = b"found", b"failure"
 _END_S = 2.0
@@ -38,14 +38,14 @@ _LARGEST_ANSWER = 256 * 1024 * 1024
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedAnswer:
-    """Encoded message with what was read of a recording, or with why it cannot be read."""
+    """Encoded message with the content of a recording, or with the reason why it is unreadable."""
 
     text: str
     is_failure: bool
 
 
 class JournalWorker:
-    """Client of the process, which starts with the first request and answers one at a time.
+    """Client of the process, which starts at the first request and answers one at a time.
 
     Args:
         mood: The scene parameter that is the mood; empty for none.
@@ -94,7 +94,7 @@ class JournalWorker:
             return RecordedAnswer(text=encode(failure), is_failure=True)
 
     async def close(self) -> None:
-        """End the process, and answer nothing more."""
+        """End the process; requests get no answer any more."""
         self._is_closed = True
         await self._end()
 
@@ -102,7 +102,7 @@ class JournalWorker:
         if self._is_closed:
             raise OSError("the studio ends")
         if self._process is None or self._process.returncode is not None:
-            # In a session of its own, a Ctrl-C reaches only the studio.
+            # In a session of its own, so that Ctrl-C reaches only the studio.
             self._process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", __name__, *self._arguments),
                 stdin=asyncio.subprocess.PIPE,
@@ -134,7 +134,7 @@ class JournalWorker:
 def main() -> None:
     """Answer requests until the standard input ends."""
     os.nice(_NICENESS)
-    # Whatever prints something must not disturb the answers.
+    # Printed text must not corrupt the answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     mood, namespace = sys.argv[1:]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Studio node: messages of a running system are handed to the studio, its requests to services."""
+"""Studio node: passes messages of a running system to the studio, and its requests to services."""
 
 from __future__ import annotations
 
@@ -48,19 +48,19 @@ from bt_agents_tools.client import open_questions, publication
 from bt_agents_tools.client.write_back import ParameterState
 
 MOST_HOSTS = 100
-"""Hosts that are watched, at most."""
+"""Maximum number of hosts to watch."""
 
 SILENT_S = 10.0
-"""Silence after which a host gives its place to another one, when all places are taken [s]."""
+"""Silence after which a host makes room for another one if there are too many [s]."""
 
 MOST_HANDED_OVER = 200
-"""Messages that wait to be shown, at most; then no more are taken from the middleware."""
+"""Maximum number of received messages in line; then the node takes no more."""
 
 MOST_HANDED_OVER_BYTES = 64 * MIB
-"""The same in bytes, each message counted with those that one of its type may have."""
+"""The same in bytes; a message counts with the size limit of its type."""
 
 MOST_WAITING = 20
-"""Answers and messages that are being published at a time."""
+"""Maximum number of answers and messages that are being published at a time."""
 
 _JOIN_S = 3.0
 _ROOM_S = 0.2
@@ -69,33 +69,33 @@ _DETAILS = f"{HOST}/details"
 _GRAPH_S = 1.0
 _HOSTS_S = 2.0
 _MOST_ABSENT = 50
-"""Unwatched hosts whose card is kept."""
+"""Maximum number of hosts without a place whose card is kept."""
 
 _LARGEST_ABSENT = 256 * KIB
-"""Characters and entries of such a card."""
+"""Maximum size of such a card [characters and entries]."""
 
 _TOLD_S = 60.0
 
 _DISCOVERY_S = 2.0
-"""Longest time until a service is found [s]; somebody at a page waits for it."""
+"""Longest time until a service is discovered [s]; a user of a page waits for it."""
 
 _TAKEN_S = 3.0
 _VALUES_S = 5.0
 
 Wait = Generator[None, None, str]
-"""Work that waits between its steps; it returns what was done, in words."""
+"""Work in steps with waits between them; returns its result as text."""
 
 Receive = Callable[[str, Any, float, bool], None]
-"""Called with type, message, time of sending [s since 1970] and whether it is the live scene."""
+"""Called with type, message, time of sending [s since 1970], and whether it is the live scene."""
 
 
 @dataclass(eq=False, kw_only=True)
 class _Host:
-    """A host that is watched, and what there is of it in this node.
+    """A watched host and its entities in this node.
 
     Attributes:
         heard_at: Steady time of its last heartbeat [s].
-        details: What is subscribed to only while somebody looks.
+        details: Subscriptions that exist only while a page is open.
     """
 
     card: HostCard
@@ -107,13 +107,13 @@ class _Host:
 
 
 class StudioNode(BaseNode):
-    """Subscriptions to all that a studio shows, and clients of all that it asks.
+    """Subscriptions to everything that a studio shows, and clients of all services that it uses.
 
     Args:
         receive: Called with each message.
-        beat: Called with the name of a part for each of its heartbeats.
+        beat: Called with the name of a part at each of its heartbeats.
         value: Called with host, name and value of each tunable when it may have changed.
-        graph: Called with the topics that trees listen to now, and whether a journal runs.
+        graph: Called with the topics that trees subscribe to, and whether a journal runs.
         node_kwargs: For :class:`rclpy.node.Node`.
     """
 
@@ -132,7 +132,7 @@ class StudioNode(BaseNode):
         self._graph = graph
         self._questions: Sequence[Any] = ()
         self._hosts: dict[str, _Host] = {}
-        # Cards of hosts that have no heartbeat, the newest last.
+        # Cards of hosts without a heartbeat, newest last.
         self._absent: OrderedDict[str, HostCard] = OrderedDict()
         self._fields: dict[str, Mapping[str, str]] = {}
         self._waiting: list[tuple[Wait, Future[str]]] = []
@@ -149,10 +149,10 @@ class StudioNode(BaseNode):
         self._person_timer = steady_timer(self, HEARTBEAT_S, self._beat_for_person, running=False)
 
     def watch(self, is_watched: bool, is_person_open: bool = False) -> None:
-        """Take over whether any page, and a page Person, is open; from any thread.
+        """Set whether any page, and whether a page Person, is open; thread-safe.
 
-        While none is, the node neither has hosts trace values nor reads the graph. While a page
-        Person is, it publishes a heartbeat, so that a robot knows that it has a screen.
+        Without an open page, the node neither asks hosts to trace values nor reads the graph. With
+        an open page Person, it publishes a heartbeat, so that a robot knows that it has a screen.
         """
         self.executor.create_task(partial(self._watch, is_watched, is_person_open))
 
@@ -177,7 +177,7 @@ class StudioNode(BaseNode):
 
     def _beat_for_person(self) -> None:
         if self._person_heartbeat is None:
-            # Whoever only watches may not publish.
+            # Created late: a studio that only watches has no right to publish.
             self._person_heartbeat = self.create_publisher(
                 Empty, "studio/person/heartbeat", qos.SENSOR
             )
@@ -192,25 +192,25 @@ class StudioNode(BaseNode):
             self.destroy_subscription(subscriptions.pop())
 
     def answer(self, text: str) -> Future[str]:
-        """Answer an open question, as ``bt-agents answer`` does; from any thread.
+        """Answer an open question, as ``bt-agents answer`` does; thread-safe.
 
-        The future has what was done, in words, or raises ``Refused``.
+        The future has the result as text, or raises ``Refused``.
         """
         return self._begin(partial(self._answer, text))
 
     def publish(self, topic: str, values: Sequence[str]) -> Future[str]:
-        """Publish what a tree waits for, as ``bt-agents publish`` does; from any thread.
+        """Publish a message that a tree waits for, as ``bt-agents publish`` does; thread-safe.
 
-        The future has what was done, in words, or raises ``Refused``.
+        The future has the result as text, or raises ``Refused``.
         """
         return self._begin(partial(self._publish, topic, values))
 
     def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
-        """Ask the market who would win for a scene; as :meth:`call`.
+        """Ask the market for the winner of a scene; as :meth:`call`.
 
         Args:
-            values: Scene parameters in their order; NaN where missing.
-            limit_s: Longest time for the answer [s].
+            values: Values of all scene parameters in order; NaN if missing.
+            limit_s: Longest wait for the answer [s].
         """
         scene = Scene(
             header=header_at(self.get_clock().now().to_msg()),
@@ -233,8 +233,8 @@ class StudioNode(BaseNode):
         """Return descriptors and values of parameters of the market; as :meth:`call`.
 
         Args:
-            names: Of the parameters.
-            limit_s: Longest time for each of the two answers [s].
+            names: Names of the parameters.
+            limit_s: Longest wait for each of the two answers [s].
         """
         answer: Future[tuple[Sequence[Any], Sequence[Any]]] = Future()
         fields = {"names": names}
@@ -263,7 +263,7 @@ class StudioNode(BaseNode):
     ) -> Future[str]:
         """Set parameters of the market together; as :meth:`call`.
 
-        The future has the reason why they are not set, empty if they are.
+        The future has the reason for a refusal, empty if they are set.
         """
         answer: Future[str] = Future()
         parameters = [
@@ -281,7 +281,7 @@ class StudioNode(BaseNode):
         return answer
 
     def tuned(self) -> Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]]:
-        """Return trees folder, parameters and profile values of each host; from any thread."""
+        """Return trees folder, parameters and profile values of each host; thread-safe."""
         answer: Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]] = Future()
         self.executor.create_task(partial(self._read_tuned, answer))
         return answer
@@ -305,7 +305,7 @@ class StudioNode(BaseNode):
         return done
 
     def _advance(self) -> None:
-        """Go on with all that waits."""
+        """Advance all waiting work."""
         for one in list(self._waiting):
             wait, done = one
             try:
@@ -314,7 +314,7 @@ class StudioNode(BaseNode):
             except StopIteration as ended:
                 done.set_result(ended.value)
             except Exception as error:
-                # The caller gets it.
+                # The caller receives the exception.
                 done.set_exception(error)
             self._waiting.remove(one)
         if not self._waiting:
@@ -419,12 +419,12 @@ class StudioNode(BaseNode):
     def call(
         self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
     ) -> Future[Any]:
-        """Ask a service; from any thread. The future has the answer, or raises ``Refused``.
+        """Call a service; thread-safe. The future has the answer, or raises ``Refused``.
 
         Args:
             kind: Type of the service in ``bt_agents_interfaces``.
-            service: Its name.
-            fields: Of the request.
+            service: Name of the service.
+            fields: Fields of the request.
             limit_s: Longest time for discovery and answer [s].
         """
         answer: Future[Any] = Future()
@@ -469,7 +469,7 @@ class StudioNode(BaseNode):
         profile = qos.listening(topic)
         kind = load_type(topic.type)
         if last == "heartbeat":
-            # The content does not matter, so it is not decoded.
+            # The content is irrelevant, so it is not decoded.
             return self.create_subscription(
                 *(kind, name, lambda _data: self._handle_beat(part), profile),
                 raw=True,
@@ -506,7 +506,7 @@ class StudioNode(BaseNode):
         self._beat(part)
 
     def _put_aside(self, host: str, card: HostCard) -> None:
-        """Keep the card of a host that is not watched, unless it is too large."""
+        """Keep the card of an unwatched host, unless it is too large."""
         self._absent.pop(host, None)
         if check_content(card) <= _LARGEST_ABSENT:
             self._absent[host] = card
@@ -514,7 +514,7 @@ class StudioNode(BaseNode):
             self._absent.popitem(last=False)
 
     def _admit(self, host: str, card: HostCard) -> bool:
-        """Watch a host from now on, if it has a heartbeat and there is a place; return whether."""
+        """Watch a host if it has a heartbeat and there is room; return whether it is watched."""
         if not self._has_heartbeat(host):
             return False
         now = time.monotonic()
@@ -542,7 +542,7 @@ class StudioNode(BaseNode):
         return bool(self.count_publishers(f"{host}/heartbeat"))
 
     def _dismiss(self, host: str) -> None:
-        """Watch a host no longer, until it has a heartbeat and there is a place for it again."""
+        """Stop watching a host until it has a heartbeat and there is room again."""
         one = self._hosts.pop(host)
         self._put_aside(host, one.card)
         self._destroy(one.subscriptions)
@@ -591,7 +591,7 @@ class StudioNode(BaseNode):
         on_failure: Callable[[str], None],
         known: Sequence[Any] = (),
     ) -> None:
-        """Ask for values of parameters; there are fewer than names when one is gone meanwhile."""
+        """Request values of parameters; returns fewer values than names if one is gone."""
         if host not in self._hosts:
             on_failure("it is gone")
             return
@@ -620,15 +620,15 @@ class StudioNode(BaseNode):
 
 
 class Handover:
-    """Calls of the ROS thread that another thread carries out, in their order.
+    """Queue of calls from the ROS thread that another thread executes in order.
 
-    A call that raises an exception does not hold up those after it. Only some may wait. While
-    there is no room for more, the ROS thread takes no messages, so that the middleware holds the
-    newest of each topic and drops what is older.
+    A call that raises an exception does not block later ones. The queue is bounded. While it is
+    full, the ROS thread takes no messages, so the middleware keeps the newest messages of each
+    topic and drops older ones.
 
     Args:
-        wake: Called by the ROS thread when something waits and nothing did before.
-        on_failure: Called with the name of a call that has raised an exception, and that.
+        wake: Called by the ROS thread when the queue is no longer empty.
+        on_failure: Called with the name of a failed call and its exception.
     """
 
     def __init__(
@@ -641,7 +641,7 @@ class Handover:
         self._changed = threading.Condition()
 
     def to(self, handle: Callable[..., None]) -> Callable[..., None]:
-        """Return a function for the ROS thread that has ``handle`` called by the other one."""
+        """Return a function for the ROS thread that queues a call of ``handle``."""
 
         def post(*values: Any) -> None:
             size = sum(largest_bytes(type(one)) for one in values if hasattr(one, "SLOT_TYPES"))
@@ -655,20 +655,20 @@ class Handover:
         return post
 
     def wait_for_room(self, limit_s: float) -> bool:
-        """Wait until more may wait; return whether it may."""
+        """Wait for room in the queue; return whether there is any."""
         with self._changed:
             return self._changed.wait_for(self._has_room, limit_s)
 
     @property
     def waits(self) -> bool:
-        """Whether anything waits."""
+        """Whether the queue has calls."""
         return bool(self._waiting)
 
     def deliver(self, limit_s: float) -> None:
-        """Carry out what waits, for a time [s]; after that something may wait still."""
+        """Execute queued calls for a time [s]; some may remain."""
         end = time.monotonic() + limit_s
         while self._waiting and time.monotonic() < end:
-            # It stays in the queue until it is done: what comes meanwhile does not wake anybody.
+            # It stays in the queue until done, so calls queued meanwhile do not wake the thread.
             call, size = self._waiting[0]
             try:
                 call()
@@ -686,11 +686,11 @@ class Handover:
 
 
 class NodeThread:
-    """Thread in which the node lives from its making to its end.
+    """Thread in which the node is created, spun and destroyed.
 
     Args:
-        make: Makes the node, in the thread.
-        handover: Through which the node hands over what it receives.
+        make: Creates the node, in the thread.
+        handover: Queue for the messages that the node receives.
     """
 
     def __init__(self, make: Callable[[], StudioNode], handover: Handover) -> None:
@@ -701,7 +701,7 @@ class NodeThread:
         self._thread = threading.Thread(target=self._run, name="ros", daemon=True)
 
     def start(self) -> StudioNode:
-        """Start the thread, and return the node when it is made."""
+        """Start the thread, and return the node once it is created."""
         self._thread.start()
         return self._made.result()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operations: what a page may change, and by which service."""
+"""Operations: changes that a page may make, and their services."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from bt_agents_core.ros_names import is_full_name
 from bt_agents_studio.access import OPERATORS, SessionRole
 
 LIMIT_S = 30.0
-"""Longest time for the answer of a service [s]."""
+"""Longest wait for the answer of a service [s]."""
 
 LONGEST_TEXT = 1000
-"""Characters of a text of an operation."""
+"""Maximum length of a text of an operation [characters]."""
 
 MOST_VALUES = 500
-"""Entries of a list of an operation."""
+"""Maximum number of entries of a list of an operation."""
 
 _ABOVE_COUNTS = 2**32
 
@@ -38,13 +38,13 @@ class Operation:
     """One way to change a running system.
 
     Attributes:
-        roles: Whose sessions may do it.
+        roles: Roles that may do it.
         service: Name of the service, relative to the namespace of the system; ``{host}`` stands
-            for a field of that name, which is no field of the request.
+            for a field of that name, which is not a field of the request.
         kind: Type of the service in ``bt_agents_interfaces``.
-        fields: Of the request.
-        person_fields: The same for a person, where that may name less.
-        person_values: What the request of a person says in fields that it may not name.
+        fields: Fields of the request.
+        person_fields: The same for a person, if a person may set fewer.
+        person_values: Values of the other fields in a person's request.
     """
 
     roles: frozenset[SessionRole] = OPERATORS
@@ -170,11 +170,11 @@ OPERATIONS: Mapping[str, Operation] = {
 
 @dataclass(frozen=True, kw_only=True)
 class OwnOperation:
-    """What the studio does itself, by the modules of the command line.
+    """Operation of the studio itself, done by modules of the command line.
 
     Attributes:
-        roles: Whose sessions may do it.
-        fields: Of the request.
+        roles: Roles that may do it.
+        fields: Fields of the request.
     """
 
     roles: frozenset[SessionRole] = OPERATORS
@@ -199,7 +199,7 @@ OWN_OPERATIONS: Mapping[str, OwnOperation] = {
 def read_request(
     operation: Operation, body: object, role: SessionRole
 ) -> tuple[str, dict[str, Any]]:
-    """Return the service that is asked, and the fields of its request.
+    """Return the service of a request, and the request's fields.
 
     Raises:
         Refused: ``BAD_FIELD``.
@@ -222,7 +222,7 @@ def read_request(
 
 
 def read_fields(fields: Fields, body: object) -> dict[str, Any]:
-    """Return the fields of a request; those that are not given are left out.
+    """Return the fields of a request, without missing ones.
 
     Raises:
         Refused: ``BAD_FIELD``.
@@ -260,7 +260,7 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
         case "texts":
             return [_text(name, one) for one in _list(name, value)]
         case "numbers":
-            # JSON has no NaN, so null says that there is no opinion.
+            # JSON has no NaN, so null means no opinion.
             return [math.nan if one is None else _number(name, one) for one in _list(name, value)]
     raise AssertionError(f"no such kind of field: {kind}")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Own operations of pages: answers, messages, dry runs, strategies, kept values, links."""
+"""The studio's own operations: answers, messages, dry runs, strategies, kept values, links."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from bt_agents_tools.client.strategies import (
 from bt_agents_tools.client.write_back import ParameterState
 
 LIMIT_S = 60.0
-"""Longest time of one operation, tests of agents included [s]."""
+"""Longest time of one operation, including tests of agents [s]."""
 
 _PREVIEW_S = 5.0
 _STRATEGY_S = 5.0
@@ -46,7 +46,7 @@ TunedHosts = Mapping[str, tuple[Path, Sequence[ParameterState]]]
 
 
 class Caller(Protocol):
-    """Whoever asks services of the system, and publishes for its trees."""
+    """Calls services of the system, and publishes messages for its trees."""
 
     def call(
         self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
@@ -77,19 +77,19 @@ class Caller(Protocol):
 
 
 class OwnOperations:
-    """What the studio does itself for a page, by the modules of the command line.
+    """The studio's own operations, done by modules of the command line.
 
     Args:
-        studio: Knows the scene parameters.
-        caller: Asks and publishes.
-        person_address: Of the page Person, token included.
+        studio: Studio with the scene parameters.
+        caller: Calls services and publishes messages.
+        person_address: Address of the page Person, including the token.
     """
 
     def __init__(self, studio: Studio, caller: Caller, person_address: str) -> None:
         self._studio = studio
         self._caller = caller
         self._person_address = person_address
-        # One at a time, so that two pages do not write one file together.
+        # One at a time, so that two pages never write the same file together.
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="own")
         self._done: Mapping[str, Callable[..., Awaitable[Mapping[str, object]]]] = {
             "answer": self._answer,
@@ -101,7 +101,7 @@ class OwnOperations:
         }
 
     async def do(self, name: str, fields: Mapping[str, Any]) -> Mapping[str, object]:
-        """Return the answer of an operation: that of a service, perhaps with a ``record``."""
+        """Do an operation; return its answer, which may have a ``record``."""
         try:
             async with asyncio.timeout(LIMIT_S):
                 return await self._done[name](**fields)
@@ -113,7 +113,7 @@ class OwnOperations:
             return _answer(False, RefusalCode.NO_ANSWER, f"it took longer than {LIMIT_S:g} s")
 
     def close(self) -> None:
-        """Begin nothing more."""
+        """Start no more operations."""
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     async def _answer(self, text: str = "") -> Mapping[str, object]:
@@ -203,7 +203,7 @@ class OwnOperations:
     async def _strategy(
         self, name: str = "", options: Sequence[str] = (), values: Sequence[float] = ()
     ) -> Mapping[str, object]:
-        """Answer with the strategies of the market; a name or options change them before that."""
+        """Return the strategies of the market, after setting the given strategy and options."""
         if len(options) != len(values):
             raise Refused(RefusalCode.BAD_FIELD, "'values' needs one value for each of 'options'")
         found = await self._strategies()
@@ -230,7 +230,7 @@ class OwnOperations:
 
 
 def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]:
-    """Return what would change in the files; with the digest of that, write it."""
+    """Return the changes of the files; write them if the request has their digest."""
     edits: list[FileEdit] = []
     for host, (folder, states) in hosts.items():
         edits += edits_of(host, folder, states, profile=profile)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Process of a studio beside the other processes of a system: TREES STATE JOURNAL SOCKET."""
+"""Process of the studio within a system: TREES STATE JOURNAL SOCKET."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def main() -> int:
     """Serve the studio until a signal ends it; return the exit code."""
     die_with_parent()
     trees, state, journal = map(Path, sys.argv[1:4])
-    # The parent listens, so that the port is the same after a restart, and nobody is turned away.
+    # The parent listens, so the port survives a restart, and no connection is refused.
     listening = socket.socket(fileno=int(sys.argv[4]))
 
     def ready(addresses: Mapping[SessionRole, str]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Protocol between studio and browser: one JSON text a message, typed by its field ``type``."""
+"""Protocol between studio and browser: JSON texts, whose type is in the field ``type``."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from bt_agents_studio.records import BookmarkRecord, EventRecord, ParameterRecor
 from bt_agents_studio.store import Change
 
 VERSION = 1
-"""Version of the protocol; a client of another version gets an error, and loads the page anew."""
+"""Version of the protocol; a client of another version gets an error and reloads the page."""
 
 LARGEST_MESSAGE = 4096
-"""Bytes of a message from a client."""
+"""Maximum size of a message from a client [bytes]."""
 
 LATEST_S = 2**40
-"""Latest moment that a client may name [s since 1970]."""
+"""Latest moment that a client may request [s since 1970]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,12 +30,12 @@ class Hello:
 
     Attributes:
         version: :data:`VERSION`.
-        studio: This start of the studio; sequences of another one mean nothing.
+        studio: Identifier of this start of the studio; sequence numbers of others are invalid.
         now_s: Clock of the studio [s since 1970], to which all times refer.
-        role: What the client may do: ``view`` or ``operate``.
+        role: Role of the client: ``view`` or ``operate``.
         parameters: The scene parameters of the trees folder.
-        namespace: Of the system that is watched.
-        span_s: Time that a running system can be looked back over, at most [s].
+        namespace: Namespace of the system.
+        span_s: Length of a running system's history [s].
     """
 
     type: ClassVar[str] = "hello"
@@ -53,12 +53,12 @@ class Snapshot:
     """All entries: collection → key → value.
 
     Attributes:
-        sequence: Number of the last change that is in it.
-        at_s: Moment that was asked for [s since 1970]; None for now.
-        source: Name of the journal file it is from; empty for the running system.
-        first_s: Earliest moment that can be asked for [s since 1970]; None while there is none.
-        last_s: Latest one.
-        bookmarks: All marked moments of the source, those after the shown one, too.
+        sequence: Number of the last change in it.
+        at_s: The requested moment [s since 1970]; None for now.
+        source: Name of the journal file; empty for the running system.
+        first_s: Earliest available moment [s since 1970]; None if there is none.
+        last_s: Latest available moment.
+        bookmarks: All bookmarks of the source, including later ones.
     """
 
     type: ClassVar[str] = "snapshot"
@@ -73,10 +73,10 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class Delta:
-    """Newest change of each entry since the message before; a value of None removes it.
+    """Newest change of each entry since the last message; a value of None removes it.
 
     Attributes:
-        sequence: Number of the last change that is in it.
+        sequence: Number of the last change in it.
         changes: Collection, key and value of each.
     """
 
@@ -92,11 +92,11 @@ class Delta:
 
 @dataclass(frozen=True, kw_only=True)
 class Present:
-    """What changes now of ``OF_THE_PRESENT``, for a client that is shown an earlier moment.
+    """Current changes of ``OF_THE_PRESENT`` for a client at an earlier moment.
 
     Attributes:
         changes: As in :class:`Delta`.
-        is_whole: The changes are all entries; a client forgets any others.
+        is_whole: The changes are all entries; a client removes all others.
     """
 
     type: ClassVar[str] = "present"
@@ -111,14 +111,14 @@ class Present:
 
 @dataclass(frozen=True, kw_only=True)
 class Beat:
-    """The studio is there and has nothing else to say."""
+    """Sign of life of the studio in the absence of other messages."""
 
     type: ClassVar[str] = "beat"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """Refusal of a message of the client, with a code and in words."""
+    """Refusal of a client's message, with a code and a text."""
 
     type: ClassVar[str] = "failure"
     code: str
@@ -127,7 +127,7 @@ class Failure:
 
 @dataclass(frozen=True, kw_only=True)
 class Events:
-    """Timeline of a recording, the answer to ``GET /api/journals/NAME/events``."""
+    """Timeline of a recording: the answer to ``GET /api/journals/NAME/events``."""
 
     type: ClassVar[str] = "events"
     events: tuple[EventRecord, ...]
@@ -135,12 +135,12 @@ class Events:
 
 @dataclass(frozen=True, kw_only=True)
 class Resume:
-    """First message of a client: what it has already.
+    """First message of a client: the state that it already has.
 
     Attributes:
-        version: Of the protocol.
-        studio: From :class:`Hello` of the connection before; empty without one.
-        sequence: Of the last message that it has received; 0 for none.
+        version: Version of the protocol.
+        studio: From :class:`Hello` of the previous connection; empty without one.
+        sequence: Sequence number of the last received message; 0 for none.
     """
 
     type: ClassVar[str] = "resume"
@@ -151,7 +151,7 @@ class Resume:
 
 @dataclass(frozen=True, kw_only=True)
 class Seek:
-    """Wish to see an earlier moment, until :class:`Follow`.
+    """Request to see an earlier moment, until :class:`Follow`.
 
     Attributes:
         source: Name of a journal file; empty for the running system.
@@ -165,7 +165,7 @@ class Seek:
 
 @dataclass(frozen=True, kw_only=True)
 class Follow:
-    """Wish to see what happens now."""
+    """Request to return to now."""
 
     type: ClassVar[str] = "follow"
 

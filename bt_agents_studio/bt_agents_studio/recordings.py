@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings to look back into: journal files and bags, each read on from where it was read."""
+"""Journal files and bags as recordings; each is read incrementally."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
     from bt_agents_lab.recorder.reading import JournalReader
 
 MOST_HELD = 2
-"""Recordings that are held in memory."""
+"""Maximum number of recordings in memory."""
 
 _MOST_EVENTS = 10_000
-"""Events of a recording; the oldest are left out first."""
+"""Maximum number of events of a recording; the oldest are dropped first."""
 
 _LARGEST = 512 * 1024 * 1024
 _MOST_BYTES = 256 * 1024 * 1024
 WRITTEN_S = 1.2
-"""The journal writes once a second what it has received [s]."""
+"""Time after which the journal has written a message; it writes once a second [s]."""
 
 _LOOK_S = 0.05
 _ROUNDED_NS = 1000
-"""Seconds since 1970 as a float are less exact than the times of messages [ns]."""
+"""Rounding error of seconds since 1970 as a float [ns]."""
 
 
 class Recordings:
-    """Moments of recordings; the last ones that were looked into are held.
+    """Moments of recordings; the most recently used recordings stay in memory.
 
     Args:
         mood: The scene parameter that is the mood; empty for none.
@@ -55,12 +55,12 @@ class Recordings:
         self._held: OrderedDict[Path, _Recording] = OrderedDict()
 
     def moment(self, file: Path, at_s: float, *, waits: bool = False) -> Snapshot:
-        """Return what a journal file or a bag shows at a moment [s since 1970].
+        """Return the entries of a journal file or a bag at a moment [s since 1970].
 
         Args:
             file: Its path.
             at_s: The moment.
-            waits: Whether to wait until the journal has written what it has received so far.
+            waits: Whether to wait until the journal has written all messages received so far.
 
         Raises:
             Refused: ``NO_JOURNAL``, ``TOO_LARGE`` or ``UNREADABLE``.
@@ -78,7 +78,7 @@ class Recordings:
     def write_excerpt(
         self, file: Path, from_s: float, to_s: float, into: Path, *, waits: bool = False
     ) -> None:
-        """Write what a journal file or a bag holds of a span [s since 1970] into a new file.
+        """Write the messages of a span [s since 1970] of a journal file or a bag into a new file.
 
         Args:
             file: Its path.
@@ -130,7 +130,7 @@ class Recordings:
         return held
 
     def _wait_until_written(self, file: Path) -> None:
-        """Wait for a change of a file, which does not come while the system is quiet."""
+        """Wait for a change of a file, which does not happen while the system is quiet."""
         before = file.stat().st_mtime_ns
         for _ in range(round(WRITTEN_S / _LOOK_S)):
             if file.stat().st_mtime_ns != before:
@@ -139,7 +139,7 @@ class Recordings:
 
 
 class _Recording:
-    """History of a recording as far as it has been read."""
+    """History of the part of a recording that has been read."""
 
     def __init__(self, file: Path, mood: str, namespace: str) -> None:
         self._file = file
@@ -154,12 +154,12 @@ class _Recording:
         self._projection = Projection(store, mood)
 
     def read_on(self, size: int) -> bool:
-        """Read what has been written since the last call; return False if it is another file now.
+        """Read the data written since the last call; return False if the file was replaced.
 
-        A bag is another one after each change.
+        A bag counts as replaced after each change.
 
         Raises:
-            OSError: It is gone.
+            OSError: The file is gone.
             Refused: ``UNREADABLE``.
         """
         stat = self._file.stat()
@@ -187,7 +187,7 @@ class _Recording:
             try:
                 self._projection.handle(entry.type, entry.decode(), self._moment, live=live)
             except Exception:
-                # Of an earlier format, of other types, or damaged: what can be read is shown.
+                # Of an earlier format, of other types, or damaged: show the readable part.
                 continue
 
     def _record(self, change: Change) -> None:
@@ -195,9 +195,9 @@ class _Recording:
 
 
 def moment_snapshot(history: History, at_s: float, source: str = "") -> Snapshot:
-    """Return what a history shows at a moment [s since 1970], without events.
+    """Return the entries of a history at a moment [s since 1970], without events.
 
-    Those are shown all the time, not only those up to the moment.
+    The page always shows all events, including later ones.
     """
     entries = history.at(at_s)
     entries.pop("events", None)
@@ -224,10 +224,10 @@ def _reader(file: Path, namespace: str) -> JournalReader:
 
 
 def recording_size(path: Path) -> int:
-    """Return the bytes of a journal file, or of all files of a bag.
+    """Return the size of a journal file, or of all files of a bag [bytes].
 
     Raises:
-        OSError: It is gone.
+        OSError: The file is gone.
     """
     files = path.iterdir() if path.is_dir() else (path,)
     return sum(one.stat().st_size for one in files)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records: the values of all collections that a studio shows, as they travel to the browser.
+"""Records: the values of all collections of a studio, in the form that the browser receives.
 
-Times are in seconds since 1970 unless they say otherwise. What is not known is None, never NaN.
+Times are in seconds since 1970 unless stated otherwise. Unknown values are None, never NaN.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Stamp = Annotated[float, STAMP]
 
 
 class Names(tuple[str, ...]):
-    """Names of the constants of a field of a message, from 0 on; a text holds one of them."""
+    """Names of the constants of a message field, from 0; a text holds one of them."""
 
     __slots__ = ()
 
@@ -33,7 +33,7 @@ _FEEDBACK = Names(one.name for one in FeedbackKind)
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterRecord:
-    """A scene parameter, as the scene file declares it; ``labels`` are words for some values."""
+    """A scene parameter as declared in the scene file; ``labels`` are words for some values."""
 
     name: str
     minimum: float
@@ -55,7 +55,7 @@ class StrategyRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class ProblemRecord:
-    """Why a file is not in force, an agent does not take part, or a rule does not count."""
+    """Why a file is not in force, an agent does not take part, or a rule is ignored."""
 
     agent: str
     file: str
@@ -65,7 +65,7 @@ class ProblemRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class MarketRecord:
-    """What the marketplace is doing; ``state`` is the name of a constant of ``MarketStatus``."""
+    """State of the marketplace; ``state`` is the name of a constant of ``MarketStatus``."""
 
     epoch: str
     state: Annotated[
@@ -123,7 +123,7 @@ class SceneRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class TreeNodeRecord:
-    """One node of a tree; ``parent`` is its place in the list, -1 for the root."""
+    """One node of a tree; ``parent`` is its index in the list, -1 for the root."""
 
     path: str
     parent: int
@@ -144,24 +144,24 @@ class TreeRecord:
 
 
 STOPPED, UNKNOWN = "STOPPED", "UNKNOWN"
-"""Statuses of nodes that no message has."""
+"""Statuses of nodes that no message contains."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class NodeRecord:
-    """What a node of the last run of an agent has done so far.
+    """Progress of a node in the last run of an agent.
 
     Attributes:
         status: Name of a constant of ``StatusChange``; :data:`STOPPED` if it was stopped while it
             was running, :data:`UNKNOWN` if its run was lost meanwhile.
-        message: Why, in words.
+        message: Reason for the status.
         since_s: When it got the status.
-        tick: Number of the tick in which it did.
-        starts: How often it has begun to run.
-        successes: How often it has succeeded.
-        failures: How often it has failed.
-        busy_s: How long it ran altogether until ``since_s`` [s].
-        reason: Why it failed last; empty when it never did.
+        tick: Number of the tick in which it got the status.
+        starts: Number of its starts.
+        successes: Number of its successes.
+        failures: Number of its failures.
+        busy_s: Total running time until ``since_s`` [s].
+        reason: Reason for its last failure; empty without one.
     """
 
     status: str
@@ -177,14 +177,14 @@ class NodeRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class CountdownRecord:
-    """What is left of the limits of a node.
+    """Remaining limits of a node.
 
     Attributes:
-        at_s: When that was so.
+        at_s: Time of the message.
         kind: Key of the node: ``timeout``, ``wait``, ``retry``.
-        remaining_s: Until its time is over, from ``at_s`` [s]; None without a time.
-        remaining: Attempts or rounds after the current one; None without a limit of them.
-        whole_s: The whole time, as far as it has been seen [s]; None without a time.
+        remaining_s: Remaining time from ``at_s`` [s]; None without a time limit.
+        remaining: Attempts or rounds after the current one; None without such a limit.
+        whole_s: The whole time, as far as observed [s]; None without a time limit.
     """
 
     at_s: float
@@ -196,7 +196,7 @@ class CountdownRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class NodeValueRecord:
-    """A value that a node has read or written last under a name, as an author writes it."""
+    """Value that a node has last read or written under a name, in an author's notation."""
 
     at_s: float
     tick: int
@@ -207,17 +207,17 @@ class NodeValueRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class NodeValuesRecord:
-    """What a node has read and written in the last run, the newest last."""
+    """Values that a node has read and written in the last run, newest last."""
 
     values: tuple[NodeValueRecord, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlRecord:
-    """What a person has told a host about its runs.
+    """Control of a host's runs by people.
 
     Attributes:
-        epoch: Of the run under way; empty without one.
+        epoch: Epoch of the current run; empty without one.
         paused_at: Path of the node whose breakpoint paused the run; empty otherwise.
         since_s: When this came into force.
         breakpoints: Agent → paths of the nodes before which its runs pause.
@@ -239,8 +239,8 @@ class RunRecord:
     """The last run of an agent; names are those of the constants of ``Run``.
 
     Attributes:
-        ended_s: When its end was announced; None while it is under way.
-        tick: Number of its last tick that changed something.
+        ended_s: When its end was announced; None while it runs.
+        tick: Number of its last tick with a change.
         ticks: Number of all ticks; 0 before the end.
     """
 
@@ -268,7 +268,7 @@ class RunRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class LogRecord:
-    """One line of what happened; ``kind`` says in which part of the system."""
+    """One line of the log; ``kind`` is the part of the system that it concerns."""
 
     at_s: float
     kind: str
@@ -283,8 +283,8 @@ class EventRecord:
 
     Attributes:
         lane: ``AGENT``, ``ROBOT``, ``MARKET``, ``FEEDBACK``, ``FAULT`` or ``RECORDING``.
-        kind: How a run ended, or ``RUNNING`` or ``CANCELLING``; what the robot does; the outcome
-            of a round; the kind of a feedback; the level of a part's health; ``RECORDING`` or
+        kind: Outcome of a run, or ``RUNNING`` or ``CANCELLING``; the robot's act; the outcome
+            of a round; the kind of feedback; the level of a part's health; ``RECORDING`` or
             ``RECORDED``.
         ended_s: ``began_s`` for a moment; None while a span goes on.
     """
@@ -299,7 +299,7 @@ class EventRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class BidRecord:
-    """One accepted bid, as it was ranked."""
+    """One accepted and ranked bid."""
 
     agent: str
     host: str
@@ -376,7 +376,7 @@ class ProfileStepRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class ProfileRecord:
-    """Current profile of an agent, for everybody or of a layer."""
+    """Current profile of an agent: the one for everybody, or that of a layer."""
 
     agent: str
     layer: str
@@ -386,11 +386,11 @@ class ProfileRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class MoodRuleRecord:
-    """What a change of mood during a run teaches an agent.
+    """Feedback of an agent's mood rule for a change of mood during a run.
 
     Attributes:
-        changes: Changes of the mood, downwards and upwards, from which on ``when`` is true; empty
-            if it looks at anything else.
+        changes: Changes of the mood, downwards and upwards, from which ``when`` is true; empty
+            if it depends on anything else.
     """
 
     when: str
@@ -402,7 +402,7 @@ class MoodRuleRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class AgentRecord:
-    """What others need to know of an agent."""
+    """Published description of an agent."""
 
     name: str
     title: str
@@ -434,7 +434,7 @@ class HostRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class HealthRecord:
-    """Health of a part of a node, of this system or of another one that tells it."""
+    """Health of a part of a node, as reported by this system or another one."""
 
     level: str
     message: str
@@ -444,7 +444,7 @@ class HealthRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class TunableRecord:
-    """A value that may be changed while everything runs; names as in ``TunableInfo``."""
+    """A value that may be changed at run time; names as in ``TunableInfo``."""
 
     name: str
     host: str
@@ -482,8 +482,8 @@ class PresetRecord:
     """Values that are applied together under a name.
 
     Attributes:
-        values: As an author writes them.
-        settings: The same as numbers in SI units, truth values and texts.
+        values: Values in an author's notation.
+        settings: The same as numbers in SI units, Booleans and texts.
     """
 
     name: str
@@ -493,7 +493,7 @@ class PresetRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class TuningsRecord:
-    """What was tuned on a host."""
+    """Tunings of a host."""
 
     revision: int
     tunings: tuple[TuningRecord, ...]
@@ -504,7 +504,7 @@ class TuningsRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class QuestionRecord:
-    """A question that waits for an answer; without choices any answer counts."""
+    """A question that waits for an answer; without choices, it accepts any answer."""
 
     at_s: Stamp
     text: str
@@ -513,18 +513,18 @@ class QuestionRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class QuestionsRecord:
-    """All questions that wait for an answer, in the order in which they were put."""
+    """All questions that wait for an answer, in order."""
 
     questions: tuple[QuestionRecord, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotActRecord:
-    """Something that the robot does now; ``kind`` is SAY, ASK, SHOW or DRIVE.
+    """A current act of the robot; ``kind`` is SAY, ASK, SHOW or DRIVE.
 
     Attributes:
-        number: Counts up with each act of this start of the robot.
-        waiting: An answer is expected now.
+        number: Number of the act since the start of the robot.
+        waiting: Whether an answer is expected now.
     """
 
     at_s: Stamp
@@ -539,7 +539,7 @@ class RobotActRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotRecord:
-    """What a person sees and hears of the robot now."""
+    """Current state of the robot, as a person perceives it."""
 
     acts: tuple[RobotActRecord, ...]
     light: str
@@ -558,7 +558,7 @@ class MoodRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class FileRecord:
-    """Text of a file that agents are made from."""
+    """Text of a file that agents are read from."""
 
     text: str
 
@@ -568,8 +568,8 @@ class PartRecord:
     """A part of the system, known by its heartbeat or its latched messages.
 
     Attributes:
-        alive: False when it has been silent for longer than its heartbeat may be.
-        seen_s: When it was heard last.
+        alive: False if its silence exceeds the limit for its heartbeat.
+        seen_s: Time of its last message.
     """
 
     alive: bool
@@ -578,7 +578,7 @@ class PartRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingRecord:
-    """Whether everything is recorded, and the recording that is written, or was last."""
+    """Whether everything is recorded, and the current or last recording."""
 
     since_s: Stamp
     recording: bool
@@ -592,7 +592,7 @@ class RecordingRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class BookmarkRecord:
-    """A moment of a recording that somebody has marked."""
+    """A bookmark in a recording."""
 
     at_s: Stamp
     label: str
@@ -602,7 +602,7 @@ class BookmarkRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class ListeningRecord:
-    """A topic that a tree listens to now, with the fields of its messages and their types."""
+    """A topic that a tree subscribes to, with the fields of its messages and their types."""
 
     type: str
     fields: Mapping[str, str]
@@ -610,7 +610,7 @@ class ListeningRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class JournalRecord:
-    """A file of the journal, or a bag beside them, as the list of them shows it."""
+    """A file of the journal, or a bag beside them, as an entry of their list."""
 
     name: str
     bytes: int
@@ -619,14 +619,14 @@ class JournalRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneMapRecord:
-    """Who would win where, over two scene parameters.
+    """Winners over two scene parameters.
 
     Attributes:
         xs: Values of the parameter ``across``.
         ys: Values of the parameter ``up``.
-        agents: Those who win anywhere; empty for nobody.
-        winners: Place in ``agents`` of the winner at each place, row by row, the lowest first.
-        is_asked: The market was asked at each place; else it was computed from the bids.
+        agents: Agents that win anywhere; empty for none.
+        winners: Index into ``agents`` of the winner at each point, row by row, lowest row first.
+        is_asked: Whether the market was asked for each point; else it is computed from the bids.
     """
 
     across: str
@@ -640,7 +640,7 @@ class SceneMapRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class DryRunRecord:
-    """What would be decided for a scene, and, if asked for, for scenes around it."""
+    """Predicted decision for a scene and, if requested, for the scenes around it."""
 
     round: RoundRecord
     map: SceneMapRecord | None
@@ -648,7 +648,7 @@ class DryRunRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class PersonLinkRecord:
-    """Where the page Person can be opened, also by a phone unless only this machine reaches it."""
+    """Address of the page Person; a phone can open it unless only this machine can reach it."""
 
     address: str
     is_local: bool
@@ -656,7 +656,7 @@ class PersonLinkRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class StrategyOptionRecord:
-    """What can be set about a strategy, and its value in force."""
+    """An option of a strategy, and its value in force."""
 
     name: str
     value: float
@@ -674,13 +674,13 @@ class StrategiesRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class KeepRecord:
-    """What keeping tuned values changes in the agents' files.
+    """Changes of the agents' files if tuned values are kept.
 
     Attributes:
-        diff: Of all files, as text; empty when everything stands as the files say.
-        tests: What the agents' tests say of it, in lines.
-        breaks: A test that passes now would fail.
-        digest: Names exactly this change, when it is confirmed.
+        diff: Differences of all files as text; empty without a change.
+        tests: Results of the agents' tests as lines.
+        breaks: Whether a test that passes now would fail.
+        digest: Identifies exactly this change in its confirmation.
     """
 
     diff: str
@@ -737,24 +737,24 @@ MOST_ENTRIES: Mapping[str, int] = {
     "moods": 1200,
     "rounds": 100,
 }
-"""Collection → entries that are held, where that is not as many as in any other."""
+"""Collection → maximum number of entries, if it differs from the default."""
 
 ROLLING = frozenset({"bookmarks", "events", "feedback", "log", "moods", "rounds"})
-"""Collections that always lose their oldest entries."""
+"""Collections that always drop their oldest entries."""
 
 OF_AN_AGENT = frozenset({"agents", "profiles", "runs", "trees"})
-"""Collections whose keys begin with an agent, and that are shown as long as its host is there."""
+"""Collections whose keys begin with an agent, shown as long as the agent's host exists."""
 
 OF_A_RUN = frozenset({"countdowns", "nodes", "values"})
-"""Collections whose keys begin with an agent, and that are about its last run."""
+"""Collections whose keys begin with an agent, about its last run."""
 
 OF_A_HOST = frozenset({"controls", "hosts", "parts", "tunables", "tunings"})
 """Collections whose keys begin with a host or another part of the system."""
 
 OF_A_PERSON = frozenset({"live", "parts", "robot"})
-"""Collections that a session of a person is shown."""
+"""Collections that a session of a person may see."""
 
 OF_THE_PRESENT = frozenset(
     {"agents", "bookmarks", "events", "live", "market", "parts", "recording", "runs", "trees"}
 )
-"""Collections that a page shows as they are now, even while it shows an earlier moment."""
+"""Collections that a page shows as of now, even while it shows an earlier moment."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene map: who would win where, over two parameters around one scene, without asking anybody."""
+"""Scene map: the winners over two parameters around a scene, computed without a request."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from bt_agents_studio.records import SceneMapRecord
 from marketplace_node.strategies import STRATEGIES, Bid, winners
 
 FINEST = 41
-"""Places along each side of a computed map, at most."""
+"""Maximum number of points along each side of a computed map."""
 
 COARSEST = 5
-"""The same, at least, where many agents bid."""
+"""Minimum number of points along each side, used if many agents bid."""
 
 ASKED = 7
-"""Places along each side of a map for which the market is asked at each place."""
+"""Points along each side of a map if the market must be asked for each point."""
 
 _MOST_NUMBERS = 300_000
 
@@ -34,15 +34,15 @@ class Axis:
     maximum: float
 
     def places(self, count: int) -> tuple[float, ...]:
-        """Return evenly spaced values, both ends included."""
+        """Return evenly spaced values, including both ends."""
         return tuple(float(one) for one in np.linspace(self.minimum, self.maximum, count))
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapBid:
-    """Bid of an agent; without weights every parameter counts 1.
+    """Bid of an agent; without weights, every parameter has weight 1.
 
-    The bonus is what exploration takes off its distance.
+    Exploration subtracts the bonus from the distance.
     """
 
     agent: str
@@ -55,8 +55,8 @@ class MapBid:
 def is_computed(strategy: str) -> bool:
     """Return whether a map can be computed for a strategy.
 
-    That is where the score is a sum over the parameters, perhaps less a bonus that no value of the
-    scene moves.
+    A map can be computed if the score is a sum over the parameters, perhaps less a bonus that does
+    not depend on the scene.
     """
     spec = STRATEGIES.get(strategy)
     return spec is not None and spec.difference is not None and not spec.draws
@@ -70,17 +70,17 @@ def computed_map(
     up: Axis,
     tie_break: str,
 ) -> SceneMapRecord:
-    """Return who would win for a scene with two of its values anywhere in their ranges.
+    """Return the winners for a scene with two of its values anywhere in their ranges.
 
-    The same agents bid everywhere: what keeps one from bidding elsewhere is not known here.
+    The same agents bid everywhere: reasons not to bid elsewhere are not known here.
 
     Args:
-        strategy: One that :func:`is_computed`.
+        strategy: A strategy for which :func:`is_computed` is true.
         bids: At least one.
-        scene: All scene parameters in their order, those of the map known; NaN where missing.
-        across: From left to right.
-        up: From bottom to top.
-        tie_break: Which of equally good bids wins.
+        scene: All scene parameters in order, those of the map known; NaN if missing.
+        across: Parameter from left to right.
+        up: Parameter from bottom to top.
+        tie_break: Decides between equally good bids.
 
     Raises:
         Refused: ``UNKNOWN_PARAMETER``.
@@ -119,7 +119,7 @@ def map_record(
     *,
     is_asked: bool,
 ) -> SceneMapRecord:
-    """Return the record of a map from the winners of its rows, the lowest first; "" for nobody."""
+    """Return the record of a map from the winners of its rows, lowest row first; "" for none."""
     agents = sorted({name for row in winners for name in row})
     numbers = {name: number for number, name in enumerate(agents)}
     return SceneMapRecord(
@@ -134,7 +134,7 @@ def map_record(
 
 
 def side_length(bids: int, width: int) -> int:
-    """Return how many places a side has, so that so many bids are compared in bounded time."""
+    """Return the points along a side that keep the time for a number of bids bounded."""
     return max(COARSEST, min(FINEST, int((_MOST_NUMBERS / max(bids * width, 1)) ** 0.5)))
 
 

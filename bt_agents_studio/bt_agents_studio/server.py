@@ -71,20 +71,20 @@ PERIOD_S = 1 / 30
 """Shortest time between two messages to one client [s]."""
 
 MOST_CLIENTS = 32
-"""WebSockets of one role at a time."""
+"""Maximum number of WebSockets of one role."""
 
 MOST_EXCERPTS = 4
-"""Excerpts of recordings that are made or sent at a time, each from a file of its own."""
+"""Maximum number of excerpts that are made or sent at a time, each in a file of its own."""
 
 SEND_S = 600.0
-"""Longest time that an excerpt is sent [s]."""
+"""Longest time for sending an excerpt [s]."""
 
 BEAT_S = 1.0
-"""Longest time without a message to a client [s]; a page takes a studio for lost after three."""
+"""Longest time without a message to a client [s]; a page considers a studio lost after three."""
 
 _PING_S = 10.0
 _PERSON_PING_S = 2.0
-"""A robot waits for a page Person whose network has failed, until this and half of it [s]."""
+"""A robot waits 1.5 times this long for a page Person whose network has failed [s]."""
 _END_S = 1.0
 _PART_BYTES = 64 * 1024
 _SOCKET = "/api/socket"
@@ -112,14 +112,14 @@ class Server:
     """Web application of a studio; it runs in the thread of one event loop.
 
     Args:
-        studio: What is shown.
-        access: Who may see and change it.
-        caller: Asks the services.
+        studio: The studio to show.
+        access: Rules of access.
+        caller: Calls services.
         watch: Called with whether any page, and a page Person, is open, whenever one is opened or
             closed.
-        person_address: Of the page Person, token included.
-        namespace: Of the system.
-        secure: The server speaks TLS.
+        person_address: Address of the page Person, including the token.
+        namespace: Namespace of the system.
+        secure: Whether the server uses TLS.
     """
 
     def __init__(
@@ -139,10 +139,10 @@ class Server:
         self._watch = watch
         self._namespace = namespace
         self._secure = secure
-        # Socket → role and id of the session that has opened it.
+        # Socket → role and id of the session that opened it.
         self._clients: dict[web.WebSocketResponse, tuple[SessionRole, str]] = {}
         self._persons: set[web.WebSocketResponse] = set()
-        # When a message was sent last, steady time [s].
+        # Time of the last message, steady time [s].
         self._sent_s: dict[web.WebSocketResponse, float] = {}
         self._changed = asyncio.Event()
         self._headers = security_headers(secure=secure)
@@ -176,7 +176,7 @@ class Server:
     async def serving(
         self, listening: sockets.socket, context: ssl.SSLContext | None = None
     ) -> AsyncIterator[None]:
-        """Answer on a socket that listens, with TLS if a context is given, within the block."""
+        """Serve on a listening socket within the block, with TLS if a context is given."""
         runner = web.AppRunner(
             self._application,
             access_log=None,
@@ -200,7 +200,7 @@ class Server:
             await runner.cleanup()
 
     def changed(self) -> None:
-        """Have the clients sent what is new; in the thread of the event loop."""
+        """Send new changes to the clients; call it in the thread of the event loop."""
         event, self._changed = self._changed, asyncio.Event()
         event.set()
 
@@ -304,7 +304,7 @@ class Server:
                             while part := excerpt.read(_PART_BYTES):
                                 await sent.write(part)
                 except TimeoutError:
-                    # A client that does not read it keeps no place.
+                    # A client that does not read it must not keep a place.
                     if request.transport is not None:
                         request.transport.abort()
                 return sent
@@ -336,7 +336,7 @@ class Server:
         path = request.match_info["path"]
         found = self._files.get(path)
         if found is None and "." not in path and not path.startswith("api/"):
-            # Each page has an address, and most of them are the same document.
+            # Each page has an address, and most of them share one document.
             document = f"{path.partition('/')[0]}.html"
             found = self._files.get(document) or self._files.get("index.html")
         if found is None:
@@ -357,7 +357,7 @@ class Server:
                 f"{MOST_CLIENTS} pages of the role {role} are open, no more may be; close one of "
                 "them",
             )
-        # Whoever can only look on is no person whom the robot could talk to.
+        # A client that can only look on does not count as a person in front of the robot.
         is_person = request.query.get("page") == "person" and role in WITH_PERSON
         socket = web.WebSocketResponse(
             heartbeat=_PERSON_PING_S if is_person else _PING_S,
@@ -399,7 +399,7 @@ class Server:
         self._watch(bool(self._clients), bool(self._persons))
 
     async def _pump(self, socket: web.WebSocketResponse, feed: Feed, role: SessionRole) -> None:
-        """Send one client what it needs, as quickly as it reads and not oftener than needed."""
+        """Send one client its messages, as fast as it reads and only as often as needed."""
         await self._send(
             socket,
             Hello(
@@ -423,11 +423,11 @@ class Server:
                 await changed.wait()
                 continue
             encoded_s = await self._send(socket, due)
-            # However much changes, half of the time is left for everything else.
+            # Leave half of the time for everything else, however much changes.
             await asyncio.sleep(max(PERIOD_S, 2 * encoded_s * len(self._clients)))
 
     async def _beat(self, socket: web.WebSocketResponse) -> None:
-        """Tell one client that the studio is there whenever nothing else has for a while."""
+        """Send one client a sign of life after each time without other messages."""
         while not socket.closed:
             rest_s = self._sent_s.get(socket, 0.0) + BEAT_S - time.monotonic()
             if rest_s > 0:
@@ -436,7 +436,7 @@ class Server:
                 await self._send(socket, Beat())
 
     async def _read(self, feed: Feed, seek: Seek) -> None:
-        """Have a moment of a recording read, and give it to the feed that wants it."""
+        """Have a moment of a recording read, and pass it to the feed that requested it."""
         try:
             file = self._studio.journal_file(seek.source)
             waits = self._studio.is_awaited(seek.source, seek.at_s)
@@ -449,7 +449,7 @@ class Server:
         self.changed()
 
     async def _send(self, socket: web.WebSocketResponse, message: ServerMessage | str) -> float:
-        """Send a message; return how long it took to encode it [s]."""
+        """Send a message; return the time for encoding it [s]."""
         began = time.monotonic()
         text = message if isinstance(message, str) else encode(message)
         encoded_s = time.monotonic() - began
@@ -458,7 +458,7 @@ class Server:
         try:
             await socket.send_str(text)
         except (ConnectionError, RuntimeError):
-            # It is closed meanwhile.
+            # The socket was closed meanwhile.
             await socket.close()
         return encoded_s
 
@@ -491,7 +491,7 @@ def _described(request: web.Request) -> WebRequest:
 
 
 def _moment(request: web.Request, name: str) -> float:
-    """Return a moment in the address of a request [s since 1970]."""
+    """Return the moment in the address of a request [s since 1970]."""
     text = request.query.get(name, "")
     try:
         moment = float(text)
@@ -550,9 +550,9 @@ def _names() -> str:
 
 
 def _read_page(folder: Path) -> Mapping[str, tuple[str, bytes, bytes]]:
-    """Return type, content and packed content of each file of the page by its address.
+    """Return type, content and compressed content of each file of the page by its address.
 
-    No other file is ever opened.
+    The server opens no other file.
     """
     found = {}
     for file in sorted(folder.rglob("*")):

@@ -28,23 +28,23 @@ from bt_agents_studio.studio import Studio
 _PAGES = {SessionRole.PERSON: "person"}
 _CHECK_S = 0.25
 _SLICE_S = 0.01
-"""Time for messages after which requests of pages have their turn [s]."""
+"""Time for messages before it is the turn of the pages' requests [s]."""
 
 _SWITCH_S = 0.0005
 _NICENESS = 5
-"""The processor is first for those that tick, then for those that look on."""
+"""Lets nodes that tick use the processor before nodes that look on."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Address:
-    """Where a studio is served.
+    """Address of a studio.
 
     Attributes:
         host: Name or address to listen on.
-        port: Port; 0 takes the first of :data:`STUDIO_PORTS` that is free.
-        certificate: File with the certificate, and perhaps its key, for TLS; None without.
+        port: Port; 0 takes the first free one of :data:`STUDIO_PORTS`.
+        certificate: File with the certificate, optionally with its key, for TLS; None without.
         key: File with the key.
-        listening: Socket that listens there already; None has one opened.
+        listening: Existing listening socket; None opens one.
     """
 
     host: str = "127.0.0.1"
@@ -54,7 +54,7 @@ class Address:
     listening: socket.socket | None = None
 
     def context(self) -> ssl.SSLContext | None:
-        """Return the settings of TLS, None without.
+        """Return the TLS settings, None without TLS.
 
         Raises:
             BtAgentsError: The address is reachable from other machines and there is no
@@ -86,15 +86,15 @@ def serve(
     """Serve a studio until SIGINT or SIGTERM.
 
     Args:
-        address: Where.
+        address: Address to serve at.
         space: The scene parameters.
         journal: Folder of journal files; None for none.
-        kept: Folder for the tokens and sessions, which then survive a restart; None for none.
-        ready: Called with the address for a browser of each role, token included, when it can be
-            opened.
+        kept: Folder for the tokens and sessions, which survive a restart; None keeps none.
+        ready: Called with the address for a browser of each role, including the token, once it can
+            be opened.
 
     Raises:
-        BtAgentsError: The address cannot be taken, or ROS cannot be started.
+        BtAgentsError: The address is unavailable, or ROS cannot be started.
     """
     # Long work of this thread must not hold up the messages: facts of the interpreter's lock.
     sys.setswitchinterval(_SWITCH_S)
@@ -120,7 +120,7 @@ async def _serve(
     server: Server | None = None
 
     def deliver() -> None:
-        """Show what was received, in turn with what pages ask."""
+        """Show received messages, in turn with requests of pages."""
         handover.deliver(_SLICE_S)
         if handover.waits:
             loop.call_soon(deliver)
@@ -148,7 +148,7 @@ async def _serve(
         port = listening.getsockname()[1]
         scheme = "https" if context is not None else "http"
         names = {address.host, *(("127.0.0.1", "localhost") if is_loopback(address.host) else ())}
-        # Nobody else has the port, so nobody else writes this file.
+        # Only this process has the port, so no other process writes this file.
         file = AccessFile(kept / f"studio-{port}.json" if kept is not None else None)
         access = AccessControl(
             frozenset(f"{name}:{port}" for name in names),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Store of all that a studio shows: entries by collection and key, and what changed since when."""
+"""Store of everything that a studio shows: entries by collection and key, and their changes."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from json.encoder import encode_basestring
 from operator import attrgetter
 
 MOST_ENTRIES = 20_000
-"""Entries of a collection without a bound of its own."""
+"""Maximum number of entries of a collection without a limit of its own."""
 
 MOST_BYTES = 32 * 1024 * 1024
-"""Bytes of all entries, by :func:`size_of`."""
+"""Maximum size of all entries, by :func:`size_of` [bytes]."""
 
 MOST_REMOVALS = 5000
-"""Removals that are remembered; a page that has missed an older one needs a snapshot."""
+"""Maximum number of removals to keep; a page that has missed an older one needs a snapshot."""
 
 _MOST_REMOVED_BYTES = 4 * 1024 * 1024
 _LOOKS = 100
-"""Entries of a collection that are looked at for one that is not in use."""
+"""Maximum number of entries of a collection to search for one that is not in use."""
 
 _NUMBER, _OBJECT = 32, 100
-"""Bytes of a number, and of a collection or a record beside what is in it."""
+"""Bytes of a number, and of a collection or a record in addition to its contents."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
-    """New value of one entry; None: it is removed. ``size`` is that of key and value [bytes]."""
+    """New value of one entry; None if removed. ``size`` is that of key and value [bytes]."""
 
     collection: str
     key: str
@@ -46,21 +46,21 @@ Entries = Mapping[str, Mapping[str, object]]
 class Store:
     """Entries by collection and key, each with the number of its last change.
 
-    It is bounded, whatever comes in. A collection that has too many entries loses the one that has
-    not changed for longest; when all entries together are too large, the largest collection does.
-    An entry that is in use stays, and where all are, the one that was to be entered is left out,
-    as is one that would take more than half of the room.
+    Its size is bounded. A collection with too many entries drops its least recently changed entry;
+    if all entries together are too large, the largest collection does. Entries in use stay; if all
+    are in use, the new entry is dropped, as is an entry that would take more than half of the
+    room.
 
     Args:
-        most: Collection → entries that it holds at most, if not :data:`MOST_ENTRIES`.
-        on_change: Called with each change, after it was made.
-        most_removals: Removals that are remembered.
-        most_bytes: Bytes of all entries.
-        is_in_use: Returns whether an entry of this store is, by collection and key.
+        most: Collection → maximum number of entries, if not :data:`MOST_ENTRIES`.
+        on_change: Called after each change.
+        most_removals: Maximum number of removals to keep.
+        most_bytes: Maximum size of all entries [bytes].
+        is_in_use: Returns whether an entry of this store is in use, by collection and key.
 
     Attributes:
         sequence: Number of the last change; 0 before the first.
-        dropped: Collection → entries that there was no room for.
+        dropped: Collection → number of entries that did not fit.
     """
 
     def __init__(
@@ -79,10 +79,10 @@ class Store:
         self._most_bytes = most_bytes
         self._is_in_use = is_in_use
         self._collections: defaultdict[str, dict[str, object]] = defaultdict(dict)
-        # Size of each entry, that which has not changed for longest first, and of all of them.
+        # Size of each entry, least recently changed first, and the total size.
         self._sizes: defaultdict[str, OrderedDict[str, int]] = defaultdict(OrderedDict)
         self._bytes: Counter[str] = Counter()
-        # The last change of each entry and of what is removed, the newest last.
+        # The last change of each entry and removal, newest last.
         self._changed: OrderedDict[tuple[str, str], int] = OrderedDict()
         self._removed: OrderedDict[tuple[str, str], int] = OrderedDict()
         self._removed_bytes = 0
@@ -93,14 +93,14 @@ class Store:
         return self._collections[collection].get(key)
 
     def keys(self, collection: str) -> tuple[str, ...]:
-        """Return the keys of a collection in the order in which they were entered."""
+        """Return the keys of a collection in order of entry."""
         return tuple(self._collections[collection])
 
     def put(self, collection: str, key: str, value: object) -> None:
-        """Enter or replace an entry; an equal value is no change.
+        """Add or replace an entry; an equal value is not a change.
 
         Raises:
-            ValueError: A number of it is not finite, so that no page could be sent it.
+            ValueError: One of its numbers is not finite, so it cannot be sent to a page.
         """
         entries, sizes = self._collections[collection], self._sizes[collection]
         if entries.get(key) == value:
@@ -123,7 +123,7 @@ class Store:
             self._drop(collection, key, [name for name, _ in self._bytes.most_common()])
 
     def remove(self, collection: str, key: str) -> None:
-        """Remove an entry, if it is there."""
+        """Remove an entry if it exists."""
         if self._collections[collection].pop(key, None) is None:
             return
         self._bytes[collection] -= self._sizes[collection].pop(key)
@@ -139,7 +139,7 @@ class Store:
             self._changed.pop(oldest, None)
 
     def clear(self, collection: str, prefix: str = "") -> None:
-        """Remove all entries of a collection whose keys begin so."""
+        """Remove all entries of a collection whose keys have a prefix."""
         for key in [key for key in self._collections[collection] if key.startswith(prefix)]:
             self.remove(collection, key)
 
@@ -148,10 +148,10 @@ class Store:
         return {name: dict(entries) for name, entries in self._collections.items() if entries}
 
     def since(self, sequence: int) -> list[Change] | None:
-        """Return the newest change of every entry that has changed after one.
+        """Return the newest change of every entry that has changed since a sequence number.
 
-        None when that cannot be told: a removal since then is forgotten, or there was no such
-        change in this store.
+        None if that is unknown: a later removal is forgotten, or this store never had such a
+        number.
         """
         if sequence < self._forgotten or sequence > self.sequence:
             return None
@@ -175,9 +175,9 @@ class Store:
             self._on_change(change)
 
     def _drop(self, collection: str, key: str, collections: Sequence[str]) -> None:
-        """Remove an entry of the first of some collections that has one that is not in use.
+        """Drop an entry of the first collection that has one that is not in use.
 
-        Where none has, it is the one of a key that was just entered into a collection.
+        If there is none, drop the entry that was just added.
         """
         for name in collections:
             if (unused := self._unused(name)) is not None:
@@ -192,16 +192,16 @@ class Store:
             key = next(iter(sizes))
             if not self._is_in_use(self, collection, key):
                 return key
-            # Its turn comes again after all others.
+            # Move it to the end of the line.
             sizes.move_to_end(key)
         return None
 
 
 def size_of(value: object) -> int:
-    """Return about how many bytes a value takes, in memory or as JSON, whichever is more.
+    """Return the approximate size of a value in memory or as JSON, whichever is larger [bytes].
 
     Raises:
-        ValueError: A number is not finite, which JSON does not know.
+        ValueError: A number is not finite, which JSON cannot represent.
     """
     if isinstance(value, str):
         return max(sys.getsizeof(value), len(encode_basestring(value)))
@@ -219,7 +219,7 @@ def size_of(value: object) -> int:
 
 @cache
 def _fields_of(kind: type) -> Callable[[object], tuple[object, ...]]:
-    """Return what reads all fields of a record."""
+    """Return a function that reads all fields of a record."""
     names = [one.name for one in fields(kind)]
     read = attrgetter(*names)
     return read if len(names) > 1 else lambda record: (read(record),)

@@ -34,32 +34,32 @@ SILENT_S = 1.0
 """Time without a heartbeat after which a part counts as gone [s]."""
 
 MOST_LABELS = 200
-"""Journal files whose labels are read, the newest first."""
+"""Maximum number of journal files whose labels are read, newest first."""
 
 _LONGEST_REASON = 200
 _LOGGER = logging.getLogger(__name__)
 
 _SUFFIX = ".mcap"
 _BAG = "metadata.yaml"
-"""File that each bag of ``ros2 bag record`` has."""
+"""File in each bag of ``ros2 bag record``."""
 
 
 class Studio:
-    """State of one system as it is shown, and as it was.
+    """Current and past state of one system.
 
     Args:
-        name: Of this start of the studio.
+        name: Identifier of this start of the studio.
         space: The scene parameters.
         journal: Folder of journal files and bags; None for none.
-        namespace: Of the system, also in bags of several systems.
+        namespace: Namespace of the system, also in bags of several systems.
         clock: Time of day [s since 1970].
 
     Attributes:
-        parameters: The scene parameters, as a page gets them.
-        store: What is shown.
+        parameters: The scene parameters, as sent to a page.
+        store: Entries to show.
         history: The last minutes of the store.
         mood: The scene parameter that is the mood; empty for none.
-        namespace: Of the system.
+        namespace: Namespace of the system.
     """
 
     def __init__(
@@ -80,24 +80,24 @@ class Studio:
         self.namespace = namespace
         self._clock = clock
         self._projection = Projection(self.store, self.mood)
-        # Name → size at which it was read, and label.
+        # Name → size when it was read, and label.
         self._labels: dict[str, tuple[int, str]] = {}
 
     def receive(self, kind: str, message: Any, at_s: float, live: bool) -> None:
-        """Take a message of the running system; see :meth:`Projection.handle`."""
+        """Handle a message of the running system; see :meth:`Projection.handle`."""
         try:
             self._projection.handle(kind, message, at_s, live=live)
         except Exception as error:
             self.fail(kind.rpartition("/")[2], error)
 
     def fail(self, what: str, error: Exception) -> None:
-        """Note that something that was received could not be shown; whatever follows goes on.
+        """Record that a received message or value could not be shown; later ones still count.
 
         The first failure of each kind is logged.
 
         Args:
-            what: Type of the message, or name of what was done with it.
-            error: Why it could not be shown.
+            what: Type of the message, or name of the failed step.
+            error: Reason for the failure.
         """
         if self._projection.health.fail(what, error, self._clock()):
             place = traceback.extract_tb(error.__traceback__)[-1:]
@@ -112,11 +112,11 @@ class Studio:
         self._projection.agents.value(host, name, value)
 
     def graph(self, listening: Mapping[str, ListeningRecord], is_journal_there: bool) -> None:
-        """Take what trees listen to now, by topic, and whether a journal runs."""
+        """Take the topics that trees subscribe to, and whether a journal runs."""
         self._projection.graph(listening, self._clock(), is_journal_there=is_journal_there)
 
     def beat(self, part: str) -> None:
-        """Take a heartbeat; one is written down in a second, as long as they go on."""
+        """Take a heartbeat; record only some of them."""
         now = self._clock()
         before = self.store.get("parts", part)
         if (
@@ -127,7 +127,7 @@ class Studio:
             self.store.put("parts", part, PartRecord(alive=True, seen_s=now))
 
     def check_parts(self) -> None:
-        """Note which parts have gone silent; call it a few times a second."""
+        """Record which parts have become silent; call it a few times a second."""
         now = self._clock()
         self._projection.health.check(now)
         for part in self.store.keys("parts"):
@@ -137,7 +137,7 @@ class Studio:
                 self.store.put("parts", part, replace(record, alive=False))
 
     def journals(self) -> list[tuple[str, int]]:
-        """Return names and sizes [bytes] of the journal files and bags, the newest first."""
+        """Return names and sizes [bytes] of the journal files and bags, newest first."""
         if self._journal is None:
             return []
         try:
@@ -147,13 +147,13 @@ class Studio:
             return []
 
     def journal_list(self) -> list[JournalRecord]:
-        """Return the journal files with the labels under which they were begun, newest first."""
+        """Return the journal files with their labels, newest first."""
         found = self.journals()
         with suppress(ModuleNotFoundError):
             from bt_agents_lab.recorder.reading import recording_label
 
             for name, size in found[:MOST_LABELS]:
-                # The label is in the file when its first messages are; a bag has none.
+                # The label is in the file once it has messages; a bag has none.
                 is_new = self._labels.get(name, (0, ""))[0] != size
                 if is_new and self._journal is not None and name.endswith(_SUFFIX):
                     self._labels[name] = (size, recording_label(self._journal / name))
@@ -173,9 +173,9 @@ class Studio:
         return self._journal / name
 
     def is_awaited(self, source: str, at_s: float) -> bool:
-        """Return whether the journal may still have to write a moment [s since 1970] of a file.
+        """Return whether the journal may still write messages of a file's moment [s since 1970].
 
-        That is a moment that is not over yet, of the file that is being written.
+        True if the moment is not over yet and the file is being written.
         """
         recording = self.store.get("recording")
         return (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Projection of a system's messages, received now or recorded, into the store of a studio."""
+"""Projection of a system's messages, live or recorded, into the store of a studio."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from bt_agents_studio.store import Store
 
 
 class Projection:
-    """Messages → entries of a store; messages are read by the names of their fields only.
+    """Messages → entries of a store; reads messages only by their field names.
 
     Args:
-        store: Where the entries go.
+        store: Store of the entries.
         mood: The scene parameter that is the mood; empty for none.
 
     Attributes:
-        agents: Takes the values of tunables, which are parameters and no messages.
-        health: Notes what could not be shown, and who has fallen silent.
+        agents: Takes the values of tunables, which are parameters, not messages.
+        health: Records messages that could not be shown, and silent parts.
     """
 
     def __init__(self, store: Store, mood: str = "") -> None:
@@ -62,11 +62,11 @@ class Projection:
         return tuple(self._handlers)
 
     def handle(self, kind: str, message: Any, at_s: float, *, live: bool = False) -> None:
-        """Take a message of a type that was sent at a time [s since 1970].
+        """Handle a message with the time when it was sent [s since 1970].
 
         Args:
-            kind: ``package/msg/Name``; others change nothing.
-            message: With the fields of the type as attributes.
+            kind: ``package/msg/Name``; other types are ignored.
+            message: Object with the fields of the type as attributes.
             at_s: When it was sent.
             live: A ``Scene`` is the live scene of a run.
         """
@@ -78,7 +78,7 @@ class Projection:
     def graph(
         self, listening: Mapping[str, ListeningRecord], at_s: float, *, is_journal_there: bool
     ) -> None:
-        """Take what trees listen to at a moment, by topic, and whether a journal runs."""
+        """Take the topics that trees subscribe to at a moment, and whether a journal runs."""
         for topic in set(self._store.keys("listening")) - listening.keys():
             self._store.remove("listening", topic)
         for topic, record in listening.items():
@@ -88,7 +88,7 @@ class Projection:
 
 
 def is_in_use(store: Store, collection: str, key: str) -> bool:
-    """Return whether an entry is of what goes on: a run, a recording, a host that is there."""
+    """Return whether an entry belongs to a current run, recording or host."""
     if not key or key in (ROOM, FAILURES, RECORDING):
         return True
     owner = key.partition("|")[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agents and their hosts: cards, files, profiles and what feedback changed, tunable values."""
+"""Agents and their hosts: cards, files, profiles, feedback steps, tunable values."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class AgentProjection:
     """Messages about agents → ``hosts``, ``agents``, ``files``, ``profiles``, ``feedback``, ….
 
     Args:
-        store: Where the entries go.
-        log: Where it says what happened.
+        store: Store of the entries.
+        log: Log of events.
     """
 
     def __init__(self, store: Store, log: EventLog) -> None:
@@ -131,7 +131,7 @@ class AgentProjection:
                 self._store.remove("tunables", key)
 
     def value(self, host: str, name: str, value: Json) -> None:
-        """Take the current value of a parameter of a host; one that is no tunable is left out."""
+        """Take the current value of a parameter of a host; ignore it if it is not a tunable."""
         key = f"{host}|{name}"
         record = self._store.get("tunables", key)
         if isinstance(record, TunableRecord):
@@ -174,7 +174,7 @@ def _preset(message: Any) -> PresetRecord:
 
 
 def _setting(text: str) -> Json:
-    """Return the value that an author has written; its unit says what it is."""
+    """Return a value written by an author; its unit determines its meaning."""
     truth = boolean(text)
     if truth is not None:
         return truth

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records of messages: what the fields of the same names hold, as the types of a record say."""
+"""Conversion of messages to records by the names and types of the record's fields."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _VALUE_FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "str
 
 
 def record_of(kind: Callable[..., _Record], message: Any, **given: object) -> _Record:
-    """Return the record of a message, whose fields are read by their names only.
+    """Return the record of a message, whose fields are read only by their names.
 
     Args:
         kind: Class of the record.
-        message: With the fields of its type as attributes.
-        given: Fields of the record that the message does not have, or has in another form.
+        message: Object with the fields of its type as attributes.
+        given: Record fields that the message lacks, or has in another form.
     """
     readers = _readers(kind).items()
     return kind(**{name: read(message) for name, read in readers if name not in given}, **given)
@@ -35,12 +35,12 @@ def seconds(stamp: Any) -> float:
 
 
 def name_of(names: Sequence[str], number: int) -> str:
-    """Return the name of a constant; the digits of an unknown one."""
+    """Return the name of a constant, or the digits of an unknown one."""
     return names[number] if 0 <= number < len(names) else str(number)
 
 
 def finite(value: float) -> float | None:
-    """Return a number that JSON can hold; None for the others."""
+    """Return a number if it is finite, so that JSON can hold it; else None."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -53,7 +53,7 @@ def finite_values(
 
 
 def parameter_value(value: Any) -> Json:
-    """Return what a ``ParameterValue`` holds; None for a list and for nothing."""
+    """Return the value of a ``ParameterValue``; None for a list or an unset value."""
     field = _VALUE_FIELDS.get(int(value.type))
     if field is None:
         return None
@@ -63,7 +63,7 @@ def parameter_value(value: Any) -> Json:
 
 @cache
 def _readers(kind: Any) -> Mapping[str, Callable[[Any], object]]:
-    """Return how each field of a record is read, except those that must be given."""
+    """Return a reader for each field of a record, except fields that must be given."""
     hints = typing.get_type_hints(kind, include_extras=True)
     readers = {name: _reader(name, hint) for name, hint in hints.items()}
     return {name: reader for name, reader in readers.items() if reader is not None}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened: the lines of the log and the events of the timeline."""
+"""Lines of the log, and events of the timeline."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _LONGEST_EVENT = 200
 
 
 class EventLog:
-    """Lines and events, which call scenes by their labels.
+    """Lines and events, which name scenes by their labels.
 
     Args:
-        store: Where they go.
+        store: Store of the entries.
     """
 
     def __init__(self, store: Store) -> None:
@@ -27,12 +27,12 @@ class EventLog:
         self._lines = 0
 
     def add_scene(self, message: Any) -> str:
-        """Take a ``Scene``; return what it is called from now on."""
+        """Take a ``Scene``; return its name in later lines."""
         self._labels.add(message)
         return self._labels.name_of(message.scene_id)
 
     def line(self, at_s: float, kind: str, *, text: str, agent: str = "", path: str = "") -> None:
-        """Add a line; ``kind`` says in which part of the system it happened."""
+        """Add a line; ``kind`` is the part of the system that it concerns."""
         self._lines += 1
         text = ellipsize(self._labels.with_names(text), _LONGEST_LINE)
         record = LogRecord(at_s=at_s, kind=kind, agent=agent, path=path, text=text)

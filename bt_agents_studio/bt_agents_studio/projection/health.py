@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of all parts, and of the studio itself: what it cannot show and has no room for."""
+"""Health of all parts, and of the studio itself: messages and entries that it cannot show."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ UNTOLD_S = 5.0
 """Time without news after which the health of a part is stale [s]."""
 
 ROOM = "studio: room"
-"""Name in the health of what there was no room for."""
+"""Part name in the health for entries that do not fit."""
 
 FAILURES = "studio: messages"
-"""Name in the health of the messages that could not be shown."""
+"""Part name in the health for messages that could not be shown."""
 
 _FULL = "not all that was sent is shown: there was too much of it"
 _FAILED = "some messages cannot be shown; the first of each type is in the log of the studio"
 _MOST_FAILURES = 30
-"""Types of messages that could not be shown, at most."""
+"""Maximum number of types with failed messages."""
 
 _MOST_STATUSES = 500
 _MOST_VALUES = 40
@@ -40,32 +40,32 @@ class HealthProjection:
     """``DiagnosticArray`` messages → ``health``.
 
     Args:
-        store: Where the entries go.
-        log: Where it says what happened.
+        store: Store of the entries.
+        log: Log of events.
     """
 
     def __init__(self, store: Store, log: EventLog) -> None:
         self._store = store
         self._log = log
         self._heard: dict[str, float] = {}
-        # Type of a message that could not be shown → how many, and the first reason.
+        # Type of failed messages → their number, and the first reason.
         self._failed: dict[str, tuple[int, str]] = {}
         self.handlers = {"diagnostic_msgs/msg/DiagnosticArray": self._diagnostics}
 
     def fail(self, what: str, error: Exception, at_s: float) -> bool:
-        """Note that a message of a type could not be shown; return whether it is the first."""
+        """Record that a message of a type could not be shown; return whether it is the first."""
         if what not in self._failed and len(self._failed) >= _MOST_FAILURES:
             what = "others"
         reason = f"{type(error).__name__}: {printable_line(str(error))}"[:_LONGEST_NAME]
         count, first = self._failed.get(what, (0, reason))
         self._failed[what] = (count + 1, first)
         if count == 0:
-            # Later ones are counted, but not told at once: there may be very many of them.
+            # Later ones are counted but not reported at once, because there may be very many.
             self._put_failures(at_s)
         return count == 0
 
     def check(self, now_s: float) -> None:
-        """Mark parts that have fallen silent as stale, and report entries that found no room.
+        """Mark silent parts as stale, and report entries that do not fit.
 
         Call it a few times a second.
         """

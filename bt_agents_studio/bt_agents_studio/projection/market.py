@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the market does: its state, scenes, rounds."""
+"""The market: its state, its scenes and its rounds."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class MarketProjection:
     """Messages of the market and of the scene layer → ``market``, ``scene``, ``live``, ``rounds``.
 
     Args:
-        store: Where the entries go.
-        log: Where it says what happened.
+        store: Store of the entries.
+        log: Log of events.
         mood: The scene parameter that is the mood; empty for none.
     """
 

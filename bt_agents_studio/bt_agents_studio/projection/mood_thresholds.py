@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Thresholds of the mood: from which change on a mood rule counts."""
+"""Mood thresholds: the change at which a mood rule applies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bt_agents_language.expression.expressions import parse_expression
 
 _MOST_CONDITIONS = 1000
 _LONGEST_CONDITION = 80
-"""Characters of a condition whose thresholds are sought."""
+"""Maximum length of a condition whose thresholds are computed [characters]."""
 
 _LARGEST_CHANGE = 1000.0
 _HALVINGS = 32
@@ -20,9 +20,9 @@ _HALVINGS = 32
 
 @lru_cache(maxsize=_MOST_CONDITIONS)
 def thresholds(when: str) -> tuple[float, ...]:
-    """Return the changes, downwards and upwards, from which on a condition is true.
+    """Return the changes, downwards and upwards, from which a condition is true.
 
-    It is empty for a condition that looks at anything besides the change.
+    The result is empty if the condition depends on anything but the change.
     """
     if len(when) > _LONGEST_CONDITION:
         return ()

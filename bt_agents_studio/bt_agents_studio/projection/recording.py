@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of the journal, and the moments that are marked in them."""
+"""Recordings of the journal, and their bookmarks."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from bt_agents_studio.records import BookmarkRecord, EventRecord, RecordingRecor
 from bt_agents_studio.store import Store
 
 RECORDING = "recording"
-"""Key of the event of the recording that goes on."""
+"""Key of the event of the current recording."""
 
 
 class RecordingProjection:
     """Messages of a recorder → ``recording``, ``bookmarks``.
 
     Args:
-        store: Where the entries go.
-        log: Where it says what happened.
+        store: Store of the entries.
+        log: Log of events.
     """
 
     def __init__(self, store: Store, log: EventLog) -> None:
@@ -32,7 +32,7 @@ class RecordingProjection:
         }
 
     def lose(self, at_s: float) -> None:
-        """Note that no journal runs."""
+        """Record that no journal runs."""
         self._store.remove("recording", "")
         self._end(at_s)
 
@@ -50,7 +50,7 @@ class RecordingProjection:
             self._log.event(RECORDING, "RECORDING", "RECORDING", span, text=text)
 
     def _end(self, ended_s: float) -> None:
-        """Note when the recording that goes on has ended, if one does."""
+        """Record the end of the current recording, if there is one."""
         event = self._store.get("events", RECORDING)
         if isinstance(event, EventRecord):
             self._store.remove("events", RECORDING)

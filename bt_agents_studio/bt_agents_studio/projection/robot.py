@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person sees and hears of the robot."""
+"""The robot's acts and questions, as a person perceives them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class RobotProjection:
     """Messages of a robot → ``robot``, ``questions``.
 
     Args:
-        store: Where the entries go.
-        log: Where it says what happened.
+        store: Store of the entries.
+        log: Log of events.
     """
 
     def __init__(self, store: Store, log: EventLog) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last run of each agent: how far each node came, its values, its limits and its pauses."""
+"""The last run of each agent: progress and values of its nodes, limits and pauses."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _TIME, _ATTEMPTS = 1, 2
 """Units of countdowns."""
 
 _MOST_VALUES = 40
-"""Values that are shown of a node, the newest."""
+"""Maximum number of values to show of a node; the newest are kept."""
 
 _ABOVE, _WITHIN = re.compile("/"), re.compile("[/@]|$")
-"""Ends of the paths of what is above a node, and of what it is within."""
+"""Where a path may be cut: at ancestors, or also at modifiers and at its end."""
 
 _DEEPEST = 200
-"""Ends in a path that are looked at."""
+"""Maximum number of cuts to try in a path."""
 
 _NEW = NodeRecord(
     status="INVALID",
@@ -55,8 +55,8 @@ class RunProjection:
     """Messages about runs → ``runs``, ``trees``, ``nodes``, ``values``, ``countdowns``, ….
 
     Args:
-        store: Where the entries go.
-        log: Where it says what happened.
+        store: Store of the entries.
+        log: Log of events.
     """
 
     def __init__(self, store: Store, log: EventLog) -> None:
@@ -106,20 +106,20 @@ class RunProjection:
         self._log.line(at_s, "run", agent=message.agent, text=text)
 
     def _run_of(self, message: Any) -> RunRecord | None:
-        """Return the run that a message is about, if it is the last one of its agent."""
+        """Return the run of a message if it is the last one of its agent."""
         run = self._store.get("runs", message.agent)
         if isinstance(run, RunRecord) and (run.epoch, run.round) == (message.epoch, message.round):
             return run
         return None
 
     def _begin(self, agent: str) -> None:
-        """Forget what the nodes of an agent did in the run before."""
+        """Forget the previous run of an agent's nodes."""
         for collection in ("nodes", "countdowns", "values"):
             self._store.clear(collection, f"{agent}|")
         self._store.clear("moods")
 
     def _lose(self, agent: str) -> None:
-        """Note that nobody knows how the nodes ended that an agent was running."""
+        """Mark the outcome of an agent's running nodes as unknown."""
         for key in self._store.keys("nodes"):
             record = self._store.get("nodes", key)
             if (
@@ -133,7 +133,7 @@ class RunProjection:
         stamp = seconds(message.header.stamp) or at_s
         run = self._run_of(message)
         if run is None:
-            # The first tick may be received before the market announces the run.
+            # The first tick may arrive before the market announces the run.
             self._begin(message.agent)
             run = _unannounced(message, stamp)
         run = replace(run, tick=message.tick, tip=message.tip)
@@ -144,7 +144,7 @@ class RunProjection:
             self._node(message, change, stamp, stopped)
 
     def _restart(self, message: Any) -> None:
-        """Forget what is below nodes that were stopped and start again in a tick."""
+        """Reset the descendants of nodes that were stopped and restart in a tick."""
         heads = set[str]()
         for change in message.changes:
             before = self._store.get("nodes", f"{message.agent}|{change.path}")
@@ -183,7 +183,7 @@ class RunProjection:
             before = _NEW
         status = name_of(_STATUSES, change.status)
         if status == "INVALID" and _begins(change.path, _WITHIN, stopped):
-            # What is stopped shows how far it came until it starts again.
+            # A stopped node shows its progress until it restarts.
             if before.status != "RUNNING":
                 return
             status = STOPPED
@@ -196,7 +196,7 @@ class RunProjection:
                 message=change.message,
                 since_s=stamp,
                 tick=message.tick,
-                # One that ends in the tick in which it begins is not reported as running before.
+                # A node that ends in the tick of its start is never reported as running.
                 starts=before.starts + (before.status != "RUNNING" and status != "INVALID"),
                 successes=before.successes + (status == "SUCCESS"),
                 failures=before.failures + failed,
@@ -218,7 +218,7 @@ class RunProjection:
         if run is None and isinstance(last, RunRecord) and last.began_s > stamp:
             return
         if run is None:
-            # The details of the first tick may be received before its changes.
+            # The details of the first tick may arrive before its changes.
             self._begin(message.agent)
             run = _unannounced(message, stamp)
             self._store.put("runs", message.agent, run)
@@ -318,12 +318,12 @@ def _unannounced(message: Any, stamp: float) -> RunRecord:
 
 
 def _whole(remaining_s: float | None, before: object) -> float | None:
-    """Return the whole time of a countdown [s], as far as it has been seen."""
+    """Return the whole time of a countdown as far as observed [s]."""
     if (
         remaining_s is None
         or not isinstance(before, CountdownRecord)
         or before.remaining_s is None
-        # It has begun again.
+        # It has restarted.
         or remaining_s > before.remaining_s
     ):
         return remaining_s
@@ -337,5 +337,5 @@ def _without_modifier(path: str) -> str:
 
 
 def _begins(path: str, ends: re.Pattern[str], heads: set[str]) -> bool:
-    """Return whether a path, up to one of some ends, is one of some others."""
+    """Return whether a path, cut at a match of ``ends``, is one of ``heads``."""
     return any(path[: end.start()] in heads for end in islice(ends.finditer(path), _DEEPEST))
