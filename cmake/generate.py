@@ -4,7 +4,7 @@
     python generate.py GENERATOR ARGUMENT...
 
 Each of six generators parses every interface, which takes half of its time, and uses one core. The
-first one leaves the syntax trees beside its arguments, where the next ones read them.
+first one leaves the syntax trees next to its arguments, where the next ones read them.
 """
 
 from __future__ import annotations

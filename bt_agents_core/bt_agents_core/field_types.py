@@ -22,7 +22,7 @@ class FieldType(Enum):
     ANGLE = "angle"
     ANY = "any"
 
-    # Enum computes its hash anew each time, and these are keys wherever a file is read.
+    # Enum computes its hash each time, and these are keys wherever a file is read.
     __hash__ = object.__hash__
 
 

@@ -10,7 +10,7 @@ LONGEST_PAUSE_S = 10.0
 """Longest pause after which a process continues instead of restarting [s].
 
 Fast DDS drops a peer after 20 s of silence. If two processes were both paused, often only one
-drops the other; they find each other again, but one no longer hears what the other announces.
+drops the other; they find each other again, but one no longer receives the other's announcements.
 """
 
 SLOW_NETWORK = "slow_network"

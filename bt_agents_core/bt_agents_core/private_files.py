@@ -81,7 +81,7 @@ def make_private_database(path: Path) -> None:
 def tighten(path: Path) -> None:
     """Remove all permissions of others on a file or folder of this user, if it exists.
 
-    Folders that everybody may write to, such as /tmp, stay as they are.
+    Folders that everybody may write to, such as /tmp, stay unchanged.
     """
     with suppress(OSError):
         _tighten(path, path.stat())

@@ -284,7 +284,7 @@ class FleetSync:
         ]
 
     def _compare(self, wanted: Sequence[Wanted]) -> None:
-        """Start anew with agents that have more steps in the database than in the ledger.
+        """Start again with agents that have more steps in the database than in the ledger.
 
         The arrivals in a database restored from a backup differ.
         """

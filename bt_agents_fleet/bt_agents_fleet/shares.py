@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each agent of a trees folder shares with other robots, read again after changes."""
+"""Share of each agent of a trees folder in the fleet's learning, read again after changes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def includes(share: Share, layer: str) -> bool:
 
 
 class Shares:
-    """What each agent of a trees folder shares.
+    """Share of each agent of a trees folder in the fleet's learning.
 
     An agent with a broken or missing file shares nothing meanwhile.
     """

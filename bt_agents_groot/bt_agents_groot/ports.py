@@ -57,7 +57,7 @@ class PortError(BtAgentsError):
 
 
 def pointed_at(text: str) -> str | None:
-    """Return the entry in ``{entry}``; None if a text is no such pointer."""
+    """Return the entry in ``{entry}``; None if the text is not such a pointer."""
     text = text.strip(" ")
     return text[1:-1] if len(text) > 2 and text[0] == "{" and text[-1] == "}" else None
 
@@ -95,7 +95,7 @@ def plain_port(value: Plain, field_type: FieldType) -> str:
 
 
 def plain_data(node: Node) -> Plain:
-    """Return the value of a field; texts with names in it stay as they are."""
+    """Return the value of a field; texts with names in it stay unchanged."""
     match node:
         case Sequence():
             return tuple(map(plain_data, node.items))

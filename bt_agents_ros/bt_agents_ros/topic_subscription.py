@@ -16,7 +16,7 @@ _REMEMBERED = 100
 
 
 class TopicSubscription:
-    """Subscription that hears every publisher of a topic."""
+    """Subscription that matches every publisher of a topic."""
 
     def __init__(self, node: Node, kind: Any, topic: str, receive: Callable[..., None]) -> None:
         self._node = node

@@ -78,7 +78,7 @@ class MarketState:
         """Count a new round and return its fixed terms.
 
         Args:
-            scene: What the bids are for.
+            scene: Scene of the bids.
             now: Steady time [s].
             follows: The round that this one continues; 0 for none.
             excluded: Agents that may not bid, with the reason.

@@ -22,7 +22,7 @@ class StartCheck:
     A killed market sends no heartbeats, even while the graph still shows its node.
 
     Attributes:
-        alive: Epoch of the last market heard; empty for none.
+        alive: Epoch in the last heartbeat of a market; empty for none.
     """
 
     def __init__(self, now: float) -> None:

@@ -377,7 +377,7 @@ def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
 
     Raises:
         DamagedMemoryError: It is a memory file, and damaged.
-        BtAgentsError: It is no memory file, or cannot be read.
+        BtAgentsError: It is not a memory file, or cannot be read.
     """
     another = "name another file for the memory"
     try:

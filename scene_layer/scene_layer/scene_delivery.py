@@ -46,7 +46,7 @@ class SceneDelivery:
     scene was sent. It refuses a scene that it already has, so resending one does no harm.
 
     Attributes:
-        epoch: Market that was heard last; empty before.
+        epoch: Epoch in the market's last heartbeat; empty before the first.
     """
 
     def __init__(self) -> None:

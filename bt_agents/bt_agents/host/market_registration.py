@@ -38,7 +38,7 @@ NO_TOKEN = [0] * 16
 _REMEMBERED = 50
 _LIMIT_S = 1.0
 _MOST_UNANSWERED = 2
-"""Requests without an answer in a row after which the client is created anew."""
+"""Number of unanswered requests in a row after which the client is created again."""
 
 _RETRY_S = 1.0
 _POLL_S = 0.02

@@ -237,7 +237,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         return not self._runs.busy and not awaited
 
     def keeps(self, parameter: str) -> bool:
-        """Return whether a parameter is no tunable; the file of the tunings keeps those."""
+        """Return whether a parameter is not a tunable; the file of the tunings keeps tunables."""
         return parameter not in self._tunables
 
     def _other_problems(self) -> Iterator[str]:

@@ -50,7 +50,7 @@ def erase_from_journals(folder: Path, person: PersonMention) -> ErasedJournals:
     what is missing.
 
     Raises:
-        BtAgentsError: A file cannot be read or written; it is as it was then.
+        BtAgentsError: A file cannot be read or written; the file is then unchanged.
     """
     inside = sorted(folder.iterdir()) if folder.is_dir() else []
     paths = [one for one in inside if one.suffix == ".mcap" and one.is_file()]

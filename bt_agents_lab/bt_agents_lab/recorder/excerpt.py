@@ -20,7 +20,7 @@ MOST_BYTES = 128 * 1024 * 1024
 """Most bytes of the messages of an excerpt."""
 
 _RECORD_BYTES = 31
-"""Bytes of a message in a file, beside its data."""
+"""Bytes of a message in a file, in addition to its data."""
 
 
 def write_excerpt(

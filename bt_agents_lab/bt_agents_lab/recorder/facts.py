@@ -22,7 +22,7 @@ def is_fact(topic: SystemTopic) -> bool:
 
 
 def reporting_node(statuses: Sequence[Any]) -> str:
-    """Return the node whose health some statuses of ``/diagnostics`` tell; empty for none."""
+    """Return the node whose health some statuses of ``/diagnostics`` report; empty for none."""
     return f"{statuses[0].hardware_id} {statuses[0].name}" if statuses else ""
 
 

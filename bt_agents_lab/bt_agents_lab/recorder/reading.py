@@ -420,7 +420,7 @@ def _is_packed(path: Path) -> bool:
 
 
 def _namespace_of(topic: str, type_name: str) -> str:
-    """Return the namespace of a topic's system; empty if the topic does not tell."""
+    """Return the namespace of a topic's system; empty if the topic does not show it."""
     full = f"/{topic.lstrip('/')}"
     for known in _TELLING:
         if known.type == type_name and full.endswith(f"/{known.name}"):

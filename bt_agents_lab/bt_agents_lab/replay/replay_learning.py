@@ -51,7 +51,7 @@ class ProfileHistory:
         number, profile = feedback.revision - 1, tuple(feedback.before)
         last = max(self._states, default=-1)
         if last > number:
-            # The layer was forgotten and begins anew.
+            # The layer was forgotten and begins again.
             self._states.clear()
         if number not in self._states:
             known = number == 0 or profile == tuple(authored)
@@ -81,7 +81,7 @@ class ProfileHistory:
         return state
 
     def _restored(self, number: int, profile: Vector, before: ProfileState) -> ProfileState:
-        """Return the state after an undo or a reset, which begins anew."""
+        """Return the state after an undo or a reset, which begins again."""
         undone = self._states.get(before.revision - 1)
         if undone is not None and undone.profile == profile:
             return undone

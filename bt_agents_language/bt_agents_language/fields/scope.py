@@ -202,7 +202,7 @@ class NameScope:
         """Return the expression in a text, with the types that its names have here.
 
         Raises:
-            ExpressionError: As in :func:`parse_expression`; an unknown name is no error.
+            ExpressionError: As in :func:`parse_expression`; an unknown name is not an error.
         """
         # Words that are not names, such as those in quotes, do no harm here.
         words = _WORD.findall(text)

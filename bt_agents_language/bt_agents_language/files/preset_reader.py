@@ -23,7 +23,7 @@ PRESETS_FOLDER = "presets"
 """Folder of a trees folder with a file for each preset."""
 
 LEARNING_RATE = "learning_rate"
-"""Key of the learning rate, beside the tunables of an agent."""
+"""Key of the learning rate, next to the tunables of an agent."""
 
 LONGEST_NAME = 60
 """Longest name of a preset in characters."""

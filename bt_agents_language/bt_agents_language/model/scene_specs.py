@@ -84,7 +84,7 @@ class SourceSpec:
         type: ROS type, for example ``std_msgs/msg/Float64``.
         field: The reading, over ``msg.*``.
         points: Linear map from reading to parameter as (reading, value) pairs, readings rising;
-            empty takes the reading as it is.
+            empty takes the reading unchanged.
         table: Words and their values, instead of ``points``; empty for none.
         stale_after_s: A reading older than this is missing; infinite for none [s].
         latched: True if the last message is kept for late subscribers.

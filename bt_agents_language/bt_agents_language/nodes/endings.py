@@ -20,7 +20,7 @@ class Outcome(Enum):
     FAILURE = "fails"
     ENDLESS = "never ends"
 
-    # Enum computes its hash anew each time, and these are members of many sets.
+    # Enum computes its hash each time, and these are members of many sets.
     __hash__ = object.__hash__
 
 

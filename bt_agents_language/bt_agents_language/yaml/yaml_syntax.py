@@ -90,7 +90,7 @@ def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
         )
     above = source.text[:start].rstrip()
     if above:
-        # What looks like a text over two lines is a key above whose colon does not count as one.
+        # A text that seems to span two lines is a key above, whose colon does not count as one.
         found = _sure(source, line_start(source, len(above)), key_hint)
         if found is not None:
             return found

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Single-threaded executor of every node, with a wait set that is reused between waits.
 
-It replaces two executors of rclpy 7.1.6. ``SingleThreadedExecutor`` collects all entities anew for
+It replaces two executors of rclpy 7.1.6. ``SingleThreadedExecutor`` collects all entities before
 each wait, and wraps each callback in a task. ``EventsExecutor`` is at least as fast as ours, but a
 task that raises causes a segmentation fault (ros2/rclpy#1641, fixed by ros2/rclpy#1718), services
 with coroutines never answer before rclpy 7.1.11, messages that wait after a callback that raises

@@ -34,7 +34,7 @@ class DepartedClients:
     After one has left, all clients of its participant are looked up in the graph for some time
     before they are answered; those on the graph, perhaps again after a network failure, are
     answered. A service is given by its full name, the service of an action by the end of its name
-    from ``_action/`` on, because rclpy does not tell the rest. Its node, or for a full name any
+    from ``_action/`` on, because rclpy does not report the rest. Its node, or for a full name any
     node of the process, is requested only for a look at the graph; without a node, the client
     counts as present.
 

@@ -194,7 +194,7 @@ def run_system(
 
 
 def _is_ready(system: SupervisedSystem, agents: int) -> bool:
-    """Return whether all agents are registered and heard, and recorded if the journal runs."""
+    """Return whether all agents are registered, topics discovered, and any journal records."""
     observer, processes = system.observer, system.processes
     recorded = any(component.name == "journal" for component in processes)
     heard = ["bt_agents/scene", "agents/status", "bt_agents/feedback"]

@@ -252,7 +252,7 @@ def _option(option: str, text: str) -> str:
 
 
 def _value(text: str) -> str:
-    """Return a text as a YAML value; a list or mapping stays as it is."""
+    """Return a text as a YAML value; a list or mapping stays unchanged."""
     if text.startswith(("{", "[")) or _PLAIN.fullmatch(text):
         return text
     return json.dumps(text, ensure_ascii=False)

@@ -34,7 +34,7 @@ _START_LIMIT_S = 20.0
 class SupervisedSystem:
     """Processes of a system that a command runs, with their supervisor and their observer.
 
-    The supervisor hears heartbeats and states of its nodes from the observer, which reports its
+    The supervisor gets heartbeats and states of its nodes from the observer, which reports its
     processes to ``/diagnostics``.
 
     Args:

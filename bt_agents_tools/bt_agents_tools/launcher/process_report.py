@@ -40,7 +40,7 @@ _UTIME, _STIME, _RSS = 11, 12, 21
 
 @dataclass(frozen=True, kw_only=True)
 class Usage:
-    """What a process uses.
+    """Resources of a process.
 
     Attributes:
         cpu_s: Processor time since its start [s].
@@ -69,7 +69,7 @@ class ProcessReport:
     read at most once in :data:`PERIOD_S`.
 
     Args:
-        processes: Returns them as they are now.
+        processes: Returns the current processes.
         unknown_parameters: Returns sentences about parameters that no node has, by name.
         clock: Steady time, as that of the supervisor [s].
         wall_clock: Time of day [s since 1970].

@@ -189,7 +189,7 @@ class ProcessState(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class SupervisedProcess:
-    """Process of a component as it is now.
+    """Current process of a component.
 
     Attributes:
         name: Name of the component.
@@ -410,8 +410,8 @@ class Supervisor:
         self._last_poll = now
         for one in self._components.values():
             if pause_s > _STALL_S and one.last_heartbeat is not None:
-                # This process was paused, and has not handled heartbeats meanwhile. After a long
-                # pause it may never hear from a healthy process again.
+                # This process was paused, and did not handle heartbeats meanwhile. After a long
+                # pause it may never receive messages of a healthy process again.
                 one.last_heartbeat = now if pause_s <= LONGEST_PAUSE_S else None
             one.log.rotate()
             events += self._poll_one(one)

@@ -144,8 +144,8 @@ def inspect(path: str) -> LedgerCheck:
     """Check a ledger, even one that a feedback node has open, without changing it.
 
     Raises:
-        LedgerError: It is no ledger of this format: ``LEDGER_UNREADABLE``, ``LEDGER_FOREIGN``,
-            ``OTHER_FORMAT``, or ``LEDGER_CORRUPT`` if it is no database at all.
+        LedgerError: It is not a ledger of this format: ``LEDGER_UNREADABLE``, ``LEDGER_FOREIGN``,
+            ``OTHER_FORMAT``, or ``LEDGER_CORRUPT`` if it is not a database.
     """
     # Read first, because a writer may continue. The lock is next to the file, not next to a link.
     recorded = _recorded_in(_lock_of(Path(path).resolve()))

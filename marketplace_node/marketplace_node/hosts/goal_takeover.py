@@ -67,7 +67,7 @@ class GoalTakeover:
 
     @property
     def stored(self) -> tuple[StoredGoals, ...]:
-        """What a later start of the market must know, including goals that are being cancelled."""
+        """Goals that a later start of the market must know, including those being cancelled."""
         starts = [(key, start.goals) for key, start in self._open.items() if start.was_registered]
         return tuple(
             StoredGoals(host=host, instance=instance, goals=goals)

@@ -24,7 +24,7 @@ class OpenRound:
 
     Args:
         market_state: Counts the round and says which hosts to ask.
-        scene: What the bids are for.
+        scene: Scene of the bids.
         now: Steady time [s].
         follows, excluded, preview, drawn: As in :meth:`MarketState.terms`.
         asks_external: False to skip the external ranking where the order decides nothing.

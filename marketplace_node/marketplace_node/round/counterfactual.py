@@ -36,7 +36,7 @@ def smallest_change(model: RoundModel, scores: Sequence[Score], runner_up: int) 
 
     Args:
         model: The round.
-        scores: Of the round as it is.
+        scores: Scores of the unchanged round.
         runner_up: Index of a bid.
     """
     known = [index for index, x in enumerate(model.given.scene) if not math.isnan(x)]

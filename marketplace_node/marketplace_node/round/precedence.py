@@ -89,7 +89,7 @@ def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, 
 def apply_precedence(scores: Sequence[Score], places: Sequence[int]) -> list[Score]:
     """Put the bids at some places first, in that order; distances rank the rest.
 
-    The k-th of m such bids gets the score k - m, below every distance. This is no exploration, so
+    The k-th of m such bids gets the score k - m, below every distance. This is not exploration, so
     there is no bonus.
     """
     result = [one._replace(bonus=0.0, score=one.distance) for one in scores]

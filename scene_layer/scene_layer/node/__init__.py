@@ -116,7 +116,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         Raises:
             Refused: A source names a type or field that is not installed, or a topic that cannot
                 be subscribed to.
-            BtAgentsError: The memory file is no memory file, or cannot be read.
+            BtAgentsError: The file is not a memory file, or cannot be read.
         """
         spec, script = configuration.spec, configuration.script
         self._spec = spec

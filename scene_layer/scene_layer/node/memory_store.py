@@ -38,7 +38,7 @@ class MemoryStore:
         known: Returns the present persons who may be stored.
 
     Raises:
-        BtAgentsError: The file is no memory file, or cannot be read or moved aside.
+        BtAgentsError: The file is not a memory file, or cannot be read or moved aside.
     """
 
     def __init__(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""File of the open goals of a host, which tells its next start what to cancel."""
+"""File of the open goals of a host, which its next start cancels."""
 
 from __future__ import annotations
 

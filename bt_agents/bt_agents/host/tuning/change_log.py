@@ -41,7 +41,7 @@ _LARGEST = 2**63 - 1
 class ChangeLog:
     """File with the tuning history of one host; no other host can open it meanwhile.
 
-    A history is first written beside the file, where it survives the end of the process at once,
+    A history is first written next to the file, where it survives the end of the process at once,
     and takes the place of the file as soon as it survives a power cut; see :meth:`flush`.
 
     Args:

@@ -99,7 +99,7 @@ class TunableParameter:
         """Return the value of a text, whether it is possible or not.
 
         Raises:
-            QuantityError: The text is no value.
+            QuantityError: The text is not a value.
         """
         if self.type in _UNITS:
             return quantities.quantity(text, self.type)
