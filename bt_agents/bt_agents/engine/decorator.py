@@ -37,7 +37,7 @@ class Decorator(CallTicked, decorators.Decorator):
     def short_circuit(self) -> Status | None:
         """Return the status that replaces a tick of the child, None to tick it; may raise.
 
-        RUNNING leaves the child as it is. Every other status resets it, even if it has ended by
+        RUNNING leaves the child unchanged. Every other status resets it, even if it has ended by
         itself, because its result no longer matters.
         """
         return None

@@ -61,7 +61,7 @@ class NodeFields:
         """Return a finite number of at least 0.
 
         Raises:
-            Refused: ``NOT_A_NUMBER`` unless it is a finite number from 0 on. Else as :meth:`value`.
+            Refused: ``NOT_A_NUMBER`` unless it is finite and at least 0. Else as :meth:`value`.
         """
         return self._from_zero(name, RefusalCode.NOT_A_NUMBER, "a number from 0 on")
 
@@ -69,7 +69,7 @@ class NodeFields:
         """Return a duration [s]; 0 if the field is missing.
 
         Raises:
-            Refused: ``NOT_A_DURATION`` unless it is a finite number from 0 on. Else as
+            Refused: ``NOT_A_DURATION`` unless it is finite and at least 0. Else as
                 :meth:`value`.
         """
         if name not in self.spec.fields:

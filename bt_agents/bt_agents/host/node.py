@@ -301,7 +301,7 @@ class HostNode(ManagedNode[HostConfiguration]):
             )
 
     def _change(self, effect: ReloadEffect) -> None:
-        """Apply a change of one agent completely or not at all; a running tree stays as it is."""
+        """Apply a change of one agent completely or not at all; a running tree stays unchanged."""
         name, agent = effect.name, effect.agent
         if effect.action is ReloadAction.REMOVE:
             self.registry.remove(name)

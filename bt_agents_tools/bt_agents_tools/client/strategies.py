@@ -51,8 +51,8 @@ def strategies_of(
 
     Args:
         infos: As in :func:`parameter_names`.
-        descriptors: Of these parameters, in their order.
-        values: Of these parameters, in their order.
+        descriptors: Descriptors of these parameters, in order.
+        values: Values of these parameters, in order.
 
     Raises:
         Refused: ``NO_ANSWER``: the answer lacks a part.
@@ -79,7 +79,7 @@ def changed_parameters(
 
     Args:
         found: Its strategies.
-        name: Of the strategy that ranks from now on; empty for the one in force.
+        name: Name of the strategy to use from now on; empty for the one in force.
         options: Names and values of options of this strategy.
         shadow: The strategy that only scores from now on; empty for none, None for the one now.
 
