@@ -13,7 +13,7 @@ from checkout import PYTHON_PACKAGES, ROOT
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 DOCUMENTS = ("CONTRIBUTING.md", "README.md", "docs/how_to_add.md", "docs/architecture.md")
-# What benchmarks and pages leave in "build" is not of the checkout.
+# The output of benchmarks and pages in "build" is not part of the checkout.
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build"}
 NAMED = re.compile(r"`((?:\.\w|\w)[\w.*/-]*)`")
 ADDED = re.compile(r"^`([^`]+)`:\n\n```(?:py|tsx|yml)\n", re.MULTILINE)
@@ -22,13 +22,13 @@ MOST_ASKED = 20
 
 
 def section(heading: str) -> str:
-    """Return what the page says under a heading, with the headings below that."""
+    """Return the text under a heading, including subsections."""
     level = heading.partition(" ")[0]
     return re.split(rf"^#{{1,{len(level)}}} ", PAGE.partition(f"\n{heading}\n")[2], flags=re.M)[0]
 
 
 def steps() -> list[tuple[int, str]]:
-    """Return the numbered files of the way of one cycle."""
+    """Return the numbered files of one cycle."""
     found = re.findall(r"^(\d+)\. `([^`]+)` ", section("## The way of one cycle"), re.MULTILINE)
     return [(int(number), path) for number, path in found]
 

@@ -33,7 +33,7 @@ def members(protocol: type) -> set[str]:
 
 
 def described(owner: type, protocols: list[type]) -> set[str]:
-    """Return the names that the bases of a class, or a protocol that it fulfils, have."""
+    """Return the names in the bases of a class, or in a protocol that it implements."""
     inherited = {name for base in owner.__mro__[1:] for name in vars(base)}
     fulfilled = (
         members(protocol)

@@ -31,7 +31,7 @@ MOST_FILES = {
     "A command": 2,
     "A diagnostic code": 2,
 }
-"""Heading of the page → how many files of the product an addition of the kind touches."""
+"""Heading of the page → number of product files that such an addition touches."""
 
 COPIED = (*[package.name for package in PYTHON_PACKAGES], "bt_agents_interfaces", "trees")
 NEW_FILE = re.compile(r"^`([^`]+)`:\n\n```(?:py|tsx|yml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -46,12 +46,12 @@ TEST = (
 
 @dataclass(frozen=True, kw_only=True)
 class Edit:
-    """A change of a file at one place.
+    """A change at one place of a file.
 
     Attributes:
         path: The file.
-        before: The lines that stand there.
-        after: The lines that stand there afterwards.
+        before: The lines before the change.
+        after: The lines after the change.
     """
 
     path: str
@@ -60,12 +60,12 @@ class Edit:
 
 
 def section(heading: str) -> str:
-    """Return what the page says under a heading."""
+    """Return the text under a heading."""
     return PAGE.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
 
 
 def edits(text: str) -> list[Edit]:
-    """Return the changes that the diffs of a section make."""
+    """Return the changes in the diffs of a section."""
     found = []
     for diff in DIFF.findall(text):
         for part in re.split(r"^--- a/", diff, flags=re.MULTILINE)[1:]:
@@ -104,7 +104,7 @@ def make(text: str, folder: Path) -> None:
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The packages and trees, with the tests of this checkout and programs that use the copy."""
-    # What Python has compiled is as old as its source, also in a copy.
+    # Compiled files are as old as their sources, also in a copy.
     ignored = shutil.ignore_patterns("*.so", "build", "node_modules")
     for name in COPIED:
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
@@ -120,8 +120,8 @@ def copy(tmp_path: Path) -> Path:
 
 
 def run(commands: str, folder: Path) -> str:
-    """Return what the commands of a session print in a copy, each of which must succeed."""
-    # Without the module site nothing but these folders is searched, whatever is installed.
+    """Return the output of a session's commands in a copy, each of which must succeed."""
+    # Without the module site, Python searches only these folders.
     folders = [folder / package.name for package in PYTHON_PACKAGES]
     installed = dict.fromkeys(sysconfig.get_path(name) for name in ("purelib", "platlib"))
     script = "set -eo pipefail\n" + re.sub(r"^\$ ", "", commands, flags=re.MULTILINE)
@@ -148,7 +148,7 @@ def run(commands: str, folder: Path) -> str:
 
 
 def check_style(paths: list[str], folder: Path) -> None:
-    """Check that files of a copy are laid out as all others are."""
+    """Check that files of a copy have the project's format."""
     for check in (["check"], ["format", "--check"]):
         result = subprocess.run(
             [sys.executable, "-m", "ruff", *check, "--no-cache", *paths],

@@ -12,7 +12,7 @@ from product_modules import product_modules
 
 
 def imported(path: Path) -> Iterator[str]:
-    """Yield what a module imports, first as the module that a name might be."""
+    """Yield the imports of a module; a name counts first as a module."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

@@ -14,7 +14,7 @@ ENTRY_POINTS = ("__init__", "__main__")
 
 
 def packages() -> list[Path]:
-    """Return the folders of Python code, one a ROS package."""
+    """Return the folders of Python code, one per ROS package."""
     named = (manifest.parent for manifest in ROOT.glob("*/package.xml"))
     return sorted(folder / folder.name for folder in named if (folder / folder.name).is_dir())
 
@@ -27,7 +27,7 @@ def public_classes(path: Path) -> Iterator[str]:
 
 
 def namesakes(named: Iterable[tuple[str, Path]]) -> dict[str, list[str]]:
-    """Return the names that several files have, with those files."""
+    """Return the names that several files share, with those files."""
     files = defaultdict(list)
     for name, path in named:
         files[name].append(str(path.relative_to(ROOT)))
@@ -52,7 +52,7 @@ def test_public_class_names_are_unique():
 
 
 def test_comprehensions_do_not_shadow_module_names_functions_use():
-    """Python 3.12.0 to 3.12.3 lose the one of the module then, with an UnboundLocalError."""
+    """In Python 3.12.0 to 3.12.3 the module's name is lost then, with an UnboundLocalError."""
     assert taken_from_module(
         "import g\ndef f(a):\n    b = {g for g in a}\n    return {g(c) for c in b}"
     )
@@ -64,7 +64,7 @@ def test_comprehensions_do_not_shadow_module_names_functions_use():
 
 
 def taken_from_module(source: str) -> set[str]:
-    """Return the names that a function uses of its module and that a comprehension binds."""
+    """Return the module's names that a function uses and a comprehension binds."""
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     tree = ast.parse(source)
     found: set[str] = set()
@@ -79,7 +79,7 @@ def taken_from_module(source: str) -> set[str]:
 
 
 def _names(node: ast.AST, hidden: frozenset[str]) -> tuple[set[str], set[str]]:
-    """Return the names that comprehensions below a node bind, and those used that are not."""
+    """Return the names that comprehensions in a node bind, and the names used but not bound."""
     bound: set[str] = set()
     free: set[str] = set()
     if isinstance(node, ast.ListComp | ast.SetComp | ast.DictComp):

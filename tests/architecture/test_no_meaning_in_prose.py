@@ -30,7 +30,7 @@ PROSE = {
     "why",
     "words",
 }
-"""What texts for people are called."""
+"""Names of texts for people."""
 
 LOOKS = {
     "endswith",
@@ -51,11 +51,11 @@ FORMATTED = {
     ("rehearsal/assertions.py", "expected != _NOTHING"),
     ("rehearsal/assertions.py", "expected == _NOTHING"),
 }
-"""What only puts a text into form, or reads what a person types."""
+"""Code that only formats a text, or reads a person's input."""
 
 
 def name_of(node: ast.expr) -> str:
-    """Return what a value is called: ``reason`` for ``str(answer.reason).strip()[2:]``."""
+    """Return the name of a value: ``reason`` for ``str(answer.reason).strip()[2:]``."""
     match node:
         case ast.Name():
             return node.id
@@ -73,25 +73,25 @@ def name_of(node: ast.expr) -> str:
 
 
 def is_text(node: ast.expr) -> bool:
-    """Return whether a value is surely a piece of a text."""
+    """Return whether a value is certainly a part of a text."""
     return isinstance(node, ast.JoinedStr) or (
         isinstance(node, ast.Constant) and isinstance(node.value, str) and bool(node.value)
     )
 
 
 def is_sentence(node: ast.expr) -> bool:
-    """Return whether a value is surely some words, or a constant that may be some."""
+    """Return whether a value is certainly several words, or a constant that may be."""
     if isinstance(node, ast.Name):
         return node.id.isupper()
     return isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value
 
 
 def decisions(tree: ast.AST) -> Iterator[ast.expr]:
-    """Yield what reads a text for people."""
+    """Yield code that reads a text for people."""
     for node in ast.walk(tree):
         match node:
             case ast.Call(func=ast.Attribute(attr=attr, value=value)) if attr in LOOKS:
-                # Without an argument, ``split`` only looks for space.
+                # Without an argument, ``split`` looks only for white space.
                 if name_of(value) in PROSE and node.args:
                     yield node
             case ast.Call(func=ast.Attribute(attr=attr)) if attr in MATCHES:

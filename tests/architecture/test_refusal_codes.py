@@ -27,7 +27,7 @@ def sources() -> dict[str, ast.Module]:
 
 
 def texts(node: ast.expr) -> Iterator[ast.expr]:
-    """Yield the texts that a value may be, or may be one of."""
+    """Yield the possible texts of a value, or of its items."""
     match node:
         case ast.JoinedStr() | ast.Constant(value=str()):
             yield node
@@ -46,7 +46,7 @@ def is_code(node: ast.expr) -> bool:
 
 
 def written_out(tree: ast.AST) -> Iterator[ast.expr]:
-    """Yield codes that are written as texts where a refusal is made, set or looked at."""
+    """Yield codes written as texts where a refusal is made, set or compared."""
     for node in ast.walk(tree):
         match node:
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=[code, *_]) if (

@@ -23,10 +23,10 @@ PACKAGES = (
 RUNNER = "bt_agents_ros/bt_agents_ros/spinner.py"
 QOS = "bt_agents_ros/bt_agents_ros/qos.py"
 BUS = "bt_agents_ros/bt_agents_ros/workarounds/local_endpoints.py"
-"""Its endpoints are made as their nodes say."""
+"""It creates its endpoints as its nodes specify."""
 
 RELOADING = "bt_agents/bt_agents/host/reload/reload_service.py"
-"""Its thread gives way to the node's own."""
+"""Its thread yields to the node's own."""
 
 PLAIN = ("rclpy", "executor")
 ACTION_SERVERS = ("ActionServer", "QuietActionServer")
@@ -39,7 +39,7 @@ SOURCES = {
     if re.search(r"rclpy|bt_agents_ros\.spinner", path.read_text())
     or path.is_relative_to(ROOT / "bt_agents_ros")
 }
-"""All sources that have to do with ROS."""
+"""All sources that use ROS."""
 
 
 def name_of(node: ast.expr) -> str:
@@ -50,7 +50,7 @@ def name_of(node: ast.expr) -> str:
 
 
 def calls(tree: ast.AST) -> Iterator[tuple[str, ast.Call, list[ast.expr]]]:
-    """Yield the name, the call and the arguments of each call, of those by ``partial`` too."""
+    """Yield the name, the call and the arguments of each call, including those by ``partial``."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue
@@ -61,7 +61,7 @@ def calls(tree: ast.AST) -> Iterator[tuple[str, ast.Call, list[ast.expr]]]:
 
 
 def from_the_table(value: ast.expr | None) -> bool:
-    """Return whether a quality of service is ``qos.SOMETHING`` or handed over from elsewhere."""
+    """Return whether a quality of service is ``qos.SOMETHING`` or an argument."""
     if isinstance(value, ast.Attribute):
         return name_of(value.value) == "qos"
     return isinstance(value, ast.Name)
@@ -72,7 +72,7 @@ def keyword(call: ast.Call, *names: str) -> ast.expr | None:
 
 
 def own_qos(tree: ast.AST) -> Iterator[ast.AST]:
-    """Profiles that are made on the spot."""
+    """Yield profiles outside the table."""
     for name, call, _ in calls(tree):
         if name == "QoSProfile":
             yield call
@@ -104,7 +104,7 @@ def services_without_table(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def endless_servers(tree: ast.AST) -> Iterator[ast.AST]:
-    """Actions that keep each result for a quarter of an hour, as rclpy does by itself."""
+    """Yield actions that keep each result for 15 minutes, as rclpy does by default."""
     for name, call, _ in calls(tree):
         if name in ACTION_SERVERS and keyword(call, "result_timeout") is None:
             yield call
@@ -120,7 +120,7 @@ def unsteady_timers(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def spinning(tree: ast.AST) -> Iterator[ast.AST]:
-    """Executors, and all that spins but the project's own spinner and observer."""
+    """Yield executors, and spinning outside the project's own spinner and observer."""
     for name, call, _ in calls(tree):
         by = name_of(getattr(call.func, "value", call.func))
         ours = name in ("spin_once", "spin_until") and not by.endswith(PLAIN)
@@ -135,7 +135,7 @@ def initialising(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def blocking(tree: ast.AST) -> Iterator[ast.AST]:
-    """Waits that hold the executor up, and calls that wait for their answer."""
+    """Yield waits that block the executor, and calls that wait for their answer."""
     for name, call, _ in calls(tree):
         waits = name in ("wait_for_service", "wait_for_server", "sleep", "send_goal")
         if waits or (name == "call" and name_of(getattr(call.func, "value", call)) == "client"):
@@ -149,7 +149,7 @@ def plain_nodes(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def served_nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """Nodes with the parameter services of rclpy, which one malformed request ends."""
+    """Yield nodes with rclpy's parameter services, which one malformed request crashes."""
     for name, call, _ in calls(tree):
         off = keyword(call, "start_parameter_services")
         if name == "create_node" and not (isinstance(off, ast.Constant) and off.value is False):
@@ -229,7 +229,7 @@ def test_every_executable_of_the_packages_is_loaded_silently() -> None:
 
 
 def imports_of(module: str) -> str:
-    """Return the text of a module of ours."""
+    """Return the text of one of our modules."""
     for package in PACKAGES:
         for path in (
             ROOT / package / f"{module.replace('.', '/')}.py",

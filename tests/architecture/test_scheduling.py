@@ -20,7 +20,7 @@ TESTS = [
 
 
 class Worker:
-    """A worker that runs what it is sent when the test says so."""
+    """A worker that runs its tests when the test says so."""
 
     def __init__(self, number: int) -> None:
         self.gateway = SimpleNamespace(id=f"gw{number}")

@@ -53,14 +53,14 @@ def start(environment: dict[str, str]) -> Iterator[Callable[..., Program]]:
 
 @pytest.fixture(scope="session")
 def commands() -> Iterator[CommandServer]:
-    """Every command, loaded once."""
+    """All commands, loaded once."""
     with command_server(dict(os.environ)) as server:
         yield server
 
 
 @pytest.fixture
 def ask(commands: CommandServer, environment: dict[str, str]) -> Callable[..., str]:
-    """Run a short command to its end; return what it prints. Any exit code will do with None."""
+    """Run a short command to its end; return its output. ``None`` allows any exit code."""
 
     def ask_one(*arguments: str, code: int | None = 0) -> str:
         ended = commands.run(*arguments, folder=ROOT, environment=environment, together=True)

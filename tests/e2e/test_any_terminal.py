@@ -59,23 +59,23 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "veto": ("attentive_guide",),
     "visit": (str(TREES / "scripts" / "airport_morning.yaml"),),
 }
-"""What a command is given; nothing where it needs nothing."""
+"""Required arguments of a command; none by default."""
 
 ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 NO_SYSTEM = {"ROS_DOMAIN_ID": "none"}
-"""A command to a running system is refused at once."""
+"""Refuses commands to a running system at once."""
 
 SWEEP = ("experiment", "sweep", "told", "--runs", "2", "--rounds", "3", "--processes", "1")
 
 SOON_S = 5.0
-"""One second, on a machine that has much else to do [s]."""
+"""One second, on a busy machine [s]."""
 
 
 @pytest.fixture(scope="module")
 def commands() -> Iterator[CommandServer]:
-    """Every command, without a home, in ASCII, on the simplest terminal."""
+    """All commands without a home, in ASCII, on the simplest terminal."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("HOME", "XDG_"))}
-    # COLUMNS may be left from a wider terminal.
+    # COLUMNS may come from a wider terminal.
     more = {"TERM": "dumb", "COLUMNS": "80"}
     with command_server({**kept, **ASCII, **NO_SYSTEM, **more}, without_home=True) as server:
         yield server
@@ -170,7 +170,7 @@ def wait_for(done: Callable[[], bool]) -> None:
 
 @contextmanager
 def started(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a command in a group of its own; kill the group, and close everything, at the end."""
+    """Start a command in its own process group; kill the group and close everything at the end."""
     with subprocess.Popen(
         [sys.executable, "-m", "bt_agents_tools.cli", *words],
         stdin=subprocess.DEVNULL,
@@ -216,7 +216,7 @@ def test_ctrl_c_quickly_ends_long_work_and_workers(
         took = time.monotonic() - start
     assert "Traceback" not in out + err
     assert "Exception ignored" not in out + err
-    # As a shell tells it: modules that are being loaded are ended by the signal itself.
+    # As a shell reports it: the signal itself ends a process that is loading modules.
     assert abs(process.returncode) % 128 == signal.SIGINT, out + err
     assert took < SOON_S
     wait_for(lambda: not any(map(alive, mine)))
@@ -276,7 +276,7 @@ def test_ctrl_c_caught_by_command_is_raised_once() -> None:
 
 
 def is_at_work(pid: int) -> bool:
-    """Return whether a process handles SIGINT by itself, and has loaded what it computes with."""
+    """Return whether a process handles SIGINT itself, and has loaded its numerical modules."""
     status = Path(f"/proc/{pid}/status").read_text()
     caught = int(status.partition("SigCgt:")[2].split()[0], 16)
     handles = bool(caught >> (signal.SIGINT - 1) & 1)
@@ -307,7 +307,7 @@ def test_table_fits_narrow_terminal_without_losing_text(
 
 
 def everything(screen: BinaryIO) -> bytes:
-    """Return all that is shown on a terminal until it is closed."""
+    """Return the whole output on a terminal until it is closed."""
     shown = b""
     with suppress(OSError):
         while chunk := screen.read(4096):

@@ -40,7 +40,7 @@ def test_benchmark_runs(name: str, tmp_path: Path) -> None:
         try:
             said, _ = bench.communicate(timeout=HANG_S)
         except subprocess.TimeoutExpired:
-            # It ends what it has started; when killed it would leave that behind.
+            # It ends the processes that it has started; a kill would leave them behind.
             bench.send_signal(signal.SIGINT)
             said, _ = bench.communicate(timeout=END_S)
             pytest.fail(f"still running after {HANG_S} s; its output:\n{said}")

@@ -71,7 +71,7 @@ def test_person_answers_presses_button_and_visits(
     assert visit.wait() == 0, visit.output
     assert "a guest\n" in visit.output
     assert "all visits are over" in visit.output
-    # The system goes on: it was not started for these visitors.
+    # The system continues: it was not started for these visitors.
     missing = ask("visit", str(tmp_path / "none.yaml"), code=1)
     assert "there is no such file" in " ".join(missing.split())
     assert up.stop()[0] == 0, up.output

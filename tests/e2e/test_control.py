@@ -29,7 +29,7 @@ tree:
 
 
 def until(ask: Callable[..., str], words: str, *command: str) -> str:
-    """Return what a command prints when it has these words."""
+    """Repeat a command until its output contains these words; return the output."""
     shown = ""
     for _ in range(30):
         shown = ask(*command)

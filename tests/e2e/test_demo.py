@@ -21,7 +21,7 @@ Start = Callable[..., Program]
 
 
 def without_times(line: str) -> str:
-    """Return a printed line without the times and ticks that differ each time."""
+    """Return a printed line without times and ticks, which differ each time."""
     return re.sub(r"^ +tree +\d+|\d+\.\d s, \d+ ticks", "…", line)
 
 

@@ -23,7 +23,7 @@ WORDS = {*NODE_TYPES, *DECORATORS, *SYMBOLS.skills}
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[LanguageServer]:
-    """The server that VS Code and others start for YAML files."""
+    """The server that VS Code and other editors start for YAML files."""
     running = LanguageServer(installed_server())
     yield running
     running.close()
@@ -120,7 +120,7 @@ def test_shipped_files_have_no_problems(server, path):
     text = path.read_text(encoding="utf-8")
     first = text.splitlines()[0]
     assert first.startswith("# yaml-language-server: $schema=")
-    # A schema that is not there would be no problem to the server.
+    # The server would not report a missing schema.
     assert (path.parent / first.partition("=")[2]).resolve().parent == ROOT / "schema"
     assert (path.parent / first.partition("=")[2]).is_file()
     assert server.problems(path, text) == []

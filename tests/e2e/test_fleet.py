@@ -34,7 +34,7 @@ def until(done: Callable[[], object]) -> None:
 def run(
     tmp_path: Path, commands: CommandServer, environment: dict[str, str]
 ) -> Callable[..., str]:
-    """What runs a command beside others, and returns what it prints."""
+    """Return a function that runs a command alongside others, and returns its output."""
 
     def made(*arguments: str, code: int = 0) -> str:
         ended = commands.run(*arguments, folder=tmp_path, environment=environment, together=True)

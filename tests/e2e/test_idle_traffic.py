@@ -19,7 +19,7 @@ pytestmark = pytest.mark.e2e
 
 AT_ONCE = 20
 _ALONE = ("unshare", "-rn")
-"""A network namespace of its own, for whoever may make one."""
+"""A network namespace of its own, for users who may create one."""
 
 
 def test_idle_system_sends_few_datagrams_and_stays_discoverable(
@@ -39,7 +39,7 @@ def test_idle_system_sends_few_datagrams_and_stays_discoverable(
     found = json.loads(measured.stdout)
     assert found["sent"] <= 200.0
     assert found["unheard"] < 1.0
-    # The quicker ones, as the others wait for a core on a busy machine.
+    # The faster ones, because the others wait for a core on a busy machine.
     assert statistics.quantiles(found["joined"])[0] <= 1.0, found["joined"]
 
 

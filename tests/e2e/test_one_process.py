@@ -30,7 +30,7 @@ LAUNCH = ROOT / "bt_agents_bringup" / "launch" / "system.launch.yaml"
 
 @dataclass(frozen=True, kw_only=True)
 class Launched(Component):
-    """Component with further arguments of ROS."""
+    """Component with additional ROS arguments."""
 
     ros_arguments: tuple[str, ...] = ()
 
@@ -72,7 +72,7 @@ def test_single_process_tree_waits_on_simulated_time(system: System, tmp_path: P
 
     def bids() -> bool:
         play(100)
-        # Nobody bids for a scene that comes before the time.
+        # No host bids for a scene before the clock starts.
         if not scenes or system.ends_of(scenes[-1]):
             scenes.append(f"s{len(scenes)}")
             system.scene(scenes[-1], age=5, familiarity=3, mood=3)
@@ -179,7 +179,7 @@ def test_plugin_hears_process_peers_through_provided_node(
 
 
 def launch_nodes() -> tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str, str]]:
-    """Return the nodes of the launch file with and without ``one_process``, and its arguments."""
+    """Return the launch file's nodes with and without ``one_process``, and its arguments."""
     entries = yaml.safe_load(LAUNCH.read_text())["launch"]
     nodes = [entry["node"] for entry in entries if "node" in entry]
     arguments = {e["arg"]["name"]: str(e["arg"]["default"]) for e in entries if "arg" in e}

@@ -46,7 +46,7 @@ def test_model_ranks_bids_and_veto_survives_market_restart(
         up.until("marketplace is back")
         assert "vetoed: professional_express may not bid" in ask("status")
 
-        # The old market's run ends first; the host is asked by nobody until then.
+        # The old market's run ends first; until then the host gets no call.
         up.until("attentive_guide starts")
         preview = ask("preview", *MRS_SMITH)
         assert "attentive_guide would win" in preview

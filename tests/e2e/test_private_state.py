@@ -17,7 +17,7 @@ pytestmark = pytest.mark.e2e
 
 @pytest.fixture
 def for_everybody() -> Iterator[None]:
-    """Take nothing of what is made away from others, as some users have it."""
+    """Use the umask of users who share all their files."""
     before = os.umask(0)
     yield
     os.umask(before)
@@ -52,12 +52,12 @@ def test_session_files_are_private_during_and_after_run(
 
 
 def modes(folder: Path) -> dict[Path, int]:
-    """Return the rights of a folder and of all that is in it."""
+    """Return the modes of a folder and of everything in it."""
     found = {}
     for path in (folder, *folder.rglob("*")):
         try:
             found[path] = stat.S_IMODE(path.stat().st_mode)
         except FileNotFoundError:
-            # A file that was replaced meanwhile.
+            # The file was replaced meanwhile.
             continue
     return found

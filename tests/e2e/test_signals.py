@@ -33,19 +33,19 @@ from tree_harness import TREES, scene
 pytestmark = pytest.mark.e2e
 
 LIMIT_S = STOP_LIMIT_S
-"""From the signal to the end, or a supervisor would kill it [s]."""
+"""Longest time from the signal to the end; after that, a supervisor would kill it [s]."""
 
 LATEST_S = 1.5
-"""From the start, or from the beginning of a run, to the signal [s]."""
+"""Longest time from the start, or from the start of a run, to the signal [s]."""
 
 EARLY = 12
-"""Times that each of the six kinds is started, and signalled before or while it comes up."""
+"""Starts of each of the six kinds, with a signal before or during start-up."""
 
 TIMES = int(os.environ.get("BT_AGENTS_SIGNALS", "1"))
-"""How many times as often a longer run by hand does so; 42 start each kind 500 times."""
+"""Factor for a longer run by hand; 42 starts each kind 500 times."""
 
 RUNNING = 4
-"""Times that a system of seven is signalled while an agent runs: 12 * 6 + 4 * 7 = 100."""
+"""Starts of a system of seven, with a signal during a run: 12 * 6 + 4 * 7 = 100."""
 
 SPEAKER = """
 repeat: 1000
@@ -57,12 +57,12 @@ sequence:
 
 @dataclass(eq=False)
 class Told:
-    """A process, the signal that it gets, and how it ended.
+    """A process, its signal, and its end.
 
     Attributes:
-        due: When it is signalled, on the steady clock [s].
-        sent: When it was signalled; None before.
-        ended: When it was seen to have ended; None before.
+        due: When to send the signal, on the steady clock [s].
+        sent: When the signal was sent; None before.
+        ended: When its end was noticed; None before.
     """
 
     component: Component
@@ -79,7 +79,7 @@ class Told:
         self.process, self.ready = spawn(self.component, self.log, 1, self.fork_server)
 
     def look(self, now: float) -> None:
-        """Signal it when its time has come; note its end."""
+        """Send the signal when it is due; record the end."""
         if self.ended is None and self.process.poll() is not None:
             self.ended = now
         elif self.sent is None and now >= self.due:
@@ -87,10 +87,10 @@ class Told:
             self.sent = time.monotonic()
 
     def problem(self) -> str:
-        """Return what was not clean about its end; empty when all was."""
+        """Return the fault in its end; empty if it was clean."""
         if self.ended is None:
-            # Python's fault handler writes the stacks of all threads into the log. It crashes when
-            # the main thread runs on meanwhile, so that one gets the signal.
+            # Python's fault handler writes the stacks of all threads into the log. It crashes if
+            # the main thread continues meanwhile, so that thread gets the signal.
             pid = self.process.pid
             ctypes.CDLL(None).tgkill(pid, pid, signal.SIGABRT)
             self.process.wait(HANG_S)
@@ -116,7 +116,7 @@ class Told:
         )
 
     def close(self) -> None:
-        """Leave nothing behind."""
+        """Kill the process if it still runs."""
         self.process.kill()
         self.process.wait()
         os.close(self.ready)
@@ -124,7 +124,7 @@ class Told:
 
 @pytest.fixture
 def busy() -> Iterator[None]:
-    """A process that takes all of the time that it gets, beside six that start at once."""
+    """A process that uses all available CPU time, alongside six that start at once."""
     burner = subprocess.Popen([sys.executable, "-c", "while True: pass"], stdin=subprocess.DEVNULL)
     try:
         yield
@@ -136,7 +136,7 @@ def busy() -> Iterator[None]:
 def signalled(
     components: list[Component], folder: Path, random: Random, fork_server: ForkServer
 ) -> list[Told]:
-    """Start processes, half of them forked, each of which is signalled at a time of its own."""
+    """Start processes, half of them forked, and signal each at its own time."""
     told = [
         Told(
             component,
@@ -153,7 +153,7 @@ def signalled(
 
 
 def watch(told: list[Told], turn: Callable[[], None]) -> list[str]:
-    """Signal all in time and wait for all ends; return what was not clean."""
+    """Send all signals in time and wait for all ends; return the faults."""
     end = time.monotonic() + LATEST_S + HANG_S
     while any(one.ended is None for one in told) and time.monotonic() < end:
         turn()
@@ -242,7 +242,7 @@ COMMANDS = (
     ("explain", "timeout"),
     ("--help",),
 )
-"""As many kinds of loading as there are."""
+"""All kinds of loading."""
 
 
 @pytest.mark.usefixtures("busy")
@@ -280,7 +280,7 @@ def test_ctrl_c_at_any_moment_prints_no_traceback(
 
 
 def started_silently(command: tuple[str, ...], output: Path) -> subprocess.Popen[bytes]:
-    """Start a command that no Ctrl-C reaches before its first line, as that is Python's matter."""
+    """Start a command that ignores Ctrl-C before its first line, which Python would handle."""
     signal_mask = block_sigint()
     try:
         with output.open("wb") as file:
@@ -296,7 +296,7 @@ def started_silently(command: tuple[str, ...], output: Path) -> subprocess.Popen
 
 
 def in_a_run(ros: Ros, told: list[Told], random: Random) -> list[str]:
-    """Signal all once an agent runs."""
+    """Signal all processes once an agent runs."""
     runs = ros.collect(Run, "bt_agents/runs", qos.HISTORY)
     statuses: list[Any] = ros.collect(MarketStatus, "bt_agents/market", qos.FACT)
     scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)

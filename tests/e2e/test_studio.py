@@ -128,7 +128,7 @@ def test_out_of_range_value_gives_command_line_error(page: Page) -> None:
 
 @pytest.fixture
 def tablet(browser: Browser, system: System) -> Iterator[Page]:
-    """The page of the person, in a browser of its own."""
+    """The page Person, in a browser of its own."""
     context = browser.new_context(viewport={"width": 1024, "height": 768})
     opened = context.new_page()
     opened.set_default_timeout(LIMIT_MS)
@@ -217,7 +217,7 @@ def test_single_switch_suffices_to_answer(page: Page, tablet: Page) -> None:
     tablet.get_by_role("button", name="One button").click()
     choice = tablet.get_by_label("Your answer").get_by_role("button").first
     expect(choice).to_be_focused()
-    # Wherever it is touched, what has the focus is pressed.
+    # A touch anywhere presses the focused button.
     tablet.mouse.click(5, 400)
     expect(tablet.locator(".told")).to_contain_text("Your answer: ")
     stop(page)
@@ -362,7 +362,7 @@ def test_unloadable_page_says_why(browser: Browser, system: System) -> None:
 
 
 def test_feedback_moves_a_profile_and_can_be_undone(page: Page) -> None:
-    # Nobody fits exactly, else there would be nothing to move.
+    # No agent fits exactly, or nothing could move.
     serve(page, "somebody who judges", age=1.2, familiarity=4.8, mood=1.3)
     stop(page)
     open_page(page, "Market")
@@ -425,7 +425,7 @@ def test_open_page_continues_after_killed_process_restarts(
         expect(part).to_contain_text("there")
     pid = node_of(system.up.process.pid, PROCESSES[name])
     if name in WITH_HEARTBEAT:
-        # The next start may be there before anybody misses this one.
+        # It may be restarted before its loss is noticed.
         os.kill(pid, signal.SIGSTOP)
         expect(part).to_contain_text("silent since")
     os.kill(pid, signal.SIGKILL)
@@ -435,7 +435,7 @@ def test_open_page_continues_after_killed_process_restarts(
     expect(row).not_to_contain_text(str(pid))
     if name in WITH_HEARTBEAT:
         expect(part).to_contain_text("there")
-    # A run that is not yet seen by the page could not be stopped below, and would delay the next.
+    # A run that the page does not show yet could not be stopped below, and would delay the next.
     serve(page, f"after {name}", age=4.5, mood=2)
     system.up.until(f"scene  .*after {name}")
     system.up.until("run  .* starts")

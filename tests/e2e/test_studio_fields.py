@@ -27,7 +27,7 @@ VOLUME = tunable("carrier", "volume", 0.5, description="how loud it speaks", max
 
 
 class Host:
-    """A host that takes every value, and notes when each came."""
+    """A host that accepts every value, and records when each arrived."""
 
     def __init__(self, studio: BackgroundStudio) -> None:
         self._studio = studio
@@ -78,13 +78,13 @@ class Host:
         return done
 
     def answer_late(self) -> None:
-        """Answer what has come while this host was slow; it is quick again."""
+        """Answer pending requests of a slow host; later requests are answered at once."""
         self.is_slow = False
         for answer in self._late:
             answer()
 
     def set(self, name: str, text: str) -> None:
-        """Change a value, for whoever asks."""
+        """Change a value, from the page or from elsewhere."""
         self._revision += 1
         self.sent.append((time.monotonic(), name, text))
         value = float(text.removesuffix(" s"))
@@ -126,7 +126,7 @@ def field(page: Page, key: str = "patience") -> Locator:
 
 
 def undo(page: Page) -> Locator:
-    """The offer to take the newest change back."""
+    """The button that undoes the newest change."""
     return page.locator(".undo")
 
 
@@ -273,7 +273,7 @@ def test_reset_profile_forgets_waiting_values(page: Page, host: Host) -> None:
     profile.get_by_role("button", name="As in the file").click()
     host.answer_late()
     expect(profile.locator("output")).to_have_text("done")
-    page.wait_for_timeout(300)  # nothing is sent any more
+    page.wait_for_timeout(300)  # no more requests
     assert [one["service"] for one in host.other] == ["feedback/give", "feedback/manage"]
 
 
@@ -308,10 +308,10 @@ def test_dragged_slider_sends_its_last_place_last(page: Page, host: Host) -> Non
     expect(field(page)).to_have_value("24")
     page.mouse.up()
     expect(slider(page)).to_have_value("24")
-    page.wait_for_timeout(300)  # nothing is sent any more
+    page.wait_for_timeout(300)  # no more requests
     expect(field(page)).to_have_value("24")
     assert host.values[-1] == "24 s"
-    # Each is sent when the last one is answered, 100 ms after it at the earliest.
+    # Each is sent after the answer to the last one, at least 100 ms later.
     seconds = host.sent[-1][0] - host.sent[0][0]
     assert 1 < len(host.sent) <= seconds * 10 + 2
     assert all(len(text) <= len("24.5 s") for text in host.values)

@@ -36,7 +36,7 @@ KINDS = ("tree", "feedback", "run", "market", "bar", "time", "node", "outline")
 
 def test_log_is_sorted_readable_and_selectable(page: Page, studio: BackgroundStudio) -> None:
     for number in range(60):
-        # Every second one is received late.
+        # Every second one arrives late.
         at_s = 1000.0 + (number if number % 2 else 59 - number)
         studio.put("log", f"{number}", line(number, at_s, KINDS[number % len(KINDS)]))
     lines = page.get_by_label("What happened").locator("li")

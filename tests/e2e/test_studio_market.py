@@ -24,11 +24,11 @@ from studio_harness import BackgroundStudio, background_studio
 pytestmark = pytest.mark.e2e
 
 AGES = {"young": 1.0, "old": 5.0}
-"""Agent → the age that it is for."""
+"""Agent → the age of its profile."""
 
 
 class PreviewingMarket:
-    """A market with an agent for the young and one for the old; it notes each scene."""
+    """A market with an agent for the young and one for the old; it records each scene."""
 
     def __init__(self, studio: BackgroundStudio) -> None:
         self.asked: list[tuple[float, Mapping[str, float]]] = []
@@ -148,7 +148,7 @@ def test_race_sends_last_scene_within_rate(page: Page, previews: PreviewingMarke
     page.mouse.up()
     expect(slider(page)).to_have_value("4.6")
     expect(row(page, "old").locator(".number")).to_have_text("0.4")
-    page.wait_for_timeout(300)  # nothing is sent any more
+    page.wait_for_timeout(300)  # no more requests
     assert previews.ages[-1] == 4.6
     assert len(set(previews.ages)) == len(previews.ages)
     seconds = previews.asked[-1][0] - previews.asked[0][0]

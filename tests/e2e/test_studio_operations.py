@@ -24,7 +24,7 @@ CHANGING = {
     "world": ("Announce the scene", "Only change what is sensed now", "Show its address"),
     "person": ("Begin", "I leave", "Good", "worse"),
 }
-"""Page → buttons on it that change something, or ask the system."""
+"""Page → its buttons that change something, or call the system."""
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ EMPTY = {
     "tune": "No host of agents is running",
     "system": "None.",
 }
-"""Page → its first sentence when a system is there, but nothing has happened."""
+"""Page → its first sentence if a system is there, but nothing has happened."""
 
 
 @pytest.mark.parametrize("name", EMPTY)

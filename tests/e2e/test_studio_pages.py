@@ -62,7 +62,7 @@ tree:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A trees folder with an agent that asks and one that listens."""
+    """A trees folder with an agent that asks and one that waits for a message."""
     trees = tmp_path_factory.mktemp("of_pages") / "trees"
     (trees / "agents").mkdir(parents=True)
     shutil.copy(ROOT / "trees" / "scene.yaml", trees)

@@ -24,7 +24,7 @@ def studio() -> Iterator[BackgroundStudio]:
 
 
 class Held:
-    """WebSocket of a page on which the answers about earlier moments are held back."""
+    """WebSocket of a page that holds back answers about earlier moments."""
 
     def __init__(self) -> None:
         self.asked: list[float] = []
@@ -49,7 +49,7 @@ class Held:
         server.on_message(answer)
 
     def until(self, page: Page, answers: int) -> None:
-        """Wait until so many answers are held back."""
+        """Wait until this many answers are held back."""
         for _ in range(LIMIT_MS // 20):
             if len(self._answers) == answers:
                 return
@@ -61,7 +61,7 @@ class Held:
 
 
 def click_along(page: Page) -> float:
-    """Click along the timeline; return the moment that the page wants to show at last."""
+    """Click along the timeline; return the last requested moment."""
     timeline = page.get_by_label("Moment that is shown")
     seen = box(timeline)
     for step in range(STEPS):

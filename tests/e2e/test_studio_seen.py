@@ -45,7 +45,7 @@ RULES = """{
 
 @pytest.fixture(scope="module")
 def studio() -> Iterator[BackgroundStudio]:
-    """A studio with something in every panel, and long words in it."""
+    """A studio with content in every panel, and long words in it."""
     with background_studio() as served:
         fill(served)
         yield served
@@ -113,7 +113,7 @@ def test_page_fits_its_window(
 ) -> None:
     with opened_at(browser, studio, name) as page:
         page.set_viewport_size(size)  # type: ignore[arg-type]
-        # The timeline is drawn anew when it has another width.
+        # The timeline is redrawn when its width changes.
         page.wait_for_function(
             "[...document.querySelectorAll('.lanes svg')]"
             ".every((one) => one.getBoundingClientRect().right <= innerWidth)"

@@ -169,12 +169,12 @@ def page(browser: Browser, running: BackgroundStudio) -> Iterator[Page]:
 
 
 def stops(studio: BackgroundStudio) -> list[str]:
-    """Return who wanted each stop that the system was asked for."""
+    """Return the author of each stop request."""
     return [str(fields["by"]) for kind, _, fields in studio.caller.calls if kind == "CancelRun"]
 
 
 def until_stopped(page: Page, studio: BackgroundStudio) -> None:
-    """The system is told to stop."""
+    """Wait until the system is told to stop."""
     for _ in range(300):
         if stops(studio):
             return
@@ -354,7 +354,7 @@ def test_hung_studio_is_shown_as_stale_within_three_seconds(
 
 
 class SwallowedSocket:
-    """The connection of a page, whose messages arrive only while it is not swallowed."""
+    """The connection of a page, whose messages can be swallowed."""
 
     def __init__(self, page: Page) -> None:
         self.is_swallowed = False
@@ -386,7 +386,7 @@ def test_half_open_connection_is_shown_and_replaced(
     socket.is_swallowed = True
     expect(phase).to_have_text(STALE, timeout=4000)
     running.put("live", "", live(5.0))
-    # The next connection is as silent, and no reason to show anything else.
+    # The next connection is silent, too, and no reason to show anything else.
     page.wait_for_timeout(4000)
     expect(phase).to_have_text(STALE, timeout=1)
     strip(page).get_by_role("button", name="Stop").click()
@@ -415,7 +415,7 @@ def test_lost_page_comes_back_when_network_or_user_does(
     page.clock.pause_at(time.time() + 60)
     page.clock.run_for(5000)
     expect(phase).to_have_text(STALE)
-    # The clock of the page stands still, so no timer of it tries again.
+    # The clock of the page is stopped, so none of its timers retries.
     socket.is_swallowed = False
     page.evaluate(event)
     page.wait_for_timeout(1000)
@@ -443,7 +443,7 @@ def test_pasted_address_signs_in_the_open_tab(browser: Browser, running: Backgro
     bare, _, token = running.address.partition("#")
     with opened_page(browser, bare) as page:
         expect(page.locator(".phase")).to_contain_text("Not signed in")
-        # As pasted into the address bar, only the part after # differs.
+        # After a paste into the address bar, only the part after # differs.
         page.goto(running.address)
         expect(page.locator(".phase")).to_have_text("connected")
         assert token not in page.url

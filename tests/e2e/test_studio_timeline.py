@@ -51,11 +51,11 @@ SEEN = """() => {
 }"""
 READ = """performance.getEntriesByType("resource")
   .filter((one) => one.name.endsWith("/events")).length"""
-"""How often a page has read the events of a recording."""
+"""Counts how often a page has read the events of a recording."""
 
 
 class Seen:
-    """What the timeline shows at one instant."""
+    """Content of the timeline at one instant."""
 
     def __init__(self, page: Page) -> None:
         found = page.evaluate(SEEN)
@@ -65,7 +65,7 @@ class Seen:
         self.blocks: list[dict[str, Any]] = found["blocks"]
 
     def place(self, at_s: float) -> float:
-        """Return where a moment is while the whole time is shown [px]."""
+        """Return the place of a moment while the whole time is shown [px]."""
         share = (at_s - self.first) / (self.last - self.first)
         return float(self.left + share * (self.right - self.left))
 
@@ -131,7 +131,7 @@ def test_events_are_drawn_where_they_happened(page: Page, began_s: float) -> Non
         one = seen.block(lane, kind)
         assert one["left"] == pytest.approx(seen.place(began_s + at_s), abs=2)
         assert one["right"] - one["left"] < 6
-    # Each lane has a line of its own.
+    # Each lane has its own line.
     tops = sorted((one["top"], one["bottom"]) for one in seen.blocks if one is not running)
     assert all(one[1] <= other[0] for one, other in pairwise(tops))
 
@@ -147,7 +147,7 @@ def test_click_shows_moment_it_points_at(page: Page, began_s: float) -> None:
     expect(log).to_contain_text("long ago")
     expect(log).not_to_contain_text("just now")
     expect(page).to_have_url(re.compile(rf"at={int(seen.now)}"))
-    # What happened later is still there.
+    # Later events are still there.
     assert len(seen.blocks) == 6
 
 
@@ -255,7 +255,7 @@ def test_mood_lane_shows_where_rules_act(
           ];
         }"""
     )
-    # They begin with the run, and the line of the mood reaches them.
+    # They begin with the run, and the mood line reaches them.
     assert left == [pytest.approx(Seen(page).place(began_s + 60), abs=12)] * 2
     assert levels == pytest.approx(ups[1:])
 
@@ -268,7 +268,7 @@ PLAYED = """async (ms) => {
   const [endedS, toS] = look();
   return (toS - fromS) / (endedS - beganS);
 }"""
-"""How much time of the recording passes in a second of the page."""
+"""Measures how much recorded time passes in a second of the page."""
 
 
 def play(page: Page) -> Locator:
@@ -356,7 +356,7 @@ def test_events_of_window_are_saved_as_table(
     assert seconds == [pytest.approx(12, abs=0.002), pytest.approx(20, abs=0.002)]
     assert rows[5][-1] == '\'=1+1, "quoted"'
     assert rows[-1][1] == ""
-    # Only what is in the window.
+    # Only events in the window.
     for _ in range(12):
         timeline(page).press("+")
     expect(page.locator(".block")).to_have_count(1)
@@ -368,7 +368,7 @@ def menu(page: Page, name: str) -> Locator:
 
 
 def export(page: Page, form: str) -> None:
-    """Save a file, with the keyboard only."""
+    """Save a file, using only the keyboard."""
     opened = menu(page, "Export")
     opened.locator("summary").focus()
     if opened.get_attribute("open") is None:
@@ -383,7 +383,7 @@ def export(page: Page, form: str) -> None:
 
 
 def saved_messages(page: Page, folder: Path) -> list[JournalEntry]:
-    """Return the messages of the file that the timeline saves of its window."""
+    """Return the messages in the file that the timeline saves of its window."""
     with page.expect_download() as download:
         export(page, "Messages (MCAP)")
     assert download.value.suggested_filename.endswith(".mcap")
@@ -401,7 +401,7 @@ def saved_messages(page: Page, folder: Path) -> list[JournalEntry]:
 
 
 def mark(page: Page, note: str, kept: str) -> None:
-    """Set a bookmark at the moment that is shown; the page says where it is kept."""
+    """Set a bookmark at the moment on show; the page names its place."""
     opened = menu(page, "Bookmark")
     opened.locator("summary").click()
     told = opened.locator("p")
@@ -431,7 +431,7 @@ def test_bookmark_goes_into_the_recording(
     assert now["age_s"] == pytest.approx(0, abs=5)
     assert past["label"] == "it went wrong"
     assert past["age_s"] == pytest.approx(seen.last - seen.now, abs=5)
-    # It is seen at once, also by pages that look back.
+    # It is shown at once, even on pages at an earlier moment.
     studio.put("bookmarks", "1", bookmark(began_s + 45, "it went wrong"))
     expect(page.locator(".marks rect")).to_be_in_viewport(ratio=1)
     seen = Seen(page)
@@ -464,7 +464,7 @@ def test_recording_is_started_and_stopped_from_timeline(
     expect(panel.locator("output")).to_have_text("done")
     asked = [fields for _, service, fields in studio.caller.calls if service == "journal/record"]
     assert [(one["action"], one.get("label")) for one in asked] == [(0, "a class"), (1, None)]
-    # Its span is a line of the timeline, which goes on until it is stopped.
+    # Its span is a line of the timeline until it is stopped.
     expect(page.locator(".block[data-lane=RECORDING] rect")).to_be_in_viewport(ratio=1)
     seen = Seen(page)
     shown = seen.block("RECORDING", "RECORDING")
@@ -581,7 +581,7 @@ def test_timeline_leaves_room_for_the_page(
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BackgroundStudio]:
-    """A studio with the journal of a day, in which every tenth run has failed."""
+    """A studio with the journal of a day, in which every tenth run failed."""
     folder = tmp_path_factory.mktemp("day")
     file = JournalFile(folder / FILE)
     for number in range(RUNS):
@@ -645,7 +645,7 @@ def test_messages_of_window_are_saved_as_recording(
         seen = Seen(page)
         began = [one.decode() for one in saved_messages(page, tmp_path)]
         began = [one.round for one in began if one.event == Run.STARTED]
-        # Those that are drawn, the last perhaps only just.
+        # The visible ones, the last perhaps only partly.
         assert began == list(range(1, len(began) + 1))
         assert 2 <= len(began) < RUNS
         assert len(seen.blocks) - len(began) in (0, 1)
@@ -701,7 +701,7 @@ def test_recording_plays_to_its_end(browser: Browser, recorded: BackgroundStudio
         assert seen.now == pytest.approx(seen.last)
         assert seen.cursor == pytest.approx(seen.right, abs=4)
         expect(page.locator(".moment")).to_contain_text(FILE)
-        # What has been played to its end begins anew.
+        # After the end, playback starts from the beginning.
         play(page).click()
         expect(hold(page)).to_be_in_viewport(ratio=1)
         page.wait_for_function(

@@ -111,7 +111,7 @@ def test_unknown_ros_type_is_named_at_load(start: Start, trees: Path) -> None:
 
 
 AT_ONCE_S = 6.0
-"""Less than until what does not end is killed, on a machine busy with other tests [s]."""
+"""Shorter than the time limit before a kill, on a machine busy with other tests [s]."""
 
 COMPONENTS = {
     "marketplace": "marketplace_node.node",
@@ -124,7 +124,7 @@ COMPONENTS = {
 
 
 def process_of(up: Program, component: str) -> int:
-    """Return the pid of a component that runs."""
+    """Return the pid of a running component."""
     return node_of(up.process.pid, COMPONENTS[component])
 
 

@@ -46,7 +46,7 @@ def up_with_a_run(start: Start, ask: Ask) -> Program:
 
 
 def until_all(up: Program, *said: str) -> None:
-    """Read lines until all of these were there, in any order: several processes print them."""
+    """Read lines until all of these have come, in any order: several processes print them."""
     missing = set(said)
     while missing:
         line = up.until("|".join(missing))
@@ -54,7 +54,7 @@ def until_all(up: Program, *said: str) -> None:
 
 
 def cancel_the_run(up: Program, ask: Ask) -> None:
-    """Stop the run that is under way, and end the system."""
+    """Stop the current run, and end the system."""
     assert ask("cancel") != ""
     up.until("attentive_guide cancelled")
     assert up.stop()[0] == 0, up.output
@@ -80,7 +80,7 @@ def test_scene_is_auctioned_again_after_market_is_killed(start: Start, ask: Ask)
 def test_hanging_market_and_host_are_killed_and_replaced(start: Start, ask: Ask) -> None:
     up = start("up", "--no-voice", "--no-studio")
     up.until("ready")
-    assert "attentive_guide" in ask("status")  # by then both have been heard
+    assert "attentive_guide" in ask("status")  # by then both have been received
     kill_component(up, "marketplace_node.node", signal.SIGSTOP)
     kill_component(up, "bt_agents.host.node", signal.SIGSTOP)
     up.until(r"hangs \(no heartbeat for \d+ s\): killing it")

@@ -25,17 +25,17 @@ PAGES: dict[str, dict[str, str]] = {
     },
     "market": {"trigger": "run +[a-z_]+ starts", "cancel": "run +[a-z_]+ cancelled"},
 }
-"""Page → command → what the running system prints before an author would go on."""
+"""Page → command → output of the running system that an author would wait for."""
 
 ON_SHIPPED_TREES = {"market"}
-"""Pages that start with the agents of the checkout; of these, the part before the rules."""
+"""Pages that start with the agents of the checkout; only the part before the rules."""
 
 WHEN_STOPPED = "replay"
-"""Command before which a page has the system stopped."""
+"""Command before which the page stops the system."""
 
 
 def steps(page: str) -> Iterator[tuple[str, str]]:
-    """Yield the files and the commands of a page, each with what stands below its head."""
+    """Yield the files and the commands of a page, each with the text below its head."""
     text = (ROOT / "docs" / f"{page}.md").read_text()
     if page in ON_SHIPPED_TREES:
         text = text.partition("\n## Who wins")[0]
@@ -47,20 +47,20 @@ def steps(page: str) -> Iterator[tuple[str, str]]:
 
 
 def fits(printed: str, written: str) -> bool:
-    """Return whether an output is what is written, where … stands for anything on one line."""
+    """Return whether an output matches a text, in which … stands for anything on one line."""
     expression = ".*?".join(map(re.escape, written.split("…")))
     return re.fullmatch(expression, printed) is not None
 
 
 def wait_for_effect(up: Program, head: str, awaited: Mapping[str, str]) -> None:
-    """Wait until the system has done what follows from a command."""
+    """Wait until the effect of a command has come."""
     for command, pattern in awaited.items():
         if head == command or head.startswith(f"{command} "):
             up.until(pattern)
 
 
 def at_noon() -> str:
-    """Return a time zone where it is noon now; some agents work by day only."""
+    """Return a time zone where it is noon now; some agents work only by day."""
     return f"NOON{time.gmtime().tm_hour - 12:+d}"
 
 

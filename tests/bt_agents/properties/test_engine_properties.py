@@ -54,13 +54,13 @@ stories = st.lists(events, max_size=14)
 
 
 class Watched(TreeHarness):
-    """A harness that counts how often each node starts, and knows what each tick did."""
+    """A harness that counts the starts of each node, and records each tick."""
 
     def __init__(self, tree: NodeSpec, script: dict[str, list[ScriptedReply]]) -> None:
         ScriptedLeaf.alive = set()
         ScriptedLeaf.set_up = set()
         super().__init__(tree, head=HEAD, answers=script, awarded=scene(mood=3), random=Random(1))
-        # What the reader promises a name to mean cannot be promised of a random tree.
+        # The types that the reader guarantees for names cannot hold in a random tree.
         self.environment._result = {}
 
     def happen(self, event: tuple[str, object]) -> None:
@@ -77,7 +77,7 @@ class Watched(TreeHarness):
                 self.interrupt()
 
     def play(self, story: list[tuple[str, object]]) -> Iterator[None]:
-        """Give control after the first tick and after the tick that follows each event."""
+        """Yield after the first tick and after the tick that follows each event."""
         self.tick()
         yield
         for event in story:
@@ -92,7 +92,7 @@ class Watched(TreeHarness):
 
 
 def _under_way(harness: Watched) -> int:
-    """Return how many goals are sent and neither ended nor cancelled."""
+    """Return the number of goals that are sent and neither ended nor cancelled."""
     open_goals = [
         goal
         for _, goal in harness.run._context._goals

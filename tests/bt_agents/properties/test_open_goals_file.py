@@ -65,7 +65,7 @@ def test_torn_write_keeps_the_previous_list(
         before = before.ljust(len(after), b"\0")
         changed = [at for at in range(len(after)) if before[at] != after[at]]
         cut = data.draw(st.integers(0, len(changed)))
-        # Bytes are written in order, so a kill leaves a first part of them.
+        # The system writes bytes in order, so a kill leaves a prefix.
         mixed = bytearray(before)
         for at in changed[:cut]:
             mixed[at] = after[at]

@@ -30,7 +30,7 @@ def library_of(mark: int) -> str:
 
 
 def marks(spec: AgentSpec) -> tuple[int, int]:
-    """Return what the tree says about its file and its library, which must be of one piece."""
+    """Return what the tree reports about its file and its library, which must match."""
     words = [str(node.fields["text"].value) for node in iter_nodes(spec.tree) if node.skill]
     own, theirs = {w for w in words if w[0] == "m"}, {w for w in words if w[0] == "l"}
     assert (len(words), len(own), len(theirs)) == (4, 1, 1), f"a mix: {words}"
@@ -58,7 +58,7 @@ events = st.one_of(
 
 
 class World:
-    """A folder that things happen to, and what was good in it at any time."""
+    """A folder under random changes, and all valid versions of its files."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = new_folder(folder)

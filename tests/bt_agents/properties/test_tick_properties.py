@@ -39,14 +39,14 @@ ANSWERS = [SUCCESS] * 50 + [FAILURE] * 40 + [RUNNING] * 60 + [RuntimeError]
 
 @dataclass
 class Plan:
-    """A node and those below it, of which several trees can be made.
+    """Plan of a node and its descendants, which can be built several times.
 
     Attributes:
         name: Unique in the tree.
         kind: Key of its node type; ``leaf`` for a leaf.
-        children: Below it.
-        script: Answers of a leaf, over and over again.
-        setting: Memory of a composite, places that a parallel needs, or rounds of a loop.
+        children: Plans of its children.
+        script: Answers of a leaf, repeated for ever.
+        setting: Memory of a composite, count that a parallel needs, or rounds of a loop.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Plan:
 
 
 class Scripted:
-    """The methods of a leaf that answers as written; each of its messages is another string."""
+    """Methods of a leaf with scripted answers; each of its messages is a new string."""
 
     def follow(self: Any, plan: Plan, calls: list[tuple[str, ...]]) -> None:
         self.plan = plan
@@ -77,7 +77,7 @@ class Scripted:
         return answer  # type: ignore[no-any-return]
 
     def terminate(self: Any, new_status: Status) -> None:
-        # A decorator of py_trees also ends what has not begun.
+        # A decorator of py_trees also ends children that have not begun.
         if self.status is not INVALID or new_status is not INVALID:
             self.calls.append((self.name, "terminate", self.status.name, new_status.name))
 
@@ -94,8 +94,8 @@ class Planner:
     """Draws random trees.
 
     Args:
-        random: Source of chance.
-        size: About how many nodes.
+        random: Source of randomness.
+        size: Approximate number of nodes.
     """
 
     def __init__(self, random: Random, size: int) -> None:
@@ -104,7 +104,7 @@ class Planner:
         self.count = 0
 
     def node(self, depth: int = 0) -> Plan:
-        """Return a node and those below it."""
+        """Return a node with its descendants."""
         self.count += 1
         self.left -= 1
         name = str(self.count)
@@ -191,7 +191,7 @@ def ours(plan: Plan, calls: list[tuple[str, ...]]) -> Behaviour:
 
 
 def _shown(nodes: Iterable[Behaviour], *, tips: bool) -> list[object]:
-    """Return what py_trees shows of nodes, as far as both kinds of trees agree on it."""
+    """Return the state of nodes in py_trees, as far as both kinds of trees agree on it."""
     return [
         (
             node.name,
@@ -209,7 +209,7 @@ def _name(node: Behaviour | None) -> str:
 
 
 def _error_of(call: Callable[[], object]) -> str:
-    """Return the error of a call, or nothing."""
+    """Return the error of a call, or None."""
     try:
         call()
     except Exception as error:
@@ -250,7 +250,7 @@ def test_nodes_match_py_trees_tick_for_tick() -> None:
                 assert _error_of(ticker.tick) == error, where
             assert stock_calls == our_calls, where
             if error:
-                # What a leaf raises ends the use of the tree: leaves of agents raise nothing.
+                # An exception in a leaf ends the use of the tree: leaves of agents never raise.
                 break
             assert visited == answered, where
             assert _shown(stock_root.iterate(), tips=tips) == _shown(nodes, tips=tips), where
@@ -275,7 +275,7 @@ def _reported(reported: dict[int, tuple[Status, str]]) -> Callable[[Behaviour], 
 
 
 def _balanced(levels: int) -> Plan:
-    """Return so many levels of sequences of ten; all their leaves succeed."""
+    """Return levels of sequences of ten; all their leaves succeed."""
     if not levels:
         return Plan("leaf", "leaf", script=[SUCCESS])
     children = [_balanced(levels - 1) for _ in range(10)]
@@ -283,14 +283,14 @@ def _balanced(levels: int) -> Plan:
 
 
 def _calls(call: Callable[[], object]) -> int:
-    """Return how many calls of Python or C a call makes."""
+    """Return how many Python or C calls a call makes."""
     calls = 0
 
     def count(_frame: object, event: str, _arg: object) -> None:
         nonlocal calls
         calls += event in ("call", "c_call")
 
-    # What is collected meanwhile has finalizers that others have registered.
+    # Objects collected meanwhile have finalizers of other code.
     gc.disable()
     sys.setprofile(count)
     try:
@@ -317,12 +317,12 @@ def test_tick_cost_scales_with_visited_nodes() -> None:
 
 
 def _story(kind: str, *, memory: bool, ticks: list[str]) -> list[tuple[str, str]]:
-    """Tick three leaves by a table: return statuses of the children, and of the node, per tick.
+    """Tick three leaves by a table; return statuses of the children and of the node per tick.
 
     Args:
         kind: Key of the composite.
-        memory: Its setting.
-        ticks: Per tick what a, b and c answer if they are asked: ``S``, ``F`` or ``R``.
+        memory: Memory setting of the composite.
+        ticks: Answers of a, b and c per tick, if they are ticked: ``S``, ``F`` or ``R``.
     """
     answers = {status.name[0]: status for status in (SUCCESS, FAILURE, RUNNING)}
     leaves = [Plan(name, "leaf", script=[answers["S"]]) for name in "abc"]

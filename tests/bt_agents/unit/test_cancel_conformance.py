@@ -39,7 +39,7 @@ def quick(random: Random) -> ScriptedReply:
 
 
 def late(random: Random) -> ScriptedReply:
-    """Takes its time to accept, to end and to stop."""
+    """Server that takes its time to accept, to end and to stop."""
     accept_s = random.choice([0.2, 1.0, 1.9])
     return ScriptedReply(
         state=_ends(random),
@@ -57,7 +57,7 @@ def rejecting(random: Random) -> ScriptedReply:
 
 
 def stubborn(random: Random) -> ScriptedReply:
-    """Ignores cancels and often goes on for ever."""
+    """Server that ignores cancels and often runs for ever."""
     return ScriptedReply(after_s=random.choice([0.5, math.inf]), cancel_s=math.inf)
 
 
@@ -65,7 +65,7 @@ SERVERS = [quick, late, rejecting, stubborn]
 
 
 class World(ScriptedEnvironment):
-    """Answers by chance, the same for the same seed."""
+    """Random answers, the same for the same seed."""
 
     def __init__(self, server: Server, seed: int) -> None:
         super().__init__(clock=ManualClock())
@@ -75,7 +75,7 @@ class World(ScriptedEnvironment):
     def _answer(self, name: str) -> ScriptedReply:
         random = self.random
         result = {"message": "", "answer": random.choice(WORDS), "accepted": True}
-        # Every agent begins with the light; most of the runs shall come further.
+        # Every agent begins with the light; most runs should get further.
         easy = name == "set_light" and random.random() < 0.9
         return replace(ScriptedReply() if easy else self._server(random), result=result)
 
@@ -94,7 +94,7 @@ def scene_of(random: Random) -> Scene:
 
 @dataclass(kw_only=True)
 class Performance:
-    """A run whose time is turned from one moment that matters to the next."""
+    """A run whose clock jumps from one relevant moment to the next."""
 
     agent: AgentSpec
     server: Server
@@ -127,7 +127,7 @@ class Performance:
         self.run.tick()
 
     def move_on(self) -> None:
-        """Let time pass until something changes, and people do something."""
+        """Advance the time until something changes, and let people act."""
         now = self.environment.clock.now
         moments = [goal.next_change for goal in self.environment.goals]
         moments += [at for at in self.run.deadlines.values() if at > now]
@@ -139,14 +139,14 @@ class Performance:
             self.environment.arrive("buttons/confirm", {"data": self.random.random() < 0.5})
 
     def until(self, ticks: int) -> None:
-        """Go on until it was ticked so often, or has ended."""
+        """Continue until a number of ticks, or until it has ended."""
         while self.run.ticks < ticks and not self.over:
             if self.run.ticks:
                 self.move_on()
             self.tick()
 
     def wind_up(self) -> float:
-        """Go on until it has ended; return how long that took [s]."""
+        """Continue until it has ended; return how long that took [s]."""
         began = self.environment.clock.now
         while not self.over:
             self.move_on()

@@ -21,7 +21,7 @@ SPEAKS = "sequence: [{say: hello}, {show: {text: x}}]"
 
 
 def cancelled(head: str, *says: ScriptedReply) -> TreeHarness:
-    """Return a run that was cancelled while it said something."""
+    """Return a run that was cancelled while it was speaking."""
     harness = TreeHarness(SPEAKS, head=head, answers={"say": says or [LONG]})
     harness.tick()
     harness.run.cancel("enough")
@@ -187,7 +187,7 @@ def test_give_up_ends_run_whose_nodes_cannot_halt(monkeypatch: pytest.MonkeyPatc
 
 
 class SlowClock:
-    """A clock that moves on each time somebody looks at it, a lot at one node."""
+    """A clock that advances at each reading, by a lot at one node."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -203,7 +203,7 @@ def test_tick_overrun_names_the_slowest_node() -> None:
     clock = SlowClock()
     harness.run._steady = clock
     harness.run.period_s = 0.1
-    # Looked at before the tick, then when each leaf answers, then at the end.
+    # Read before the tick, at each leaf's answer, and at the end.
     clock.steps = iter([0.0, 0.01, 0.2, 0.01, 0.0])
     harness.tick()
     overrun = harness.run.overrun

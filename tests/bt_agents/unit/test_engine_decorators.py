@@ -22,7 +22,7 @@ SECOND = [ScriptedReply(after_s=1.0)]
 
 
 def test_behaviours_match_node_types_exactly() -> None:
-    # The children of ``choose`` and ``random`` are decorators that nobody writes by this name.
+    # The children of ``choose`` and ``random`` are decorators that no file names.
     assert set(BEHAVIOURS) == {*catalogue.NODE_TYPES, *catalogue.DECORATORS, *catalogue.BRANCHES}
 
 

@@ -40,13 +40,13 @@ class Followed:
         self.track = GoalTrack(goal, self.clock, hear)
 
     def after(self, seconds: float, there: bool = True) -> GoalState:
-        """Let a time pass and look."""
+        """Let time pass and poll."""
         self.clock.advance(seconds)
         self.track.poll(there)
         return self.track.state
 
     def cancels(self) -> int:
-        """Return how often the server would be told to stop by now."""
+        """Return the number of cancel requests so far."""
         return sum(self.track.take_cancel() for _ in range(3))
 
 
@@ -132,7 +132,7 @@ def test_server_result_confirms_goal_end(running: Followed, state: GoalState) ->
 
 
 def pauses(subject: Followed, servers: frozenset[str], seconds: float) -> list[float]:
-    """Return the pauses before all repeats within some time, with these servers on the graph."""
+    """Return the pauses between repeats within some time, with these servers on the graph."""
     found = []
     last = now = 0.0
     while now < seconds:
@@ -233,7 +233,7 @@ def silent_goal() -> Followed:
 def test_heartbeat_timeout_starts_at_acceptance() -> None:
     subject = silent_goal()
     assert subject.after(0.99) is GoalState.ACTIVE
-    assert subject.after(0.01) is GoalState.ACTIVE  # the first look at a silence says nothing
+    assert subject.after(0.01) is GoalState.ACTIVE  # the first poll of a silence shows nothing
     assert subject.track.due == subject.clock() + SECOND_POLL_S
     assert subject.after(SECOND_POLL_S) is GoalState.UNREACHABLE
     assert subject.track.message == (
@@ -294,7 +294,7 @@ def test_abandoned_request_is_over() -> None:
     assert (subject.track.state, subject.track.confirmed) == (GoalState.CANCELLED, True)
 
 
-# What an author reads and what a run makes of it.
+# The author's text, and its meaning in a run.
 
 RAW = """
 action:

@@ -26,7 +26,7 @@ OWN_LIMIT_S = plugin.BLOCKS_S
 
 
 class Nod(py_trees.behaviour.Behaviour):
-    """Nods so many times, once a tick."""
+    """Nods a number of times, once a tick."""
 
     made: list[Nod]
 
@@ -62,13 +62,13 @@ def no_nods() -> None:
 
 @pytest.fixture(autouse=True)
 def long_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A limit of calls that is kept on a machine under load, too."""
+    """A limit for calls that is met on a busy machine, too."""
     monkeypatch.setattr(plugin, "BLOCKS_S", 30.0)
 
 
 @pytest.fixture
 def own_limit(long_limit: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The limit of calls on a robot, for behaviours that block."""
+    """The limit for calls on a robot, for behaviours that block."""
     monkeypatch.setattr(plugin, "BLOCKS_S", OWN_LIMIT_S)
 
 
@@ -260,7 +260,7 @@ def test_clients_of_others_stay() -> None:
 
 
 def registering(place: str) -> type:
-    """Return a class whose method keeps a blackboard client in no attribute."""
+    """Return a class whose method keeps a blackboard client outside its attributes."""
 
     class Loose(Nod):
         def __init__(self, name: str) -> None:
@@ -335,7 +335,7 @@ def test_plugin_gets_copies_without_access_to_run() -> None:
 
 
 def misbehaving(place: str, act: Callable[[], Status]) -> type:
-    """Return a class whose method does something else."""
+    """Return a class with one method replaced."""
 
     class Misbehaving(Nod):
         def __init__(self, name: str) -> None:

@@ -47,7 +47,7 @@ def test_subtree_outputs_keep_their_names_by_default() -> None:
 
 
 def test_subtree_writes_stay_local_to_their_call() -> None:
-    #  Only the first call writes 'half'; the second sees neither that nor the caller's.
+    # Only the first call writes 'half'; the second sees neither that value nor the caller's.
     head = """
     subtrees:
       one:

@@ -76,7 +76,7 @@ DECORATORS: Mapping[str, tuple[Callable[[str, Behaviour], Behaviour], str]] = {
 
 
 class Queue(StatusQueue):
-    """Ends its ticks as the letters of its queue say, then always as SUCCESS."""
+    """Ends its ticks according to the letters of its queue, then always with SUCCESS."""
 
     def __init__(self, name: str, queue: str) -> None:
         super().__init__(name, [STATUSES[letter] for letter in queue], Status.SUCCESS)
@@ -84,7 +84,7 @@ class Queue(StatusQueue):
 
 @pytest.fixture(autouse=True)
 def queue_node(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the queue a node of the language, which a busy machine may hold up."""
+    """Make the queue a node of the language, with a time limit for busy machines."""
     monkeypatch.setattr(plugin, "BLOCKS_S", 60.0)
     field = NodeField(name="queue", type=FieldType.TEXT)
     queue = NodeType(key="queue", plugin=Queue, main="queue", fields=(field,))
@@ -93,7 +93,7 @@ def queue_node(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def ticks_of(root: Behaviour) -> str:
-    """Return the first letters of the statuses up to the first end, in 8 ticks at most."""
+    """Return the first letters of the statuses up to the first end, for at most 8 ticks."""
     letters = ""
     while len(letters) < 8 and not letters.endswith(("S", "F")):
         root.tick_once()

@@ -26,7 +26,7 @@ def trees(folder: Path) -> Trees:
 
 @pytest.fixture
 def watch(trees: Trees) -> FolderWatch:
-    """A watch that has seen the folder as it was read."""
+    """A watch that has read the folder once."""
     watch = FolderWatch(trees)
     assert settled(watch) is None
     return watch
@@ -43,7 +43,7 @@ def specs(trees) -> dict[str, int]:
 
 
 def changed(before, after) -> list[bool]:
-    """Return of each file whether it was read anew."""
+    """Return for each file whether it was read again."""
     known = {id(one) for one in before.files}
     return [id(one) not in known for one in after.files]
 

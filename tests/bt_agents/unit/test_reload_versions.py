@@ -47,7 +47,7 @@ def test_changed_tree_of_idle_agent_is_replaced(watched):
 
 
 def fail(watched: Watched, name: str) -> list[str]:
-    """Settle an agent as a host whose parameters cannot be declared; return what is reported."""
+    """Settle an agent as a host whose parameters cannot be declared; return the reports."""
     trees = watched.watch.poll(settle=False)
     assert trees is not None
     assert watched.versions.update(trees) == [name]

@@ -36,7 +36,7 @@ Play = Callable[..., TreeHarness]
 
 
 def read(tree: str, robot: str, folder: Path) -> AgentSpec:
-    """Return an agent with the bindings of a robot, checked with the definitions of its types."""
+    """Return an agent with a robot's bindings, checked against the definitions of its types."""
     skills = read_skills(sorted(folder.iterdir()), DefinedInterfaces(), robot)
     text = "format: 1\nagent: guide\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree:\n  "
     text += f"{tree}\n"
@@ -53,7 +53,7 @@ def skills(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def play(skills: Path) -> Play:
-    """Ticks a tree of one leaf once, on the robot and with the answer that the test names."""
+    """Ticks a tree of one leaf once, on a given robot and with a given answer."""
 
     def play(
         tree: str,

@@ -14,7 +14,7 @@ NODES = ("tree", "tree/0.ask", "tree/1.say")
 
 
 class Told(RunControl):
-    """A control that counts how often it tells of a change."""
+    """A control that counts its notifications of changes."""
 
     def __init__(self) -> None:
         self.changes = 0

@@ -29,7 +29,7 @@ ANNA = TuningCause(author="anna", reason="slow today")
 
 
 class Host:
-    """A store with the parameters of one agent, as a start of the host makes it."""
+    """A store with the parameters of one agent, as created at the start of a host."""
 
     def __init__(
         self,

@@ -11,14 +11,14 @@ from bt_agents_core.delivery_queue import DeliveryQueue
 
 
 class Post:
-    """Letters, and a clock that only the test moves."""
+    """A delivery queue on a manual clock."""
 
     def __init__(self, most: int = 3) -> None:
         self.now = 50.0
         self.letters: DeliveryQueue[str] = DeliveryQueue(lambda: self.now, most=most, answer_s=2.0)
 
     def send(self) -> str | None:
-        """Send what is due; return it."""
+        """Send the due items; return them."""
         letter = self.letters.next_to_send
         if letter is not None:
             self.letters.sent()

@@ -42,7 +42,7 @@ def scene(
 
 
 class Course:
-    """The mood of a run of which each look is at a time since its start."""
+    """The mood of a run, with times relative to its start."""
 
     def __init__(self, awarded: Scene, *, space: SceneSpace = SPACE, **options: float) -> None:
         self.now = 0.0

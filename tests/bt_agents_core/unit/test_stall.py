@@ -43,7 +43,7 @@ STRANGE = RunKey(epoch="e2", round=9, agent="guide")
 
 
 def after_a_hold_up(*heard_before: RunKey) -> AwardMonitor:
-    """Return what a process knows that was held up from 0 to 2 s and is calm again at 2.3 s."""
+    """Return the state of a process that stalled from 0 to 2 s and has recovered at 2.3 s."""
     word = AwardMonitor(0.0)
     for award in heard_before:
         assert not word.on_heartbeat(award, MINE, 0.0)

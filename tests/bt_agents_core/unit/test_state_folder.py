@@ -62,7 +62,7 @@ def test_moved_trees_folder_keeps_its_state(tmp_path: Path, home: Path) -> None:
     assert found.path == first.path
     assert f"was {trees} before" in found.note
     assert claim(moved, home).note == ""
-    # Who comes into the old place is somebody else.
+    # A new folder in the old place is another one.
     assert claim(make(trees), home).path != first.path
 
 

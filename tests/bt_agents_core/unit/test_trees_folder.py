@@ -19,7 +19,7 @@ def make(folder: Path) -> Path:
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder without trees, beside an installation."""
+    """A folder without trees, and an installation."""
     make(tmp_path / "installation" / "share" / "bt_agents_trees")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "installation"))
     folder = tmp_path / "here"

@@ -32,7 +32,7 @@ START = """<Script code="n := 0; m := 0; trace := ''"/>"""
 
 
 class Trees:
-    """Makes trees whose every step changes the blackboard."""
+    """Generates trees in which every step changes the blackboard."""
 
     def __init__(self, seed: int) -> None:
         self._dice = random.Random(seed)
@@ -82,7 +82,7 @@ class Trees:
 
 
 def their_end(text: str) -> tuple[object, ...] | None:
-    """Return how a tree ends in BehaviorTree.CPP; None when that library gives up on it."""
+    """Return how a tree ends in BehaviorTree.CPP; None if that library gives up on it."""
     try:
         tree = theirs.BehaviorTreeFactory().create_tree_from_text(text)
         status = theirs.NodeStatus.RUNNING
@@ -92,7 +92,7 @@ def their_end(text: str) -> tuple[object, ...] | None:
         board = tree.root_blackboard
         board = board() if callable(board) else board
         ended = {"SUCCESS": "succeeded", "FAILURE": "failed", "RUNNING": "running"}
-        # A tree that is left out as a whole has succeeded here.
+        # A tree that is skipped as a whole counts as success here.
         word = ended.get(str(status).rpartition(".")[2], "succeeded")
         return word, board.get_double("n"), board.get_double("m"), board.get_string("trace")
     except RuntimeError:

@@ -183,7 +183,7 @@ def test_formula_is_the_same_in_both_languages(formula):
 
 
 def _joins(formula: Formula) -> bool:
-    """Return whether a '+' has a text beside it, which scripts take as joining."""
+    """Return whether a '+' has a text next to it, which scripts treat as joining."""
     match formula:
         case Binary("+", left, right):
             texts = (isinstance(o, Constant) and isinstance(o.value, str) for o in (left, right))

@@ -18,7 +18,7 @@ XML = """<root BTCPP_format="4"><BehaviorTree ID="Patrol"><Sequence>
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys) -> Callable[..., tuple[str, str]]:
-    """Return a function that runs a command in a folder beside the shipped trees."""
+    """Return a function that runs a command in a folder next to the shipped trees."""
     (tmp_path / "trees").symlink_to(TREES)
     monkeypatch.chdir(tmp_path)
 

@@ -22,13 +22,13 @@ HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n
 
 
 def exported(tree: str, more: str = "") -> ExportedAgent:
-    """Return the file for a tree and for more keys of its agent."""
+    """Return the file for a tree and additional keys of its agent."""
     text = f"{HEAD}{textwrap.dedent(more)}tree:\n{textwrap.indent(textwrap.dedent(tree), '  ')}"
     return export_agent(Source("a.yaml", text), SYMBOLS)
 
 
 def element(tree: str) -> str:
-    """Return the element of a tree in one line."""
+    """Return the element of a tree on one line."""
     main = ET.fromstring(exported(tree).text).find("BehaviorTree")
     assert main is not None
     text = ET.tostring(main[0], encoding="unicode")
@@ -179,7 +179,7 @@ def test_shipped_agents_survive_round_trip(path):
     again = read_agent_text(made.text, "a.yaml", SYMBOLS)
     tree = again.tree
     if agent.tunables:
-        # What were tunables is set first; nothing else is new.
+        # Former tunables are set first; everything else is the same.
         first, *rest = tree.children
         assert first.kind == "set"
         tree = replace(tree, children=tuple(rest))

@@ -27,7 +27,7 @@ def problems(text: str) -> list[str]:
 
 
 def tree(inner: str, head: str = "") -> str:
-    """Return a file with one tree, what is in it in line 3."""
+    """Return a file with one tree; its contents are in line 3."""
     return f'<root BTCPP_format="4"{head}>\n<BehaviorTree ID="T">\n{inner}\n</BehaviorTree></root>'
 
 

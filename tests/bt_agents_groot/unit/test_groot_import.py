@@ -26,7 +26,7 @@ KNOWN = "<Script code=\"hot := true; k := 1; t := 'x'\"/>"
 
 
 def imported(inner: str, more: str = "") -> ImportedAgent:
-    """Return the agent for a tree, and for more elements beside it, that the language reads."""
+    """Return the agent, checked by the reader, for a tree and additional elements."""
     text = f"""<root BTCPP_format="4" main_tree_to_execute="T">
     <BehaviorTree ID="T">{inner}</BehaviorTree>{more}</root>"""
     made = import_agent(Source("folder/t.xml", text), "a", SYMBOLS)
@@ -35,7 +35,7 @@ def imported(inner: str, more: str = "") -> ImportedAgent:
 
 
 def own_skills(made: ImportedAgent) -> Mapping[str, SkillSpec]:
-    """Return the skills of the file that an imported agent comes with."""
+    """Return the skills in the file of an imported agent."""
     return read_skills_text(skills_file(made.missing), "new.yaml") if made.missing else {}
 
 
@@ -357,7 +357,7 @@ def test_loop_assigns_values_to_name_in_turn(loop, values):
 
 
 def while_following(repeated: dict, last: dict) -> dict:
-    """Return a node that is repeated, and one that begins when that is done for the first time."""
+    """Return a repeated node, and one that begins when the first has ended once."""
     return {
         "sequence": [
             {"set": {"done_1": False}},

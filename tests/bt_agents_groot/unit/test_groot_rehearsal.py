@@ -16,7 +16,7 @@ from tree_harness import SPACE, SYMBOLS
 
 
 def rehearsed(tree: str, answers: str = "") -> Rehearsed:
-    """Return the rehearsal of a tree with the skills that it comes with."""
+    """Return the rehearsal of a tree with its own skills."""
     text = f"<root BTCPP_format='4'><BehaviorTree ID='T'>{tree}</BehaviorTree></root>"
     made = import_agent(Source("t.xml", text), "a", SYMBOLS)
     symbols = SYMBOLS.with_skills(read_skills_text(skills_file(made.missing), "new.yaml"))

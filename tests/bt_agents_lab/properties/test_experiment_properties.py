@@ -78,7 +78,7 @@ def test_simulated_reactions_match_mood_rules(noise, fit, hold, better, worse):
     course = simulate(one, Arm(), streams, wrong_share=1.0)
     fired, _ = react(person, SPACE, (3.0, 3.0), fit, [float(value) for value in noise])
     assert course.cancelled[0, 0] == (FeedbackKind.NEGATIVE in fired)
-    # A mood rule counts half, so that the step is a quarter of the way to the scene or from it.
+    # A mood rule counts half, so the step is a quarter of the way to the scene or away from it.
     profile = 2.0
     for kind in fired:
         profile += 0.25 * (3.0 - profile) * (1.0 if kind is FeedbackKind.POSITIVE else -1.0)

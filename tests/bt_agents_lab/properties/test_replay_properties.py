@@ -49,7 +49,7 @@ values = st.floats(1.0, 5.0) | st.sampled_from([1.0, 2.0, 3.0, 5.0])
 vectors = st.tuples(values, values, values)
 opinions = st.tuples(values | st.just(NAN), values | st.just(NAN), values)
 scenes = st.fixed_dictionaries({}, optional=dict.fromkeys(SPACE.names, values))
-learning_rates = st.just(0.0) | st.floats(1e-9, 1.0)  # the smallest floats round to 0 anywhere
+learning_rates = st.just(0.0) | st.floats(1e-9, 1.0)  # the smallest floats may round to 0
 rules = st.builds(
     LearningRule,
     rates=st.dictionaries(st.sampled_from(SPACE.names), learning_rates, max_size=2),

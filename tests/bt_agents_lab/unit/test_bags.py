@@ -60,7 +60,7 @@ def test_whole_bag_is_replayed(journaled: JournaledSystem, tmp_path: Path, how: 
     result = CliRunner().invoke(replay, [str(bag)])
     assert result.exit_code == 0, result.output
     assert "decisions                   4             0             0" in result.output
-    # What rosbag2 has missed is nowhere written down.
+    # Rosbag2 does not record which messages it missed.
     assert "does not tell which messages its recorder has missed" in result.output
     assert "all that was recorded is equal" in result.output
     assert "everything is equal" not in result.output
@@ -242,7 +242,7 @@ def packed(*parts: bytes) -> bytes:
 
 
 def record(opcode: int, length: int, there: int = 0) -> bytes:
-    """Return the head of a record, and as many bytes of it as are there."""
+    """Return the header of a record, followed by fewer bytes than it announces."""
     return bytes([opcode]) + length.to_bytes(8, "little") + bytes(there)
 
 

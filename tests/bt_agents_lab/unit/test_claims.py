@@ -92,7 +92,7 @@ def test_share_below_all_is_not_rounded_up():
 
 
 def test_plot_command_reproduces_figures_and_judges_all_claims(tmp_path, monkeypatch):
-    # Small pictures are as good, and cheaper.
+    # Small pictures are sufficient, and cheaper.
     monkeypatch.setattr(drawing, "_PNG_DPI", 30)
     folders = (tmp_path / "one", tmp_path / "two")
     for folder, what in zip(folders, ("all", "3"), strict=True):
@@ -102,7 +102,7 @@ def test_plot_command_reproduces_figures_and_judges_all_claims(tmp_path, monkeyp
     names = {path.name for path in folders[0].iterdir()}
     figures = {f"figure-{n}.{kind}" for n in range(5, 10) for kind in ("svg", "png")}
     assert names == figures | {"verdicts.md", "verdicts.json"}
-    # Bands, chance, marks and legends are all in the last figure.
+    # The last figure has bands, random elements, marks and legends.
     for name in ("figure-9.svg", "figure-9.png"):
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
     verdicts = json.loads((folders[0] / "verdicts.json").read_text())

@@ -21,7 +21,7 @@ from journal_fixture import recorded, ticks
 
 
 class Recorder:
-    """A journal with a calendar and a disk of its own."""
+    """A journal with a fake calendar and disk."""
 
     def __init__(self, folder: Path, kept: int = 0) -> None:
         self.today = date(2026, 3, 1)

@@ -43,7 +43,7 @@ def recorded_topic(kind: type, name: str) -> RecordedTopic:
 
 
 def journal(path: Path, *sent: Sent, dropped: Sequence[int] = ()) -> Path:
-    """Write a journal; of dropped places only the gap in the numbers is there."""
+    """Write a journal; dropped messages leave only a gap in the numbers."""
     file = JournalFile(path)
     numbers: dict[str, int] = {}
     for place, (at_s, name, message) in enumerate(sent):
@@ -87,7 +87,7 @@ def sent_ns(journaled: JournaledSystem, kind: type) -> list[int]:
 def test_excerpt_replays_equal_and_has_no_gaps(journaled: JournaledSystem, tmp_path: Path) -> None:
     whole = journaled.write(tmp_path / "a.mcap")
     _, second, third, _ = sent_ns(journaled, Auction)
-    # From after the call of the second round to before the third one is decided.
+    # From after the call of the second round to before the decision of the third.
     path = excerpt(whole, second * 1e-9, (third - 1) * 1e-9)
     found = index_of(path)
     assert (found.problems, found.lost, found.is_counted) == ([], {}, True)
@@ -95,7 +95,7 @@ def test_excerpt_replays_equal_and_has_no_gaps(journaled: JournaledSystem, tmp_p
     assert len(found.feedbacks) == 1
     replayed = FindingCounts([*replay_decisions(found.rounds), *replay_feedback(found.feedbacks)])
     assert replayed.unequal == []
-    # The facts are those of before, the rest is what was sent in the span, as it was.
+    # Earlier facts come first, followed by the unchanged messages of the span.
     entries = JournalReader([path]).entries()
     inside = [one for one in entries if one.sent_ns >= second]
     assert {one.type.rpartition("/")[2] for one in entries if one not in inside} == {
@@ -119,7 +119,7 @@ def test_other_programs_read_excerpt_by_its_index(
         assert summary.statistics is not None
         messages = list(reader.iter_messages())
     assert summary.statistics.message_count == len(messages)
-    # Nothing is before the span: a player begins with it.
+    # Nothing precedes the span: a player begins with it.
     assert messages[0][2].log_time == second
     assert {channel.topic for _, channel, _ in messages} >= {"/agents/files", "/agents/status"}
     for schema, channel, _ in messages:
@@ -197,7 +197,7 @@ def test_span_with_too_many_bytes_is_refused(tmp_path: Path) -> None:
         (2, "/a/files", AgentFiles(host="x" * 900)),
         (3, "/a/status", TreeStatus(tip="x" * 400)),
     )
-    # A fact that a later one has replaced does not count.
+    # A fact replaced by a later one is omitted.
     assert len(contents(excerpt(path, 3, 3, most_bytes=1700))) == 2
     with pytest.raises(Refused, match="TOO_LARGE: the chosen span has more than 1300 bytes"):
         excerpt(path, 2, 3, most_bytes=1300)

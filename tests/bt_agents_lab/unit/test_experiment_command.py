@@ -93,7 +93,7 @@ def test_command_states_whether_closed_form_exists(name: str, said: str, tmp_pat
 
 @pytest.fixture
 def listed(tmp_path: Path) -> Path:
-    """Return the paper's third experiment, in which one agent has a list of feedback."""
+    """Return the paper's third experiment, with a list of feedback for one agent."""
     folder = shutil.copytree(EXPERIMENTS / "3", tmp_path / "3")
     file = folder / "experiment.yaml"
     text = file.read_text()

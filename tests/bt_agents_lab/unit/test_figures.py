@@ -24,7 +24,7 @@ SEEDS = range(3)
 
 @pytest.fixture
 def saved(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, bool]]:
-    """Pictures that are saved, each with whether something is cut."""
+    """Saved pictures, each with whether something is cut."""
     found: dict[str, bool] = {}
 
     def checked(figure: Figure, file: Path, **_: Any) -> None:

@@ -29,7 +29,7 @@ from scene_layer.memory import KnownPerson, save_memory
 
 @pytest.fixture
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StateFolder:
-    """Return a state folder in which carla and dora are known everywhere."""
+    """Return a state folder in which every file knows carla and dora."""
 
     @contextmanager
     def nobody() -> Iterator[None]:
@@ -66,7 +66,7 @@ def forget(kept: StateFolder, *arguments: str, answer: str = "") -> Result:
 
 
 def places(kept: StateFolder, name: str) -> list[str]:
-    """Return the files that name somebody."""
+    """Return the files that name a person."""
     person = PersonMention(name)
     return sorted(
         path.name
@@ -76,7 +76,7 @@ def places(kept: StateFolder, name: str) -> list[str]:
 
 
 def content(path: Path) -> bytes:
-    """Return what a file holds, unpacked."""
+    """Return the uncompressed contents of a file."""
     if path.suffix == ".mcap":
         return b"".join(entry.data for entry in JournalReader([path]).entries())
     return path.read_bytes()
@@ -112,7 +112,7 @@ def test_journal_keeps_other_rounds_and_counts_removed_messages(kept: StateFolde
     assert [one.auction.round for one in before.rounds] == [1, 2, 3]
     assert [one.auction.round for one in after.rounds] == [1, 3]
     assert found.messages == sum(before.counts.values()) - sum(after.counts.values())
-    # Also what only belongs to the round of the person: ticks, and what its tree was told.
+    # Including messages that only belong to the person's round: ticks, and told values.
     decoded = [entry.decode() for entry in JournalReader([path]).entries()]
     assert 2 not in {getattr(message, "round", 0) for message in decoded}
     assert after.lost["/bt_agents/auctions"] == 1

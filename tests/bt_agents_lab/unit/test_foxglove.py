@@ -33,7 +33,7 @@ NUMBER = re.compile(r"(u?int\d+|octet|float|double)")
 
 
 def paths_of(panel: dict[str, Any]) -> list[str]:
-    """Return the message paths and topics that a panel names."""
+    """Return the message paths and topics of a panel."""
     return [
         *(one["value"] for one in panel.get("paths", ())),
         *(panel[key] for key in ("path", "topicPath", "topicToRender") if key in panel),
@@ -44,7 +44,7 @@ PATHS = [(name, path) for name, panel in PANELS.items() for path in paths_of(pan
 
 
 def types_of_reference() -> dict[str, str]:
-    """Return the type of each topic, as the generated reference has it."""
+    """Return the type of each topic, according to the generated reference."""
     rows = re.findall(
         r"^\| `([^`]+)` \| `(\w+/msg/\w+)` \|",
         (ROOT / "docs" / "ros_reference.md").read_text(),
@@ -54,7 +54,7 @@ def types_of_reference() -> dict[str, str]:
 
 
 def reference_type(topic: str) -> str:
-    """Return the type of a topic; the host has the name that it has without being given one."""
+    """Return the type of a topic; the host has its default name."""
     known = types_of_reference()
     name = topic.removeprefix("/")
     found = known.get(topic) or known.get(name) or known[re.sub("^agents/", "<host>/", name)]
@@ -63,7 +63,7 @@ def reference_type(topic: str) -> str:
 
 
 def field_type(type_name: str, field: str) -> str:
-    """Return the type of a field of a message, as ``float64[]``; KeyError when it has none."""
+    """Return the type of a message field, such as ``float64[]``; KeyError if there is none."""
     assert "/" in type_name, f"{type_name} has no fields"
     package, name = type_name.split("/")[:: 2 if "/msg/" in type_name else 1]
     fields = load_type(f"{package}/msg/{name}").get_fields_and_field_types()
@@ -84,7 +84,7 @@ def check_filter(type_name: str, field: str, value: str) -> None:
 
 
 def end_type(path: str) -> str:
-    """Return the type of what a message path leads to, after all its parts were looked up."""
+    """Return the type at the end of a message path, after checking all its parts."""
     topic = TOPIC.match(path)
     assert topic
     found, place = reference_type(topic[0]), topic.end()

@@ -77,7 +77,7 @@ def test_truncated_file_is_readable_to_last_complete_record(tmp_path: Path) -> N
 
 
 def rotten(path: Path, part: int) -> bytes:
-    """Return the bytes of a journal of three parts, of which one does not fit its checksum."""
+    """Return the bytes of a journal of three parts, one of which does not match its checksum."""
     file = JournalFile(path)
     fill(file, 0, 9)
     file.close()
@@ -107,7 +107,7 @@ def test_messages_of_undeclared_topic_are_counted(tmp_path: Path) -> None:
     with path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
-    # Killed: the parts are there, the summary is not.
+    # Killed: it has its parts, but no summary.
     path.write_bytes(content[: summary.chunk_indexes[2].chunk_start_offset])
     reader = JournalReader([path])
     assert reader.entries() == []

@@ -33,7 +33,7 @@ BOOKMARK = "bt_agents_interfaces/msg/Bookmark"
 
 
 def begun(path: Path, *, bookmarks: int = 1, scenes: int = 0) -> JournalFile:
-    """Return a journal that is still written, with messages of two topics."""
+    """Return a journal that is still being written, with messages of two topics."""
     file = JournalFile(path)
     for kind, name, number in (
         (Bookmark, "/bookmarks", bookmarks),
@@ -69,7 +69,7 @@ def test_growing_file_is_read_on_from_its_last_whole_record(tmp_path: Path) -> N
         file.add(RecordedMessage(topic=topic, data=data, sent_ns=count, received_ns=count), count)
     file.flush()
     whole = file.path.read_bytes()
-    # Nothing before the new part is read again, and a part of it is left for later.
+    # The new part is read without the earlier ones, and partly left for later.
     copy = tmp_path / "b.mcap"
     copy.write_bytes(whole[:before])
     reader = JournalReader([copy])
@@ -112,7 +112,7 @@ def test_unrequested_messages_are_counted_and_not_kept(tmp_path: Path) -> None:
 
 
 def headed(library: str) -> bytes:
-    """Return an empty file by a writer."""
+    """Return an empty file of a writer."""
     builder = RecordBuilder()
     Header(profile="ros2", library=library).write(builder)
     return MCAP0_MAGIC + bytes(builder.end())
@@ -127,7 +127,7 @@ def test_journal_of_another_format_is_rejected(tmp_path: Path, library: str) -> 
 
 
 def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
-    """Return a file with one chunk of some bytes that says how many it holds."""
+    """Return a file with one chunk of some bytes, and a given length in its header."""
     chunk = Chunk(
         compression=compression,
         data=zstandard.compress(data),
@@ -143,7 +143,7 @@ def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
 
 
 def end_of_messages(path: Path) -> int:
-    """Return where the summary of a journal begins, and the record that announces it before."""
+    """Return where the summary of a journal begins, and the preceding record that announces it."""
     with path.open("rb") as stream:
         [footer] = [one for one in StreamReader(stream).records if isinstance(one, Footer)]
     return footer.summary_start - 13
@@ -225,7 +225,7 @@ def test_commands_report_flipped_bits_with_a_message(tmp_path: Path) -> None:
     random = Random(4)
     path = tmp_path / "b.mcap"
     ends = set()
-    # The heads of records stand outside of every checksum.
+    # No checksum covers the headers of records.
     for place in [random.randrange(len(whole) // 2) for _ in range(25)]:
         broken = bytearray(whole)
         broken[place] ^= 1 << random.randrange(8)

@@ -20,7 +20,7 @@ from journal_fixture import recorded, ticks
 
 
 class Recording:
-    """A recorder and its control, with what was made known."""
+    """A recorder, its control, and its published states."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

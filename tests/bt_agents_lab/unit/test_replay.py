@@ -57,7 +57,7 @@ def altered(
     change: Callable[[Any], None],
     which: int = 0,
 ) -> FindingCounts:
-    """Return what a replay finds after one message of a kind was changed."""
+    """Return the findings of a replay after a change of one message of a kind."""
     numbers = [n for n, one in enumerate(journaled.published) if isinstance(one.message, kind)]
 
     def alter(number: int, message: Any) -> Any:

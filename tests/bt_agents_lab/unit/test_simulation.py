@@ -33,7 +33,7 @@ def space(*names: str, default: float) -> SceneSpace:
 
 
 def told(*agents: str) -> SimulatedWorld:
-    """The paper's Experiment 3; agents in the order of what they are made for."""
+    """The paper's Experiment 3, with agents in the order of their scenes."""
     order = sorted(range(3), key=lambda place: agents[place])
     return SimulatedWorld(
         space=space("age", "profession", "emotion", default=2.5),
@@ -169,7 +169,7 @@ def test_fixed_tie_order_always_starves_in_two_orders():
         assert found.never.share in (0.0, 1.0)
         if found.never.share:
             starving.append("".join(names))
-    # The agent made for [5, 5, 5] is the last of them.
+    # The agent for [5, 5, 5] is the last of them.
     assert starving == ["abc", "bac"]
 
 

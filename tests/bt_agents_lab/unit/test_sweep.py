@@ -139,7 +139,7 @@ def test_results_are_independent_of_number_of_processes(file, monkeypatch):
     for (_, mine), (_, yours) in zip(one, two, strict=True):
         for name, values in vars(mine).items():
             assert np.array_equal(values, getattr(yours, name)), name
-    # In parts as at once: only the order of the runs counts.
+    # In parts as in one piece: only the order of the runs matters.
     monkeypatch.setattr(sweeping, "PART", 4)
     for (_, mine), (_, yours) in zip(one, sweep(spec, 1), strict=True):
         assert summary(mine) == summary(yours)
@@ -184,7 +184,7 @@ def test_run_has_converged_once_all_later_rounds_correct():
 
 
 def test_command_writes_table_numbers_and_figures(file, tmp_path, monkeypatch):
-    # Small pictures are as good, and cheaper.
+    # Small pictures are sufficient, and cheaper.
     monkeypatch.setattr(drawing, "_PNG_DPI", 30)
     output = tmp_path / "results"
     words = ["experiment", "sweep", str(file), "--processes", "1", "--output", str(output)]
@@ -212,7 +212,7 @@ def test_command_writes_table_numbers_and_figures(file, tmp_path, monkeypatch):
 
 
 def shipped_rules() -> dict[str, LearningRule]:
-    """Return the learning rule of each shipped agent that learns at all, and of a new one."""
+    """Return the learning rule of each shipped agent that learns, and of a new one."""
     trees = read_trees(ROOT / "trees")
     fresh = new_agent("fresh", "trees", "fresh.yaml", trees.scene, trees.symbols.skills)
     agents = [*trees.agents, read_agent(Source("fresh.yaml", fresh), trees.symbols)]
@@ -233,7 +233,7 @@ def test_paper_experiments_keep_the_papers_rule(name):
 
 @pytest.mark.parametrize("world", ["told", "persons"])
 def test_with_the_defaults_nobody_starves(world):
-    """The whole claim, on 1,000 seeds, stands in docs/experiments.md; here are some of them."""
+    """docs/experiments.md makes the claim for 1,000 seeds; here are some of them."""
     spec = read_sweep(SWEEPS / f"{world}.yaml")
     learn = shipped_rules()["fresh"]
     streams = draw(spec.world, range(20), 250)

@@ -28,7 +28,7 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Leaf:
-    """A name or a value, and how it is written."""
+    """A name or a value, with its text."""
 
     text: str
     value: object
@@ -123,7 +123,7 @@ booleans = st.recursive(
 
 
 def written(node: Node, at_least: int = 0) -> str:
-    """Return a tree as text, with no more parentheses than are needed."""
+    """Return a tree as text, with the fewest parentheses."""
     if isinstance(node, Leaf):
         return node.text
     word, operands = node.word, node.operands
@@ -132,7 +132,7 @@ def written(node: Node, at_least: int = 0) -> str:
     if word in CALLS:
         return f"{word}({', '.join(map(written, operands))})"
     strength = STRENGTH[word]
-    # Comparisons do not chain; of other operators only the left operand may be of equal strength.
+    # Comparisons do not chain; with others, only the left operand may have equal precedence.
     left = strength + (strength == STRENGTH["=="])
     match operands:
         case (only,):
@@ -145,10 +145,10 @@ def written(node: Node, at_least: int = 0) -> str:
 
 
 def meaning(node: Node) -> object:
-    """Return the value of a tree by the book, one node after the other.
+    """Return the value of a tree by the definition, node by node.
 
     Raises:
-        Undefined: It has none.
+        Undefined: The tree has no value.
     """
     if isinstance(node, Leaf):
         return node.value
@@ -206,7 +206,7 @@ def finite(value: float) -> float:
 
 
 def school(value: float, digits: int = 0) -> float:
-    """Return a number rounded in fractions: halves away from zero, as its digits are written."""
+    """Return a number rounded as a fraction, halves away from zero, by its decimal digits."""
     if isinstance(value, int) or abs(value) >= 2**53:
         return value if digits else int(value)
     scaled = abs(Fraction(repr(value))) * 10**digits
@@ -216,7 +216,7 @@ def school(value: float, digits: int = 0) -> float:
 
 
 def is_refused_by_design(node: Node) -> bool:
-    """Return whether there is a range of two written numbers, the larger one first."""
+    """Return whether there is a range of two literal numbers, the larger one first."""
     if isinstance(node, Leaf):
         return False
     if node.word == "between":

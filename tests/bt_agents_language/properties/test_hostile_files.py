@@ -65,10 +65,10 @@ WIDEST = 200
 SLOWEST_S = 1.0
 LARGEST = 64 * 1024 * 1024
 MEASURED = 20
-"""The memory of one in so many files is measured, which is slow."""
+"""The memory of one in this many files is measured, which is slow."""
 TICKS = 5
 USED_ONE_IN = 12
-"""One in so many changes of an agent is also shown, exported, imported, run and rehearsed."""
+"""One in this many changed agents is also shown, exported, imported, run and rehearsed."""
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 LINE = re.compile(r".*?:(\d+):(\d+): error\[([a-z0-9-]+)\]: .+")
 CRASHED = re.compile(r"\b(?!MissingValue)[A-Z]\w*(Error|Exception)\b")
@@ -87,12 +87,12 @@ NASTY = [
 
 
 def valid_files(folder: str) -> list[bytes]:
-    """Return the files of the corpus that load."""
+    """Return the valid files of the corpus."""
     return [path.read_bytes() for path in sorted((CORPUS / folder).glob("valid_*.yaml"))]
 
 
 def shipped(pattern: str) -> list[bytes]:
-    """Return files of the trees that come with the project."""
+    """Return files of the shipped trees."""
     return [path.read_bytes() for path in sorted(TREES.glob(pattern))]
 
 
@@ -112,7 +112,7 @@ FILES: Mapping[str, list[bytes]] = {
 
 
 def read_library(path: Path) -> None:
-    """Read a library that lies in a trees folder of its own."""
+    """Read a library in a trees folder of its own."""
     libraries = FolderLibraries(path.parents[1], ALONE)
     try:
         libraries.load(f"{path.parent.name}/{path.name}")
@@ -136,7 +136,7 @@ READERS: Mapping[str, Callable[[Path], object]] = {
 
 @pytest.fixture(scope="module")
 def place() -> Iterator[Path]:
-    """Where the file of the moment lies; on a disk, writing it takes as long as reading it."""
+    """Path of the current file; on a disk, writing it takes as long as reading it."""
     with memory_folder() as folder:
         (folder / "libraries").mkdir()
         yield folder / "libraries" / "a.yaml"
@@ -148,7 +148,7 @@ def check(kind: str, content: bytes, place: Path) -> None:
         check_memory(kind, content, place)
     note(content.decode("utf-8", "replace"))
     place.write_bytes(content)
-    # The collector looks at all that thousands of other tests have left behind.
+    # The collector would visit all objects that thousands of other tests have left.
     refused: ReadError | None = None
     with gc_paused():
         start = time.process_time()
@@ -179,7 +179,7 @@ def check_memory(kind: str, content: bytes, place: Path) -> None:
 
 
 def check_refusal(error: ReadError, content: bytes, place: Path) -> None:
-    """Check that every line of a refusal names a code, and a place that is in the file."""
+    """Check that every line of a refusal has a code, and a place in the file."""
     assert error.lines
     assert len(error.lines) <= MAX_SHOWN + 1
     report = error.report.replace(str(place.parent), "trees").splitlines()
@@ -215,7 +215,7 @@ def check_use(spec: AgentSpec, source: Source) -> None:
 
 
 def check_run(spec: AgentSpec, ticks: int = TICKS) -> None:
-    """Check that the tree of an agent can be built and ticked, and that nothing in it crashes."""
+    """Check that an agent's tree can be built and ticked without an exception."""
     failing = [
         ScriptedReply(),
         ScriptedReply(state=GoalState.ABORTED, message="no"),
@@ -246,7 +246,7 @@ def check_run(spec: AgentSpec, ticks: int = TICKS) -> None:
 
 @st.composite
 def mutants(draw: st.DrawFn, kind: str) -> bytes:
-    """A good file with up to three slips, or with some bytes of it broken."""
+    """A valid file with up to three slips, or with some bytes of it broken."""
     files = FILES[kind]
     content = files[draw(st.integers(0, len(files) - 1))]
     for _ in range(draw(st.integers(1, 3))):
@@ -350,7 +350,7 @@ SLIPS: list[Slip] = [
 
 
 def law(examples: int) -> settings:
-    """Return settings under which a run is the same as every other."""
+    """Return settings under which all runs are the same."""
     return settings(
         max_examples=examples,
         derandomize=True,
@@ -364,7 +364,7 @@ MUTANTS = {
     "agent": 1500, "skills": 350, "library": 300, "scene": 200, "market": 100, "script": 200,
     "test": 250, "experiment": 100,
 }  # fmt: skip
-"""How many files of each kind are tried."""
+"""Number of files of each kind to try."""
 
 
 @pytest.mark.parametrize(("kind", "examples"), MUTANTS.items())
@@ -431,7 +431,7 @@ TUNABLES = "tunables: {n: {default: 2, min: 0, max: 9}, a: {default: x}, b: {def
 
 
 def misfits(random: Random) -> bool:
-    """Return whether a piece is one of the few that do not fit."""
+    """Return whether a piece is one of the few invalid ones."""
     return random.randrange(150) == 0
 
 
@@ -441,7 +441,7 @@ def flips(random: Random) -> bool:
 
 
 def field_value(random: Random, field: NodeField, depth: int) -> str:
-    """Something for a field of a node, most often what fits."""
+    """A value for a field of a node, usually a valid one."""
     if misfits(random):
         return random.choice(["", "~", "[]", "{}", "x", "-1", "'${'", "'${a}'", ".nan"])
     if field.content is Content.NODE:
@@ -452,7 +452,7 @@ def field_value(random: Random, field: NodeField, depth: int) -> str:
 
 
 def mapping(random: Random, key: str, fields: tuple[NodeField, ...], depth: int) -> str:
-    """Fields of a node, most often those that are needed."""
+    """Fields of a node, usually the required ones."""
     pairs = {
         field.name: field_value(random, field, depth)
         for field in fields
@@ -492,7 +492,7 @@ def body(random: Random, kind: object, depth: int) -> str:
 
 
 def node(random: Random, depth: int, parent: str = "") -> str:
-    """A node with decorators, as an author who has read half of the manual writes it."""
+    """A node with decorators, as written by an author who has read half of the manual."""
     kind = random.choice(USED[:5] if depth == 0 else USED if depth < 4 else USED[-10:])
     key = kind.name if kind in SKILLS else kind.key
     written = key[:2] + key[3:] if misfits(random) else key
@@ -521,7 +521,7 @@ def node(random: Random, depth: int, parent: str = "") -> str:
 @law(2000)
 @given(st.randoms(use_true_random=True))
 def test_random_tree_runs_or_is_rejected_with_code(place: Path, random: Random) -> None:
-    # Drawn piece by piece, a tree would take hypothesis ten times as long as its check.
+    # If drawn piece by piece, a tree would take hypothesis ten times as long as its check.
     check("agent", f"{HEAD}{TUNABLES}tree: {node(random, 0)}{SUBTREES}".encode(), place)
 
 
@@ -533,11 +533,11 @@ MUTATIONS = {
     "agent": 12_800, "library": 1_000, "test": 1_000, "scene": 1_000, "skills": 1_000,
     "market": 1_400, "script": 1_400, "texts": 200, "preset": 200,
 }  # fmt: skip
-"""How many changes of the files of each kind are tried, 20,000 together."""
+"""Number of changes to try for the files of each kind, 20,000 in total."""
 
 
 def places(value: Any) -> list[tuple[Any, Any]]:
-    """Return the places of everything below a value: what holds it, and its key there."""
+    """Return the places of everything below a value: its container, and its key there."""
     if isinstance(value, dict):
         keys = [*value]
     elif isinstance(value, list):
@@ -548,7 +548,7 @@ def places(value: Any) -> list[tuple[Any, Any]]:
 
 
 def change(document: Any, luck: Random) -> None:
-    """Delete, double, move or replace one value of a document."""
+    """Delete, duplicate, move or replace one value of a document."""
     everywhere = places(document)
     holder, key = luck.choice(everywhere)
     other, other_key = luck.choice(everywhere)

@@ -220,7 +220,7 @@ def test_skill_node_has_value_for_every_input():
         ("${ place }", Reference(name="place")),
         ("to ${place}!", Text(parts=("to ", Reference(name="place"), "!"))),
         ("${place}${place}", Text(parts=(Reference(name="place"), Reference(name="place")))),
-        # What is no text is spoken as one.
+        # A value that is not a text is spoken as one.
         ("${scene.age}", Text(parts=(Reference(name="scene.age"),))),
         ("$${place}", Literal(value="${place}")),
         ("$$${place}", Literal(value="$${place}")),

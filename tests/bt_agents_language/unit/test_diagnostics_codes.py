@@ -61,7 +61,7 @@ class StandardTypes(FakeInterfaces):
 
 
 def agent_file(example: bytes, stem: str = "guide") -> bytes:
-    """Return an example with what every agent needs in front of it."""
+    """Return an example preceded by the parts that every agent needs."""
     there = re.findall(rb"^(\w+):", example, re.MULTILINE)
     missing = [line for key, line in HEAD.items() if key.encode() not in there]
     return "".join(f"{line.format(stem=stem)}\n" for line in missing).encode() + example
@@ -163,7 +163,7 @@ def marked(mark: re.Match[str]) -> bytes:
 
 
 def example_bytes(example: str) -> bytes:
-    """Return an example as it would stand in a file, without the marks for what is not shown."""
+    """Return an example as in a file, without the marks of omitted parts."""
     data = b""
     at = 0
     for mark in MARK.finditer(example):
@@ -224,7 +224,7 @@ REPORTING = {
     "error": 0, "error_in": 0, "add": 0, "_give_up": 1, "_refuse": 0, "_refusal": 1,
     "ImportProblem": 0, "_at": 1, "warning": 0,
 }  # fmt: skip
-"""Function that reports a problem → which of its arguments is the code."""
+"""Function that reports a problem → index of its argument with the code."""
 
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
@@ -236,7 +236,7 @@ def constants(node: ast.AST) -> Iterator[str]:
 
 
 def reported(tree: ast.AST) -> Iterator[str]:
-    """Yield the codes that a module reports problems with."""
+    """Yield the codes of problems that a module reports."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue

@@ -35,12 +35,12 @@ SLOWEST_S = 1.0
 LARGEST = 64 * 1024 * 1024
 WIDEST = 200
 FLOOD = 20
-"""With more errors than that, an expectation names the first and '…'."""
+"""With more errors than this, an expectation has the first one and '…'."""
 
 ELSEWHERE = {
-    # What stands around a file, not in it.
+    # Around a file, not in it.
     "duplicate-agent", "no-agents", "no-texts",
-    # Known only where ROS is.
+    # Known only with ROS.
     "unknown-ros-type", "unknown-ros-field",
     # A fault of the reader itself.
     "reader-fault",
@@ -77,7 +77,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 def expectations() -> dict[str, str]:
     """Return the expected problems by file: 'code line:column' of each, in the order of the file.
 
-    Of a file without errors these are the warnings of its reader.
+    For a file without errors, these are the warnings of its reader.
     """
     files = sorted((KEPT / "expected").glob("*.txt"))
     lines = [line for file in files for line in file.read_text(encoding="utf-8").splitlines()]
@@ -92,7 +92,7 @@ EXPECTED = expectations()
 
 @pytest.fixture(scope="module")
 def corpus(tmp_path_factory) -> Path:
-    """The corpus with what is too large, or no file, to be kept in the repository."""
+    """The corpus with the generated files, which are too large to store or not regular files."""
     copy = tmp_path_factory.mktemp("corpus") / "corpus"
     shutil.copytree(KEPT, copy)
     hostile_inputs.build(copy)
@@ -104,7 +104,7 @@ def told(warning: Diagnostic) -> str:
 
 
 def outcome(corpus: Path, file: str) -> tuple[str, ReadError | None]:
-    """Return what is found in a file as an expectation says it."""
+    """Return the problems of a file in the form of an expectation."""
     try:
         read = READERS[file.partition("/")[0]](corpus / file)
     except ReadError as refused:
@@ -121,7 +121,7 @@ def outcome(corpus: Path, file: str) -> tuple[str, ReadError | None]:
 
 @pytest.mark.parametrize("file", EXPECTED)
 def test_every_error_is_found_at_its_position(file, corpus):
-    # The collector looks at all that thousands of other tests have left behind.
+    # The collector would visit all objects that thousands of other tests have left.
     with gc_paused():
         start = time.process_time()
         found, error = outcome(corpus, file)

@@ -47,7 +47,7 @@ def test_an_experiment_is_read():
     for _ in range(2):
         age, mood = simulated.next("another") or ()
         assert age == 3.0
-        # What is left out of feedback is no opinion.
+        # A missing value of feedback means no opinion.
         assert math.isnan(mood)
 
 

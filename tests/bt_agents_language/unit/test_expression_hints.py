@@ -19,7 +19,7 @@ def refusal(text: str) -> ExpressionError:
 
 
 def marked(error: ExpressionError, text: str) -> str:
-    """Return the part of a text that an error is about."""
+    """Return the part of a text that an error marks."""
     return text[error.column - 1 : error.column - 1 + error.width]
 
 

@@ -52,7 +52,7 @@ BAR = FileKind(
 
 
 def read(text: str) -> list[str]:
-    """Read a file as a reader does that takes everything from the table."""
+    """Read a file with a reader that takes everything from the table."""
     reading = TypedReader(Source("bar.yaml", f"format: 1\n{text}"))
     fields = reading.file(BAR)
     fields.integer("guests")

@@ -204,7 +204,7 @@ SUM = "write one number with one unit, "
         ("tree: {sequence: [{set: {x: 1}}, {set: {x: 'x + 1'}}]}", "write ${x + 1}"),
         ("tree: {sequence: [// hello]}", "a comment starts with '#'"),
         ("tree: {check: live.person // now}", "write round(a / b); a comment starts with '#'"),
-        # What people write in plain words.
+        # Conditions in natural language.
         ("tree: {fail: I am lost.}", "write 'say: I am lost.', and 'fail: true' beside it"),
         ("tree: {succeed: Done.}", "write 'say: Done.', and 'succeed: true' beside it"),
         ("tree: {fail: {say: Lost.}}", "write the node itself, and 'fail: true' beside it"),

@@ -231,7 +231,7 @@ def test_unimported_library_is_read_too(folder):
 def test_check_of_8000_nodes_takes_under_one_second(folder):
     tree = "{sequence: [" + ", ".join(f"{{say: Word {number}.}}" for number in range(8000)) + "]}"
     (folder / "agents" / "a.yaml").write_text(AGENT.format(tree=tree, imports=""))
-    # The collector looks at all that thousands of other tests have left behind.
+    # The collector would visit all objects that thousands of other tests have left.
     with gc_paused():
         begin = time.process_time()
         checked = check_folder(folder, None)

@@ -68,10 +68,10 @@ WARNED = {
         "choose: [{name: a, when: live.person, sequence: [{wait: 4 s}, {say: Hi.}]}]\n"
         "timeout: 4 s",
     ],
-    # A timeout inside of a loop does not end the loop.
+    # A timeout inside a loop does not end the loop.
     "endless-speech": ["say: Hello.\nretry: forever\ntimeout: 5 s"],
 }
-"""Code → trees with this warning and no other."""
+"""Code → trees with only this warning."""
 
 SOUND = {
     "never-reached": [
@@ -118,7 +118,7 @@ SOUND = {
         "sequence: [{show: Hello., retry: forever}]",
     ],
 }
-"""Code → trees that are close to it, and without any warning."""
+"""Code → similar trees without any warning."""
 
 
 def each(table: dict[str, list[str]]) -> list[tuple[str, str]]:

@@ -44,14 +44,14 @@ NODES_FOLDER = Path(catalogue.__file__).parent
 ENGINE_FOLDER = Path(nodes.__file__).parent
 FOREIGN_FORMATS = (Path(tree_export.__file__), Path(tree_snapshot.__file__))
 OF_TEST_FILES = {"succeed", "fail"}
-"""Words for what stands in for a node in a test file, which are those of two decorators."""
+"""Words for the stand-in of a node in a test file, which are also two decorators."""
 
 NAMES_OF_KINDS = {"kind", "key", "key_meant", "text"}
 HERE = Position(file="a.yaml", line=1, column=1)
 
 
 def modules() -> Iterator[Path]:
-    """Give the product's modules without those that hold one node type, or one behaviour, each."""
+    """Yield the product's modules, except those of one node type or behaviour each."""
     for manifest in sorted(ROOT.glob("*/package.xml")):
         for path in sorted(manifest.parent.rglob("*.py")):
             if NODES_FOLDER not in path.parents and ENGINE_FOLDER not in path.parents:
@@ -74,7 +74,7 @@ def names_kind(node: ast.AST) -> bool:
 
 
 def compared(tree: ast.Module) -> Iterator[tuple[int, set[str]]]:
-    """Give the lines that compare a kind or key with that of a node type."""
+    """Yield the lines that compare a kind or key with that of a node type."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]
@@ -87,7 +87,7 @@ def compared(tree: ast.Module) -> Iterator[tuple[int, set[str]]]:
 
 
 def tables(tree: ast.Module) -> Iterator[tuple[int, set[str]]]:
-    """Give the lines of constants that list several node types, or have an entry for each."""
+    """Yield the lines of constants that list several node types, or have an entry for each."""
     for node in tree.body:
         value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
         parts = value.keys if isinstance(value, ast.Dict) else getattr(value, "elts", [])
@@ -192,7 +192,7 @@ GENTLY = NodeType(
 
 
 def use(key: str) -> None:
-    """Print what the readers and tools of the language make of the example of a node type."""
+    """Print the results of the language's readers and tools for the example of a node type."""
     page = node_page(key, SYMBOLS)
     assert page is not None
     spec = read_agent_text(HEAD + page.example, "a.yaml", SYMBOLS)
@@ -213,7 +213,7 @@ def test_new_node_type_needs_only_one_file(
     (copy / NODES_FOLDER.relative_to(root) / f"{key}.py").write_text(module)
     path = [str(tmp_path), str(Path(__file__).parent), *sys.path]
     result = subprocess.run(
-        # Without site, no editable install stands before the copy.
+        # Without site, no editable install comes before the copy.
         [sys.executable, "-S", "-c", f"from {Path(__file__).stem} import use; use({key!r})"],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(path), "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,

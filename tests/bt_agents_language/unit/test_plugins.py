@@ -69,7 +69,7 @@ class Hears(Behaviour):
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """Return a folder that holds an installed package with nodes, as pip would leave it."""
+    """Return a folder with an installed package with nodes, as pip would leave it."""
     (tmp_path / "their_nodes.py").write_text(CODE)
     info = tmp_path / "their_nodes-1.0.dist-info"
     info.mkdir()
@@ -79,7 +79,7 @@ def package(tmp_path: Path) -> Path:
 
 
 def run(package: Path, script: str) -> str:
-    """Run a script in a Python of its own that has the package; return what it prints."""
+    """Run a script in a separate Python with the package; return its output."""
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests" / "harness")]),
@@ -196,14 +196,14 @@ bt_agents({arguments}, standalone_mode=False)
 
 
 def command(package: Path, *arguments: str) -> str:
-    """Return what a command prints where the package is installed."""
+    """Return the output of a command where the package is installed."""
     words = [str(ROOT / "trees") if word == "TREES" else word for word in arguments]
     return " ".join(run(package, COMMAND.format(arguments=words)).split())
 
 
 @pytest.fixture
 def clashing(package: Path) -> Path:
-    """Return the same with a node that cannot be loaded, and one named like a skill."""
+    """Return the same with a node that cannot be loaded, and one with the name of a skill."""
     entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
     entries.write_text(
         entries.read_text() + "hop = their_nodes:Missing\nsay = their_nodes:Blink\n"

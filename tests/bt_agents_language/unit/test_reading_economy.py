@@ -43,7 +43,7 @@ def of_kind(agent: AgentSpec, kind: str) -> list[NodeSpec]:
 
 @pytest.fixture
 def collector() -> Iterator[None]:
-    """Leave the collector as it was."""
+    """Restore the state of the collector."""
     was_on = gc.isenabled()
     yield
     gc.enable() if was_on else gc.disable()

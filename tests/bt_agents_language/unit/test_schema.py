@@ -61,7 +61,7 @@ def shipped() -> Iterator[Path]:
 
 
 def accepted() -> Iterator[Path]:
-    """Return the files of the corpus in which the readers find nothing."""
+    """Return the files of the corpus without errors."""
     for file in sorted((CORPUS / "expected").glob("*.txt")):
         for line in file.read_text(encoding="utf-8").splitlines():
             name, colon, errors = line.partition(":")

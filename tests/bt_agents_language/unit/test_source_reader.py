@@ -15,7 +15,7 @@ from file_texts import read_scene_text
 
 
 class Faces(FakeInterfaces):
-    """Fields whose names begin with good, with the types that their endings say."""
+    """Fields whose names begin with good, with types according to their endings."""
 
     TYPES = {  # noqa: RUF012
         "word": FieldType.TEXT,

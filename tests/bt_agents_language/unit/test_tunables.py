@@ -17,10 +17,10 @@ from bt_agents_language.yaml.yaml_reader import Mapping
 
 
 def tunable(text: str) -> Tunable | None:
-    """Return the tunable that a text in braces says.
+    """Return the tunable in braces in a text.
 
     Raises:
-        ReadError: It is wrong.
+        ReadError: The text is invalid.
     """
     reading = TypedReader(Source("a.yaml", f"t: {{{text}}}\n"))
     assert isinstance(reading.root, Mapping)

@@ -10,7 +10,7 @@ from tree_harness import agent
 
 
 def report(tree: str, subtree: str = "") -> str:
-    """Return what is said about an agent, and the subtree that it calls."""
+    """Return the diagnostics of an agent and of the subtree that it calls."""
     with pytest.raises(ReadError) as error:
         agent(tree, f"subtrees: {{measure: {{{subtree}}}}}" if subtree else "")
     assert len(error.value.lines) == 1

@@ -166,7 +166,7 @@ def tree(text: str) -> str:
 )
 def test_syntax_error_is_reported_on_its_line(text, place, message, hint):
     if not place:
-        # In an only line it is a text for YAML, so that the tree is what complains.
+        # On its own line it is a text for YAML, so the tree reports it.
         assert found(tree(text)) == ["not-a-node 5:3"]
         return
     (first, *_) = report(tree(text)).diagnostics

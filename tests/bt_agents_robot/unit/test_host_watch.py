@@ -11,7 +11,7 @@ FIRST, SECOND = b"1" * 16, b"2" * 16
 
 
 class Watched:
-    """A watch whose clock is turned by hand, polled as often as the robot does."""
+    """A watch on a manual clock, polled as often as by the robot."""
 
     def __init__(self) -> None:
         self.now = 10.0

@@ -11,18 +11,18 @@ POLL_S = 0.2
 """Period of the robot's heartbeats [s]."""
 
 LIMIT_S = 2.0
-"""Time within which the goals of a page that is gone end [s]."""
+"""Time within which the goals of a closed page end [s]."""
 
 
 class Watched:
-    """A watch whose clock is turned by hand, polled as often as the robot does."""
+    """A watch on a manual clock, polled as often as by the robot."""
 
     def __init__(self) -> None:
         self.now = 10.0
         self.watch = ScreenWatch(self.now)
 
     def wait(self, seconds: float, *, is_open: bool = False) -> bool:
-        """Let time pass, while a page is open or not; return whether it was ever gone."""
+        """Let time pass with an open or closed page; return whether it ever counted as gone."""
         was_gone = False
         for _ in range(round(seconds / POLL_S)):
             self.now += POLL_S

@@ -39,7 +39,7 @@ def test_readers_receive_undropped_messages_in_order(
             assert not expected[step]
         else:
             assert found.message == [expected[step].popleft()]
-        # Whoever holds something is pending, and nobody else.
+        # Exactly the endpoints with messages are pending.
         assert set(bus.pending) == {one for one in queues if len(one)}
 
 

@@ -21,7 +21,7 @@ def profile(folder: Path, text: str) -> FastDdsProfile:
 
 
 def tags(made: FastDdsProfile, of: str) -> list[str]:
-    """Return the texts of all elements of a name, whatever their namespace."""
+    """Return the texts of all elements with a name, in any namespace."""
     found = ElementTree.fromstring(made.text()).iter()
     return [one.text or "" for one in found if one.tag.rpartition("}")[2] == of]
 

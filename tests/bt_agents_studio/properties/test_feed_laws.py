@@ -21,7 +21,7 @@ _GAP = st.just("gap")
 
 
 class _Page:
-    """A client that only knows what it was sent."""
+    """A client that knows only the messages it has received."""
 
     def __init__(self) -> None:
         self.entries: dict[str, dict[str, object]] = {}

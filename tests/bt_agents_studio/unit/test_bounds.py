@@ -116,7 +116,7 @@ def test_recording_stays_on_timeline_however_much_follows() -> None:
 
 @pytest.fixture(scope="module")
 def flooded() -> Studio:
-    """A studio of a running system on whose ROS domain somebody sends without end."""
+    """A studio of a running system on a ROS domain that somebody floods."""
     studio = Studio("studio", space=SPACE, clock=lambda: 1000.0)
     send(studio, HostCard(host="/agents", agents=[AgentCard(name="guide")]))
     send(studio, MarketStatus(agent="guide"))

@@ -155,7 +155,7 @@ def test_dry_run_without_sides_draws_no_map() -> None:
 
 
 def add_strategies(one: ServedStudio) -> None:
-    """Have a market whose strategy in force is manhattan, and that has ucb."""
+    """Add a market with the strategies manhattan, which is in force, and ucb."""
     infos = (
         StrategyRecord(name="manhattan", description="nearest", options=()),
         StrategyRecord(name="ucb", description="tries", options=("c",)),

@@ -43,7 +43,7 @@ KEY = "guide|tree/0.ask"
 
 
 class Shown:
-    """A store that is filled by messages, each a second after the last."""
+    """A store filled by messages, one second apart."""
 
     def __init__(self) -> None:
         self.store = Store()
@@ -221,7 +221,7 @@ PATHS = {
 
 
 def tick(shown: Shown, **statuses: int) -> None:
-    """Take the changes of a tick, in their order."""
+    """Take the changes of a tick, in order."""
     changes = [StatusChange(path=PATHS[name], status=one) for name, one in statuses.items()]
     shown.take(TreeStatus(**RUN, tick=8, changes=changes))
 
@@ -347,7 +347,7 @@ def test_recording_is_one_event_until_its_end(shown: Shown) -> None:
     recording(960.0, label="a class")
     recording(960.0, label="a class", bookmarks=1)
     assert spans() == [*ended, ("RECORDING", "a class", 960.0, None)]
-    # A journal that has crashed tells no end.
+    # A crashed journal reports no end.
     recording(970.0)
     ended.append(("RECORDED", "a class", 960.0, 970.0))
     assert spans() == [*ended, ("RECORDING", "a.mcap", 970.0, None)]
@@ -384,7 +384,7 @@ def test_text_of_event_is_short_and_printable(shown: Shown) -> None:
 
 
 class Told:
-    """Health that a node tells, and what the studio shows of it."""
+    """Health that a node reports, and what the studio shows of it."""
 
     def __init__(self) -> None:
         self.store = Store()

@@ -24,7 +24,7 @@ NEWEST_S = 2.0**40
 
 
 class Recording:
-    """A file that a journal writes, and recordings whose waits are counted."""
+    """A file that a journal writes, and recordings that count their waits."""
 
     def __init__(self, folder: Path) -> None:
         self.file = JournalFile(folder / "journal-2026-03-01_001.mcap")
@@ -91,7 +91,7 @@ def test_growing_recording_is_read_on(recording: Recording) -> None:
     assert recording.tick() == 1
     read = recording.path.stat().st_size
     recording.write(2)
-    # What has been read is not read again: it is gone.
+    # Earlier data is not read again: it is gone.
     with recording.path.open("r+b") as file:
         file.write(bytes(read))
     assert recording.tick() == 2

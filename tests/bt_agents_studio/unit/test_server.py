@@ -30,7 +30,7 @@ RESUME = {"type": "resume", "version": VERSION, "studio": "", "sequence": 0}
 
 
 async def _next(socket: ClientWebSocketResponse) -> dict[str, Any]:
-    """Return the next message that is no beat."""
+    """Return the next message that is not a beat."""
     while True:
         message = await socket.receive(timeout=10)
         assert message.type is WSMsgType.TEXT, message
@@ -168,7 +168,7 @@ def test_quiet_studio_beats_whatever_the_page_does(monkeypatch: pytest.MonkeyPat
             assert await socket.receive_json(timeout=10) == {"type": "beat"}
             await socket.send_json(RESUME)
             assert (await _next(socket))["type"] == "snapshot"
-            # What this session does not see is no message to it.
+            # Changes that this session may not see cause no message.
             one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
             for _ in range(3):
                 assert await socket.receive_json(timeout=10) == {"type": "beat"}
@@ -238,7 +238,7 @@ def test_reading_recording_does_not_delay_other_pages(tmp_path: Path) -> None:
             assert (await _next(other))["changes"][0][2]["mood"] == 2.0
             await reading.send_json({"type": "follow"})
             assert (await _next(reading))["at_s"] is None
-            # A process that has ended is replaced.
+            # An ended process is replaced.
             os.kill(worker.pid, signal.SIGKILL)
             await _until(lambda: not one.server._reading)
             await reading.send_json(seek)
@@ -309,7 +309,7 @@ def test_no_more_excerpts_at_a_time_than_allowed(
             os.kill(worker.pid, signal.SIGCONT)
             assert [(await one).status for one in asked] == [200] * MOST_EXCERPTS
             assert (await client.get(address)).status == 200
-            # Nothing is left of them.
+            # No file of them remains.
             assert os.listdir(tmp_path / "files") == []
 
     served(test, journal=tmp_path)
@@ -513,7 +513,7 @@ def test_compressed_page_is_sent_to_supporting_clients() -> None:
                     lengths[packed] = int(answer.headers["Content-Length"])
                     assert answer.headers["Vary"] == "Accept-Encoding"
             assert lengths["gzip"] < lengths[""] / 2
-            assert bodies["gzip"] == bodies[""]  # the client has unpacked it
+            assert bodies["gzip"] == bodies[""]  # the client has decompressed it
 
     served(test)
 
@@ -602,7 +602,7 @@ def test_page_person_without_pong_counts_as_closed(monkeypatch: pytest.MonkeyPat
 
     async def test(one: ServedStudio) -> None:
         async with one.client(SessionRole.PERSON) as client:
-            # It answers a ping when it reads, and it does not read.
+            # It answers a ping only while it reads, and it does not read.
             page = await client.ws_connect("/api/socket?page=person")
             while (False, False) not in one.watched:
                 await asyncio.sleep(0.01)
@@ -663,7 +663,7 @@ def test_excess_connection_is_rejected() -> None:
 
 
 async def _status(client: ClientSession) -> int | None:
-    """Return the status of an answer, None for none."""
+    """Return the status of an answer, None without an answer."""
     try:
         return (await client.get("/api/state")).status
     except ClientError:
@@ -711,7 +711,7 @@ _VIEWER: dict[str, str | None] = {
     "Authorization": "Bearer {viewer_key}",
 }
 _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
-    # Name, request line, headers over those of a page that is signed in, body.
+    # Name, request line, headers that replace those of a signed-in page, body.
     ("rebound name", "POST /api/do/cancel", {"Host": "evil.example"}, _STOP),
     ("rebound name and port", "POST /api/do/cancel", {"Host": "evil.example:{port}"}, _STOP),
     (
@@ -876,7 +876,7 @@ def test_hostile_request_is_rejected_and_changes_nothing(
         assert b"Set-Cookie" not in answer
         assert one.caller.calls == []
         assert one.studio.store.sequence == 0
-        # Whoever may, still can.
+        # Sessions with the right still succeed.
         async with one.client(SessionRole.OPERATE) as client:
             assert (await client.post("/api/do/cancel", json={})).status == 200
 

@@ -21,11 +21,11 @@ STEP_S = 0.01
 times = st.floats(0.0, 1.0)
 some_facts = st.frozensets(st.tuples(st.sampled_from("abcdef")), max_size=2)
 lines = st.lists(st.tuples(times, times, some_facts, some_facts), max_size=20)
-"""When each event comes and was sent, what must stand before it, and what it says."""
+"""When each event arrives and was sent, its predecessors, and its text."""
 
 
 def delivered(events: list[tuple[float, float, Links]]) -> list[tuple[int, float]]:
-    """Return the numbers of events in the order of delivery, and when that was."""
+    """Return the numbers of events in the order of delivery, and the times."""
     order, shown, found = CausalOrder(), [], []
     arrivals = sorted(range(len(events)), key=lambda number: events[number][0])
     for step in range(round((1.0 + LONGEST_WAIT_S) / STEP_S) + 2):

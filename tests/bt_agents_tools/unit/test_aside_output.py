@@ -17,7 +17,7 @@ LINES = 3 * MOST_BYTES // len(LINE)
 
 @contextmanager
 def piped() -> Iterator[TextIO]:
-    """Let standard output go into a pipe within the block; yield the end that reads it."""
+    """Redirect standard output into a pipe within the block; yield the reading end."""
     reading, writing = os.pipe()
     with (
         open(reading, encoding="utf-8") as read,
@@ -29,7 +29,7 @@ def piped() -> Iterator[TextIO]:
 
 @contextmanager
 def piped_errors() -> Iterator[TextIO]:
-    """Let the descriptor of errors be a pipe within the block; yield the end that reads it."""
+    """Redirect the descriptor of errors into a pipe within the block; yield the reading end."""
     before = os.dup(2)
     reading, writing = os.pipe()
     os.dup2(writing, 2)

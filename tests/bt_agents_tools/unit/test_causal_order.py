@@ -42,7 +42,7 @@ STORY: list[tuple[str, Links]] = [
 
 
 def shown(events: list[tuple[str, Links]], now: float = SETTLE_S) -> list[str]:
-    """Return the events that are shown by then; all come at 0, each was sent at its place."""
+    """Return the events shown by then; all arrive at 0, each was sent at its position."""
     found: list[str] = []
     order = CausalOrder()
     for place, (name, links) in enumerate(events):
@@ -58,7 +58,7 @@ def test_late_cause_is_shown_before_its_effects(moved):
     others = [line for line in STORY if line is not late]
     names = shown([*others, late])
     assert sorted(names) == sorted(name for name, _ in STORY)
-    # Either the first tick or the message of the market is a start.
+    # Either the first tick or the market's message counts as a start.
     only_said_by_it = late[1].facts.difference(*(links.facts for _, links in others))
     for name, links in others:
         if links.causes & only_said_by_it:

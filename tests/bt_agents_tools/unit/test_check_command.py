@@ -34,7 +34,7 @@ def _without_ros(monkeypatch):
 
 @pytest.fixture
 def trees(tmp_path, monkeypatch) -> Path:
-    """A trees folder in the current one, with two good agents."""
+    """A trees folder in the current folder, with two valid agents."""
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "trees"
     (folder / "agents").mkdir(parents=True)
@@ -243,7 +243,7 @@ def test_library_warning_is_reported_once_for_all_users(trees):
 
 
 class Steps:
-    """A sleep that does something to the files each time, and ends the watch after that."""
+    """A sleep that changes the files each time, and finally ends the watch."""
 
     def __init__(self, *steps) -> None:
         self.steps = list(steps)
@@ -257,7 +257,7 @@ class Steps:
 
 
 def nothing() -> None:
-    """Do not touch any file."""
+    """Change no file."""
 
 
 def test_a_watch_checks_again_only_after_a_change(trees):

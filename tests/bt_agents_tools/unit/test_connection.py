@@ -21,10 +21,10 @@ UP = "'bt-agents up' of /trees (process 1)"
 
 
 class Graph:
-    """An observer's graph, in which time goes by only while it is turned.
+    """An observer's graph, in which time passes only while it spins.
 
     Args:
-        heard_after_s: When the market is heard [s]; None for never.
+        heard_after_s: When the market's status arrives [s]; None for never.
         markets: Namespaces of the marketplaces.
     """
 
@@ -51,7 +51,7 @@ class Graph:
 
 
 class System(Graph):
-    """A running system with a host for each trees folder, the cards of which come later."""
+    """A running system with a host per trees folder; the cards of the hosts arrive later."""
 
     def __init__(self, *folders: str) -> None:
         super().__init__(heard_after_s=0.0)

@@ -57,10 +57,10 @@ OFFLINE = {
 """Commands that need neither ROS nor a robot."""
 
 RUN_AS_A_WHOLE = ("tutorial.md", "library_robot.md")
-"""Documents whose commands need each other; tests/e2e/test_walkthroughs.py runs them."""
+"""Documents whose commands depend on each other; tests/e2e/test_walkthroughs.py runs them."""
 
 WITH_A_PACKAGE = "py_trees_ros.md"
-"""Document whose tree needs the package beside it; tests/ros/test_plugin_nodes.py runs both."""
+"""Document whose tree needs the package next to it; tests/ros/test_plugin_nodes.py runs both."""
 
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 AGENT = """
@@ -144,7 +144,7 @@ def test_yaml_examples_are_valid(document: str, text: str, tmp_path: Path) -> No
     missing = [line for line in AGENT.splitlines() if line and line.split(":")[0] not in keys]
     symbols = replace(SYMBOLS, texts=_texts(document, tmp_path))
     agent = read_agent_text("\n".join(missing) + "\n" + text, document, symbols)
-    # It ends, or goes on to the limit, or waits for what nobody announces: it never raises.
+    # It ends, or runs to the limit, or waits for an event that never comes: it never raises.
     limits = Limits(duration_s=600.0, ticks=2000)
     told = rehearse(agent, SPACE, scenario(agent), limits=limits, force=True)
     assert told.events
@@ -152,7 +152,7 @@ def test_yaml_examples_are_valid(document: str, text: str, tmp_path: Path) -> No
 
 
 def _texts(document: str, folder: Path) -> FolderTexts:
-    """Return the texts that a page has files of, in the language of the first."""
+    """Return the texts whose files are on a page, in the language of the first."""
     files = {
         path: text
         for page, text in blocks("yaml")
@@ -223,7 +223,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def here(tmp_path: Path, kept: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to work in, with the trees, as the documents suppose it."""
+    """A folder with the trees, as the documents assume."""
     shutil.copytree(TREES, tmp_path / "trees")
     shutil.copy(kept / "morning.mcap", tmp_path)
     shutil.copytree(kept / "morning", tmp_path / "morning")
@@ -256,7 +256,7 @@ def test_documents_contain_transcripts() -> None:
 
 
 def _sessions(text: str) -> list[tuple[str, str]]:
-    """Return the commands of a block, each with what is written below it."""
+    """Return the commands of a block, each with the text below it."""
     if not text.startswith("$ "):
         return [(line, "") for line in text.splitlines()]
     parts = re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]
@@ -264,7 +264,7 @@ def _sessions(text: str) -> list[tuple[str, str]]:
 
 
 def _run(line: str) -> str | None:
-    """Return what a command prints, None when it needs more than this test has."""
+    """Return the output of a command, None if it needs more than this test has."""
     program, *words = shlex.split(line, comments=True)
     if Path(program).name != "bt-agents" or words[0] not in OFFLINE:
         return None

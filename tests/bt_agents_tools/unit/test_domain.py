@@ -92,7 +92,7 @@ def test_lock_lives_in_user_runtime_folder(private_folder: Path) -> None:
 
 @pytest.fixture
 def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder for temporary files, where nobody has logged in."""
+    """The folder for temporary files, without a login session."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setattr(domain_lock, "LOGINS", tmp_path / "logins")
     return tmp_path
@@ -102,7 +102,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_missing_runtime_folder_uses_state_folder_per_machine(
     temporary: Path, named: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # What another user has made there keeps nobody out.
+    # Another user's files there exclude nobody.
     (temporary / f"bt-agents-{os.getuid()}").write_text("")
     state = temporary / "state"
     for machine in ("robot", "a/../b"):

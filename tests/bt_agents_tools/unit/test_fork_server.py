@@ -49,7 +49,7 @@ def until(condition: Callable[[], Any]) -> None:
 
 
 class Forks:
-    """A fork server, and a log of what its processes print."""
+    """A fork server, and a log of the output of its processes."""
 
     def __init__(self, folder: Path) -> None:
         (folder / "loaded_before.py").write_text(MODULE)
@@ -104,7 +104,7 @@ def test_forked_process_handles_signals_and_outlives_server(forks: Forks) -> Non
     asked.terminate()
     killed.kill()
     assert (asked.wait(), killed.wait()) == (-signal.SIGTERM, -signal.SIGKILL)
-    killed.kill()  # it is over, and its number may be somebody else's
+    killed.kill()  # it has ended, and another process may have its number
 
 
 def test_process_loads_own_modules_without_server(forks: Forks) -> None:

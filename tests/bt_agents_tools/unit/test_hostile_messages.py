@@ -61,12 +61,12 @@ KINDS = {
 
 
 def raw(text: str) -> str:
-    """Return the characters of a text that a terminal would obey or not show."""
+    """Return the characters of a text that a terminal would obey or hide."""
     return "".join(one for one in text if not one.isprintable() and one not in "\n\t")
 
 
 class FakeNode:
-    """A node to which every topic and every service is hostile."""
+    """A node whose topics and services are all hostile."""
 
     def get_namespace(self) -> str:
         return "/"
@@ -81,7 +81,7 @@ class FakeNode:
             info = ({"source_timestamp": 0},) * (len(inspect.signature(callback).parameters) - 1)
             message = hostile(kind)
             if kind is HostCard:
-                # A host with any other name is no host; all else that it says is hostile.
+                # A host must have this name; everything else in its messages is hostile.
                 message.host = "/agents"
             callback(message, *info)
 

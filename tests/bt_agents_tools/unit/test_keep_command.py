@@ -45,7 +45,7 @@ SLOW = AGENT.replace("default: 5 s", "default: 20 s")
 
 @pytest.fixture
 def trees(tmp_path: Path) -> Path:
-    """A trees folder with one agent, one test of which fails already, and tests of another."""
+    """A trees folder with one agent that already fails a test, and tests of another."""
     folder = tmp_path / "trees"
     agents = folder / "agents"
     agents.mkdir(parents=True)
@@ -117,7 +117,7 @@ def test_harmless_change_is_written_without_confirmation(
 def run(
     trees: Path, monkeypatch: pytest.MonkeyPatch, after: str, *arguments: str, typed: str = ""
 ) -> Result:
-    """Run the command on a system whose waiter is tuned."""
+    """Run the command on a system with a tuned waiter."""
 
     @contextmanager
     def connect() -> Iterator[None]:

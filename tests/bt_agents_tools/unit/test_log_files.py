@@ -46,7 +46,7 @@ def test_log_tail_reads_only_end_of_current_start(tmp_path: Path) -> None:
         file.flush()
         assert log.tail(1) == ["second"]
         assert log.tail(5)[0] == "x" * 500
-        file.truncate(10**11)  # a hundred gigabytes of nothing
+        file.truncate(10**11)  # a hundred sparse gigabytes
         file.seek(0, os.SEEK_END)
         file.write(b"\nlast\n")
     begin = time.monotonic()

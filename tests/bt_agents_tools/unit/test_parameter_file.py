@@ -25,7 +25,7 @@ def names(folder: Path, text: str, unknown: UnknownByNode) -> list[str]:
     return list(judged(folder, text, unknown))
 
 
-# What the market and the robot do not have: each has its own one, and both have 'shared'.
+# Parameters that the market and the robot lack: one of its own each, and 'shared' in both.
 UNKNOWN = {
     "/library/market": {"pace": "", "deadlin": "deadline", "paec": ""},
     "/library/robot": {"deadline": "", "deadlin": "", "paec": "pace"},

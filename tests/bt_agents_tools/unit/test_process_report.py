@@ -17,11 +17,11 @@ from bt_agents_tools.launcher.supervisor import ProcessState, SupervisedProcess
 
 MORNING_S = 1_800_000_000.0
 NO_PID = 4_194_304
-"""More than the highest id of a process."""
+"""Above the highest process id."""
 
 
 class Reported:
-    """A process, what it uses, and the report about it."""
+    """A process, its resources, and the report about it."""
 
     def __init__(self, folder: Path) -> None:
         self.now = 100.0

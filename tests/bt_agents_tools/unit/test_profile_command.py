@@ -24,7 +24,7 @@ ANNA = "person/anna"
 
 
 class ProfileCommandHarness:
-    """The commands, a desk that does what they order, and a scene layer."""
+    """The commands, a management that carries out their orders, and a scene layer."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.managed = ManagedLedger()
@@ -115,7 +115,7 @@ def test_forget_asks_for_confirmation_and_informs_scene_layer(harness):
         "1 profile forgotten",
     ]
     assert harness.asked == [("feedback", "FORGET"), ("scene_layer", "FORGET")]
-    # Only the scene layer knows somebody who has taught nothing.
+    # Only the scene layer knows a person who has taught nothing.
     again = harness.run("forget", ANNA, "--yes")
     assert (again.exit_code, again.output.splitlines()[-1]) == (
         0,

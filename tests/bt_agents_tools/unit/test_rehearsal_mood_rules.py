@@ -10,7 +10,7 @@ from rehearsal_harness import events_of, rehearsed
 
 
 def feedback(rule: str, *happenings: str) -> list[tuple[float, str]]:
-    """Return when a rule fires, and why, in a run of 60 s."""
+    """Return when and why a rule fires in a run of 60 s."""
     during = "during: [" + ", ".join(f"{{{one}}}" for one in happenings) + "]\n"
     head = f"feedback: [{{give: positive, {rule}}}]\n"
     return events_of(rehearsed("wait: 60 s", during, head=head), EventKind.FEEDBACK)

@@ -338,7 +338,7 @@ def test_stopped_node_is_marked() -> None:
     assert any("    3.0 s    ■ drive" in line for line in shown)
 
 
-# --- what the tree tells and remembers ------------------------------------------------------
+# --- what the tree puts into the scene and remembers ---------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def documented_tree() -> str:
-    """Return the example of the documentation that copes with a stale scene."""
+    """Return the example of the documentation that handles a stale scene."""
     text = (ROOT / "docs" / "expressions.md").read_text()
     examples = re.findall(r"```yaml\ntree:\n(.*?)```", text, re.DOTALL)
     (example,) = [one for one in examples if "live.stale" in one]
@@ -25,7 +25,7 @@ def documented_tree() -> str:
 
 
 def story(tree: str, *happenings: str, head: str = "", more: str = "") -> Rehearsed:
-    """Return how a tree does when things happen."""
+    """Return the course of a tree under some events."""
     items = "".join(f"  - {{{one}}}\n" for one in happenings)
     return rehearsed(tree, more + (f"during:\n{items}" if items else ""), head=head)
 

@@ -267,7 +267,7 @@ def test_header_says_market_would_not_call_agent() -> None:
 
 @pytest.fixture
 def copied(tmp_path: Path) -> Path:
-    """A copy of the shipped trees in which one agent says something else."""
+    """A copy of the shipped trees in which one agent says another text."""
     folder = tmp_path / "copied"
     shutil.copytree(TREES, folder)
     guide = folder / "agents" / "attentive_guide.yaml"

@@ -14,7 +14,7 @@ from bt_agents_tools.launcher.supervisor import Component
 
 
 class Crowd:
-    """System of visitors who are done after a thousand looks, its observer and its supervisor."""
+    """System, observer and supervisor whose visitors are done after a thousand polls."""
 
     interrupt = visits_done = False
     looks = 0

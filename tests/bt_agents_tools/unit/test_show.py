@@ -20,7 +20,7 @@ from bt_agents_tools.cli.commands.show import show
 from tree_harness import SPACE, TREES, agent
 
 SHIPPED = read_trees(Path(os.path.relpath(TREES))).agents
-"""Read as an author does it: with paths that do not depend on where the checkout lies."""
+"""Read as an author does: with paths that do not depend on the place of the checkout."""
 
 HEAD = """\
 requires: scene.person

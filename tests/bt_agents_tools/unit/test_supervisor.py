@@ -64,7 +64,7 @@ def main():
 
 
 class Watched:
-    """A supervisor whose clock is turned by hand, and modules that it runs."""
+    """A supervisor on a manual clock, and the modules that it runs."""
 
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
@@ -81,7 +81,7 @@ class Watched:
         return self.supervisor.log(name).read_text()
 
     def until(self, done: Callable[[list[str]], bool]) -> list[str]:
-        """Poll until the events so far are enough."""
+        """Poll until the events so far satisfy a condition."""
         events: list[str] = []
         end = time.monotonic() + HANG_S
         while not done(events):
@@ -91,7 +91,7 @@ class Watched:
         return events
 
     def up(self, name: str, starts: int = 1) -> int:
-        """Wait until a start of a component is up; return its pid."""
+        """Wait until a component has started; return its pid."""
         self.until(lambda _events: len(re.findall(r"pid \d+\n", self.said(name))) == starts)
         return int(self.said(name).split()[-1])
 
@@ -180,7 +180,7 @@ def test_silent_component_is_killed_and_restarted(watched: Watched) -> None:
     events = watched.until(lambda events: len(events) > 1)
     assert events[0] == "agents hangs (no heartbeat for 10 s): killing it"
     assert events[1].startswith("agents ended (killed by signal 9): starting it again in 0.5 s")
-    supervisor.on_heartbeat("agents")  # late, from the one that was killed
+    supervisor.on_heartbeat("agents")  # late, from the killed process
     for _ in range(60):
         watched.now += 0.5
         supervisor.poll()
@@ -196,7 +196,7 @@ def test_inactive_node_may_be_silent(watched: Watched) -> None:
     supervisor.on_heartbeat("agents")
 
     supervisor.on_state("agents", "inactive")
-    supervisor.on_heartbeat("agents")  # late, from when it was active
+    supervisor.on_heartbeat("agents")  # late, from its active time
     assert supervisor.poll() == ["agents was told to leave: it is inactive"]
     for _ in range(60):
         watched.now += 0.5

@@ -82,7 +82,7 @@ def test_table_fits_terminal_regardless_of_columns_variable(
         print_table([Column(key="why")], [("word " * 30,)])
         stdout.flush()
         shown = ""
-        # A terminal hands on what it has got so far.
+        # A terminal passes on the incomplete line.
         while shown.count("word") < 30 and select.select([screen], [], [], 10.0)[0]:
             shown += screen.read(4096).decode()
     longest = max(map(len, re.sub(r"\x1b\[\d*m", "", shown).splitlines()))

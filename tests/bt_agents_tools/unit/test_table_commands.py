@@ -35,14 +35,14 @@ WITHOUT_TABLE = {
     *("security", "studio", "up", "veto", "visit", "watch"),
     *("pause", "resume", "step"),
 }
-"""Commands whose output is no table: words, a document, a picture, a file.
+"""Commands whose output is not a table: words, a document, a picture, a file.
 
-``profile`` hands its options to ``profile show``.
+``profile`` passes its options to ``profile show``.
 """
 
 
 def leaves(group: click.Group, path: str = "") -> Iterator[tuple[str, click.Command]]:
-    """Yield every command that does something, by its words; a group may, too."""
+    """Yield every command with an action, by its words, including groups."""
     context = click.Context(group)
     for name in group.list_commands(context):
         command = group.get_command(context, name)

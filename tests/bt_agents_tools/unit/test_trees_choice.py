@@ -47,7 +47,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
 
 @pytest.fixture
 def trees(run: Run) -> Path:
-    """A trees folder in this one."""
+    """A trees folder in the current folder."""
     return Path(shutil.copytree(TREES, Path.cwd() / "trees"))
 
 
@@ -128,7 +128,7 @@ def test_ledger_is_read_offline_per_trees_folder(
     copied = run("profile")
     assert "is a copy of" in copied.stderr
     assert "nothing was learned in" in str(copied.exception)
-    # A state folder that is named is read whoever runs.
+    # A given state folder is read whichever system runs.
     assert run("profile", "--state", str(other / "robot")).exit_code == 1
 
 
