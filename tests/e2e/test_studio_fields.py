@@ -126,7 +126,7 @@ def field(page: Page, key: str = "patience") -> Locator:
 
 
 def undo(page: Page) -> Locator:
-    """The button that undoes the newest change."""
+    """The offer to undo the newest change."""
     return page.locator(".undo")
 
 

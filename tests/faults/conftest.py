@@ -17,7 +17,7 @@ from processes import System
 def tmp_path() -> Iterator[Path]:
     """A folder in memory.
 
-    A disk that other tests keep busy may take longer for a file than a market waits for it.
+    On a disk that other tests keep busy, a file may take longer than a market waits for it.
     """
     with memory_folder() as folder:
         yield folder

@@ -18,18 +18,18 @@ from programs import ROOT
 pytestmark = pytest.mark.e2e
 
 TIMES = 5
-"""How often the market of a system is killed: a dead one counts as a reader for 20 s."""
+"""Number of kills of a system's market: a dead one counts as a subscriber for 20 s."""
 
 PAIRS = 2
-"""How often the market is killed with its host."""
+"""Number of kills of the market with its host."""
 
 twice = pytest.mark.parametrize("attempt", [1, 2])
-"""With both tests 20 kills."""
+"""Both tests together make 20 kills."""
 
 
 @pytest.fixture
 def fatal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The file whose existence kills a market at its next end."""
+    """The file that makes a market die at its next end."""
     file = tmp_path / "fatal"
     monkeypatch.setenv(DIES_WHILE, str(file))
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests" / "harness"), prepend=":")
@@ -58,7 +58,7 @@ def start(system: System, tmp_path: Path) -> NodeProcess:
 def die_at_the_end(
     system: System, market: NodeProcess, fatal: Path, end: Callable[[], None], what: str = "scene"
 ) -> str:
-    """Let the market die when a scene or a run ends; return its epoch."""
+    """Let the market die at the end of a scene or run; return its epoch."""
     market.expect_end()
     fatal.write_text(what)
     end()
@@ -70,7 +70,7 @@ def die_at_the_end(
 def kill_at_the_end(
     system: System, market: NodeProcess, fatal: Path, end: Callable[[], None]
 ) -> str:
-    """Kill the market when a scene ends, and start it again; return its epoch."""
+    """Kill the market at the end of a scene, and restart it; return its epoch."""
     epoch = die_at_the_end(system, market, fatal, end)
     market.start()
     system.until_ready(hosts=1, agents=1, after=epoch)
@@ -159,7 +159,7 @@ def _runs(events: list[Run]) -> list[tuple[str, int]]:
 
 
 def check_that_no_end_comes_again(system: System, market: NodeProcess, names: list[str]) -> None:
-    """Start the market once more, which has heard that all ends were announced."""
+    """Restart the market after all ends are announced; none may come again."""
     system.until(lambda: not fresh_ends(system), "the last end is confirmed")
     epoch = system.kill_market(market)
     market.start()
@@ -170,6 +170,6 @@ def check_that_no_end_comes_again(system: System, market: NodeProcess, names: li
 
 
 def fresh_ends(system: System) -> bool:
-    """Return whether ends are stored of which no market has stored that they were announced."""
+    """Return whether ends are stored that are not stored as announced."""
     text = (system.folder / "scenes.json").read_text(encoding="utf-8")
     return '"ends": []' not in text or '"run_ends": []' not in text

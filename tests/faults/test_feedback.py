@@ -62,7 +62,7 @@ def test_feedback_for_killed_node_is_applied_exactly_once(system: System, tmp_pa
     system.until(lambda: list(profiles[-1].revisions) == [2], "both changes are applied")
     feedback.kill()
     feedback.start()
-    # What is still to come from the first interaction comes before the feedback of another one.
+    # The rest of the first interaction comes before the feedback of another one.
     system.scene("s2", age=5, familiarity=3, mood=3)
     assert system.until_end_of("s2").code == "SUCCEEDED"
     system.until(lambda: list(profiles[-1].revisions) == [4], "two more changes are applied")

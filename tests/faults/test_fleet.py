@@ -441,11 +441,11 @@ def test_robot_joins_server_from_compose_file(tmp_path):
     assert program == "postgres"
     assert of_image["POSTGRES_PASSWORD_FILE"] == f"/run/secrets/{service['secrets'][0]}"
     port = int(service["ports"][0].partition(":")[2])
-    assert port == 5432  # which an address without a port means
+    assert port == 5432  # the default port of an address
     authority = tmp_path / "authority.crt"
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    # As its image does it, the data folder is made with the password and the arguments.
+    # Like its image: create the data folder with the password and the arguments.
     initdb = of_image["POSTGRES_INITDB_ARGS"].split()
     with running_server(password="secret", initdb=initdb) as server:
         server.execute(f"CREATE DATABASE {of_image['POSTGRES_DB']}")
@@ -517,7 +517,7 @@ HOSTILE = (
     ("layer", "repeat('place/x', 100000)", "BAD_LAYER"),
     ("layer", "'cellar'", "BAD_LAYER"),
 )
-"""Column → what is in it instead of :data:`GOOD`, and the code that it is refused with."""
+"""Column → its value instead of the one in :data:`GOOD`, and the code of the refusal."""
 
 
 def test_hostile_rows_are_refused_without_blocking_others(make, server, database):
@@ -662,7 +662,7 @@ def test_steps_after_forgetting_count_from_uninformed_robots(make, clock, server
     synchronise(anna, ben)
     synchronise(cleo, anna, ben)
     synchronise(cleo, anna, ben)
-    # From the profile of the file, 3, towards 4 with the rate 0.3: what came before is gone.
+    # From the file's profile, 3, towards 4 with the rate 0.3: earlier steps are gone.
     assert cleo.robot.current()["place/lobby"][0] == pytest.approx(3.3)
     assert largest_difference([anna.robot, ben.robot, cleo.robot]) <= 1e-9
     kept = "SELECT robot, event FROM step WHERE layer = 'place/lobby'"

@@ -16,35 +16,35 @@ from programs import ROOT
 pytestmark = pytest.mark.e2e
 
 FLOOD_S = 0.15
-"""How long each flood of a node lasts, which is hundreds of small messages [s]."""
+"""Length of a flood of a node, which is hundreds of small messages [s]."""
 
 REST_S = 0.2
-"""How long a node is watched before and after a flood, at least [s]."""
+"""Least time for which a node is watched before and after a flood [s]."""
 
 HANGS_S = 400
-"""Until a test gives up [s]."""
+"""Time limit of a test [s]."""
 
 LONGEST_SILENCE_S = 5.0
-"""Between two signs of life of a node, on a machine that does other work [s]."""
+"""Longest time between two signs of life of a node, on a busy machine [s]."""
 
 MOST_GROWTH_MB = 150.0
-"""Growth of a node in a flood; of several floods of a kind, in one of them at least."""
+"""Growth of a node in a flood; of several floods of a kind, the smallest counts."""
 
 MOST_ROOM_MB = 700.0
-"""Growth of a node in any flood: the middleware keeps room for very large messages."""
+"""Growth of a node in any flood: the middleware keeps memory for very large messages."""
 
 REFUSED = {
     "messages over the limit": "TOO_LARGE",
     "malformed messages": "MALFORMED",
     "requests over the limit": "TOO_LARGE",
 }
-"""Kinds that each node refuses → the code that its log says then.
+"""Kinds that each node refuses → the code in its log.
 
-It may have said it a moment before, when another node was flooded on a topic that both listen to.
+It may be logged earlier, when another node is flooded on a topic of both.
 """
 
 MOST_LINES = 20
-"""Lines that a node logs of what it refuses in a flood."""
+"""Most lines that a node logs about refusals in a flood."""
 
 
 @pytest.fixture(scope="module")

@@ -17,16 +17,16 @@ from processes import System, write_trees
 pytestmark = pytest.mark.e2e
 
 LEASE_S = 2.5
-"""Of host and market [s]."""
+"""Lease of host and market [s]."""
 
 FLOOD_S = 7.0
-"""How long a flood lasts, which is several leases [s]."""
+"""Length of a flood, several leases [s]."""
 
 EACH_SECOND = 20_000
-"""Heartbeats of others, about as many as a process of Python sends that does nothing else."""
+"""Forged heartbeats a second, about as many as a Python process can send."""
 
 AT_A_TIME = 500
-"""Heartbeats that are sent before the probe listens again."""
+"""Heartbeats that are sent before the probe spins again."""
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ def two_hosts(
     leo: str = TREE.format(name="leo"),
     bid_deadline: float = 5.0,
 ) -> tuple[NodeProcess, NodeProcess]:
-    """Start a market, leo on one host and mira on another; a scene of age 5 is leo's."""
+    """Start a market, leo on one host and mira on another; leo suits a scene of age 5."""
     first = write_trees(tmp_path / "a", leo=(LEO, leo))
     second = write_trees(tmp_path / "b", mira=(MIRA, TREE.format(name="mira")))
     system.market(first, collect_deadline=0.05, bid_deadline=bid_deadline)
@@ -42,7 +42,7 @@ def old_person(system: System, scene_id: str) -> None:
 
 
 def until_lost(system: System, other: HeartbeatProbe) -> tuple[Run, int]:
-    """Wait until leo is lost; return that and how many beats of the other host it took."""
+    """Wait until leo is lost; return that end and the other host's beats until then."""
     before = other.count
     system.until(lambda: system.ended("leo"), "the end of leo's run")
     return system.ended("leo")[0], other.count - before
@@ -126,7 +126,7 @@ def test_resumed_host_does_not_act_on_expired_wait(system: System, tmp_path: Pat
 
 
 def let_them_speak(system: System, *texts: str) -> None:
-    """Let a tree come to its end, which says these texts."""
+    """Let a tree that says these texts run to its end."""
     for text in texts:
         system.until_speaking(text)
         system.say_server.finish()
@@ -134,7 +134,7 @@ def let_them_speak(system: System, *texts: str) -> None:
 
 def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) -> None:
     host, _ = two_hosts(system, tmp_path, bid_deadline=0.5)
-    # A third one that is silent keeps every round open, so that the hang comes before the goal.
+    # A third, silent host keeps every round open, so that the hang comes before the goal.
     silent = system.ros.add(SilentHost())
     silent.register(system.ros)
     first, second = system.heartbeat_probe("agents_a"), system.heartbeat_probe("agents_b")
@@ -160,7 +160,7 @@ def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) ->
         let_them_speak(system, "mira begins", "mira ends")
         assert system.until_end_of(scene_id).agent == "mira"
         assert system.say_server.texts[said:] == ["mira ends"]
-        # The hang may come when the probe has heard the bid and the market has not.
+        # The hang may come when the probe has received the bid but the market has not.
         hung += system.auctions[-1].winner == "leo"
         if hung == 20:
             return
@@ -177,7 +177,7 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     beats = system.ros.collect(MarketHeartbeat, "/marketplace/heartbeat", qos.EVENTS)
     old_person(system, "s1")
     system.until(lambda: system.has_bid("/agents_a", 1), "the bid of leo")
-    # The market has the bid when its executor has turned twice after the probe had it.
+    # The market has the bid two spins of its executor after the probe.
     seen = len(beats)
     system.until(lambda: len(beats) > seen + 1, "two heartbeats of the market")
     host.kill()
@@ -204,7 +204,7 @@ def test_round_with_silent_host_closes_at_deadline(system: System, tmp_path: Pat
         name: write_trees(tmp_path / name, **{f"guide_{name[-1]}": (float(name[-1]), "wait: 0 s")})
         for name in names
     }
-    # The lease outlasts the round, so that the silent one counts as asked.
+    # The lease outlasts the round, so the silent host still gets a call.
     system.market(folders["agents_1"], bid_deadline=2.0, host_lease=5.0)
     hosts = {name: system.host(name, trees) for name, trees in folders.items()}
     system.until_ready(hosts=5, agents=5)

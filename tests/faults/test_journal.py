@@ -19,7 +19,7 @@ KILLS = 4
 
 
 def recorded(folder: Path) -> list[int]:
-    """Return what is in the files, whatever state they are in."""
+    """Return the messages in the files, in whatever state the files are."""
     entries = JournalReader(sorted(folder.glob("*.mcap"))).entries()
     return [entry.decode().revision for entry in entries if entry.topic == "/bt_agents/feedback"]
 
@@ -46,6 +46,6 @@ def test_written_journal_survives_every_kill(system: System, tmp_path: Path) -> 
         assert now[: len(before)] == before
         before = now
     assert before == list(range(1, len(before) + 1))
-    # One file a start, and one more if it was midnight.
+    # One file per start, and one more after midnight.
     assert len(list(folder.iterdir())) in (KILLS, KILLS + 1)
     assert "Traceback" not in journal.said

@@ -40,7 +40,7 @@ feedback:
 
 
 class Host:
-    """A host with one agent; while it is told to be slow it answers nothing."""
+    """A host with one agent; while slow, it answers nothing."""
 
     def __init__(self, ros: Any) -> None:
         self.slow: Future | None = None
@@ -63,7 +63,7 @@ class Host:
 
 
 class Giver:
-    """Gives feedback and collects it by turns, each through an outbox."""
+    """Alternately gives and collects feedback, each through an outbox."""
 
     def __init__(self, ros: Any) -> None:
         node = ros.node
@@ -121,7 +121,7 @@ def test_feedback_recorded_before_kill_is_not_applied_again(
         history = book.history("mira")
     assert [revision.revision for revision in history] == list(range(TIMES + 1))
     assert len({revision.cause.feedback_id for revision in history[1:]}) == TIMES
-    # The list went on where it was before each restart.
+    # The list continued after each restart.
     collected = [r.cause.target for r in history if r.cause.source == "simulated"]
     assert [list(target) for target in collected] == [
         [name] for name in ("mood", "mood", "age") * 3
@@ -148,7 +148,7 @@ def test_full_disk_refuses_feedback_until_space_returns(system: System, tmp_path
         resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
 
     assert give(0).accepted
-    # No file of the node may grow beyond this; it has a log and a ledger that are longer.
+    # Limit on the size of the node's files, which its log and ledger exceed.
     limit(16 * 1024)
     number, answer = 0, None
     while answer is None or answer.accepted:

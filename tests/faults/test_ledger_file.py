@@ -30,7 +30,7 @@ FLIPS = 500
 PARTS = ("", "-wal", "-shm", ".lock")
 NAMED = {"LEDGER_CORRUPT", "LEDGER_CUT_OFF", "LEDGER_FOREIGN", "OTHER_FORMAT", "LEDGER_UNREADABLE"}
 
-# Forks a writer for each line that it reads, so that none of them has to start Python.
+# Forks a writer for each line that it reads, so that none of them must start Python.
 WRITER = """
 import json, os, random, resource, signal, sys
 from pathlib import Path
@@ -108,12 +108,12 @@ for line in sys.stdin:
 
 @pytest.fixture
 def tmp_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder on the disk, on which the creation of a ledger takes its time."""
+    """A folder on the disk, where creating a ledger takes some time."""
     return tmp_path_factory.mktemp("ledger")
 
 
 class Writers:
-    """Starts writers of a ledger one after the other, and kills them."""
+    """Starts writers of a ledger one after another, and kills them."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
@@ -125,7 +125,7 @@ class Writers:
         )
 
     def run(self, path: Path, seed: int, acknowledged: int, more_s: float) -> list[list[Any]]:
-        """Let a writer live for so many acknowledgements; return what it has said."""
+        """Run a writer until a number of acknowledgements; return its output."""
         pid = self._start("write", str(path), seed)
         heard: list[list[Any]] = []
         while sum(words[0] == "recorded" for words in heard) < acknowledged:
@@ -136,7 +136,7 @@ class Writers:
         return heard + self._rest()[:-1]
 
     def create(self, path: Path, at: str, number: int) -> bool:
-        """Let a writer create a ledger; return whether it died of a line or a size before."""
+        """Let a writer create a ledger; return whether it died before, from a line or a size."""
         self._start("create", str(path), at, number)
         (_, code), *more = reversed(self._rest())
         assert not more, more
@@ -151,7 +151,7 @@ class Writers:
         return int(pid)
 
     def _rest(self) -> list[list[Any]]:
-        """Return what a writer still says; its exit code comes last."""
+        """Return the remaining output of a writer; its exit code comes last."""
         heard = [self._hear()]
         while heard[-1][0] != "ended":
             heard.append(self._hear())
@@ -163,7 +163,7 @@ class Writers:
         return heard
 
     def close(self) -> None:
-        # The writer, too, which would go on otherwise.
+        # Including the writer, which would continue otherwise.
         os.killpg(self._process.pid, signal.SIGKILL)
         self._process.communicate()
 
@@ -243,10 +243,10 @@ def test_ledger_opens_after_kills_during_creation(tmp_path, writers, at, step, l
 
 
 class Files:
-    """A ledger as a crash has left it: its last commits in the log.
+    """A ledger after a crash: its last commits are in the log.
 
     Attributes:
-        states: All answers of the ledger, after each commit since the last that is in its file.
+        states: All answers of the ledger, after each commit since the last one in its file.
     """
 
     def __init__(self, folder: Path, *, in_log: bool) -> None:
@@ -301,7 +301,7 @@ class Files:
         return self.path.with_name(self.path.name + part)
 
     def lay(self, **changed: bytes) -> None:
-        """Put the files back as they were, but for some of them."""
+        """Restore the files, except for some of them."""
         for part in PARTS:
             content = changed.get(part.strip("-."), self.parts[part])
             file = self._part(part)
@@ -311,7 +311,7 @@ class Files:
                 file.unlink()
 
     def judge(self) -> str | int:
-        """Open the ledger; return the code of its error, or which state it has."""
+        """Open the ledger; return the code of its error, or its state."""
         before = {
             part: self._part(part).read_bytes()
             for part in ("", "-wal")
@@ -340,7 +340,7 @@ def test_log_truncated_anywhere_is_reported(tmp_path):
     for cut in [0, 16, *(one for frame in frames[:-1] for one in (frame, frame + 24 + page // 2))]:
         files.lay(wal=log[:cut])
         assert files.judge() == "LEDGER_CUT_OFF"
-        # Who goes on with what is there has every commit before the cut.
+        # Continuing with the rest yields every commit before the cut.
         files._part(".lock").unlink()
         states.append(files.judge())
     assert states == sorted(states)
@@ -358,14 +358,14 @@ def test_each_flipped_bit_is_harmless_or_reported(tmp_path, in_log):
     for _ in range(FLIPS // 2):
         part = chance.choices(list(sizes), list(sizes.values()))[0]
         content = bytearray(files.parts[part])
-        # A third of them where most means something: at the beginning.
+        # A third of them at the beginning, where most bytes matter.
         where = chance.randrange(
             len(content) if chance.random() < 0.66 else min(600, len(content))
         )
         content[where] ^= 1 << chance.randrange(8)
         files.lay(**{part.strip("-."): bytes(content)})
         found[part].append(files.judge())
-    # Nothing is lost without a word.
+    # Every loss is reported.
     assert {one for part in found for one in found[part] if isinstance(one, int)} == {last}
     assert "LEDGER_CORRUPT" in found[""]
     if in_log:

@@ -20,13 +20,13 @@ pytestmark = pytest.mark.e2e
 MARKET, HOST, ROBOT = "brain", "helper", "body"
 MACHINES = (MARKET, HOST, ROBOT)
 CABLE_S = float(os.environ.get("BT_AGENTS_CABLE_S", "3"))
-"""Time for which the cable of one machine is out [s]."""
+"""Time for which the cable of one machine is unplugged [s]."""
 
 LONG_S = max(12.0, CABLE_S)
-"""Longer than the lease of a participant: machines have to find each other anew then [s]."""
+"""Longer than the lease of a participant, so machines must discover each other again [s]."""
 
 DELAY_S = float(os.environ.get("BT_AGENTS_DELAY_S", "0.05"))
-"""Delay each way of the slow network [s]."""
+"""Delay of the slow network in each direction [s]."""
 
 OPTIONS = ("--lan", "--slow-network", "2" if DELAY_S <= 0.05 else "4")
 PEERS = {"ROS_STATIC_PEERS": ";".join(address_of(number) for number in (1, 2, 3))}
@@ -34,7 +34,7 @@ SERVER = {"ROS_DISCOVERY_SERVER": f"{address_of(1)}:{SERVER_PORT}"}
 
 
 def trees(folder: Path, agent: str, age: float) -> Path:
-    """Make the folder of an agent that says who it is for some seconds, and when it is stopped."""
+    """Make the folder of an agent that says its name for some seconds, and when it is stopped."""
     tree = f"sequence: [{{say: {agent} begins}}, {{wait: 2 s}}, {{say: {agent} ends}}]"
     made = write_trees(folder / agent, **{agent: (age, tree)})
     shutil.copy(ROOT / "trees" / "skills" / "robot.yaml", made / "skills" / "voice.yaml")
@@ -44,7 +44,7 @@ def trees(folder: Path, agent: str, age: float) -> Path:
 
 
 class Robot:
-    """The machines of one robot: market, an agent beside it, another elsewhere, and the body."""
+    """The machines of one robot: market, an agent next to it, another elsewhere, and the body."""
 
     def __init__(self, network: Network, folder: Path) -> None:
         self.network = network
@@ -58,12 +58,12 @@ class Robot:
         self.told = network.listen(MARKET)
 
     def join(self) -> None:
-        """Have the host of leo join."""
+        """Start leo's host."""
         self.helper = self.network.start(HOST, "host", self._leo, *OPTIONS)
         self.brain.until("market 2 hosts, 2 agents")
 
     def out(self, *machines: str, seconds: float) -> None:
-        """Have the cables of machines out for some seconds; say how long it takes to run again."""
+        """Unplug machines for some seconds; print the time until leo has run again."""
         self.network.set(out=machines)
         time.sleep(seconds)
         self.network.set(out=())
@@ -73,11 +73,11 @@ class Robot:
         print(f"{', '.join(machines)} out for {seconds:g} s: leo has run {took_s:.1f} s later")
 
     def trigger(self) -> None:
-        """Have a person there whom leo suits best."""
+        """Trigger a scene that suits leo."""
         self.network.start(MARKET, "trigger", "age=5").wait()
 
     def until_leo_has_run(self) -> None:
-        """Trigger until leo has run to his end: after a cut not all are back at once."""
+        """Trigger scenes until leo has completed a run: after a cut, not all are back at once."""
         for _ in range(5):
             self.trigger()
             if "leo SUCCEEDED" in self.told.until("^end: "):
@@ -87,7 +87,7 @@ class Robot:
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    """A robot of three machines, on a network that all tests leave as it was."""
+    """A robot of three machines, on a network that all tests leave unchanged."""
     folder = tmp_path_factory.mktemp("machines")
     network = Network(folder, MACHINES)
     try:

@@ -20,7 +20,7 @@ ORDER = ("marketplace", "feedback", "scene_layer", "agents")
 
 
 class LifecycleManager:
-    """Manager that drives nodes as nav2's does: one after the other, by their services."""
+    """Manager that drives nodes like nav2's: one after another, by their services."""
 
     def __init__(self, system: System) -> None:
         self._system = system

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.e2e
 
 
 def market_and_hosts(system: System, tmp_path: Path) -> NodeProcess:
-    """Start a market, and leo and mira on a host each; a scene of age 5 is leo's."""
+    """Start a market, and leo and mira on a host each; leo suits a scene of age 5."""
     trees = {
         name: write_trees(tmp_path / name, **{name: (age, f"say: {name} speaks")})
         for name, age in (("leo", 4.5), ("mira", 2.0))
@@ -32,7 +32,7 @@ def old_person(system: System, scene_id: str) -> None:
 
 
 def check_that_nothing_else_runs(system: System, epoch: str, starts: int) -> None:
-    """Let one more scene run through the new market, and count what has started there."""
+    """Run one more scene in the new market, and count the starts there."""
     system.say_server.holds = lambda _text: False
     system.say_server.finish()
     old_person(system, "s2")

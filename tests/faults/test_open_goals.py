@@ -23,7 +23,7 @@ pytestmark = pytest.mark.e2e
 
 LEO, MIRA = 4.5, 2.0
 KILLS = int(os.environ.get("BT_AGENTS_KILLS", "4"))
-"""How often a host is killed in the test that kills at random moments."""
+"""Number of kills of a host at random moments."""
 
 UNDER_WAY = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING)
 
@@ -31,7 +31,7 @@ UNDER_WAY = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus
 def two_hosts(
     system: System, tmp_path: Path, **parameters: float | str
 ) -> tuple[NodeProcess, NodeProcess, NodeProcess]:
-    """Start a market and two hosts with a file each; return them. A scene of age 5 is leo's."""
+    """Start a market and two hosts with a file each; return them. Leo suits a scene of age 5."""
     first = write_trees(tmp_path / "a", leo=(LEO, "say: leo speaks"))
     second = write_trees(tmp_path / "b", mira=(MIRA, "say: mira speaks"))
     market = system.market(first, collect_deadline=0.05, bid_deadline=5.0, **parameters)
@@ -144,7 +144,7 @@ def test_restarted_host_settles_open_goals_before_registering(
     before = heartbeat_probe.count
     host.start()
     system.until(lambda: system.statuses[-1].hosts == 2, "it is registered again")
-    # It beats while it waits.
+    # It publishes heartbeats while it waits.
     waited = heartbeat_probe.count - before
     assert waited <= 15 * BEATS_A_SECOND
     if server == "refuses":
@@ -163,7 +163,7 @@ def test_second_host_process_leaves_goals_of_first_alone(system: System, tmp_pat
 
 
 def drivers(system: System, tmp_path: Path) -> tuple[dict[str, NodeProcess], NodeProcess, Any]:
-    """Start two hosts whose agents drive the simulated robot; return all, and what it does."""
+    """Start two hosts whose agents drive the simulated robot; return all, and its acts."""
     folders = {}
     for name, agent, age in (("agents_a", "leo", LEO), ("agents_b", "mira", MIRA)):
         folders[name] = write_trees(tmp_path / name, **{agent: (age, f"drive: to {agent}")})
@@ -181,14 +181,14 @@ def drivers(system: System, tmp_path: Path) -> tuple[dict[str, NodeProcess], Nod
 
 
 def until_driving(system: System, pulses: Sequence[HeartbeatProbe], name: str, age: float) -> Run:
-    """Put a scene on the market until it has one; return the start of its run."""
+    """Send scenes to the market until it accepts one; return the start of its run."""
     begun, asked = len(system.started()), itertools.count()
     due = 0
 
     def started() -> bool:
         nonlocal due
         beats = sum(heartbeat_probe.count for heartbeat_probe in pulses)
-        # A market that has just been started may not be heard by the probe yet.
+        # The probe may not be matched with a new market yet.
         if beats >= due and system.statuses[-1].state == MarketStatus.IDLE:
             due = beats + 2 * BEATS_A_SECOND
             system.scene(f"{name}.{next(asked)}", age=age, familiarity=3, mood=3)
@@ -199,7 +199,7 @@ def until_driving(system: System, pulses: Sequence[HeartbeatProbe], name: str, a
 
 
 def until_idle(system: System, after: str) -> None:
-    """Wait for a market other than ``after`` that has both hosts and nothing to do."""
+    """Wait for a market other than ``after`` that has both hosts and is idle."""
 
     def idle() -> bool:
         last = system.statuses[-1]
@@ -215,7 +215,7 @@ def test_random_kills_never_cause_two_simultaneous_drives(system: System, tmp_pa
     hosts_of = {"leo": nodes["agents_a"], "mira": nodes["agents_b"]}
     for number in range(KILLS):
         run = until_driving(system, pulses, f"s{number}", luck.choice([5.0, 1.0]))
-        # From before the goal has reached the robot to near the end of the drive, which takes 3 s.
+        # From before the goal reaches the robot to near the end of the drive, which takes 3 s.
         system.ros.turns(luck.randrange(60))
         host, both = hosts_of[run.agent], luck.random() < 0.3
         host.kill()

@@ -19,7 +19,7 @@ ORDERS = (
     (OperateMarket.Request.UNPIN, "", ["mira"]),
     (OperateMarket.Request.ALLOW, "", []),
 )
-"""Order → who is pinned and who is vetoed after it."""
+"""Order → the pinned and the vetoed agent after it."""
 
 
 def test_acknowledged_pin_or_veto_survives_immediate_kill(system: System, tmp_path: Path) -> None:

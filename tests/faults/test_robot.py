@@ -24,7 +24,7 @@ def robot_and_host(
 ) -> NodeProcess:
     """Start a market, the simulated robot and a host with one agent; return the robot.
 
-    ``within`` the robot is heard again, and answers a goal that has waited for ``accept``.
+    The robot is lost after a silence of ``within``; it must accept a goal within ``accept``.
     """
     trees = write_trees(tmp_path / "a", leo=(4.0, tree))
     shutil.rmtree(trees / "skills")

@@ -30,7 +30,7 @@ def test_system_keeps_promises_under_random_kills_and_hangs(tmp_path: Path) -> N
         try:
             said, _ = process.communicate(timeout=HANG_S)
         except subprocess.TimeoutExpired:
-            # It ends what it has started; when killed it would leave that behind.
+            # It ends the processes that it has started; a kill would leave them behind.
             process.send_signal(signal.SIGINT)
             said, _ = process.communicate(timeout=END_S)
             pytest.fail(f"still running after {HANG_S} s; its output:\n{said}")

@@ -46,7 +46,7 @@ HANG = Fault(at=5.0, component="agents", kind="hung", over=7.0)
 
 
 def broken(*events: Event) -> dict[str, list[str]]:
-    """Return each promise that is broken, with how."""
+    """Return each broken promise, and how it was broken."""
     return {
         verdict.promise: [breach.text for breach in verdict.breaches]
         for verdict in check(events)
@@ -67,7 +67,7 @@ def served(fault: Fault, silence_s: float, *, overloaded: bool = False) -> Serve
 
 
 def life(grows_by: float = 0.0, seconds: int = 600, **others: int) -> list[Event]:
-    """Return the measurements of a process that grows by so many MB a minute."""
+    """Return the measurements of a process that grows by this many MB a minute."""
     return [
         Measured(
             at=float(at),

@@ -19,11 +19,11 @@ NOT_OPTIMIZED = [
     f"--config-setting=cmake.define.CMAKE_{language}_FLAGS_RELEASE=-O0"
     for language in ("C", "CXX")
 ]
-"""How fast the interfaces are is measured with those of the checkout."""
+"""The speed of the interfaces is measured with those of the checkout."""
 
 
 class Installation:
-    """One installed copy of the project, and its programs run in an empty folder."""
+    """One installed copy of the project, whose programs run in an empty folder."""
 
     def __init__(self, bin_folder: Path, prelude: str, empty: Path) -> None:
         self._bin = bin_folder
@@ -31,12 +31,12 @@ class Installation:
         self._empty = empty
 
     def run(self, command: str, *arguments: str) -> str:
-        """Return what a program of this installation prints; fail unless it ends well."""
+        """Return the output of a program of this installation; fail unless it succeeds."""
         script = f'{self._prelude} exec "$@"'
         return run(["bash", "-c", script, "-", command, *arguments], self._bin, self._empty)
 
     def python(self, code: str, *arguments: str) -> list[str]:
-        """Return the lines that a piece of Python prints."""
+        """Return the lines that some Python code prints."""
         return self.run("python", "-c", code, *arguments).splitlines()
 
     def data(self, package: str) -> set[str]:
@@ -57,7 +57,7 @@ def pyproject() -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the checkout without anything built or hidden."""
+    """A copy of the checkout without built or hidden files."""
     copy = tmp_path_factory.mktemp("source") / "bt agents"
     unwanted = shutil.ignore_patterns(".*", "__pycache__", "build", "install", "log", "dist")
     return shutil.copytree(ROOT, copy, ignore=unwanted)
@@ -65,7 +65,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def requirements(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An environment with what the project says that it needs to run, and nothing else."""
+    """An environment with only the project's declared dependencies."""
     folder = tmp_path_factory.mktemp("installed") / "environment"
     make_environment(folder)
     return folder
@@ -81,10 +81,10 @@ def tools(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def build(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
-    """Where both ways build, so that the C++ of the interfaces is compiled once.
+    """Folder of both builds, so that the C++ of the interfaces is compiled once.
 
     Raises:
-        FileExistsError: Another worker of this test run builds too.
+        FileExistsError: Another worker of this test run builds, too.
     """
     of_run = tmp_path_factory.getbasetemp()
     folder = (of_run if worker_id == "master" else of_run.parent) / "workspace"
@@ -94,7 +94,7 @@ def build(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
 
 @pytest.fixture(scope="session")
 def wheel(source: Path, tools: Path, build: Path) -> Path:
-    """The one wheel of the project."""
+    """The only wheel of the project."""
     shared = f"--config-setting=build-dir={build / 'build' / 'bt_agents_interfaces'}"
     command = [str(UV), "build", "--wheel", "--no-build-isolation", "--python", "python"]
     run([*command, shared, *NOT_OPTIMIZED, "--out-dir", "dist", str(source)], tools, build)
@@ -113,7 +113,7 @@ def installed(
 
 @pytest.fixture(scope="session")
 def install_space(wheel: Path, source: Path, tools: Path, build: Path) -> Path:
-    """What ``colcon build`` makes of the same sources, after the wheel: see ``build``."""
+    """Result of ``colcon build`` of the same sources, after the wheel: see ``build``."""
     cmake = [
         "-GNinja",
         f"-DCMAKE_PROJECT_TOP_LEVEL_INCLUDES={source / 'cmake' / 'ros_wheels.cmake'}",
@@ -128,16 +128,16 @@ def install_space(wheel: Path, source: Path, tools: Path, build: Path) -> Path:
 def sourced(
     install_space: Path, tools: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Installation:
-    """A shell with the install space of ``colcon build`` sourced."""
+    """A shell that has sourced the install space of ``colcon build``."""
     prelude = f'source "{install_space / "setup.bash"}";'
     return Installation(tools, prelude, tmp_path_factory.mktemp("empty"))
 
 
 def run(command: list[str], programs: Path, cwd: Path) -> str:
-    """Return what a command prints, with ``programs`` first on its path; fail unless it ends well.
+    """Return the output of a command, with ``programs`` first on its path; fail if it fails.
 
-    The environment of these tests runs on ROS wheels too, and would hand down its own paths; what
-    Python has compiled is kept, as it is for everybody else.
+    The environment of these tests runs on ROS wheels, too, and would pass on its own paths;
+    compiled Python files are kept, as for all users.
     """
     own = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH"}
     own |= {"PYTHONDONTWRITEBYTECODE", "PYTHONPATH"}

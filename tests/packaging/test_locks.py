@@ -29,7 +29,7 @@ def test_bootstrap_file_matches_lock():
 def test_environment_has_only_locked_versions(requirements: Path):
     lock = tomllib.loads((ROOT / "uv.lock").read_text())
     locked = {f"{one['name']}=={one['version']}" for one in lock["package"]}
-    # The ROS wheels bring the metadata of packages inside them, which no installer has written.
+    # The ROS wheels contain metadata of packages inside them, which no installer wrote.
     program = (
         "import re\n"
         "from importlib.metadata import distributions\n"

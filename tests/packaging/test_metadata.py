@@ -32,10 +32,10 @@ KEYS = {
     "yaml": ("python3-yaml", "pyyaml>=6.0"),
     "zstandard": ("", "zstandard>=0.20"),
 }
-"""What a module that is no ROS package is called by rosdep, if it knows it, and on PyPI."""
+"""Module outside ROS → its names for rosdep, if it has one, and on PyPI."""
 
 ROSDEP = Path(__file__).with_name("rosdep_keys.yaml")
-"""Keys of rosdistro for Jazzy that packages of a distribution answer, and ROS packages in it."""
+"""Keys of rosdistro for Jazzy that packages of a distribution satisfy, and ROS packages in it."""
 
 LAUNCH_FILES = sorted(
     path for package in PACKAGES for path in package.folder.rglob("*.launch.yaml")
@@ -123,7 +123,7 @@ def test_colcon_test_finds_the_tests_of_a_package(package: RosPackage, pyproject
     settings.read(package.folder / "setup.cfg", encoding="utf-8")
     own, everywhere = settings["tool:pytest"], pyproject["tool"]["pytest"]["ini_options"]
     (tests,) = own["testpaths"].split()
-    # What is in no node is tested with the nodes.
+    # Code outside nodes is tested with the nodes.
     assert Path(tests).name == {"bt_agents_ros": "ros"}.get(package.name, package.name)
     assert (package.folder / tests).is_dir()
     assert own["pythonpath"].split() == [f"../{path}" for path in everywhere["pythonpath"]]
@@ -255,7 +255,7 @@ def test_uninstalling_removes_nothing_from_checkout():
 
 
 def _exists(package: RosPackage, target: str) -> bool:
-    """Return whether a package has a module, or a function that a module defines."""
+    """Return whether a package has a module, or a function defined in a module."""
     module, _, function = target.partition(":")
     stem = module.replace(".", "/")
     (path,) = {Path(f"{stem}.py"), Path(f"{stem}/__init__.py")} & package.modules
@@ -269,7 +269,7 @@ def _imports(package: RosPackage) -> set[str]:
     found: set[str] = set()
     for module in package.modules:
         imported = _imports_of(package.folder / module)
-        # A plug-in for pytest is loaded by nobody else.
+        # Only pytest loads its plug-in.
         found |= imported - PYTEST if module.name == "pytest_plugin.py" else imported
     return found - sys.stdlib_module_names - {package.name}
 
@@ -282,5 +282,5 @@ def _imports_of(path: Path) -> set[str]:
 
 
 def test_colcon_ignores_interfaces_compiled_for_tests():
-    """Else colcon and rosdep would put them in the place of the real ones."""
+    """Otherwise colcon and rosdep would use them instead of the real ones."""
     assert (ROOT / "tests" / "interfaces" / "COLCON_IGNORE").exists()

@@ -57,7 +57,7 @@ INSTALLED = ["bootstrap", "venv", "sync", "export", "build", "pip"]
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """A checkout on a machine that has the given commands only."""
+    """A checkout on a machine with only the given commands."""
 
     checkout: Path
     commands: Path
@@ -94,7 +94,7 @@ class Machine:
         )
 
     def was_asked(self) -> list[str]:
-        """Return what Python and uv were asked to do since the last time."""
+        """Return the requests to Python and uv since the last call."""
         lines = self.asked.read_text(encoding="utf-8").split() if self.asked.exists() else []
         self.asked.unlink(missing_ok=True)
         return lines
@@ -120,7 +120,7 @@ def machine(source: Path, tmp_path: Path) -> Machine:
 
 
 def refusal(machine: Machine, **environment: str) -> str:
-    """Return the one sentence with which the demo refuses to start; nothing is left behind."""
+    """Return the one sentence with which the demo refuses to start; no files may remain."""
     done = machine.demo(**environment)
     assert done.returncode == 1
     assert done.stdout == ""

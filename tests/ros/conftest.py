@@ -20,14 +20,14 @@ from scripted_server import Script, ScriptedServer
 
 @pytest.fixture
 def ros() -> Iterator[Ros]:
-    """A fresh ROS context of this test."""
+    """A new ROS context for this test."""
     with fresh_graph() as graph:
         yield graph
 
 
 @pytest.fixture
 def market(ros: Ros) -> Market:
-    """A market, which is silent until a test has opened it."""
+    """A market, which is silent until a test opens it."""
     return Market(ros)
 
 
@@ -39,7 +39,7 @@ def mouth(ros: Ros) -> ScriptedServer:
 
 @pytest.fixture
 def stranger() -> Iterator[Any]:
-    """Node with a participant of its own; one participant has one type under each name."""
+    """Node with its own participant; a participant can have only one type under each name."""
     context = rclpy.Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("stranger", context=context)
@@ -50,7 +50,7 @@ def stranger() -> Iterator[Any]:
 
 @pytest.fixture
 def py_trees_ros(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The installed py_trees_ros, or a stand-in for what the examples need."""
+    """The installed py_trees_ros, or a stand-in with the parts that the examples need."""
     if importlib.util.find_spec("py_trees_ros") is None:
         monkeypatch.syspath_prepend(ROOT / "tests" / "harness" / "stand_ins")
     before = set(sys.modules)

@@ -25,13 +25,13 @@ from marketplace_node.external_ranking.openai_protocol import Endpoint
 from marketplace_node.node.selector import SelectorNode
 
 SPARED = {
-    # The market speaks to the action of a host by its services alone.
+    # The market uses only the services of a host's action.
     ("marketplace", "rt/agents/run/_action/feedback"),
     ("marketplace", "rt/agents/run/_action/status"),
-    # No shipped agent remembers anything of a person by itself.
+    # No shipped agent remembers facts about a person on its own.
     ("agents", "rq/scene_layer/rememberRequest"),
     ("agents", "rr/scene_layer/rememberReply"),
-    # A topic that a tree waits for is subscribed to when it does.
+    # A node subscribes to a topic only while a tree waits for it.
     ("agents", "rt/buttons/confirm"),
 }
 
@@ -41,7 +41,7 @@ NODES = frozenset((HOST, "marketplace", "scene_layer", "feedback", "robot"))
 
 
 def used_when_needed(node: str, topic: str) -> bool:
-    """Whether it is used only when a page or a watcher asks, or to cancel goals of a lost host."""
+    """Return whether it is used only for a page or watcher, or to cancel goals of a lost host."""
     if node == "agents":
         return "_streams/" in topic or topic.endswith("/snapshots")
     if node == "studio":
@@ -65,7 +65,7 @@ def used_by(node: Any, name: str) -> tuple[set[str], set[str]]:
 
 
 def allowed_by(rights: Rights) -> tuple[set[str], set[str]]:
-    """Return the DDS topics that may be written and read."""
+    """Return the DDS topics that a node may write and read."""
     full = {
         right: {f"/{one.removeprefix('/')}" for one in names} for right, names in rights.items()
     }
@@ -127,7 +127,7 @@ def test_access_table_lists_exactly_all_endpoints_of_nodes(ros: Any, tmp_path: P
         return found
 
     def other_forms() -> list[tuple[str, str, str]]:
-        """What the graph has in another type or QoS than the table."""
+        """Return endpoints whose type or QoS differs from the table."""
         types = dict(ros.node.get_service_names_and_types())
         found = [
             (one.server, "another type", one.name)

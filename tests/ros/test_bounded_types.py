@@ -32,7 +32,7 @@ pytestmark = pytest.mark.ros
 
 
 def kinds() -> Iterator[Any]:
-    """Each message, request, response and part of an action that we have made."""
+    """Each message, request, response and part of an action that we define."""
     yield from (kind for _, kind in inspect.getmembers(msg, inspect.isclass))
     for _, kind in inspect.getmembers(srv, lambda kind: hasattr(kind, "Request")):
         yield from (kind.Request, kind.Response)
@@ -53,7 +53,7 @@ def entry_of(slot: Any) -> Any:
 
 
 def taken(message: Any) -> Any:
-    """Return what a stand-in makes of a message."""
+    """Return a stand-in's conversion of a message."""
     return deserialize_message(serialize_message(message), bounded(type(message)))
 
 
@@ -99,7 +99,7 @@ def test_measured_size_matches_serialized_message(kind: Any) -> None:
 
     message = deserialize_message(serialize_message(kind()), bounded_by(kind, watched))
     assert message == kind()
-    # What is serialized is rounded up to four bytes.
+    # Serialization rounds up to four bytes.
     assert 0 <= len(serialize_message(kind())) - 4 - seen[0] < 4
 
 
@@ -150,7 +150,7 @@ def test_foreign_messages_in_lists_are_counted() -> None:
 
 
 class Speech:
-    """A server and a client of ``say``, and what comes of it."""
+    """A server and a client of ``say``, and their results."""
 
     def __init__(self, ros: Any, result: str = "", feedback: int = 0) -> None:
         self.said: list[str] = []

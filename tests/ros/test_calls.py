@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ros
 
 
 class Caller:
-    """Calls, and notes how each call has ended."""
+    """Makes calls, and records the outcome of each."""
 
     def __init__(self, ros: Any) -> None:
         self.calls = Calls(ros.node)
@@ -128,7 +128,7 @@ def test_raising_failure_callback_does_not_block_other_calls(ros: Any) -> None:
 
 
 def test_request_with_id_is_resent_until_answered(ros: Any) -> None:
-    """As after a kill: the graph shows the dead server, and the next one is not found yet."""
+    """As after a kill: the graph shows the dead server, and the next one is not discovered yet."""
     asked: list[str] = []
 
     async def answer(request: Any, response: Any) -> Any:

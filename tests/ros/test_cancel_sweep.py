@@ -48,10 +48,10 @@ TERMINAL = {
 
 
 class Sweep:
-    """A host, the server of its skill, and a market that cancels at a moment of its choice.
+    """A host, the server of its skill, and a market that cancels at a chosen moment.
 
     Attributes:
-        ends: Goal id → its terminal states so far, as the host's action tells them.
+        ends: Goal id → its terminal states so far, as reported by the host's action.
     """
 
     def __init__(self, ros: Any, tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ class Sweep:
                 self.ends[bytes(status.goal_info.goal_id.uuid)].add(status.status)
 
     def spin_until(self, moment: float) -> None:
-        """Turn until a moment of the steady clock [s]."""
+        """Spin until a moment on the steady clock [s]."""
         while (left := moment - time.monotonic()) > 0:
             self.ros.executor.spin_once(timeout_sec=left)
 
@@ -90,8 +90,8 @@ class Sweep:
 
         Args:
             after_ms: When to cancel it [ms]; ``AFTER_THE_END`` for when it is over.
-            since_goal: Counted from the moment when the server of its first leaf has the goal,
-                not from the moment when the run was asked for.
+            since_goal: Count from the moment when the server of its first leaf has the goal,
+                not from the moment when the run was requested.
         """
         ros = self.ros
         known = len(self.server.goals)
@@ -111,7 +111,7 @@ class Sweep:
         assert handle.accepted
         ros.until(answer.done)
         if answer.result().return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
-            # It came before the goal had been accepted; a market cancels again on acceptance.
+            # It came before the goal was accepted; a market cancels again after acceptance.
             assert not since_goal
             self.cancel(goal_id)
         end = handle.get_result_async()
@@ -125,7 +125,7 @@ class Sweep:
         return result.result
 
     def outcomes(self) -> list[str]:
-        """Return what has become of each goal of a leaf."""
+        """Return the outcome of each goal of a leaf."""
         return [goal.outcome for goal in self.server.goals]
 
 
@@ -174,7 +174,7 @@ def test_cancel_around_run_acceptance_ends_run_once(sweep: Sweep) -> None:
 
 @pytest.mark.parametrize(
     ("on_cancel", "every_ms"),
-    # A server that hangs is waited for each time.
+    # The host waits for a hanging server each time.
     [("ignores", 3), ("refuses", 3), ("hangs", 14)],
 )
 def test_goal_surviving_its_cancel_is_a_named_orphan(

@@ -28,7 +28,7 @@ READINGS = {"present": True, "age": 85.0, "visits": 10.0, "valence": 0.0}
 
 
 def named() -> list[str]:
-    """Return the files that the page names, those that are only asked included."""
+    """Return the files that the page names, including those that the steps ask."""
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     way = page.partition("## The way of one cycle")[2].partition("\nNot named")[0]
     lines = re.findall(r"^(?:\d+\.|-) (.*)", way, re.MULTILINE)
@@ -37,7 +37,7 @@ def named() -> list[str]:
 
 @contextmanager
 def entered() -> Iterator[set[str]]:
-    """Collect the files of the functions that are called."""
+    """Collect the files of all called functions."""
     found: set[str] = set()
     sys.setprofile(lambda frame, _event, _argument: found.add(frame.f_code.co_filename))
     try:
@@ -53,7 +53,7 @@ def test_cycle_passes_every_file_named_on_page(ros: Any, tmp_path: Path) -> None
     silent = Parameter("voice", value="off")
     robot = ros.add(RobotNode(parameter_overrides=[silent, Parameter("pace", value=10.0)]))
     system = System(ros, trees)
-    # Noting each call takes so long that heartbeats come late.
+    # Recording each call is so slow that heartbeats are late.
     for node, lease in (
         (system.market, "host_lease"),
         (system.host, "market_lease"),

@@ -28,7 +28,7 @@ REQUESTS = 30
 
 
 class Stranger:
-    """A participant of its own, with clients that come and go."""
+    """A separate participant, with clients that come and go."""
 
     def __init__(self, ros: Ros) -> None:
         self.ros = ros
@@ -39,14 +39,14 @@ class Stranger:
         self.executor.add_node(self.node)
 
     def client(self, kind: Any = GetParameters, name: str = ASKED) -> Any:
-        """Return a client that knows the service, as the service knows it."""
+        """Return a client matched with the service in both directions."""
         client = self.node.create_client(kind, name, qos_profile=SERVICE)
         self.ros.until(client.service_is_ready)
         self.ros.until(lambda: self.readers(name))
         return client
 
     def leave(self, client: Any) -> None:
-        """Destroy a client; return when the graph does not show it any more."""
+        """Destroy a client; return once the graph no longer shows it."""
         name = client.service_name
         before = len(self.readers(name))
         self.node.destroy_client(client)
@@ -56,12 +56,12 @@ class Stranger:
             self.executor.spin_once(0.01)
 
     def readers(self, name: str) -> list[Any]:
-        """Return who reads answers of a service, as the node that answers is shown."""
+        """Return the readers of a service's answers, as seen by the answering node."""
         topic = f"rr{name}Reply"
         return list(self.ros.node.get_subscriptions_info_by_topic(topic, no_mangle=True))
 
     def answer(self, future: Any) -> Any:
-        """Return an answer that comes."""
+        """Return an answer that arrives."""
 
         def has_come() -> bool:
             self.executor.spin_once(0)

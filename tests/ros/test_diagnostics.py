@@ -31,7 +31,7 @@ OK, WARN, ERROR, STALE = (
 
 
 class Monitor:
-    """What a monitor of diagnostics shows: the newest status of each part."""
+    """The view of a diagnostics monitor: the newest status of each part."""
 
     def __init__(self, ros: Any) -> None:
         self._ros = ros

@@ -53,7 +53,7 @@ skills:
 
 
 class Client:
-    """A program that knows the name of an agent, and nothing of a market."""
+    """A program that knows the name of an agent, but no market."""
 
     def __init__(self, ros: Any) -> None:
         self.ros = ros

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.ros
 
 
 class Teacher:
-    """A ``feedback/give`` service that answers as the test says."""
+    """A ``feedback/give`` service with answers of the test's choice."""
 
     def __init__(self, ros: Any, *, accepted: bool, message: str = "") -> None:
         self.requests: list[GiveFeedback.Request] = []

@@ -38,10 +38,10 @@ STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class SpunNode:
-    """A node and the executor that spin_times it.
+    """A node and the executor that spins it.
 
     Attributes:
-        errors: What callbacks have raised.
+        errors: Exceptions of callbacks.
     """
 
     def __init__(self, kind: type) -> None:
@@ -60,19 +60,19 @@ class SpunNode:
             self.errors.append(error)
 
     def until(self, condition: Callable[[], Any], timeout_s: float = 0.02) -> None:
-        """Spin until something holds."""
+        """Spin until a condition holds."""
         end = time.monotonic() + LIMIT_S
         while not condition():
             assert time.monotonic() < end, "it does not happen"
             self.spin_once(timeout_s)
 
     def spin_times(self, count: int = 30) -> None:
-        """Spin a few times, for things that must not happen."""
+        """Spin a few times, to check that something does not happen."""
         for _ in range(count):
             self.spin_once(0.005)
 
     def talk(self, heard: Callable[[Any], Any], **options: Any) -> Any:
-        """Return a publisher whose messages a callback of this node hears."""
+        """Return a publisher whose messages reach a callback of this node."""
         publisher = self.node.create_publisher(String, "words", qos.FACTS)
         self.node.create_subscription(String, "words", heard, qos.FACTS, **options)
         self.until(publisher.get_subscription_count)
@@ -178,7 +178,7 @@ def test_timer_runs_between_slow_topics(spun: SpunNode) -> None:
     spun.timer(lambda: ticks.append(len(heard)), 0.05)
     for publisher in publishers:
         publisher.publish(String())
-    time.sleep(0.2)  # all of them are there before the next wait
+    time.sleep(0.2)  # all of them exist before the next wait
     spun.until(lambda: len(heard) == len(topics))
     spun.until(lambda: ticks[-1] == len(topics))
     assert set(range(2, len(topics))) <= set(ticks)
@@ -218,7 +218,7 @@ def test_timer_stopped_by_earlier_callback_is_not_called(spun: SpunNode) -> None
             timer.cancel()
 
     timers += [spun.timer(lambda: call(0)), spun.timer(lambda: call(1))]
-    time.sleep(0.02)  # both are due when the first is looked at
+    time.sleep(0.02)  # both are due when the first is checked
     spun.spin_times()
     assert len(called) == 1
     timers[1 - called[0]].reset()
@@ -566,7 +566,7 @@ def test_polled_group_messages_do_not_wake_executor(spun: SpunNode) -> None:
 def test_polled_group_empties_its_queue_at_once(
     spun: SpunNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # A busy machine takes longer than the product allows, which leaves the rest to the next poll.
+    # A busy machine takes longer than the product allows, and leaves the rest to the next poll.
     monkeypatch.setattr(cached_executor, "_POLLED_S", LIMIT_S)
     heard: list[str] = []
     publisher = spun.talk(lambda m: heard.append(m.data), callback_group=PolledGroup())

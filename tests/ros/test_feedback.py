@@ -69,7 +69,7 @@ def scene(mood: float, scene_id: str = "s1") -> SceneMsg:
 
 
 class FakeHost:
-    """Introduces two agents and takes what it is told."""
+    """Introduces two agents and accepts new profiles."""
 
     def __init__(self, ros: Any, *, answers: bool = True) -> None:
         self.agents = {"guide": [4.0, 1.5, 3.0], "express": [2.0, 4.5, 3.0]}
@@ -113,7 +113,7 @@ class FakeHost:
 
 
 class Scenario:
-    """The node under test with everything around it faked by the probe node."""
+    """The node under test; the probe node fakes everything around it."""
 
     def __init__(
         self,
@@ -189,7 +189,7 @@ class Scenario:
 
 @pytest.fixture
 def ledger() -> Iterator[Ledger]:
-    """A ledger; asked for before ``ros``, it is closed after the node that writes to it."""
+    """A ledger; requested before ``ros``, so it is closed after the node that writes to it."""
     with Ledger(":memory:") as ledger:
         yield ledger
 
@@ -518,7 +518,7 @@ def test_restarted_node_restores_learned_profiles(ros, tmp_path):
         room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
         ros.remove(room.node)
     with Ledger(path) as ledger:
-        # The latched card is still there, so nobody has to introduce anybody.
+        # The latched card is still there, so no host must introduce itself again.
         room.node = ros.add(active_feedback(SPACE, ledger))
         ros.until(lambda: len(room.host.told) == 2)
         ros.until(lambda: room.table()["guide"] == (1, [4.5, 3.25, 4.0]))
@@ -614,7 +614,7 @@ def test_concurrent_feedback_requests_are_answered_in_order(scenario):
     assert [one.revision for one in room.host.told] == [1, 2, 3, 4, 5]
 
 
-# --- feedback that was kept while the node was away -----------------------------------------
+# --- feedback that waited for the node -----------------------------------------------------
 
 
 def test_kept_feedback_waits_for_its_agents_card(scenario):

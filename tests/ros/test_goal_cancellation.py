@@ -31,7 +31,7 @@ LONG_S, SHORT_S = 30.0, 0.6
 
 
 class Client:
-    """Sends goals, and cancels those of others by their ids alone."""
+    """Sends goals, and cancels those of others only by their ids."""
 
     def __init__(self, ros: Any) -> None:
         self.ros = ros
@@ -56,7 +56,7 @@ class Client:
         return OpenGoal(path="tree", action="/say", goal_id=bytes(handle.goal_id.uuid))
 
     def cancel(self, *goals: OpenGoal, within_s: float = LONG_S) -> tuple[OpenGoal, ...]:
-        """Cancel goals; return those that are not confirmed."""
+        """Cancel goals; return those without a confirmed end."""
         self.canceller.cancel(goals, within_s=within_s, on_end=self.ends.append)
         self.ros.until(lambda: self.ends)
         [unconfirmed] = self.ends

@@ -48,7 +48,7 @@ BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_
 
 
 class Host:
-    """A environment and how often it has woken its tree."""
+    """An environment, and how often it has woken its tree."""
 
     def __init__(self, ros: Any, run: RunKey | None = None, slowness: float = 1.0) -> None:
         self.woken = 0
@@ -73,7 +73,7 @@ class Host:
         return self.node.get_publishers_info_by_topic("/say/_action/status")
 
     def prepare(self, tree: str) -> None:
-        """Make ahead what the one node of a tree needs."""
+        """Prepare the only node of a tree."""
         self.environment.prepare(agent(tree).tree)
 
     def send(self, goal: SkillGoal = SAY, **changes: Any) -> GoalRun:
@@ -82,7 +82,7 @@ class Host:
         return self.environment.send(replace(goal, **changes))
 
     def accepted(self, goal: SkillGoal = SAY, **changes: Any) -> GoalRun:
-        """Send a goal and wait until it is under way."""
+        """Send a goal and wait until it is accepted."""
         run = self.send(goal, **changes)
         self._ros.until(lambda: run.state is GoalState.ACTIVE)
         return run
@@ -97,7 +97,7 @@ def host(ros: Any) -> Iterator[Host]:
 
 
 def news(ros: Any, host: Host, run: GoalRun) -> GoalState:
-    """Turn until the tree is woken by the last goal; return where the goal is then."""
+    """Spin until the last goal wakes the tree; return the state of the goal."""
     ros.until(lambda: host.woken > host.seen)
     host.seen = host.woken
     return run.state
@@ -149,7 +149,7 @@ def test_rejection_abort_and_foreign_cancel_differ(ros: Any, host: Host) -> None
     run = host.accepted()
     ros.until(lambda: len(server.goals) == 3)
     server.goals[2].stop()
-    # Nobody asked for it, so the server cannot call it cancelled.
+    # There was no cancel request, so the server cannot report it as cancelled.
     assert news(ros, host, run) in (GoalState.ABORTED, GoalState.CANCELLED)
 
 
@@ -300,7 +300,7 @@ def test_duplicate_servers_are_told_before_first_goal(
 def test_unstoppable_server_leaves_goal_unconfirmed(ros: Any, host: Host, on_cancel: str) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel=on_cancel))
     run = host.accepted()
-    ros.turns()  # the server has taken the request for the result
+    ros.turns()  # the server has received the request for the result
     run.cancel()
     ros.until(lambda: server.goals[0].cancels == 1)
     ros.turns()
@@ -368,7 +368,7 @@ def test_feedback_wakes_tree_only_when_leaf_uses_it(ros: Any, host: Host) -> Non
 
 
 def hostile_run(ros: Any, host: Host, characters: int) -> Any:
-    """Return the end of a goal whose server answers with texts that are so long."""
+    """Return the end of a goal whose server answers with texts of this length."""
     script = Script(
         finish_s=0.2,
         result={"answer": "x" * characters, "message": "\t\x01" * 10_000},

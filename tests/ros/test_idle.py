@@ -29,7 +29,7 @@ tree: {say: hello}
 
 
 def rings(node: Node) -> float:
-    """Return how often all timers of a node ring together [1/s]."""
+    """Return the rate of all timers of a node together [1/s]."""
     return sum(1e9 / timer.timer_period_ns for timer in node.timers if not timer.is_canceled())
 
 

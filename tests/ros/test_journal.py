@@ -59,14 +59,14 @@ class JournalHarness:
         self._round = 0
 
     def record(self) -> JournalNode:
-        """Start a journal; return it when it receives the host's topics and has its texts."""
+        """Start a journal; return it once it receives the host's topics and has its texts."""
         journal: JournalNode = self.ros.add(JournalNode(self.files, today=lambda: self.today))
         self.ros.until(self.host._runs._status.get_subscription_count)
         self.ros.until(lambda: "/agents/files" in journal.journal._facts)
         return journal
 
     def run(self, agent: str) -> Any:
-        """Run an agent to its end; return how it ended."""
+        """Run an agent to its end; return the outcome."""
         self._round += 1
         goal = self.market.goal(self.host, agent, round=self._round)
         return self.market.result(self.market.send(goal)).result
@@ -174,7 +174,7 @@ def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> Non
         assert channel.message_encoding == "cdr"
         assert summary.schemas[channel.schema_id].data
         [offered[channel.topic]] = yaml.safe_load(channel.metadata["offered_qos_profiles"])
-    # Numbers of rmw, which rosbag2 of every version reads.
+    # Numbers of rmw, which every version of rosbag2 reads.
     for profile in offered.values():
         assert profile["history"] in (1, 2)
         assert profile["reliability"] in (1, 2)
@@ -184,7 +184,7 @@ def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> Non
         assert profile["avoid_ros_namespace_conventions"] is False
         for time in ("deadline", "lifespan", "liveliness_lease_duration"):
             assert profile[time] == {"sec": 9223372036, "nsec": 854775807}
-    # Latched, as whoever comes later in a playback needs it.
+    # Latched, because late subscribers of a playback need it.
     trees = offered["/agents/trees"]
     assert (trees["history"], trees["reliability"], trees["durability"]) == (1, 1, 1)
 

@@ -42,7 +42,7 @@ tree: {{check: profile.age <= 2}}
 
 
 class Street:
-    """Market, feedback node and one host with two agents, one of age 3 and one of age 2.75."""
+    """Market, feedback node and one host with two agents, of ages 3 and 2.75."""
 
     def __init__(self, ros: Any, tmp_path: Path, head: str = "") -> None:
         trees = tmp_path / "trees"
@@ -79,7 +79,7 @@ class Street:
         return scene_to_msg(replace(plain, person_id=person, place=place))
 
     def winner(self, person: str = "", place: str = "") -> tuple[str, int]:
-        """Have a scene awarded; return who runs, and how the run ends."""
+        """Have a scene awarded; return the agent that runs, and the outcome of the run."""
         asked = self.scene(person, place)
         self.scenes.publish(asked)
         self.ros.until(
@@ -102,13 +102,13 @@ class Street:
         return self.ros.call(client, ManageProfiles.Request(action=action, **fields))
 
     def layers(self) -> set[str]:
-        """Return the layers that the host bids with."""
+        """Return the layers in the bids of the host."""
         return set(self.host.registry.members["ann"].layers)
 
 
 @pytest.fixture
 def ledgers() -> Iterator[ExitStack]:
-    """Ledgers; asked for before ``ros``, they are closed after the nodes that write to them."""
+    """Ledgers; requested before ``ros``, so they are closed after the nodes that write to them."""
     with ExitStack() as ledgers:
         yield ledgers
 
@@ -135,7 +135,7 @@ def test_feedback_counts_fully_for_person_partly_for_others(street: Street) -> N
     assert (answer.feedback.layer, answer.feedback.weight) == (ANNA, 1.0)
     street.ros.until(lambda: len(street.changes) == 2)
     assert [(one.layer, one.weight) for one in street.changes] == [(ANNA, 1.0), ("", 0.25)]
-    # Her tree sees the profile that it was awarded for.
+    # Her tree sees the profile of its bid.
     assert street.winner("anna") == ("ann", Run.SUCCEEDED)
     assert street.winner() == ("ann", Run.FAILED)
     street.teach("anna", age=5.0)
@@ -241,7 +241,7 @@ def test_card_is_stored_once_disk_has_space_again(street: Street, ros: Any) -> N
         codes.append(ros.call(client, request).code)
     assert codes[-1] == "STORAGE_FULL"
     revision = street.ledger.current("ann").revision
-    # Agents that are new meanwhile cannot be entered, and are as soon as there is room.
+    # Agents that are new meanwhile are added as soon as there is room.
     street.host.registry.members["ann"].spec = replace(
         street.host.registry.members["ann"].spec, profile=(1.0, 1.0, 1.0)
     )

@@ -49,7 +49,7 @@ NODES: dict[str, Callable[[], ManagedNode[Any]]] = {
 
 
 class Manager:
-    """Lifecycle manager of one node, which knows it by its services alone."""
+    """Lifecycle manager of one node, which uses only its services."""
 
     def __init__(self, ros: Ros, name: str) -> None:
         self.ros = ros
@@ -84,7 +84,7 @@ class Manager:
 
 
 def endpoints(node: Node) -> dict[str, int]:
-    """Return how many endpoints, timers and parameters a node has."""
+    """Return the numbers of endpoints, timers and parameters of a node."""
     kinds = ("publishers", "subscriptions", "services", "clients", "timers", "waitables")
     counts = {kind: len(list(getattr(node, kind))) for kind in kinds}
     return {**counts, "parameters": len(node.list_parameters([], 0).names)}

@@ -62,7 +62,7 @@ def size_text(size: int) -> str:
 
 
 def documented() -> Iterator[tuple[str, str]]:
-    """Return what stands in the table of the documentation, row by row."""
+    """Return the table of the documentation, row by row."""
     yield "any other message, and any other request", size_text(limits.MESSAGE_BYTES)
     yield from ((f"`{name}`", size_text(size)) for name, size in limits.BYTES_OF.items())
     yield "a message or an answer of another package", size_text(limits.FOREIGN_BYTES)
@@ -86,11 +86,11 @@ def test_documented_limits_match_code() -> None:
 
 
 class Source:
-    """What messages come from."""
+    """A source of messages."""
 
 
 def own_types() -> Iterator[Any]:
-    """Each type that may be serialized or requested, with those nested in them."""
+    """Each type that may be serialized or requested, with the types nested in them."""
     yield from (kind for _, kind in inspect.getmembers(msg, inspect.isclass))
     for _, kind in inspect.getmembers(srv, lambda kind: hasattr(kind, "Request")):
         yield kind.Request

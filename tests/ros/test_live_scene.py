@@ -47,7 +47,7 @@ MOOD = SourceSpec(
 
 
 class Host:
-    """What a host has for the live scene, and a scene layer that the test plays."""
+    """The parts of a host for the live scene, and a scene layer played by the test."""
 
     def __init__(self, ros: Any) -> None:
         self.ros = ros
@@ -133,7 +133,7 @@ def test_running_scene_layer_keeps_live_scene_fresh(ros):
     assert not any(stale)
     ros.remove(layer)
     ros.until(lambda: now().stale_s)
-    # The run is still in the history of its topic, so that a new one finds it.
+    # The history of its topic still has the run, so a new subscriber receives it.
     ros.add(active_scene_layer(SceneSpec(space=SPACE, sources=(), person=None)))
     ros.until(lambda: not now().stale_s)
 
@@ -143,7 +143,7 @@ def test_running_scene_layer_keeps_live_scene_fresh(ros):
 
 @contextmanager
 def flood(ros: Any, publish: Callable[[int], None]) -> Iterator[list[int]]:
-    """Publish a thousand times a second in a thread; the list has the number so far."""
+    """Publish a thousand times a second in a thread; the list holds the number so far."""
     sent = [0]
     stop = threading.Event()
 
@@ -166,7 +166,7 @@ def flood(ros: Any, publish: Callable[[int], None]) -> Iterator[list[int]]:
 
 
 class Learning:
-    """The feedback node with one agent that runs, and whose rules are watched."""
+    """The feedback node with one running agent, whose rules are evaluated."""
 
     def __init__(self, ros: Any, ledger: Ledger, *rules: MoodRule) -> None:
         self.ros = ros
@@ -215,7 +215,7 @@ class Learning:
 
 @pytest.fixture
 def ledger() -> Iterator[Ledger]:
-    """A ledger; asked for before ``ros``, it is closed after the node that writes to it."""
+    """A ledger; requested before ``ros``, so it is closed after the node that writes to it."""
     with Ledger(":memory:") as ledger:
         yield ledger
 
@@ -238,7 +238,7 @@ def test_feedback_is_accepted_during_flood_of_live_scenes(ledger, ros):
     assert [answer.accepted for answer in answers] == [True] * 10
     assert ledger.current("mira").revision == 10
     assert max(took) < 10.0
-    # One look a tick, however many scenes there were.
+    # One evaluation per tick, however many scenes arrived.
     assert room.looks
     assert len(room.looks) <= passed / 0.025 + 5
     assert room.cancels == []
@@ -257,7 +257,7 @@ def test_rules_are_evaluated_only_on_scenes_and_deadlines(ledger, ros):
     assert room.looks == [1.0]
     fired = [lessons for lessons in passed if lessons]
     assert len(fired) == 1
-    # A timer may ring a little early, and is set again.
+    # A timer may fire a little early, and is set again.
     assert len(passed) <= 3
 
 

@@ -34,7 +34,7 @@ tree: {{wait: "{wait}"}}
 
 
 class Street:
-    """A market and a host on one executor, and what they say; scenes come at once or in turn."""
+    """A market and a host on one executor, and their messages; scenes come at once or in turn."""
 
     def __init__(self, ros: Any, folder: Path, wait: str, **parameters: Any) -> None:
         self.ros = ros

@@ -399,7 +399,7 @@ def test_challenge_with_silent_host_ends_at_deadline(ros: Any) -> None:
 
 
 def earlier_run(harness: MarketNodeHarness, host: FakeHost, cause: int) -> Run:
-    """Return a run that an earlier market has not heard the end of."""
+    """Return a run whose end an earlier market has not received."""
     return Run(
         header=header_at(harness.market.get_clock().now().to_msg()),
         epoch="earlier",
@@ -472,7 +472,7 @@ def test_stalled_host_finds_cancel_together_with_goal(ros: Any) -> None:
 def test_missed_feedback_collection_waits_for_feedback_node(ros: Any) -> None:
     harness = MarketNodeHarness(
         ros, collect_deadline=600.0
-    )  # it is known to be away, so nobody waits
+    )  # it is known to be away, so the market does not wait for it
     host = harness.host()
     harness.scene()
     harness.until_event(Run.STARTED)

@@ -54,7 +54,7 @@ def messages(kind: Any) -> st.SearchStrategy[Any]:
 
 
 def shared(one: Any, other: Any) -> list[str]:
-    """Return the fields whose value both have, though it can be changed."""
+    """Return the fields that share one mutable value."""
     found = []
     for name in one.get_fields_and_field_types():
         first, second = getattr(one, name), getattr(other, name)

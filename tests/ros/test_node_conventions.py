@@ -29,7 +29,7 @@ pytestmark = pytest.mark.ros
 
 
 OWN_TYPES = sorted({one.type for one in TOPICS if one.type.startswith("bt_agents_interfaces/")})
-"""Types of the messages that have a topic of their own."""
+"""Types of messages with a topic of their own."""
 
 
 def node_with(ros: Any, **overrides: Any) -> BaseNode:
@@ -169,7 +169,7 @@ def test_number_of_logger_names_is_limited(ros: Any) -> None:
 
 
 def set_levels(ros: Any, **levels: int) -> list[str]:
-    """Ask the node ``levelled``; return the reason of each refusal, empty for what is set."""
+    """Call the node ``levelled``; return the reason of each refusal, empty for a set level."""
     client = ros.node.create_client(
         SetLoggerLevels, "levelled/set_logger_levels", qos_profile=qos.SERVICE
     )

@@ -26,7 +26,7 @@ LIMIT_S = 60.0
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[ProcessPoolExecutor]:
-    """A process in which endpoints ignore each other, once the first case has run in it."""
+    """A process in which endpoints ignore each other, from the first case on."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as made:
         yield made
 

@@ -62,7 +62,7 @@ class OperatorClient:
         return self.ros.call(self.setting, request).result
 
     def play(self, scene_id: str) -> Auction:
-        """Have a scene played to its end; return the decision."""
+        """Play a scene to its end; return the decision."""
         started = len([run for run in self.harness.runs if run.event == Run.STARTED])
         self.harness.scene(scene_id)
         self.harness.until_event(Run.STARTED, count=started + 1)

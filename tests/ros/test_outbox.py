@@ -25,7 +25,7 @@ pytestmark = pytest.mark.ros
 
 
 class Server:
-    """A server of feedback in a node of its own, which answers as it is told to."""
+    """A feedback server in a node of its own, with answers of the test's choice."""
 
     def __init__(self, ros: Any, answers: Callable[[int], str] = lambda _: "accept") -> None:
         self.heard: list[GiveFeedback.Request] = []
@@ -59,7 +59,7 @@ _NUMBERS = itertools.count()
 
 
 class Sender:
-    """An outbox and what came back."""
+    """An outbox and the answers to it."""
 
     def __init__(self, ros: Any, **limits: Any) -> None:
         self.answers: list[tuple[str, Any]] = []
@@ -176,7 +176,7 @@ def test_thousand_kept_requests_arrive_once_and_in_order(ros):
 
 
 class Host:
-    """What a host has for its trees' feedback."""
+    """The parts of a host for its trees' feedback."""
 
     def __init__(self, ros: Any) -> None:
         self.wakes = 0

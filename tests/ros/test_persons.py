@@ -95,7 +95,7 @@ def face(person: str, **fields: Any) -> Face:
 
 
 class Layer:
-    """A scene layer, and what is around it."""
+    """A scene layer and its sensors."""
 
     def __init__(self, ros: Any, text: str = FACES, memory: Path | None = None) -> None:
         self.ros = ros
@@ -139,7 +139,7 @@ class Layer:
         return self.scenes[-1]
 
     def shown(self) -> str:
-        """Return who is shown, the addressee with a star."""
+        """Return the shown persons, the addressee with a star."""
         if not self.persons:
             return ""
         last = self.persons[-1]
@@ -366,7 +366,7 @@ persons:
 
 
 def tracked_by(ros, type_name: str, field: str, *messages: Any) -> list[tuple[str, ...]]:
-    """Return who is shown after each of some messages."""
+    """Return the shown persons after each of some messages."""
     text = NUMBERED.format(type=type_name, field=field)
     layer = active_scene_layer(read_scene_text(text, "scene.yaml", InstalledInterfaces()))
     ros.add(layer)

@@ -40,7 +40,7 @@ def block(language: str) -> str:
 
 @pytest.fixture(autouse=True)
 def package(py_trees_ros: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The package of the page, installed as pip would leave it."""
+    """The package of the page, as installed by pip."""
     place = tmp_path / "installed"
     info = place / "their_nodes-1.0.dist-info"
     info.mkdir(parents=True)
@@ -59,7 +59,7 @@ def package(py_trees_ros: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 class PluginHarness:
-    """A host with one agent, which a market has run."""
+    """A host with one agent, whose run a market has started."""
 
     def __init__(self, ros: Any, tmp_path: Path, tree: str) -> None:
         self.ros = ros
@@ -72,7 +72,7 @@ class PluginHarness:
         self.handle: Any = None
 
     def count(self) -> tuple[int, int]:
-        """Return how many subscriptions, and how many waitables the host has."""
+        """Return the numbers of the host's subscriptions and waitables."""
         return len(list(self.host.subscriptions)), len(list(self.host.waitables))
 
     def begin(self, round_number: int = 1) -> None:
@@ -82,7 +82,7 @@ class PluginHarness:
         return self.market.result(self.handle).result
 
     def publish(self, kind: Any, topic: str, data: Any) -> None:
-        """Publish when the behaviour has subscribed."""
+        """Publish once the behaviour has subscribed."""
         publisher = self.ros.node.create_publisher(kind, topic, 10)
         self.ros.until(publisher.get_subscription_count)
         publisher.publish(kind(data=data))
@@ -98,7 +98,7 @@ def test_example_package_passes_its_tests() -> None:
     ended = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", "/dev/null", "."],
         cwd=EXAMPLE,
-        # With py_trees_ros, or its stand-in, as this process has it.
+        # With the py_trees_ros of this process, or its stand-in.
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(EXAMPLE), *sys.path])},
         capture_output=True,
         text=True,
@@ -113,7 +113,7 @@ def test_documented_example_runs(ros: Any, tmp_path: Path) -> None:
     said = ScriptedServer(ros)
     harness = PluginHarness(ros, tmp_path, block("yaml"))
     logged = ros.collect(Log, "/rosout", qos.FACTS)
-    # Other tests in this process may have been ended in the middle of a run.
+    # Other tests in this process may have ended in the middle of a run.
     before = set(py_trees.blackboard.Blackboard.keys())
     for number in (1, 2):
         harness.begin(number)

@@ -45,12 +45,12 @@ CLEANS_UP = "on_cancel: {log: cleaned up}\n"
 
 @pytest.fixture(autouse=True)
 def often_polled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have a host poll its folder so often that no test waits for it."""
+    """Let hosts poll their folders so often that no test waits for it."""
     monkeypatch.setattr("bt_agents.host.reload.reload_service.PERIOD_S", 0.05)
 
 
 class AgeMarket(Market):
-    """A market whose scenes have an age only."""
+    """A market whose scenes have only an age."""
 
     @property
     def registered(self) -> list[list[str]]:
@@ -72,7 +72,7 @@ class AgeMarket(Market):
 
 
 class Host:
-    """A host with some agents, and what it says."""
+    """A host with some agents, and its messages."""
 
     def __init__(self, ros: Any, path: Path, **agents: str) -> None:
         self.ros = ros
@@ -99,11 +99,11 @@ class Host:
         return self.ros.call(client, kind.Request(**fields))
 
     def said(self, name: str) -> str:
-        """Return what the tree of an agent says."""
+        """Return the text that an agent's tree says."""
         return str(self.node.registry.members[name].spec.tree.fields["text"].value)
 
     def says_on(self) -> set[str]:
-        """Return the topics for words that its node publishes."""
+        """Return the topics for texts that its node publishes."""
         names = {publisher.topic_name for publisher in self.node.publishers}
         return {name for name in names if name.startswith("/say")}
 
@@ -433,7 +433,7 @@ def test_heartbeats_continue_while_many_agents_reload(ros: Any, tmp_path: Path) 
     ros.until(lambda: all(one.version == 2 for one in host.cards[-1].agents), 90.0)
     took = time.monotonic() - begin
     gaps = [after - before for before, after in pairwise(beats)]
-    # Of computing: the probe is in the same process, which others may keep from the cores.
+    # CPU time: the probe is in the same process, and other processes may use the cores.
     print(f"{many} agents again in {took:.1f} s, longest gap {max(gaps):.3f} s")
     assert max(gaps) < Settings().host_lease_s
 

@@ -240,7 +240,7 @@ def test_robot_drives_to_one_place_at_a_time(ros):
 
 
 class Caller:
-    """A host as the robot hears it: what it has open, and its heartbeat."""
+    """A host as seen by the robot: its open goals and its heartbeat."""
 
     def __init__(self, ros: Any) -> None:
         self.lists = ros.node.create_publisher(OpenGoals, "bt_agents/open_goals", qos.FACT)
@@ -251,7 +251,7 @@ class Caller:
         self.beats.publish(Heartbeat(host="/agents", host_instance="first"))
 
     def open(self, *handles: Any, instance: str = "first") -> None:
-        """Say which goals are open."""
+        """Publish the open goals."""
         goals = [OpenGoal(action="/drive", goal_id=one.goal_id.uuid) for one in handles]
         self.lists.publish(
             OpenGoals(
@@ -282,7 +282,7 @@ def test_drive_is_aborted_when_its_host_disappears(ros, end):
 
 
 class PersonPage:
-    """A page Person as the robot hears it from a studio; closed at first."""
+    """A page Person, whose heartbeat a studio would send; closed at first."""
 
     def __init__(self, ros: Any) -> None:
         topic = "studio/person/heartbeat"
@@ -306,7 +306,7 @@ SHOWN = (
     ("say", {"text": "A long story."}),
     ("show", {"clip": "first_time"}),
 )
-"""What a page Person shows."""
+"""Acts that a page Person shows."""
 
 
 def test_closed_page_ends_what_it_shows(ros):

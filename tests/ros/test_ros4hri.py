@@ -57,7 +57,7 @@ def prefix() -> Iterator[Path]:
 
 @pytest.fixture
 def types(prefix: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The actions of the robot, installed for as long as the test takes."""
+    """The actions of the robot, installed for the duration of the test."""
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
     from py_trees_ros_interfaces import action
 
@@ -65,7 +65,7 @@ def types(prefix: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def shipped(path: Path, types: dict[str, str]) -> str:
-    """Return a shipped file with types that are installed in place of those it names."""
+    """Return a shipped file with installed types instead of those that it names."""
     text = path.read_text(encoding="utf-8")
     for name, installed in types.items():
         assert name in text or types is COMPILED
@@ -97,7 +97,7 @@ class Site:
             ros.node.create_publisher(type(message), name, qos.FACT).publish(message)
 
     def sees(self, tracked: list[str], level: int, word: str) -> None:
-        """Publish this from now on, as the nodes of ROS4HRI do at each of their turns."""
+        """Publish this from now on, as periodically as the nodes of ROS4HRI."""
         for topic, message in (
             ("persons/tracked", PersonIds(ids=tracked)),
             ("persons/anna/engagement_status", EngagementLevel(level=level)),
@@ -125,7 +125,7 @@ class Site:
         return float(value)
 
     def begin(self) -> None:
-        """Have anna engaged and happy, and trigger a scene."""
+        """Make anna engaged and happy, and trigger a scene."""
         self.sees(["anna"], EngagementLevel.ENGAGED, "happy")
         self.until(lambda: self.mood(self.scene()) > 4.0)
         self.ros.until(self._trigger.get_subscription_count)

@@ -47,7 +47,7 @@ FILLED = agent("filled", "sequence: [{set: {name: Anna}}, {say: 'Hello ${name}',
 
 
 class Host:
-    """A host under control, and what it publishes about that."""
+    """A host with run control, and its messages about that."""
 
     def __init__(self, ros: Any, market: Market, node: HostNode) -> None:
         self.ros, self.market, self.node = ros, market, node
@@ -164,7 +164,7 @@ def test_paused_run_still_hears_cancel_and_cleans_up(
     ros.until(lambda: mouth.goals)
     host.done(PAUSE)
     before = len(beats)
-    # Longer than the lease of the market, and than that of the host.
+    # Longer than the leases of the market and of the host.
     ros.until(lambda: len(beats) - before > 12)
     assert beats[-1].tip_name == 'say "one"'
     handle.cancel_goal_async()
@@ -188,7 +188,7 @@ def test_step_advances_paused_tree_clock_by_one_period(
     while host.node._runs.run is not None and host.node._runs.run.result is None:
         host.done(STEP)
         steps += 1
-    # The first begins the wait of ten periods, which may fall short of it by a rounding.
+    # The first begins the wait of ten periods, which rounding may shorten.
     assert steps in (11, 12)
     answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED

@@ -64,14 +64,14 @@ def set_parameter(node: Any, name: str, value: Any) -> None:
 
 
 def assert_undisturbed(market: Market, handle: Any, goal: Any) -> None:
-    """Nobody has cancelled what a run does; it succeeds when that has ended."""
+    """Check that nothing has cancelled a run; it succeeds when its leaf has ended."""
     assert goal.cancels == 0
     goal.finish()
     assert market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
 
 
 def running(ros: Any, host: HostNode) -> Any:
-    """Return the run of a host as soon as there is one."""
+    """Return the run of a host as soon as it exists."""
     ros.until(lambda: host._runs.run)
     return host._runs.run
 
@@ -85,7 +85,7 @@ def test_goal_result_triggers_tick_at_any_tick_rate(
     mouth.goals[0].finish()
     answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
-    # Without a tick for the result there would be one a second.
+    # Without a tick for the result, there would be one a second.
     assert answer.result.duration_s < 0.9
     assert answer.result.ticks <= 5
 
@@ -171,7 +171,7 @@ def test_message_flood_delays_neither_ticks_nor_heartbeats(
     pouring.cancel()
     answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
-    # Of 1,000 messages a second each would be a tick, without a rest of 2 ms.
+    # Each of 1,000 messages a second would cause a tick without a pause of 2 ms.
     assert 0 < extra < 500 * took_s
 
 
@@ -185,7 +185,7 @@ def test_stalled_host_does_not_catch_up_missed_ticks(
     before, began = run.ticks, time.monotonic()
     ros.until(lambda: run.ticks > before)
     ros.turns(NOT_ONCE_MORE)
-    # Forty have been missed.
+    # Forty were missed.
     assert run.ticks - before <= (time.monotonic() - began) * 100.0 + 2
     handle.cancel_goal_async()
     market.result(handle)
@@ -198,7 +198,7 @@ def test_stalled_host_waits_for_market_before_ticking(
     ros.until(lambda: mouth.goals)
     mouth.goals[0].finish()
     time.sleep(0.7)
-    # A regular tick is due, the result is there, and the market has not spoken yet.
+    # A regular tick is due, the result has arrived, and the market is still silent.
     ros.until(lambda: mouth.goals[0].outcome)
     handle.cancel_goal_async()
     answer = market.result(handle)
@@ -223,7 +223,7 @@ def test_stalled_host_continues_run_when_nothing_changed(
 
 @pytest.fixture
 def beating(ros: Any, host: HostNode, market: Market) -> Market:
-    """A market of which the host has heard a heartbeat."""
+    """A market with a heartbeat that the host has received."""
     market.live()
     ros.until(lambda: host._runs._award_monitor._named)
     return market
@@ -242,7 +242,7 @@ def test_stalled_host_silently_stops_reassigned_run(
     assert answer.result.message.startswith(
         "the market has given its run away, after this host had been held up for 0."
     )
-    # Neither the second word nor the clean-up.
+    # Neither the second text nor the clean-up.
     assert len(mouth.goals) == 1
     assert beating.send(beating.goal(host, agent="quick", round=2)).accepted
 
@@ -330,7 +330,7 @@ def test_refused_host_accepts_no_goal_while_run_ends(
 
 
 class Sleepy(py_trees.behaviour.Behaviour):
-    """Takes a nap in a tick."""
+    """Sleeps for a while in a tick."""
 
     nap_s = 0.06
 
@@ -340,7 +340,7 @@ class Sleepy(py_trees.behaviour.Behaviour):
 
 
 class Dead(Sleepy):
-    """Never wakes up again."""
+    """Blocks for ever."""
 
     nap_s = 60.0
 
@@ -581,7 +581,7 @@ def simulated(ros: Any, market: Market, tmp_path: Path) -> HostNode:
 
 
 class Bag:
-    """Publishes simulated time when it is told to."""
+    """Publishes simulated time on request."""
 
     def __init__(self, ros: Any) -> None:
         self._ros = ros
@@ -619,7 +619,7 @@ def test_tree_waits_on_simulated_time_across_bag_restart(
     handle = market.send(market.goal(simulated, agent="sleeper"))
     end = handle.get_result_async()
     run = running(ros, simulated)
-    # Five seconds of the tree: three before the bag starts again, two after it.
+    # Five seconds of the tree: three before the bag restarts, two after it.
     for seconds in (100, 103, 10, 11):
         bag.play(simulated, seconds)
         before = run.ticks

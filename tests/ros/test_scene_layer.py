@@ -358,7 +358,7 @@ def test_script_plays_visits_in_sequence(ros):
     ros.turns(20)
     assert layer.scenes == []
     layer.status(agents=1)
-    # The reader of scenes and the writer of the status are one node here, as in a market.
+    # One node subscribes to scenes and publishes the status here, as in a market.
     ros.until(lambda: len(layer.scenes) == 1)
     assert (layer.scenes[0].label, plain(layer.scenes[0])) == ("a", {"mood": 4.0})
     layer.status(MarketStatus.RUNNING, round=1, agents=1)

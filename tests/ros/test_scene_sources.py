@@ -35,7 +35,7 @@ pytestmark = pytest.mark.ros
 
 
 def ros4hri() -> SceneSpec:
-    """The file for ROS4HRI, read with this project's types, whose fields are the same."""
+    """The file for ROS4HRI, read with types of this project that have the same fields."""
     path = TREES / "scenes" / "ros4hri.yaml"
     text = path.read_text(encoding="utf-8")
     text = text.replace("hri_msgs/msg/IdsList", "bt_agents_interfaces/msg/PersonIds")
@@ -44,7 +44,7 @@ def ros4hri() -> SceneSpec:
 
 
 class Robot:
-    """A scene layer, and the sensors around it, which speak until they are believed."""
+    """A scene layer and its sensors, which publish until it has the values."""
 
     def __init__(self, ros, spec: SceneSpec) -> None:
         self.ros = ros
@@ -55,7 +55,7 @@ class Robot:
         )
 
     def senses(self, topic: str, message: Any, *, latched: bool = False) -> None:
-        """Publish a message now, or for as long as the test waits for something."""
+        """Publish a message now, or repeatedly while the test waits for something."""
         profile = qos.FACT if latched else qos.SENSOR
         publisher = self.ros.node.create_publisher(type(message), topic, profile)
         if latched:
@@ -168,7 +168,7 @@ def test_valence_takes_precedence_over_expression_word(ros, arousal):
 
 
 def test_engaged_person_becomes_addressee(ros):
-    # hri_engagement publishes at every run of its timer and keeps nothing for those who join.
+    # hri_engagement publishes at every run of its timer and keeps nothing for late subscribers.
     robot = Robot(ros, ros4hri())
     for person, level in (
         ("first", EngagementLevel.DISENGAGED),

@@ -29,9 +29,9 @@ def server() -> Iterator[ModelServer]:
 
 
 def decide(ros: Any, *, url: str = "", limit_s: float = 10.0, cards: int = 0) -> Auction:
-    """Have one round decided with the strategy ``external``; return the decision.
+    """Hold one round with the strategy ``external``; return the decision.
 
-    Before that the selector, when there is a ``url``, has heard so many cards.
+    With a ``url``, first wait until the selector has this many cards.
     """
     harness = MarketNodeHarness(ros, strategy="external", **{"external.limit": limit_s})
     if url:

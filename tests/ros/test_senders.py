@@ -39,7 +39,7 @@ tree: {wait: 60 s}
 
 
 class Stranger:
-    """Node with a participant of its own, as another process has one."""
+    """Node with its own participant, like another process."""
 
     def __init__(self) -> None:
         self.context = rclpy.Context()
@@ -261,7 +261,7 @@ def test_forged_future_revision_does_not_block_later_profiles(
 ) -> None:
     market = Market(ros)
     host = market.host(folder(tmp_path, WAITER))
-    # A host cannot tell who sets a profile.
+    # A host cannot know who sets a profile.
     assert stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
     member = host.registry.members["talker"]
     assert (member.profile[0], member.revision) == (5.0, 2**32 - 1)

@@ -32,13 +32,13 @@ LIMIT_TURNS = 5000
 
 
 def clock(step_s: float) -> Callable[[], float]:
-    """Return a clock on which so much time passes between two looks [s]."""
+    """Return a clock that advances by a given time between two readings [s]."""
     looks = count()
     return lambda: next(looks) * step_s
 
 
 def made(kind: Any, message: bytes, now: Callable[[], float]) -> tuple[Any, int]:
-    """Return a message that is made in slices, and after how many pauses."""
+    """Return a message that is made in slices, and the number of pauses."""
     under_way = slices(kind, message, now)
     pauses = 0
     while True:
@@ -141,7 +141,7 @@ def test_only_large_messages_with_message_lists_are_sliced() -> None:
 
 @pytest.fixture
 def node(ros: Any) -> Iterator[Any]:
-    """A node that nobody turns."""
+    """A node that nothing spins."""
     made = rclpy.create_node("in_slices", start_parameter_services=False)
     yield made
     made.destroy_node()
@@ -196,7 +196,7 @@ def test_subscription_destroyed_during_conversion_receives_nothing(node: Any) ->
 
 
 def turn_until(executor: CachedExecutor, condition: Callable[[], Any]) -> None:
-    """Do one piece of work after the other until something holds."""
+    """Do one piece of work after another until a condition holds."""
     for _ in range(LIMIT_TURNS):
         if condition():
             return

@@ -61,12 +61,12 @@ run(make)
 
 
 def ended(number: signal.Signals, *, before: int = 0, inside: int = 0) -> tuple[int, str]:
-    """Run a node that signals itself; return its exit code and what it has printed."""
+    """Run a node that signals itself; return its exit code and output."""
     return printed(PROGRAM.format(signal=number.name, before=before, inside=inside))
 
 
 def printed(program: str) -> tuple[int, str]:
-    """Run a program; return its exit code and what it has printed."""
+    """Run a program; return its exit code and output."""
     process = subprocess.run(
         [sys.executable, "-c", program],
         stdin=subprocess.DEVNULL,

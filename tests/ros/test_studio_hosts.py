@@ -25,7 +25,7 @@ class Hosts:
         ros.until(lambda: self._cards.get_subscription_count() == 1)
 
     def begin(self, host: str) -> Any:
-        """Begin a host, and return its heartbeat."""
+        """Create a host, and return its heartbeat publisher."""
         beats = self.ros.node.create_publisher(Heartbeat, f"{host}/heartbeat", qos.EVENTS)
         self.ros.until(lambda: self.studio.count_publishers(f"{host}/heartbeat"))
         self.introduce(host)

@@ -38,7 +38,7 @@ ALL = {"say", "switch", "sound", "door", "robot/heartbeat"}
 
 
 def used(node: Node) -> set[str]:
-    """Return what a node has on the graph for its trees."""
+    """Return the entities of a node for its trees on the graph."""
     names = {one._action_name for one in node.waitables if hasattr(one, "_action_name")}
     names |= {one.srv_name for one in node.clients}
     names |= {one.topic_name for one in (*node.publishers, *node.subscriptions)}
@@ -53,7 +53,7 @@ def node(ros: Any) -> Node:
 
 @pytest.fixture
 def environment(node: Node) -> Iterator[RosEnvironment]:
-    """What its trees reach."""
+    """The environment of its trees."""
     subject = RosEnvironment(
         node,
         lambda: None,
@@ -66,7 +66,7 @@ def environment(node: Node) -> Iterator[RosEnvironment]:
 
 
 def prepared(environment: RosEnvironment, tree: str) -> list[NodeSpec]:
-    """Make what a tree needs; return its nodes."""
+    """Prepare a tree; return its nodes."""
     nodes = list(iter_nodes(agent(tree).tree))
     for spec in nodes:
         environment.prepare(spec)

@@ -63,7 +63,7 @@ def types() -> Iterator[None]:
 
 
 class Watcher:
-    """What the watchers of py_trees_ros do: ask for a stream, and subscribe to it."""
+    """Does what the watchers of py_trees_ros do: opens a stream, and subscribes to it."""
 
     def __init__(self, ros: Any) -> None:
         from py_trees_ros_interfaces import msg, srv
@@ -91,7 +91,7 @@ class Watcher:
         )
 
     def snapshots(self, topic: str = "", **parameters: Any) -> tuple[str, list[Any]]:
-        """Open a snapshot stream; return its topic, and the list of what comes there."""
+        """Open a snapshot stream; return its topic, and the list of its messages."""
         answer = self.call(
             "snapshot_streams/open",
             "OpenSnapshotStream",

@@ -46,7 +46,7 @@ def spec(name: str = "a", head: str = HEAD) -> AgentSpec:
 
 
 class Host(BaseNode):
-    """The tuning of a host, and nothing else of it."""
+    """The tuning of a host, without its other parts."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ def host(ros: Any, tmp_path: Path) -> Host:
 
 
 class Tuner:
-    """Asks ``agents/tune``."""
+    """Calls ``agents/tune``."""
 
     def __init__(self, ros: Any) -> None:
         self._ros = ros
@@ -351,7 +351,7 @@ def test_presets_that_authors_write_are_listed(
 
 
 class SlowDisk:
-    """Takes its time for each sync, which happens in a thread that is not the executor's."""
+    """Takes its time for each sync, which happens outside the executor's thread."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.free = threading.Event()
@@ -441,7 +441,7 @@ def file(tmp_path: Path) -> str:
 
 @pytest.fixture
 def restarted(ros: Any, file: str, tmp_path: Path) -> Callable[..., Host]:
-    """Start a host on the same file, instead of the one before."""
+    """Start a host on the same file, in place of the previous one."""
     hosts: list[Host] = []
 
     def restart(*specs: AgentSpec, **node_kwargs: Any) -> Host:

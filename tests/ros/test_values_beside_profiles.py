@@ -19,7 +19,7 @@ PAIN = "  pain: {min: 0, max: 10, default: 0, profile: false}\n"
 def test_non_profile_value_reaches_only_conditions(ros: Any, tmp_path: Path) -> None:
     trees = write_agents(tmp_path, young=1.5, old=4.5)
     scene = trees / "scene.yaml"
-    # It stands first in the file, and last in every message.
+    # It is first in the file, and last in every message.
     scene.write_text(scene.read_text().replace("parameters:\n", f"parameters:\n{PAIN}", 1))
     old = trees / "agents" / "old.yaml"
     old.write_text(old.read_text().replace("scene.person", "scene.pain > 3"))

@@ -69,7 +69,7 @@ AS_SCENE = {
     "endless": "UNKNOWN_PARAMETER",
 }
 AS_OPINION = {key: code for key, code in AS_VECTOR.items() if key != "NaN"}
-"""In direct feedback NaN says that there is no opinion."""
+"""In direct feedback, NaN means no opinion."""
 
 
 def scene_of(values: list[float], scene_id: str) -> Scene:
@@ -85,7 +85,7 @@ def scene_of(values: list[float], scene_id: str) -> Scene:
 
 
 class System:
-    """All nodes, with one agent that waits, and what they say and decide."""
+    """All nodes, with one agent that waits, and their messages and decisions."""
 
     def __init__(self, ros: Any, folder: Path) -> None:
         self.ros = ros
@@ -236,7 +236,7 @@ def test_bad_live_scenes_are_logged_and_run_continues(system: System) -> None:
 
 
 class Bidder:
-    """A host in the hands of the test, whose bids are as the test wants them."""
+    """A host under the control of the test, with arbitrary bids."""
 
     def __init__(self, ros: Any) -> None:
         self.vector: list[float] = []

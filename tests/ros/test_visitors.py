@@ -62,7 +62,7 @@ def measured(scene: Scene) -> dict[str, float]:
 
 
 class Street:
-    """Visitors, a scene layer, and a market in the test's hands."""
+    """Visitors, a scene layer, and a market played by the test."""
 
     def __init__(self, ros, *visits: Visit, pace: float = 20.0, spec: SceneSpec = SPEC) -> None:
         self.ros = ros

@@ -32,18 +32,18 @@ TEXTS = {
     "title",
     "unmet",
 }
-"""Fields that are written for people."""
+"""Fields with texts for people."""
 
 MARK = "※"
 
 
 def replaced(text: str) -> str:
-    """Return other words; none remain none."""
+    """Return other words; an empty text stays empty."""
     return text if not text or text.startswith(MARK) else f"{MARK} {len(text)} others {MARK}"
 
 
 def types_of_messages() -> Iterator[type]:
-    """Yield every class of a message, a service and an action of ours."""
+    """Yield every class of our messages, services and actions."""
     for kind in ("msg", "srv", "action"):
         module = import_module(f"bt_agents_interfaces.{kind}")
         for found in vars(module).values():
@@ -68,7 +68,7 @@ def with_other_words(field: property) -> property:
 
 @pytest.fixture(params=["as they are", "replaced"])
 def words(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Have all texts of messages and refusals replaced, or none."""
+    """Replace all texts of messages and refusals, or none."""
     if request.param == "replaced":
         for kind in types_of_messages():
             for name in TEXTS & kind._fields_and_field_types.keys():

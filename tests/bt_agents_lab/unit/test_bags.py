@@ -242,7 +242,7 @@ def packed(*parts: bytes) -> bytes:
 
 
 def record(opcode: int, length: int, there: int = 0) -> bytes:
-    """Return the header of a record, followed by fewer bytes than it announces."""
+    """Return the header of a record of some length, followed by ``there`` zero bytes."""
     return bytes([opcode]) + length.to_bytes(8, "little") + bytes(there)
 
 

@@ -127,7 +127,7 @@ def test_journal_of_another_format_is_rejected(tmp_path: Path, library: str) -> 
 
 
 def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
-    """Return a file with one chunk of some bytes, and a given length in its header."""
+    """Return a file with one chunk of some bytes, whose header states another size."""
     chunk = Chunk(
         compression=compression,
         data=zstandard.compress(data),

@@ -113,7 +113,7 @@ def test_negative_feedback_never_moves_closer(profile, target, rate, rule, weigh
     after = step(FeedbackKind.NEGATIVE, profile, target, rate, rule=rule, weight=weight)
     same = [(high - low) * updates.SAME_SHARE for low, high in RANGES]
     for p, f, moved, on_it in zip(profile, target, after, same, strict=True):
-        # Within that distance the profile lies on the scene, and retreats to either side.
+        # Within that distance, the profile equals the scene, and retreats to either side.
         closest = 0.0 if rule.retreat and abs(p - f) <= on_it else abs(p - f)
         assert moved == p if math.isnan(f) else abs(moved - f) >= closest
 

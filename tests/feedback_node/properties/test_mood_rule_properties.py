@@ -86,7 +86,7 @@ def rules(draw: st.DrawFn) -> MoodRule:
 
 
 def firings(rule: MoodRule, course: list[Look]) -> list[tuple[float, Fired]]:
-    """Return when a rule fires, the run beginning at 0 s."""
+    """Return when a rule fires in a run that begins at 0 s."""
     now = 0.0
     awarded = scene(SceneValue(name="mood", value=START, origin=Origin.MEASURED))
     watch = Watch([rule], awarded, SPACE, lambda: now, lease_s=LEASE_S)
@@ -114,7 +114,7 @@ def test_condition_of_firing_held_the_whole_time(rule, course):
     for at, one in firings(rule, course):
         assert at - one.since >= rule.hold_s
         before = [pair for pair in seen if pair[0] < one.since]
-        # Several looks may come in one instant; it may have fired between two of them.
+        # Several scenes may come in one instant; it may have fired between two of them.
         then = [pair for pair in seen if pair[0] == one.since]
         began = [pair for pair in [*before[-1:], *then] if pair[1].low]
         assert began

@@ -363,7 +363,7 @@ def test_feedback_is_credited_to_running_or_named_leaf():
 
 def test_run_end_reports_mood_per_leaf():
     harness = FeedbackHarness()
-    harness.controller.on_leaf(run().key, "tree/0.say")  # heard before the start
+    harness.controller.on_leaf(run().key, "tree/0.say")  # received before the start
     harness.controller.on_run_started(run())
     harness.controller.on_leaf(run(7).key, "tree/9.log")
     harness.now = 1.0
@@ -712,7 +712,7 @@ def test_late_repetition_of_forgotten_feedback_is_recognised():
         harness.controller.give(replace(given, agent="express"))
 
 
-# --- what no profile has ------------------------------------------------------------------
+# --- parameters outside profiles ----------------------------------------------------------
 
 PAIN = SceneParameter(name="pain", minimum=0.0, maximum=10.0, default=0.0, profiled=False)
 BESIDE = SceneSpace(
@@ -728,7 +728,7 @@ def hurting(age: float, mood: float, pain: float) -> Scene:
 
 
 class AgeHarness(FeedbackHarness):
-    """A feedback controller whose profiles have the age alone."""
+    """A feedback controller whose profiles have only the age."""
 
     def __init__(self) -> None:
         super().__init__(card=None)
@@ -791,7 +791,7 @@ def test_rules_may_read_unprofiled_parameters_including_mood(now):
     assert fired.change.after < (3.0,)
 
 
-# --- what the person tells in a run -------------------------------------------------------
+# --- values that the person tells in a run ------------------------------------------------
 
 
 def telling(age: float, person_id: str = "") -> Scene:
@@ -813,7 +813,7 @@ def test_told_values_count_in_feedback_about_their_run(ended):
     harness.controller.on_run_started(run(awarded=scene(3.0, 4.0)))
     assert negative(harness) == (3.0, 4.0)
     harness.controller.receive(telling(4.0))
-    harness.controller.receive(scene(2.0, 1.0))  # what is only measured later does not count
+    harness.controller.receive(scene(2.0, 1.0))  # later measured values do not count
     if ended:
         harness.controller.on_run_ended(run(awarded=scene(3.0, 4.0)))
     assert negative(harness) == (4.0, 4.0)

@@ -28,7 +28,7 @@ AWAY = LearningRule(retreat={"age": 1.0})
 
 
 def asked(kind: FeedbackKind, scene: Vector, rule: LearningRule = PLAIN) -> Vector:
-    """Return what a feedback asks of a profile of 3 everywhere."""
+    """Return the step of a feedback from a profile of 3 everywhere."""
     return requested(kind, (3.0, 3.0, 3.0), scene, space=SPACE, rule=rule)
 
 
@@ -75,10 +75,10 @@ def test_negative_feedback_moves_away_by_the_same_step():
     ("profile", "after"),
     [
         ((3.0, 3.0, 3.0), (2.0, 3.0, 3.0)),
-        # As far from the scene as numbers are shown alike, to either side.
+        # As close to the scene as numbers are displayed equal, on either side.
         ((3.003, 3.0, 3.0), (2.0015, 3.0, 3.0)),
         ((2.997, 3.0, 3.0), (1.9985, 3.0, 3.0)),
-        # Farther from it the formula of the paper holds, whatever the file says.
+        # Farther away, the paper's formula holds, whatever the file says.
         ((3.2, 3.0, 3.0), (3.3, 3.0, 3.0)),
     ],
 )
@@ -255,7 +255,7 @@ def test_annealed_rate_falls_with_number_of_changes(changes, rate):
         (3.0, 5.0, 3.5),
         (3.0, 1.0, 2.5),
         (3.0, 3.2, 3.2),
-        # A profile that somebody has tuned out of the bound comes back, and goes no farther.
+        # A profile that was tuned out of the bound comes back, and goes no farther.
         (4.5, 5.0, 4.5),
         (4.5, 1.0, 2.5),
     ],
@@ -291,7 +291,7 @@ def test_set_feedback_ignores_the_learning_rule():
 
 
 def taught(rule: LearningRule, count: int, wrong_every: int) -> list[Vector]:
-    """Return the profiles of the paper's Experiment 2, where a wrong feedback is all 5."""
+    """Return the profiles of the paper's Experiment 2, in which wrong feedback is 5 everywhere."""
     profile: Vector = (2.5, 2.5, 2.5)
     recent: list[Vector] = []
     profiles = []
@@ -338,7 +338,7 @@ def test_robust_update_converges_despite_one_third_wrong_feedback(rule, count, n
 def test_huber_step_is_bounded_by_its_width():
     rule = LearningRule(update=Update.HUBER, width={"age": 1.0})
     made = direct((2.0, 2.0, 2.0), (5.0, 2.1, 5.0), 0.5, rule=rule)
-    # Without a width of its own it is a quarter of the range.
+    # The default width is a quarter of the range.
     assert made.after == pytest.approx((2.5, 2.05, 2.5))
 
 

@@ -208,7 +208,7 @@ def test_restarted_host_drops_layers_and_receives_existing_ones():
         deliveries, _ = fresh.register_card(card(guide(learning("person")), instance="i3"))
         assert deliveries == (Delivery(host="/agents", agent="", remove=True),)
         assert [(d.layer, d.values) for d in fresh.layers_at("/agents")] == [(ANNA, (4.0, 3.0))]
-        # A card of the same start says nothing new.
+        # A card of the same start has nothing new.
         assert fresh.register_card(card(guide(learning("person")), instance="i3"))[0] == ()
 
 
@@ -229,7 +229,7 @@ def test_layers_are_bounded_and_existing_ones_still_learn(monkeypatch):
     with pytest.raises(Refused, match=r"TOO_MANY_LAYERS: guide has .* 2 persons and places"):
         teach(profiles, "carl", where=run("carl"))
     assert set(ages(profiles)) == {"", ANNA, "person/bob"}
-    # Where everybody's profile learns as well, only the person's own is left out.
+    # If everybody's profile learns as well, only the person's own is omitted.
     profiles.register_card(card(guide(learning("person", general=0.5)), instance="i2"))
     before = ages(profiles)
     change = teach(profiles, "dora", where=run("dora"))

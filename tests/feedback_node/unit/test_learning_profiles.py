@@ -171,7 +171,7 @@ def test_hosts_are_bounded_and_empty_host_makes_room():
 
 def test_forged_hosts_evict_only_each_other():
     known = Profiles(SPACE, Ledger(":memory:"), is_there=lambda host: host == "/slow")
-    # One that is there, one that is not there yet, and one that is gone.
+    # One is present, one has not come yet, and one is gone.
     for name in ("slow", "new", "gone"):
         known.register_card(card(replace(GUIDE, name=name), host=f"/{name}"))
     for number in range(2 * MOST_HOSTS):

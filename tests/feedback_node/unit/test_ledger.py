@@ -362,7 +362,7 @@ def test_checkpoint_leaves_nothing_to_write_on_close(tmp_path):
         log = path.with_name(path.name + "-wal")
         assert log.stat().st_size > 0
         ledger.checkpoint()
-        # What a reader of the database file alone sees, with the log out of the way.
+        # The view of a reader of the database file alone, with the log moved away.
         alone = tmp_path / "alone.sqlite"
         alone.write_bytes(path.read_bytes())
         with closing(sqlite3.connect(alone)) as database:

@@ -122,7 +122,7 @@ def test_forgotten_layer_leaves_no_trace_in_any_file(tmp_path):
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST, "express": FIRST})
         begin(ledger)
-        # Enough to split pages, and some of it is in the file, some in the log.
+        # Enough to split pages, partly in the file, partly in the log.
         for number in range(150):
             teach(ledger, f"secret-{number}", ANNA, age=1.2345678)
             teach(ledger, f"other-{number}")
@@ -213,7 +213,7 @@ def test_open_reader_does_not_grow_log_during_erasure(tmp_path):
         size = log.stat().st_size
         begun = time.perf_counter()
         assert [ledger.checkpoint() for _ in range(5)] == [False] * 5
-        # Each would wait half a second for the reader otherwise.
+        # Otherwise each would wait half a second for the reader.
         assert time.perf_counter() - begun < 1.5
         assert log.stat().st_size == size
         reader.execute("ROLLBACK")
@@ -226,7 +226,7 @@ def test_failed_erasure_is_retried_with_growing_intervals(tmp_path):
         ledger.enter({"guide": FIRST})
         begin(ledger)
         tried = []
-        # As a full disk refuses it.
+        # Like a refusal by a full disk.
         ledger._database.set_authorizer(lambda *_: sqlite3.SQLITE_OK)
         ledger._erasure.run = lambda: tried.append(True) or "full"
         assert ledger.forget([("guide", ANNA)]) == "full"

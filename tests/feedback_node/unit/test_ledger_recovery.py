@@ -20,11 +20,11 @@ from feedback_node.ledger.rows import LAYER, RevisionCause
 ANNA = "person/anna"
 PAGE = 4096
 LEAF_OF_TABLE = 13
-"""First byte of such a page."""
+"""First byte of a leaf page of a table."""
 
 
 def made(path: Path) -> Path:
-    """Write a ledger of 13 rows: a forgotten layer in it, and the row that says so at its end."""
+    """Write a ledger of 13 rows, with a forgotten layer and the row about it at the end."""
     with Ledger(path) as ledger:
         ledger.enter({"guide": {"age": 1.0}})
         ledger.append("guide", {"age": 1.0}, RevisionCause(cause=LAYER), layer=ANNA)

@@ -74,7 +74,7 @@ def test_export_is_imported_once_and_restores_profiles(managed):
     again = other.execute(ManagementAction.IMPORT, document=document)
     assert again.message == "this document was taken in before; nothing has changed"
     assert other.profiles.table() == before
-    # A layer that came with it can be undone to where it begins.
+    # A layer of the document can be undone to its beginning.
     assert other.execute(ManagementAction.UNDO, agent="guide", layer=ANNA).changes[0].after == (
         4.0,
         3.0,

@@ -30,7 +30,7 @@ def scene(mood: float, *, person: bool = True, person_id: str = "") -> Scene:
 
 
 class Run:
-    """A run of which each line is told by the time since its start."""
+    """A run whose lines are timed from its start."""
 
     def __init__(self, awarded: Scene, lease_s: float = 100.0) -> None:
         self.now = 0.0

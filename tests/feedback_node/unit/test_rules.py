@@ -61,7 +61,7 @@ def rule(when: str, hold_s: float = 1.0, **more: Any) -> MoodRule:
 
 
 class Story:
-    """A run of which each line is told by the time since its start."""
+    """A run whose lines are timed from its start."""
 
     def __init__(
         self,
@@ -161,7 +161,7 @@ def test_silent_scene_layer_leaves_nothing_known():
 @pytest.mark.parametrize(
     ("lease_s", "seen", "fires"),
     [
-        # A rule that must hold for 2 s; when the live scenes come, and when the rule fires.
+        # A rule that must hold for 2 s; times of the live scenes, and of the firing.
         (1.0, (0.0, 0.5, 1.0, 1.5, 2.0), 2.0),
         (1.0, (0.0, 1.0, 2.0), 2.0),
         (1.0, (0.0, 1.0), 2.0),

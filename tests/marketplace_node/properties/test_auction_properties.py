@@ -33,7 +33,7 @@ numbers = st.one_of(st.floats(1.0, 5.0), st.floats(), st.just(3.0))
 
 @st.composite
 def messages(draw: st.DrawFn) -> Bids:
-    """Return an answer that is mostly in order."""
+    """Return an answer that is usually valid."""
     host = draw(st.sampled_from(HOSTS))
     mostly_own = st.one_of(st.sampled_from(list(host.agents)), st.sampled_from(NAMES))
     agents = draw(st.lists(mostly_own, max_size=3))

@@ -31,7 +31,7 @@ some = settings(max_examples=40, deadline=None)
 
 @st.composite
 def rounds(draw: st.DrawFn, strategies: Any) -> tuple[Terms, list[AcceptedBid]]:
-    """Return terms and bids of numbers that computers add exactly."""
+    """Return terms and bids with numbers that computers add exactly."""
     vectors = draw(st.dictionaries(st.sampled_from("abcdef"), VECTORS, min_size=2))
     runs = {agent: draw(st.integers(0, 3)) for agent in vectors}
     of = terms(

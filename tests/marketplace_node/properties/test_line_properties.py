@@ -35,7 +35,7 @@ outages = st.sampled_from([0.125, 0.5, 0.75, 1.5, 4.5])
 
 
 class AnyLine(RuleBasedStateMachine):
-    """One host and one market that are killed, stopped and started again in any order."""
+    """One host and one market that are killed, stopped and restarted in any order."""
 
     @initialize(mode=st.sampled_from(["queue", "preempt"]))
     def start(self, mode: str) -> None:
@@ -57,7 +57,7 @@ class AnyLine(RuleBasedStateMachine):
         self.register(fresh=True)
 
     def start_market(self, away_s: float) -> None:
-        """Start a market of the next epoch, with what the last one has stored."""
+        """Start a market of the next epoch, with everything that the last one stored."""
         now = self.harness.now + away_s
         self.markets += 1
         self.harness = MarketHarness()
@@ -89,7 +89,7 @@ class AnyLine(RuleBasedStateMachine):
 
     @rule(steps=st.integers(1, 6))
     def go_on(self, steps: int) -> None:
-        """Let host and market do what they do in some heartbeats."""
+        """Let host and market work for some heartbeats."""
         for _ in range(steps):
             self.answer()
             self.harness.wait(0.0625)
@@ -117,7 +117,7 @@ class AnyLine(RuleBasedStateMachine):
 
     @rule(away_s=outages, killed=st.booleans(), early=st.booleans())
     def lose_the_host(self, away_s: float, killed: bool, early: bool) -> None:
-        """Kill the host, or hold it up, and have it back in time."""
+        """Kill or suspend the host, and bring it back in time."""
         if not early:
             self.answer()
         self.harness.busy.pop(HOST, None)
@@ -134,7 +134,7 @@ class AnyLine(RuleBasedStateMachine):
 
     @rule(away_s=outages, with_host=st.booleans(), ended=st.booleans())
     def lose_the_market(self, away_s: float, with_host: bool, ended: bool) -> None:
-        """Kill the market, alone or with the host, and start it again."""
+        """Kill the market, alone or with the host, and restart it."""
         self.take_effects()
         if self.running is not None:
             epoch, goal, scene_id = self.running
@@ -169,7 +169,7 @@ class AnyLine(RuleBasedStateMachine):
             elif isinstance(effect, AnnounceRun):
                 self.take_run(effect)
             elif isinstance(effect, AnnounceEarlierRun):
-                # One that the market before had stored may be announced by both.
+                # Both markets may announce an end that the first one stored.
                 run, key = effect.run, (effect.run.epoch, effect.run.goal.round)
                 assert self.ended.setdefault(key, run.outcome) is run.outcome, run
         for effect in news:
@@ -207,7 +207,7 @@ class AnyLine(RuleBasedStateMachine):
             self.go_on(steps=8)
             idle = self.harness.status.state is State.IDLE and not self.harness.status.queued
             quiet = quiet + 1 if idle else 0
-            if idle:  # what is still waited for is a report, or to be asked for again
+            if idle:  # it may still wait for a report, or for another request
                 self.harness.wait(1.0)
         missing = {f"s{number}" for number in range(1, self.scenes + 1)} - set(self.ends)
         assert not missing, f"without an end: {missing}, {self.harness.status}"

@@ -20,7 +20,7 @@ VALUES = (1.0, 2.5, 3.0, 5.0)
 
 
 class Crowd:
-    """Plays hosts, people and the feedback node at random, from a seed."""
+    """Plays hosts, people and the feedback node at random, with a seed."""
 
     def __init__(self, mode: str, seed: int) -> None:
         self.random = random.Random(seed)

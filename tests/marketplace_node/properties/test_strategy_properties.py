@@ -49,7 +49,7 @@ def fields(draw: st.DrawFn) -> RoundBids:
 
 
 def changed(of: RoundBids, **changes: Any) -> RoundBids:
-    """Return a round in which every bid is changed in the same way."""
+    """Return a round with every bid changed in the same way."""
     return replace(of, bids=[bid._replace(**changes) for bid in of.bids])
 
 

@@ -44,7 +44,7 @@ def declined(agent: str) -> RefusedBid:
 
 
 def of(scene: Scene = AS_GIVEN, agents: Any = None, **changes: Any) -> Decision:
-    """Return a decision among the agents; the rest of the changes is about how it ended."""
+    """Return a decision among the agents; the other changes concern its outcome."""
     ended = ("refused", "silent_hosts", "external", "outcome", "closed_by", "stopped")
     how = {name: changes.pop(name) for name in ended if name in changes}
     weights = changes.pop("weights", {})

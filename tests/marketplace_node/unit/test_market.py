@@ -37,7 +37,7 @@ def market() -> MarketHarness:
 
 @pytest.fixture
 def impatient() -> MarketHarness:
-    """A market that waits for no host."""
+    """A market that does not wait for hosts."""
     harness = MarketHarness(host_wait_s=0)
     harness.register()
     return harness

@@ -15,7 +15,7 @@ from marketplace_node.outcomes import RunOutcome
 
 
 def run(**changes: Any) -> EarlierRun:
-    """Return a run that was cut off a second ago, but for ``changes``."""
+    """Return a run that was cut off a second ago, apart from ``changes``."""
     goal = {"round": 7, "agent": GUIDE, "agent_id": 3, "host": "/agents", "instance": "first"}
     goal |= {name: changes.pop(name) for name in tuple(changes) if name in goal}
     values: dict[str, Any] = {

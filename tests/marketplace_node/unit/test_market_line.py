@@ -32,7 +32,7 @@ def come_back(market: MarketHarness, instance: str = "second") -> None:
 
 
 def serve(market: MarketHarness, *, rounds: int = 40) -> None:
-    """Let the host run whatever it is asked about."""
+    """Let the host run every goal."""
     for _ in range(rounds):
         if market.status.state is State.BIDDING:
             market.bid()
@@ -300,9 +300,9 @@ def test_scene_waits_until_run_of_host_ends(market: MarketHarness) -> None:
 def restarted(
     market: MarketHarness, away_s: float = 1.0, *, host: bool = True, at_once: bool = False
 ) -> MarketHarness:
-    """Return the next start of a killed market, with what it has stored.
+    """Return the next start of a killed market, with the state that it stored.
 
-    It was killed ``at_once`` after its last event, or has stored that all ends were announced.
+    It was killed ``at_once`` after its last event, or after storing that all ends were announced.
     """
     if not at_once:
         market.do(market.market.tick(market.now))

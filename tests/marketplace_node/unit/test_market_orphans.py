@@ -14,7 +14,7 @@ A, B = "/a", "/b"
 
 @pytest.fixture
 def two() -> MarketHarness:
-    """Return a market with a guide at one host, an express at the other; it waits for no host."""
+    """Return a market with a guide at one host and an express at another; it waits for no host."""
     harness = MarketHarness(host_wait_s=0)
     harness.register(A, GUIDE)
     harness.register(B, EXPRESS)

@@ -29,7 +29,7 @@ def market() -> MarketHarness:
 
 
 def bid(market: MarketHarness, guide: tuple[float, ...], express: tuple[float, ...]) -> None:
-    """Answer the challenge that is open."""
+    """Answer the open challenge."""
     market.bid(vectors={GUIDE: guide, EXPRESS: express}, round=market.calls[-1].round)
 
 
@@ -419,7 +419,7 @@ def test_switch_to_queue_prevents_preemption_by_open_challenge() -> None:
 
 
 def stopped_for_s2(market: MarketHarness, **first: tuple[float, ...]) -> tuple[str, str, str]:
-    """Let s2 preempt; return who ran, who is named for it, and who gets it."""
+    """Let s2 preempt; return the agent that ran, the one named for s2, and its winner."""
     ran = market.goal.agent
     market.scene("s2", 3.25, 4.5, 3.0)
     market.bid(vectors=first or None, round=market.calls[-1].round)

@@ -20,7 +20,7 @@ def market() -> MarketHarness:
 
 
 def hold_up(market: MarketHarness, lasted_s: float) -> None:
-    """Let time pass without the market; what came meanwhile is read after this."""
+    """Let time pass without the market; then it reads the queued messages."""
     since = market.now
     market.now += lasted_s
     market.do(market.market.extend_after_stall(since, market.now))

@@ -94,7 +94,7 @@ def test_previews_and_unawarded_rounds_starve_no_agent(market: MarketHarness) ->
 def test_shadow_counts_disagreements() -> None:
     market = MarketHarness(shadow_strategy="euclidean")
     market.register()
-    # To [5, 1, 3]: one big difference against several small ones.
+    # Distances to [5, 1, 3]: one big difference against several small ones.
     play(market, 2, **{GUIDE: (5.0, 4.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
     play(market, 3, **{GUIDE: (5.0, 1.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
 

@@ -20,7 +20,7 @@ WAITS = f"{EXPRESS} gets the run, but goals of {A} are being cancelled: /drive (
 
 @pytest.fixture
 def two() -> MarketHarness:
-    """Return a market whose guide at one host drives, with an express at another host."""
+    """Return a market with a driving guide at one host, and an express at another."""
     harness = MarketHarness()
     harness.register(A, GUIDE)
     harness.register(B, EXPRESS)
@@ -184,7 +184,7 @@ def test_stalled_market_takes_nothing_over_from_live_host(two: MarketHarness):
 
 
 def next_market(market: MarketHarness) -> MarketHarness:
-    """Return the next start of a market that was killed, which has read what that had stored."""
+    """Return the next start of a killed market, which has read the stored state."""
     after = MarketHarness()
     text = format_scenes(market.all(StoreScenes)[-1])
     after.do(after.market.restore_scenes(text, 1.0, after.now)[1])

@@ -56,7 +56,7 @@ ICzTDN6fHd1YZT8Z38tRSY1fGydH7+vcNEh6WZzDckFqAiEA825Hm0VQoqrmXh6J
 4iIcysWRdgZ6kTgFbpeewaV5CAQ=
 -----END CERTIFICATE-----
 """
-"""For 127.0.0.1, signed by itself, with its key: of no use but for this test."""
+"""Self-signed certificate and key for 127.0.0.1, only for this test."""
 
 
 @pytest.fixture

@@ -85,7 +85,7 @@ def test_folded_mean_matches_100000_random_draws() -> None:
 def winners(
     strategy: str, rounds: int, bids: Sequence[tuple[float, ...]], **options: float
 ) -> list[int]:
-    """Return how often each bid comes first, each round with chance of its own."""
+    """Return how often each bid comes first in independent random rounds."""
     seen, random = field((3.0, 3.0, 3.0), bids), round_rng("many")
     counts = Counter(
         order([one.score for one in scored(strategy, seen, random, **options)], seen.bids)[0]

@@ -34,7 +34,7 @@ BROKEN = '\nbroken = "their_strategies:nothing"\nmanhattan = "their_strategies:S
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """Return a folder that holds the package of the page, and broken ones, as pip leaves it."""
+    """Return a folder with the package of the page, and broken ones, as pip leaves it."""
     (tmp_path / "their_strategies.py").write_text(CODE)
     info = tmp_path / "their_strategies-1.0.dist-info"
     info.mkdir()
@@ -93,11 +93,11 @@ UNFIT = {
         SPEC, name="no_meaning", options=(replace(UNFIT_OPTION, default=1.0, description=None),)
     ),  # type: ignore[arg-type]
 }
-"""Name of an entry point → what it leads to."""
+"""Name of an entry point → its object."""
 
 
 class Loaded(EntryPoint):
-    """An entry point whose object is at hand."""
+    """An entry point with a loaded object."""
 
     def load(self) -> Any:
         if self.name == "leaves":

@@ -88,7 +88,7 @@ def test_smoothed_reading_lies_between_old_and_new(before, new, seconds):
 
 @given(VALUES, VALUES, CONFIDENCES, st.floats(0.1, 10.0), st.integers(1, 20))
 def test_smoothing_depends_on_time_not_on_steps(start, end, sure, tau, steps):
-    """In however many steps the time is cut, what is left is exp(−c·t/τ) of the difference."""
+    """However many steps divide the time, the remaining difference is exp(−c·t/τ) of it."""
     now = Reading(value=start, at=0.0)
     for number in range(1, steps + 1):
         at = tau * number / steps

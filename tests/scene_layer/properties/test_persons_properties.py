@@ -28,7 +28,7 @@ SPACE = SceneSpace(parameters=(AGE,))
 
 @dataclass(frozen=True)
 class Moment:
-    """What a tracker says after some time, and how people rank then."""
+    """A tracker's report after some time, and the ranks of the persons then."""
 
     after_s: float
     listed: tuple[str, ...] | None

@@ -51,7 +51,7 @@ IGNORANCE = 4 / math.sqrt(12)
 
 
 class EncounterHarness:
-    """Faces before a camera, second by second."""
+    """Faces in front of a camera, second by second."""
 
     def __init__(self, memory: Memory | None = None, spec: SceneSpec = SPEC) -> None:
         self.spec = spec
@@ -62,7 +62,7 @@ class EncounterHarness:
         self.now = 0.0
 
     def see(self, now: float, **faces: dict[str, float]) -> None:
-        """Take a picture; what a face does not say is not in its item."""
+        """Take a picture; values that a face lacks are not in its item."""
         self.now = now
         crowd = self.estimate.encounters.persons
         crowd.receive_ids(list(faces), now)
@@ -79,7 +79,7 @@ class EncounterHarness:
                 self.sources.read(source, message_of(item), self.now, person)
 
     def hear(self, value: float, parameter: str = "noise") -> None:
-        """Take what is about nobody in particular."""
+        """Take a reading that belongs to no particular person."""
         of = (s for s in self.spec.sources if s.parameter == parameter and not s.per_person)
         self.sources.read(next(of), message_of({"data": value}), self.now)
 
@@ -340,7 +340,7 @@ sources:
 
 
 class Door:
-    """Whoever comes through a door, one at a time."""
+    """Persons who come through a door, one at a time."""
 
     def __init__(self) -> None:
         self.sources = Sources(ONE)
@@ -349,7 +349,7 @@ class Door:
         self.estimate.begin("s", "", {}, None, 0.0)
 
     def at(self, now: float, *, there: bool, age: float | None = None) -> str:
-        """Return what the scene says of the age after some readings."""
+        """Return the age in the scene after some readings."""
         assert ONE.person is not None
         self.sources.read(ONE.person, message_of({"data": there}), now)
         if age is not None:
@@ -419,7 +419,7 @@ def test_person_not_seen_longest_is_forgotten_first():
     assert "p10" in persons
 
 
-# --- what outlives a restart ----------------------------------------------------------------
+# --- state that survives a restart --------------------------------------------------------
 
 
 def test_only_known_persons_survive_restart():

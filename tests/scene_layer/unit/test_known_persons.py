@@ -57,7 +57,7 @@ class KnownPersonsHarness:
         self.now = 0.0
 
     def see(self, now: float, *known: str, strangers: tuple[str, ...] = ()) -> None:
-        """Take a picture; who is named first is nearest."""
+        """Take a picture; the person named first is nearest."""
         self.now = now
         self.estimate.encounters.persons.receive_ids([*known, *strangers], now)
         for number, person in enumerate((*known, *strangers)):
@@ -70,7 +70,7 @@ class KnownPersonsHarness:
                 self.sources.read(source, message_of(dict(item)), self.now, person)
 
     def somebody(self, now: float, there: bool) -> None:
-        """Measure whether somebody is there, where persons have no ids."""
+        """Measure whether a person is present, without ids of persons."""
         self.now = now
         assert self.spec.person is not None
         self.sources.read(self.spec.person, message_of({"data": there}), now)

@@ -16,7 +16,7 @@ IGNORANCE = 4.0 / math.sqrt(12.0)
 
 
 def running(*samples: tuple[float, float, float]) -> Running:
-    """Return what is known after samples of value, standard deviation and confidence."""
+    """Return the estimate after samples of value, standard deviation and confidence."""
     found = Running()
     for value, std, confidence in samples:
         found = found.after(value, std, confidence, 0.0)

@@ -42,7 +42,7 @@ def persons(
 
 
 Step = tuple[float, str | None, dict[str, float], str]
-"""Time [s], who is listed in a message of that time, ranks, and the addressee after it."""
+"""Time [s], the persons in a message of that time, ranks, and the addressee after it."""
 
 
 @pytest.mark.parametrize(

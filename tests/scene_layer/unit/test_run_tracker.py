@@ -22,12 +22,12 @@ class Story:
         self.view = LiveSceneView(AWARDED, lambda: self.now, lease_s)
 
     def at(self, moment: float) -> Scene:
-        """Return the scene so many seconds after the start."""
+        """Return the scene some seconds after the start."""
         self.now = 7.0 + moment
         return self.view.now()
 
     def receive(self, moment: float, live: Scene) -> None:
-        """Let a live scene come."""
+        """Receive a live scene."""
         self.now = 7.0 + moment
         self.view.receive(live)
 
@@ -70,7 +70,7 @@ def test_tuned_lease_applies_at_once():
     assert not story.at(2.0).stale_s
 
 
-# --- what trees make of it ------------------------------------------------------------------
+# --- stale scenes in trees ----------------------------------------------------------------
 
 SILENT = "is stale: the scene layer has been silent for 2.3 s"
 

@@ -10,7 +10,7 @@ from scene_layer.scene_delivery import KEPT_S, MOST_KEPT, SceneDelivery
 
 
 class DeliveryHarness:
-    """A delivery with a clock turned by hand, and a market that may be dead."""
+    """A delivery on a manual clock, and a market that may be dead."""
 
     def __init__(self, epoch: str = "") -> None:
         self.delivery = SceneDelivery()

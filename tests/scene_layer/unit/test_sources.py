@@ -157,7 +157,7 @@ def test_person_is_unknown_before_first_reading():
     assert Sources(SPEC).latest_person() is None
 
 
-# Sources as an author writes them
+# Sources in an author's notation
 
 
 PERSONS = """
@@ -189,7 +189,7 @@ def topic(field: str, more: str = "", name: str = "face") -> str:
 
 
 def after(source: str, *messages: dict[str, object]) -> Reading | None:
-    """Return what is known after messages that came one second apart."""
+    """Return the values after messages one second apart."""
     sources, spec = written(source)
     for number, fields in enumerate(messages):
         sources.read(spec.sources[0], message_of(fields), float(number))
