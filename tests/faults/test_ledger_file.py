@@ -136,7 +136,7 @@ class Writers:
         return heard + self._rest()[:-1]
 
     def create(self, path: Path, at: str, number: int) -> bool:
-        """Let a writer create a ledger; return whether it died before, from a line or a size."""
+        """Let a writer create a ledger; return whether a given line or size killed it before."""
         self._start("create", str(path), at, number)
         (_, code), *more = reversed(self._rest())
         assert not more, more

@@ -28,7 +28,7 @@ AWAY = LearningRule(retreat={"age": 1.0})
 
 
 def asked(kind: FeedbackKind, scene: Vector, rule: LearningRule = PLAIN) -> Vector:
-    """Return the step of a feedback from a profile of 3 everywhere."""
+    """Return the target that feedback requests for a profile of 3 everywhere."""
     return requested(kind, (3.0, 3.0, 3.0), scene, space=SPACE, rule=rule)
 
 
@@ -75,7 +75,7 @@ def test_negative_feedback_moves_away_by_the_same_step():
     ("profile", "after"),
     [
         ((3.0, 3.0, 3.0), (2.0, 3.0, 3.0)),
-        # As close to the scene as numbers are displayed equal, on either side.
+        # So close to the scene, on either side, that the displayed numbers are equal.
         ((3.003, 3.0, 3.0), (2.0015, 3.0, 3.0)),
         ((2.997, 3.0, 3.0), (1.9985, 3.0, 3.0)),
         # Farther away, the paper's formula holds, whatever the file says.
