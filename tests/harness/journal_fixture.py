@@ -98,7 +98,7 @@ class JournaledSystem:
         folder: For the trees folder.
         strategy: By which bids are ranked.
         options: What is set about it.
-        shadow: Strategy that only looks on.
+        shadow: Shadow strategy.
     """
 
     def __init__(
