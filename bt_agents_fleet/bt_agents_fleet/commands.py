@@ -41,7 +41,7 @@ def fleet() -> None:
 
 @fleet.command()
 @click.argument("address")
-@click.option("--robot", required=True, help="Name of this robot, which no other has.")
+@click.option("--robot", required=True, help="Unique name of this robot.")
 @click.option(
     "--password-file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
@@ -51,7 +51,7 @@ def fleet() -> None:
 @click.option(
     "--certificates",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Certificates that sign the server's (sslrootcert).",
+    help="CA certificates for the server (sslrootcert).",
 )
 @state_option
 def join(
