@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Studio: a running system, and what was recorded of one, for a browser."""
+"""Studio: shows a running system, and recordings of one, in a browser."""
