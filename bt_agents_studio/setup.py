@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 setup(
     name="bt_agents_studio",
     version="0.1.0",
-    description="A running system, and what was recorded of one, for a browser.",
+    description="Shows a running system, and recordings of one, in a browser.",
     license="Apache-2.0",
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",

@@ -41,7 +41,7 @@ def fleet() -> None:
 
 @fleet.command()
 @click.argument("address")
-@click.option("--robot", required=True, help="Name of this robot, which no other has.")
+@click.option("--robot", required=True, help="Unique name of this robot.")
 @click.option(
     "--password-file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
@@ -51,15 +51,15 @@ def fleet() -> None:
 @click.option(
     "--certificates",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Certificates that sign the server's (sslrootcert).",
+    help="CA certificates for the server (sslrootcert).",
 )
 @state_option
 def join(
     address: str, robot: str, password_file: Path | None, certificates: Path | None, state: str
 ) -> None:
-    """Join the fleet of the database at ADDRESS, whose tables are made or brought up to date.
+    """Join the fleet of the database at ADDRESS, and create or update its tables.
 
-    What is shared stands in the agents' files: learning: {share: everything}.
+    Each agent's file says what it shares: learning: {share: everything}.
     """
     settings = FleetSettings(
         robot=checked_robot(robot),
@@ -73,21 +73,21 @@ def join(
 
 
 @fleet.command()
-@click.option("--erase", is_flag=True, help="Take what this robot has taught out of the database.")
+@click.option("--erase", is_flag=True, help="Remove what this robot has taught from the database.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @state_option
 def leave(erase: bool, yes: bool, state: str) -> None:
-    """Leave the fleet; what this robot has learned from the others stays with it.
+    """Leave the fleet; this robot keeps what it has learned from the others.
 
-    What it has taught stays with the others, also with --erase, which takes it out of the
-    database.
+    The others keep what it has taught, also with --erase, which removes it from the database.
     """
     kept = kept_state(state)
     settings = read_settings(kept.path)
-    if erase and not yes:
-        click.confirm(f"take the steps of {settings.robot} out of the database?", abort=True)
-    with closing(_database(settings)) as database:
-        database.leave(erase=erase)
+    if erase:
+        if not yes:
+            click.confirm(f"remove the steps of {settings.robot} from the database?", abort=True)
+        with closing(_database(settings)) as database:
+            database.erase()
     (kept.path / FLEET_SETTINGS).unlink()
     (kept.path / STATUS_FILE).unlink(missing_ok=True)
     click.echo(f"{settings.robot} has left the fleet")

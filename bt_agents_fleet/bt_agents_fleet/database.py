@@ -185,10 +185,8 @@ class FleetDatabase:
                 "INSERT INTO robot (robot) VALUES (%s) ON CONFLICT DO NOTHING", (self._robot,)
             )
 
-    def leave(self, *, erase: bool) -> None:
-        """With ``erase``, remove this robot and its steps; otherwise do nothing."""
-        if not erase:
-            return
+    def erase(self) -> None:
+        """Remove this robot and its steps."""
         with self._transaction() as connection:
             _check_version(connection)
             connection.execute("DELETE FROM step WHERE robot = %s", (self._robot,))

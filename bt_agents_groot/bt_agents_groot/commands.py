@@ -42,15 +42,15 @@ def export() -> None:
 @click.option(
     "--tree",
     default="",
-    help="ID of the tree that starts; of the others only what it calls is taken.",
+    help="ID of the main tree; only trees that it calls are imported with it.",
 )
 @_TREES
 def import_groot(files: tuple[str, ...], out: str, agent: str, tree: str, directory: str) -> None:
     """Make an agent from FILES of BehaviorTree.CPP 4 or Groot2, or from a project (.btproj).
 
-    A folder stands for its XML files. What a file includes is read, too. Without -o the agent is
-    printed. What could not be translated is listed, and stands in the file as comments. The skills
-    of the trees folder are used where their names fit.
+    A folder stands for its XML files. Included files are read, too. Without -o the agent is
+    printed. Nodes without a translation are listed, and are comments in the file. Skills of the
+    trees folder are used where their names fit.
     """
     _refuse_existing(out)
     folder = _take(directory)

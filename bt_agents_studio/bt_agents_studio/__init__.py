@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Studio, which shows a running system, and recordings, in a browser."""
+"""Studio: shows a running system, and recordings of one, in a browser."""

@@ -601,7 +601,7 @@ def test_leaving_robot_may_remove_its_steps(make, server, database):
     anna, ben = make("anna"), make("ben")
     anna.robot.teach()
     synchronise(anna, ben)
-    anna.database.leave(erase=True)
+    anna.database.erase()
     assert rows(server, database, "SELECT robot FROM robot") == [("ben",)]
     assert rows(server, database, "SELECT * FROM step") == []
 

@@ -98,7 +98,7 @@ class JournaledSystem:
         folder: Place of the trees folder.
         strategy: Strategy that ranks the bids.
         options: Options of the strategy.
-        shadow: Strategy that also ranks, without deciding.
+        shadow: Shadow strategy.
     """
 
     def __init__(

@@ -51,15 +51,15 @@ def experiment() -> None:
 @click.option(
     "--ros",
     is_flag=True,
-    help="Also through the real ROS graph, each round compared with the same without ROS.",
+    help="Also run on the real ROS graph, and compare each round with the run without ROS.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Write every round, bid and feedback here: FILE.csv or FILE.parquet.",
+    help="Write every round, bid and feedback to FILE.csv or FILE.parquet.",
 )
-@click.option("--seed", type=int, help="Another seed for all that is left to chance.")
-@click.option("--rounds", type=click.IntRange(1), help="Another number of rounds.")
+@click.option("--seed", type=int, help="Seed of all random choices.")
+@click.option("--rounds", type=click.IntRange(1), help="Number of rounds.")
 @click.option("--strategy", default="manhattan", show_default=True, help="Who gets a scene.")
 @click.option("--tie-break", default="least_recently_run", show_default=True)
 @table_options
@@ -200,10 +200,12 @@ def plot(name: str, output: Path, seeds: int) -> None:
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for table, CSV, JSON and figures; left out: the table is only printed.",
 )
-@click.option("--processes", type=click.IntRange(1), help="How many work at once; all cores.")
-@click.option("--runs", type=click.IntRange(1), help="Another number of runs.")
-@click.option("--rounds", type=click.IntRange(1), help="Another number of rounds.")
-@click.option("--seed", type=click.IntRange(0), help="Another seed of the first run.")
+@click.option(
+    "--processes", type=click.IntRange(1), help="Number of processes; default: all cores."
+)
+@click.option("--runs", type=click.IntRange(1), help="Number of runs.")
+@click.option("--rounds", type=click.IntRange(1), help="Number of rounds.")
+@click.option("--seed", type=click.IntRange(0), help="Seed of the first run.")
 @table_options
 def sweep(
     name: str,

@@ -35,7 +35,7 @@ files_argument = click.argument("files", nargs=-1, type=click.Path(path_type=Pat
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Write every round, bid and feedback here: FILE.csv or FILE.parquet.",
+    help="Write every round, bid and feedback to FILE.csv or FILE.parquet.",
 )
 def journal(files: tuple[Path, ...], out: Path | None) -> None:
     """Show what the FILES of a journal hold: topics, time, rounds and who won them.

@@ -41,11 +41,11 @@ _NOBODY = "nobody"
 @click.option("--strategy", default="", help="Rank by this strategy.")
 @click.option("--learning-rate", type=click.FloatRange(0.0, 1.0), help="Of every agent.")
 @click.option(
-    "--update", type=click.Choice([one.value for one in Update]), help="How profiles follow."
+    "--update", type=click.Choice([one.value for one in Update]), help="How profiles learn."
 )
 @click.option("--agents", default="", metavar="DIR", help="The agents of this trees folder bid.")
 @click.option("--tags", default="", help="Only agents of --agents with one of these tags.")
-@click.option("--all", "everything", is_flag=True, help="Show the rounds that stay as they were.")
+@click.option("--all", "everything", is_flag=True, help="Show unchanged rounds, too.")
 @table_options
 @click.pass_context
 def what_if(

@@ -78,7 +78,7 @@ class Changes:
                 raise BtAgentsError("an option belongs to a strategy; name it with --strategy")
             return
         if self.strategy == EXTERNAL:
-            raise BtAgentsError("what a program outside would have answered is not known")
+            raise BtAgentsError("the answer of an external program to another round is unknown")
         if self.strategy not in STRATEGIES:
             hint = did_you_mean(self.strategy, sorted(STRATEGIES))
             raise BtAgentsError(f"no strategy '{self.strategy}'; {hint}")

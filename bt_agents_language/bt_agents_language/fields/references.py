@@ -29,7 +29,7 @@ _LOOKED_AT = 100
 _DOTTED = re.compile(NAME)
 _COMPUTES = re.compile(r"[a-z]\w*(\.\w|.*[-+*/%<>=(])")
 
-_COMMENT_IN_BLOCK = re.compile(rf"{COMMENT.pattern}|(?<!\S)#(?=\s)")
+_COMMENT_IN_BLOCK = re.compile(rf"{COMMENT.pattern}|(?<=\S )#(?=\s)")
 _INSERTED = re.compile(rf"\$\{{\s*({re.escape(TEXT_PREFIX)}\w+)\s*\}}")
 
 ONE_NAME = re.compile(rf"\$\{{\s*({NAME})\s*\}}")

@@ -44,9 +44,9 @@ def _lines(decision: Decision, space: SceneSpace) -> Iterator[str]:
     if ranked.shadow_winner and winner is not None:
         same = ranked.shadow_winner == winner.agent
         chosen = f"{winner.agent}, too" if same else ranked.shadow_winner
-        yield f"The strategy {decision.terms.shadow}, which only looks on, would choose {chosen}."
+        yield f"The shadow strategy {decision.terms.shadow} would choose {chosen}."
     if ranked.shadow_failure:
-        yield f"{decision.terms.shadow} only looks on: {ranked.shadow_failure}."
+        yield f"The shadow strategy fails: {ranked.shadow_failure}."
 
 
 def _head(decision: Decision) -> str:
@@ -120,7 +120,7 @@ def _origin(value: SceneValue) -> str:
         return f"estimated from {value.source or 'earlier visits'}"
     if value.origin is Origin.DEFAULT:
         return "the default, as nothing better is known"
-    return "as it was told"
+    return "given" if value.origin is Origin.GIVEN else "told by the person"
 
 
 def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[str]:
@@ -131,11 +131,12 @@ def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[s
         reason = ranked.precedence or "it gave no reason"
         names = join_words([bid.agent for bid in decision.ranking[: ranked.placed]])
         if ranked.by == RULES:
-            yield f"What holds is {reason}; it names {names} before all nearer ones."
+            verb = "comes" if ranked.placed == 1 else "come"
+            yield f"{names} {verb} first by {reason}."
         else:
-            yield f"The program outside puts {names} first: {reason}."
+            yield f"The external program puts {names} first: {reason}."
     elif ranked.by == RULES:
-        yield "No rule holds for anybody who bids, so the nearest bid comes first."
+        yield "No rule applies to an agent that bids, so the nearest bid comes first."
     yield _parts(winner, decision, space)
     yield from _exploration(decision, winner, space)
 
@@ -145,7 +146,7 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
     scene, by = space.compared(decision.terms.scene), decision.ranked.by
     known = [i for i in range(len(space)) if not math.isnan(scene.vector[i])]
     if not known:
-        return f"As nothing is known about the scene, {bid.agent} is as near as anybody."
+        return f"Nothing is known about the scene, so {bid.agent} is as near as any other agent."
     adding = sorted(
         (i for i in known if bid.contributions[i] > 0.0), key=lambda i: -bid.contributions[i]
     )
@@ -153,12 +154,12 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
     parts = []
     for index in adding[:_PARAMETERS_SHOWN]:
         std = scene.std[index] if by == "expected_manhattan" else 0.0
-        against = f"its {format_number(bid.vector[index], FEW)} against "
-        against += _with_std(scene.vector[index], std)
+        compared = f"profile {format_number(bid.vector[index], FEW)}, "
+        compared += f"scene {_with_std(scene.vector[index], std)}"
         if by == "weighted_manhattan" and bid.weights:
-            against += f", weight {format_number(bid.weights[index], FEW)}"
+            compared += f", weight {format_number(bid.weights[index], FEW)}"
         adds = format_number(bid.contributions[index], FEW)
-        parts.append(f"{space.names[index]} adds {adds} ({against})")
+        parts.append(f"{space.names[index]} adds {adds} ({compared})")
     if len(adding) > _PARAMETERS_SHOWN:
         parts.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
     if fitting:
@@ -183,7 +184,7 @@ def _exploration(decision: Decision, winner: RankedBid, space: SceneSpace) -> It
     elif ranked.by == "epsilon_greedy":
         often = percent(options["epsilon"])
         left = "This was" if any(bid.bonus for bid in decision.ranking) else "This was not"
-        yield f"{left} one of the {often} of rounds that are left to chance alone."
+        yield f"{left} one of the {often} of the rounds with a random order."
     elif ranked.by == "thompson":
         yield (
             f"Profiles count as uncertain (sigma {format_number(options['sigma'])}); the one "
@@ -239,7 +240,7 @@ def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[
         yield f"Next comes {second.agent}, {away}, ranked as {score}: behind by {behind}."
     else:
         behind = distance(decision.margin, FEW)
-        yield f"Next comes {second.agent}, {away}: further by {behind}."
+        yield f"Next comes {second.agent}, {away}: farther by {behind}."
     rest = others[max(1, len(tied)) :]
     if rest:
         yield f"Then {join_first(f'{b.agent} {distance(b.distance, FEW)}' for b in rest)}."
@@ -252,7 +253,7 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
         return
     if not change.names:
         if change.obstacle:
-            yield f"What would have made {second.agent} win is not known: {change.obstacle}."
+            yield f"The change that would make {second.agent} win is unknown: {change.obstacle}."
         else:
             yield f"No change to a single value would have made {second.agent} win."
         return

@@ -44,9 +44,7 @@ def smallest_change(model: RoundModel, scores: Sequence[Score], runner_up: int) 
     if not known:
         return Counterfactual(obstacle="no value of the scene is known")
     if model.spec.name == EXTERNAL and external and not external.failure:
-        return Counterfactual(
-            obstacle="nobody knows how the program outside would have ranked another scene"
-        )
+        return Counterfactual(obstacle="only the external program can rank another scene")
     numbers = len(model.given.bids) * len(model.given.scene) * len(known)
     steps = min(FINEST, MOST_NUMBERS // numbers)
     if steps < COARSEST:

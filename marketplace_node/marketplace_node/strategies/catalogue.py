@@ -27,30 +27,30 @@ from marketplace_node.strategies.strategy import Option, StrategySpec
 _OWN = (
     StrategySpec(
         name="manhattan",
-        description="The nearest bid wins: the sum of the differences, as in the paper.",
+        description="The nearest bid by the sum of the differences wins, as in the paper.",
         score=manhattan,
         difference=difference,
     ),
     StrategySpec(
         name="weighted_manhattan",
-        description="As manhattan, but parameters count by their weight.",
+        description="Like manhattan, with a weight for each parameter.",
         score=weighted_manhattan,
         difference=weighted_difference,
     ),
     StrategySpec(
         name="euclidean",
         description="The nearest bid by the straight line wins; one big difference counts more "
-        "than some small ones.",
+        "than several small ones.",
         score=euclidean,
     ),
     StrategySpec(
         name="expected_manhattan",
-        description="As manhattan, but an uncertain value of the scene counts less.",
+        description="Like manhattan, but an uncertain value of the scene counts less.",
         score=expected_manhattan,
     ),
     StrategySpec(
         name="softmax",
-        description="Nearer bids are likelier to win, but none is left out for ever.",
+        description="Nearer bids are more likely to win, but every bid has a chance.",
         score=softmax,
         options=(exploration.TEMPERATURE,),
         draws=True,
@@ -58,14 +58,14 @@ _OWN = (
     ),
     StrategySpec(
         name="epsilon_greedy",
-        description="The nearest bid wins, but now and then anybody does.",
+        description="The nearest bid wins, except in a share of the rounds with a random order.",
         score=epsilon_greedy,
         options=(exploration.EPSILON,),
         draws=True,
     ),
     StrategySpec(
         name="ucb",
-        description="The nearest bid wins, but who ran seldom is forgiven some distance.",
+        description="The nearest bid wins, after a bonus for agents that seldom ran.",
         score=ucb,
         options=(exploration.UCB_C,),
         counts=True,
@@ -73,7 +73,7 @@ _OWN = (
     ),
     StrategySpec(
         name="bounded_ucb",
-        description="As ucb, but nobody wins who is much further than the nearest.",
+        description="Like ucb, but an agent much farther away than the nearest cannot win.",
         score=bounded_ucb,
         options=(exploration.BOUNDED_C, exploration.MARGIN),
         counts=True,
@@ -81,22 +81,22 @@ _OWN = (
     ),
     StrategySpec(
         name="thompson",
-        description="Profiles are taken for the less certain the less they ran; the nearest of "
-        "drawn ones wins.",
+        description="The nearest of randomly drawn profiles wins; they vary more for agents that "
+        "seldom ran.",
         score=thompson,
         options=(exploration.SIGMA,),
         draws=True,
     ),
     StrategySpec(
         name="rules",
-        description="The first rule of market.yaml that holds says who wins; the others by "
-        "manhattan.",
+        description="The first rule of market.yaml that applies names the winner; manhattan ranks "
+        "the others.",
         score=manhattan,
     ),
     StrategySpec(
         name="external",
-        description="A program outside ranks, asked by the service 'bt_agents/select'; without "
-        "its answer in time, manhattan.",
+        description="An external program ranks through the service 'bt_agents/select'; without "
+        "an answer in time, manhattan does.",
         score=manhattan,
         options=(
             Option(
@@ -104,7 +104,7 @@ _OWN = (
                 default=0.5,
                 minimum=0.05,
                 maximum=60.0,
-                description="how long its answer is waited for [s]",
+                description="longest time for its answer [s]",
             ),
         ),
     ),

@@ -17,28 +17,29 @@ TEMPERATURE = Option(
     default=0.5,
     minimum=0.001,
     maximum=100.0,
-    description="how much chance counts; who is nearer by this is e times as likely",
+    description="weight of chance; an agent nearer by this distance is e times as likely to win",
 )
 EPSILON = Option(
     name="epsilon",
     default=0.1,
     minimum=0.0,
     maximum=1.0,
-    description="share of the rounds whose order is left to chance alone",
+    description="share of the rounds with a random order",
 )
 UCB_C = Option(
     name="c",
     default=1.0,
     minimum=0.0,
     maximum=100.0,
-    description="how much distance an agent is forgiven for having run seldom",
+    description="size of the bonus on the distance of an agent that seldom ran",
 )
 SIGMA = Option(
     name="sigma",
     default=0.1,
     minimum=0.0,
     maximum=10.0,
-    description="how unsure the profile of an agent is that never ran, as a share of each range",
+    description="standard deviation of the profile of an agent that never ran, as a share of each "
+    "range",
 )
 
 BOUNDED_C = Option(
@@ -46,7 +47,7 @@ BOUNDED_C = Option(
     default=0.3,
     minimum=0.0,
     maximum=10.0,
-    description="how much distance an agent is forgiven for having run seldom, as a share of the "
+    description="size of the bonus on the distance of an agent that seldom ran, as a share of the "
     "sum of all ranges",
 )
 MARGIN = Option(
@@ -54,8 +55,8 @@ MARGIN = Option(
     default=0.3,
     minimum=0.0,
     maximum=1.0,
-    description="nobody wins who is further than the nearest by more than this share of the sum "
-    "of all ranges",
+    description="an agent farther away than the nearest by more than this share of the sum of all "
+    "ranges cannot win",
 )
 
 _LEAST = float(np.finfo(np.float64).tiny)

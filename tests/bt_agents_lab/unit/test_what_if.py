@@ -202,7 +202,7 @@ def test_random_strategy_gives_reproducible_results(tmp_path: Path) -> None:
         ("softmax", {"temprature": 1.0}, "no option 'temprature'; did you mean"),
         ("softmax", {"temperature": -1.0}, "option 'temperature' is -1, expected"),
         ("", {"temperature": 1.0}, "name it with --strategy"),
-        ("external", {}, "not known"),
+        ("external", {}, "unknown"),
     ],
 )
 def test_invalid_changes_are_rejected_with_reason(

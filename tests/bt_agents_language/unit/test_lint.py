@@ -266,7 +266,7 @@ def test_unmarked_name_in_text_is_warned_about(text):
         ("ask: {text: Yes?, choices: [yes, no // a]}", "9:41", "write '# …' in a line above"),
         ("set: {place: gate 3 // x}", "9:25", "write '# …' in a line above"),
         ("say: >\n    Hello.\n    /* note */", "11:7", "write '# …' in a line above"),
-        ("say: >\n    Hello. # a note\n", "10:12", "write '# …' in a line above"),
+        ("say: >\n    Hello. # a note\n", "10:14", "write '# …' in a line above"),
     ],
 )
 def test_comment_in_text_is_warned_about(node, place, hint):
@@ -282,7 +282,7 @@ def test_comment_in_text_is_warned_about(node, place, hint):
     [
         "See https://a.org.",
         "See //server/share.",
-        ">\n  We are #1 in C#.",
+        ">\n    We are #1 in C#.",
         "'Say // aloud.'",
         "either//or",
         "5 */ 3",

@@ -24,7 +24,7 @@ from bt_agents_ros.types import load_type
 from bt_agents_tools.cli import connection
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.main import bt_agents
-from bt_agents_tools.client import observer
+from bt_agents_tools.client import observer, system_client
 from bt_agents_tools.client.observer import MOST_HOSTS, Observer
 from bt_agents_tools.client.printable_messages import make_printable
 from hostile_texts import HOSTILE, hostile, texts
@@ -108,10 +108,10 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
         return SimpleNamespace(is_canceled=lambda: not running, reset=list, cancel=list)
 
     spinner = SimpleNamespace(spin_until=lambda done, _: done(), close=lambda: None)
-    monkeypatch.setattr(observer, "rclpy", fake)
-    monkeypatch.setattr(observer, "Spinner", lambda _: spinner)
+    monkeypatch.setattr(system_client, "rclpy", fake)
+    monkeypatch.setattr(system_client, "Spinner", lambda _: spinner)
     monkeypatch.setattr(observer, "steady_timer", added_timer)
-    monkeypatch.setattr(observer, "Calls", lambda _: SimpleNamespace(call=answered_call))
+    monkeypatch.setattr(system_client, "Calls", lambda _: SimpleNamespace(call=answered_call))
     monkeypatch.setattr(connection, "set_discovery", lambda _: None)
     return timers
 

@@ -68,7 +68,7 @@ def test_change_also_beats_bids_in_between() -> None:
         ((3.0, 3.0, 3.0), {}, ""),
         ((3.0, 3.0, 3.0), {"strategy": "epsilon_greedy", "options": {"epsilon": 1.0}}, ""),
         ((3.0, 3.0, 3.0), {"strategy": "external", "external": External(ranking=("a",))},
-         "nobody knows how the program outside would have ranked another scene"),
+         "only the external program can rank another scene"),
     ],
 )  # fmt: skip
 def test_missing_change_states_reason(

@@ -92,7 +92,7 @@ def outside_is_late() -> Decision:
     )
     return of(
         strategy="external",
-        external=External(failure="the program outside did not answer within 0.5 s"),
+        external=External(failure="the external program did not answer within 0.5 s"),
         refused=(declined("silent_text"), bad),
         silent_hosts=("/others",),
     )

@@ -203,7 +203,7 @@ def test_explanation_mentions_failing_shadow(monkeypatch: pytest.MonkeyPatch) ->
     decision = decided(terms(shadow="theirs"), bids({"ann": (4.0, 4.0, 4.0)}))
 
     assert explanation(decision, SPACE).splitlines()[-1] == (
-        "theirs only looks on: strategy theirs raised KeyError: 'temperature'."
+        "The shadow strategy fails: strategy theirs raised KeyError: 'temperature'."
     )
 
 

@@ -18,7 +18,7 @@ from bt_agents_tools.cli.table import Column, TableForm, print_table, table_opti
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_author = click.option("--author", default=user, show_default="you", help="Who asks.")
+_author = click.option("--author", default=user, show_default="you", help="Who makes the request.")
 
 
 @click.command()

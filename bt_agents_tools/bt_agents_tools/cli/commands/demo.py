@@ -32,7 +32,7 @@ _MORNING = Path("scripts") / "airport_morning.yaml"
 @click.option(
     "--script",
     type=click.Path(path_type=Path),
-    help="Another list of visits than the morning at the airport.",
+    help="Script of visits, instead of the morning at the airport.",
 )
 @click.option("--tags", default="airport", show_default=True, help="Agents with these tags.")
 @click.option("--browser", is_flag=True, help="Be the visitor yourself, in a browser.")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("kind", type=click.Choice(["positive", "negative", "direct", "set"]))
 @click.argument("values", nargs=-1, callback=assignments)
-@click.option("--agent", default="", help="Whose; default: who runs, else who ran last.")
+@click.option("--agent", default="", help="Agent; default: the one that runs, else the last one.")
 @click.option("--reason", default="", help="Why, in words.")
 def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
     """Tell an agent how it did.

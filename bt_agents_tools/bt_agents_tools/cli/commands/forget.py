@@ -28,11 +28,11 @@ from bt_agents_tools.launcher.log_files import erase_lines, log_home
 @click.command()
 @click.argument("person")
 @state_option
-@click.option("--ledger", default="", help="Another file of the learned profiles.")
-@click.option("--memory", default="", help="Another file of what is remembered of persons.")
-@click.option("--journal", default="", metavar="FOLDER", help="Another folder of the journal.")
+@click.option("--ledger", default="", help="File of the learned profiles.")
+@click.option("--memory", default="", help="File of what is remembered of persons.")
+@click.option("--journal", default="", metavar="FOLDER", help="Folder of the journal.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
-@click.option("--author", default=user, show_default="you", help="Who asks.")
+@click.option("--author", default=user, show_default="you", help="Who makes the request.")
 def forget(
     person: str, state: str, ledger: str, memory: str, journal: str, yes: bool, author: str
 ) -> None:

@@ -20,7 +20,7 @@ from bt_agents_tools.launcher.parameter_file import ParameterFile
 
 @click.command()
 @click.argument("directory", required=False, default="")
-@click.option("--name", default="", help="Name of the host; else that of the machine tells it.")
+@click.option("--name", default="", help="Name of the host; default: the name of the machine.")
 @click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
 @click.option("--language", default="", help="Language of the texts; else that of scene.yaml.")
 @click.option(

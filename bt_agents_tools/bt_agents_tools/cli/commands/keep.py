@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("agents", nargs=-1, metavar="[AGENT]...")
 @click.option("--profile", is_flag=True, help="Keep the profiles too, with what was learned.")
-@click.option("--dry-run", is_flag=True, help="Show what would be changed, change nothing.")
-@click.option("--yes", is_flag=True, help="Write without a question also when tests fail then.")
+@click.option("--dry-run", is_flag=True, help="Show the changes without making them.")
+@click.option("--yes", is_flag=True, help="Write without asking, even if tests then fail.")
 def keep(agents: tuple[str, ...], profile: bool, dry_run: bool, yes: bool) -> None:
     """Write tuned values of AGENTs, or of all, into their files as the new defaults.
 

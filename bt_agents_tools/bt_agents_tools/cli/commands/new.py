@@ -126,7 +126,7 @@ _OTHERS: Mapping[str, Callable[[str, Path], _FirstFiles]] = {
     "--dir",
     "directory",
     type=click.Path(path_type=Path),
-    help="The trees folder, or that of experiments; one that is not there yet is made.  "
+    help="The trees folder, or that of experiments; created if missing.  "
     "[default: trees, experiments]",
 )
 @click.option(
@@ -134,7 +134,7 @@ _OTHERS: Mapping[str, Callable[[str, Path], _FirstFiles]] = {
     type=click.Choice(["agent", "library", *_OTHERS]),
     default="agent",
     show_default=True,
-    help="An agent with its test, a test for an agent that is there, and so on.",
+    help="An agent with its test, a test for an existing agent, and so on.",
 )
 @click.option("--like", default="", metavar="AGENT", help="Start from this agent and its test.")
 @click.option("--pattern", "of_pattern", default="", metavar="P", help="Start from a pattern.")

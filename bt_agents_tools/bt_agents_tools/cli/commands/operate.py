@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _reason = click.option("--reason", default="", help="Why, in words.")
 _person = click.option(
-    "--person/--no-person", default=None, help="Whether somebody is there; default: as before."
+    "--person/--no-person", default=None, help="Whether a person is there; default: as before."
 )
 
 
@@ -49,7 +49,7 @@ def unpin(reason: str) -> None:
 @click.argument("agent")
 @_reason
 def veto(agent: str, reason: str) -> None:
-    """Let AGENT bid no more, and stop it when it runs."""
+    """Exclude AGENT from bidding, and stop its run."""
     _operate("VETO", agent=agent, reason=reason)
 
 
@@ -64,7 +64,7 @@ def allow(agent: str, reason: str) -> None:
 @click.command()
 @click.argument("agent")
 @click.argument("values", nargs=-1, callback=assignments)
-@click.option("--label", default="", help="Words for people.")
+@click.option("--label", default="", help="Name of the scene for people.")
 @_person
 @_reason
 def award(agent: str, values: Assignments, label: str, person: bool | None, reason: str) -> None:
@@ -87,15 +87,15 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
 
 @click.command()
 @click.argument("values", nargs=-1, callback=assignments)
-@click.option("--strategy", default="", help="Another strategy than the one in force.")
+@click.option("--strategy", default="", help="Strategy to use instead of the one in force.")
 @_person
 @table_options
 def preview(values: Assignments, strategy: str, person: bool | None, form: TableForm) -> None:
-    """Say who would win, without giving anybody a run.
+    """Show which agent would win, without running it.
 
-    For example: bt-agents preview age=4 mood=2 --strategy ucb. What is not named is as in the live
-    scene of a run; without one as in the last scene, with what the person has told since; or as
-    scene.yaml says of what is missing.
+    For example: bt-agents preview age=4 mood=2 --strategy ucb. Other values come from the live
+    scene of a run; without a run from the last scene, with what the person has told since; else
+    from scene.yaml.
     """
     with connect() as observer:
         given = {}
@@ -111,7 +111,7 @@ def preview(values: Assignments, strategy: str, person: bool | None, form: Table
 
 @click.command()
 @click.option("--reason", default="the operator stopped it", help="Why, in words.")
-@click.option("--next", "next_", is_flag=True, help="Go on with the next scene that waits.")
+@click.option("--next", "next_", is_flag=True, help="Continue with the next waiting scene.")
 def cancel(reason: str, next_: bool) -> None:
     """Stop the running agent, and forget the scenes that wait."""
     with connect() as observer:

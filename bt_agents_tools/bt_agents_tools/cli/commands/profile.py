@@ -35,7 +35,7 @@ _MAX_PROBLEMS = 20
 _layer = click.option(
     "--layer", default="", help="Of a person or a place: person/anna; default: everybody's."
 )
-_author = click.option("--author", default=user, show_default="you", help="Who asks.")
+_author = click.option("--author", default=user, show_default="you", help="Who makes the request.")
 _reason = click.option("--reason", default="", help="Why, in words.")
 
 
@@ -186,7 +186,7 @@ def import_(file: Path, author: str, reason: str) -> None:
 
 
 @profile.command()
-@click.option("--older", required=True, help="Without a change for so long, such as 90d.")
+@click.option("--older", required=True, help="Unchanged for this long, such as 90d.")
 @click.option("--kind", type=click.Choice(["person", "place"]), help="Persons or places only.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @_author

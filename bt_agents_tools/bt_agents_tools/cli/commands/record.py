@@ -11,8 +11,8 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.commands.tune import user
 from bt_agents_tools.cli.connection import BUSY_LIMIT_S, accepted, connect
 
-_notes = click.option("--notes", default="", help="More words about it.")
-_author = click.option("--author", default=user, show_default="you", help="Who asks.")
+_notes = click.option("--notes", default="", help="Notes about the moment or the recording.")
+_author = click.option("--author", default=user, show_default="you", help="Who makes the request.")
 
 
 @click.group()

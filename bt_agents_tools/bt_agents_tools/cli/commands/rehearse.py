@@ -62,7 +62,7 @@ Examples:
 @click.option("--pick", multiple=True, metavar="PATH", help="The child that a 'random' takes.")
 @click.option("-i", "--interactive", is_flag=True, help="Type the answers yourself.")
 @click.option("--ticks", is_flag=True, help="Show every change of every node.")
-@click.option("--realtime", is_flag=True, help="Let the time pass as it would.")
+@click.option("--realtime", is_flag=True, help="Run in real time.")
 def rehearse(
     arguments: tuple[str, ...],
     directory: str,
@@ -82,8 +82,8 @@ def rehearse(
 ) -> None:
     """Rehearse an AGENT, by its name or file, without a robot.
 
-    The time is virtual. What is not said is answered as is likely; -i asks you instead. Exit code
-    1 when the run fails or does not end.
+    The time is virtual. Questions without a given answer get a likely one; with -i you answer.
+    Exit code 1 when the run fails or does not end.
     """
     agents = [one for one in arguments if "=" not in one]
     if len(agents) > 1 or not (agents or script):

@@ -23,15 +23,15 @@ _REFUSED = (RefusalCode.BUSY, RefusalCode.QUEUE_FULL, RefusalCode.SHUTTING_DOWN)
 @click.command()
 @click.argument("values", nargs=-1, callback=assignments)
 @click.option("--label", default="", help="Words for people.")
-@click.option("--person/--no-person", default=True, help="Whether somebody is there.")
+@click.option("--person/--no-person", default=True, help="Whether a person is there.")
 @click.option(
-    "--name", default="", help="Who it is, for person.name; each time is one more visit."
+    "--name", default="", help="Name of the person (person.name); each use counts as a visit."
 )
 @click.option("--urgent", is_flag=True, help="Stop the running agent, where new scenes preempt.")
 def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bool) -> None:
     """Put a scene on the market.
 
-    For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
+    For example: bt-agents trigger age=4.5 mood=2. Other values are as measured, or missing.
     """
     with connect() as observer:
         auctions = observer.received("bt_agents/auctions")
@@ -85,7 +85,7 @@ def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bo
 
 @click.command()
 @click.argument("values", nargs=-1, callback=assignments)
-@click.option("--person/--no-person", default=None, help="Whether somebody is there.")
+@click.option("--person/--no-person", default=None, help="Whether a person is there.")
 def sense(values: Assignments, person: bool | None) -> None:
     """Change the live scene of a run.
 

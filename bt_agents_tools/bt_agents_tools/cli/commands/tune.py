@@ -47,8 +47,8 @@ def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
 
 @click.command()
 @click.argument("arguments", metavar="[AGENT] [NAME=VALUE]...", nargs=-1)
-@click.option("--undo", is_flag=True, help="Take the last change back.")
-@click.option("--redo", is_flag=True, help="Make what was taken back again.")
+@click.option("--undo", is_flag=True, help="Undo the last change.")
+@click.option("--redo", is_flag=True, help="Redo the change that was undone last.")
 @click.option("--history", is_flag=True, help="Show the last changes, and who made them.")
 @click.option("--reason", default="", help="Why, in words.")
 @click.option("--author", default=user, show_default="you", help="Who makes the change.")

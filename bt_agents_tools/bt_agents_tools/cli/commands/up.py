@@ -33,9 +33,9 @@ from bt_agents_tools.launcher.parameter_file import ParameterFile
     type=click.Choice(["simulated", "browser"]),
     default="simulated",
     show_default=True,
-    help="Which robot is started; that in the browser you meet on the page Person.",
+    help="Robot to start; you meet the one in the browser on its page Person.",
 )
-@click.option("--no-robot", is_flag=True, help="Start no robot, as one is there already.")
+@click.option("--no-robot", is_flag=True, help="Start no robot, because one runs already.")
 @click.option("--studio/--no-studio", default=True, help="Show the system in a browser.")
 @click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
 @click.option("--language", default="", help="Language of the texts; else that of scene.yaml.")
@@ -44,7 +44,7 @@ from bt_agents_tools.launcher.parameter_file import ParameterFile
 )
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @state_option
-@click.option("--ledger", default="", help="Another file of the learned profiles.")
+@click.option("--ledger", default="", help="File of the learned profiles.")
 @click.option(
     "--memory",
     is_flag=False,
@@ -55,7 +55,7 @@ from bt_agents_tools.launcher.parameter_file import ParameterFile
 @click.option(
     "--on-new-scene",
     type=click.Choice(["queue", "reject", "preempt"]),
-    help="What becomes of a scene that comes during a run.  [default: queue]",
+    help="What happens to a scene that arrives during a run.  [default: queue]",
 )
 @click.option("--strategy", default="", help="How bids are ranked; see 'bt-agents strategy'.")
 @click.option(
@@ -74,11 +74,11 @@ from bt_agents_tools.launcher.parameter_file import ParameterFile
     "--only",
     default="",
     metavar="PARTS",
-    help="Some of market, scene, agents, feedback, robot; the others run elsewhere.",
+    help="Parts to start, of market, scene, agents, feedback and robot; the others run elsewhere.",
 )
 @lan_options
 @journal_option
-@click.option("--no-fleet", is_flag=True, help="Do not learn together with the fleet joined.")
+@click.option("--no-fleet", is_flag=True, help="Do not share learning with the joined fleet.")
 def up(
     directory: str,
     robot: str,
