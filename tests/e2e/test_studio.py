@@ -256,7 +256,7 @@ def test_visitor_stop_works_or_reports_that_it_cannot(page: Page, tablet: Page) 
 
 def test_visitor_sees_only_robot_and_cannot_tune(tablet: Page) -> None:
     assert tablet.get_by_role("navigation").count() == 0
-    assert tablet.get_by_label("Moment that is shown").count() == 0
+    assert tablet.get_by_label("Shown moment").count() == 0
     asked = """async ([path, body]) => (await fetch(path, {
         method: "POST",
         headers: {"Content-Type": "application/json"},
@@ -336,7 +336,7 @@ def test_failing_panel_reports_error_and_spares_others(browser: Browser, system:
     page.goto(system.address)
     mood = page.get_by_role("alert", name="Mood")
     expect(mood).to_be_in_viewport()
-    expect(mood).to_contain_text("This panel has failed. The rest of the page goes on.")
+    expect(mood).to_contain_text("This panel has failed. The rest of the page works.")
     expect(mood).to_contain_text("no canvas here")
     serve(page, "beside a broken panel", age=4.5, mood=2)
     expect(page.locator(".node.running").first).to_be_visible()
@@ -389,7 +389,7 @@ def test_recording_can_be_inspected(page: Page) -> None:
     serve(page, "somebody recorded", age=4.5, mood=2)
     stop(page)
     open_page(page, "System")
-    page.get_by_role("button", name="Look into it").first.click()
+    page.get_by_role("button", name="Open", exact=True).first.click()
     expect(page.locator(".time")).to_contain_text(".mcap")
     open_page(page, "Market")
     expect(page.get_by_label("Rounds")).to_contain_text("somebody recorded")
@@ -422,7 +422,7 @@ def test_open_page_continues_after_killed_process_restarts(
     )
     expect(row).to_contain_text(re.compile(r"up\d\d:\d\d:\d\d.* MB"))
     if name in WITH_HEARTBEAT:
-        expect(part).to_contain_text("there")
+        expect(part).to_contain_text("alive")
     pid = node_of(system.up.process.pid, PROCESSES[name])
     if name in WITH_HEARTBEAT:
         # It may be restarted before its loss is noticed.
@@ -434,7 +434,7 @@ def test_open_page_continues_after_killed_process_restarts(
     expect(row.locator(".level")).to_have_text("up")
     expect(row).not_to_contain_text(str(pid))
     if name in WITH_HEARTBEAT:
-        expect(part).to_contain_text("there")
+        expect(part).to_contain_text("alive")
     # A run that the page does not show yet could not be stopped below, and would delay the next.
     serve(page, f"after {name}", age=4.5, mood=2)
     system.up.until(f"scene  .*after {name}")

@@ -169,7 +169,7 @@ def test_late_answer_leaves_the_next_change_on_offer(page: Page, host: Host) -> 
     expect(undo(page)).to_contain_text("8 s → 12 s")
     host.is_slow = True
     undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("taking it back …")
+    expect(undo(page)).to_have_text("undoing …")
     expect(field(page)).to_have_value("8")
     host.is_slow = False
     field(page, "fine").fill("2")
@@ -346,7 +346,7 @@ def test_pressed_scene_slider_drops_half_typed_value(page: Page, host: Host) -> 
     panel.locator("#world-age-value").fill("4")
     press(page, panel.locator("#world-age"), 0.25)
     expect(panel.locator("#world-age-value")).to_have_value("2")
-    panel.get_by_role("button", name="Only change what is sensed now").click()
+    panel.get_by_role("button", name="Change only the sensed values").click()
     expect(panel.locator(".give").get_by_role("checkbox").first).to_be_checked()
     assert [one["values"] for one in host.other] == [[2.0]]
 

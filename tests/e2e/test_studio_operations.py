@@ -21,8 +21,8 @@ pytestmark = pytest.mark.e2e
 CHANGING = {
     "market": ("Pin", "Veto", "Award", "Good", "Bad", "Draw the map"),
     "tune": ("As in the file", "Show what would be written"),
-    "world": ("Announce the scene", "Only change what is sensed now", "Show its address"),
-    "person": ("Begin", "I leave", "Good", "worse"),
+    "world": ("Announce the scene", "Change only the sensed values", "Show its address"),
+    "person": ("Begin", "I am leaving", "Good", "worse"),
 }
 """Page → its buttons that change something, or call the system."""
 
@@ -48,7 +48,7 @@ def test_only_announced_scene_names_its_person(page: Page, studio: BackgroundStu
     open_page(page, "World")
     panel = page.get_by_label("Play the world")
     panel.get_by_label("Known as").fill("Anna")
-    for button, name in (("Only change what is sensed now", None), ("Announce the scene", "Anna")):
+    for button, name in (("Change only the sensed values", None), ("Announce the scene", "Anna")):
         studio.caller.calls.clear()
         panel.get_by_role("button", name=button).click()
         expect(panel.locator("output")).to_have_text("done")
@@ -73,7 +73,7 @@ def test_operation_is_sent_once_while_it_waits(page: Page, studio: BackgroundStu
     expect(button).to_be_disabled()
     expect(button).to_be_focused()
     page.keyboard.press("Enter")
-    page.get_by_role("button", name="Only change what is sensed now").click(force=True)
+    page.get_by_role("button", name="Change only the sensed values").click(force=True)
     asked[0].set_result(SimpleNamespace(accepted=False, code="NO", message="not today"))
     shown = page.get_by_label("Play the world").locator("output")
     expect(shown).to_have_text("not today")

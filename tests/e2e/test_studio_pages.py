@@ -97,7 +97,7 @@ def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path:
     expect(panel).to_contain_text("Bookmarks: 1")
     expect(page.locator(".marks rect")).to_have_count(1)
     page.wait_for_timeout(3000)  # the journal writes once a second
-    seen = box(page.get_by_label("Moment that is shown"))
+    seen = box(page.get_by_label("Shown moment"))
     page.mouse.click(seen["x"] + seen["width"] - 60, seen["y"] + 5)
     page.locator("details.menu summary", has_text="Bookmark").click()
     page.get_by_label("Note on this moment").fill("they asked")
@@ -126,7 +126,7 @@ def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path:
     download.value.save_as(saved)
     assert b"twelve children" in _unpacked(saved)
 
-    row.get_by_role("button", name="Look into it").click()
+    row.get_by_role("button", name="Open", exact=True).click()
     bookmarks = page.get_by_label("Bookmarks")
     expect(bookmarks.locator("option")).to_have_count(3)
     expect(bookmarks).to_contain_text("they asked")
@@ -298,7 +298,7 @@ def test_concurrent_edits_warn_page_and_lose_nothing(
     other.locator(name).fill("40")
     other.locator(name).press("Enter")
     told = page.get_by_role("main").get_by_role("alert")
-    expect(told).to_contain_text("Meanwhile it was changed: 60 → 40 by studio")
+    expect(told).to_contain_text("It has changed meanwhile: 60 → 40 by studio")
     page.locator(name).press("Enter")
     expect(page.locator(name)).to_have_value("30")
     expect(other.locator(name)).to_have_value("40")
@@ -353,7 +353,7 @@ def test_learning_rate_freezes_and_profile_moves_and_resets(page: Page) -> None:
     panel = page.get_by_label("asker", exact=True)
     panel.get_by_role("button", name="Freeze").click()
     expect(panel).to_contain_text("it does not learn")
-    page.get_by_label("Only what differs from the file").check()
+    page.get_by_label("Only differences from the file").check()
     expect(page.locator("#tunable-asker-patience")).to_have_count(0)
     expect(page.locator("#tunable-asker-learning_rate")).to_have_value("0")
     panel.get_by_text("Profile", exact=True).click()
@@ -392,9 +392,9 @@ def test_system_health_shows_worst_first_with_since_time(page: Page, folder: Pat
     open_page(page, "System")
     health = page.get_by_label("Health", exact=True)
     hosts = health.locator("li", has_text="marketplace: hosts")
-    expect(hosts).to_contain_text(re.compile(r"in order since \d\d:\d\d:\d\d hosts: 1, agents: 2"))
+    expect(hosts).to_contain_text(re.compile(r"OK since \d\d:\d\d:\d\d hosts: 1, agents: 2"))
     files = health.locator("li", has_text="agents: files")
-    expect(files).to_contain_text("in order")
+    expect(files).to_contain_text("OK")
     hosts.locator("summary").click()
     expect(hosts.locator("dl")).to_contain_text("/agents")
     file = folder / "agents" / "asker.yaml"
@@ -406,7 +406,7 @@ def test_system_health_shows_worst_first_with_since_time(page: Page, folder: Pat
         expect(health.locator("li").first).to_contain_text("agents: files")
     finally:
         file.write_text(before)
-    expect(files).to_contain_text("in order")
+    expect(files).to_contain_text("OK")
 
 
 def test_pages_explain_how_to_enable_missing_journal(

@@ -62,7 +62,7 @@ class Held:
 
 def click_along(page: Page) -> float:
     """Click along the timeline; return the last requested moment."""
-    timeline = page.get_by_label("Moment that is shown")
+    timeline = page.get_by_label("Shown moment")
     seen = box(timeline)
     for step in range(STEPS):
         page.mouse.click(seen["x"] + seen["width"] * (step + 3) / (STEPS + 4), seen["y"] + 8)

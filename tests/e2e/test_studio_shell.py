@@ -552,7 +552,7 @@ def test_question_mark_lists_keys_and_stops_nothing(page: Page, running: Backgro
     page.keyboard.press("?")
     shown = page.get_by_role("dialog", name="Keys and colours")
     expect(shown).to_be_in_viewport()
-    expect(shown).to_contain_text("stop what runs, from any page")
+    expect(shown).to_contain_text("stop the running agent, from any page")
     page.keyboard.press("Escape")
     expect(shown).to_be_hidden()
     page.keyboard.press("Escape")

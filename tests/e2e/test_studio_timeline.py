@@ -112,7 +112,7 @@ def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
 
 
 def timeline(page: Page) -> Locator:
-    return page.get_by_label("Moment that is shown")
+    return page.get_by_label("Shown moment")
 
 
 def test_events_are_drawn_where_they_happened(page: Page, began_s: float) -> None:

@@ -135,7 +135,7 @@ def stop(page: Page) -> None:
 
 def look_back(page: Page) -> None:
     """Show the oldest moment that the studio keeps."""
-    timeline = page.get_by_label("Moment that is shown")
+    timeline = page.get_by_label("Shown moment")
     expect(timeline).to_have_attribute("aria-disabled", "false")
     timeline.press("Home")
     expect(page.get_by_role("button", name="Back to now")).to_be_visible()

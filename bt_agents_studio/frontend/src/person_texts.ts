@@ -21,19 +21,19 @@ const EN = {
   good: "Good",
   bad: "Bad",
   more: "Say more",
-  suits: "Whom does this behaviour suit",
+  suits: "Whom this behaviour suits",
   next: "Next",
   noOpinion: "No opinion",
   thanks: "Thank you.",
   who: "Who are you?",
   begin: "Begin",
   begun: "The robot knows that you are there.",
-  leave: "I leave",
+  leave: "I am leaving",
   gone: "The robot knows that you have left.",
   stop: "Stop",
   stopping: "stopping …",
   stopped: "The robot has stopped.",
-  notStopped: "The robot does not answer. Use the switch of the robot itself.",
+  notStopped: "The robot does not answer. Use the switch on the robot.",
 };
 
 type Words = typeof EN;
