@@ -38,7 +38,7 @@ _VARIANTS = KeyTable(
         FieldDecl(
             "one_of",
             Items(TEXT, filled=True),
-            "Several texts; the main text of a skill takes another one each time.",
+            "Several texts; the main text of a skill is a different one each time.",
             required=True,
         ),
     ),
