@@ -122,12 +122,9 @@ def _interface(kind: BindingKind) -> KeyTable:
         what=f"'{kind.value}'",
         fields=(
             FieldDecl(
-                "name",
-                ROS_NAME,
-                "Its ROS name, relative unless it starts with '/'.",
-                required=True,
+                "name", ROS_NAME, "ROS name, relative unless it starts with '/'.", required=True
             ),
-            FieldDecl("type", ROS_TYPE, "Its ROS type, package/kind/Name.", required=True),
+            FieldDecl("type", ROS_TYPE, "ROS type, package/kind/Name.", required=True),
             FieldDecl(sent, FIELDS, f"Fields of the {sent}; ${{input}} fills an input in."),
         ),
     )
@@ -138,12 +135,12 @@ def _interface(kind: BindingKind) -> KeyTable:
         FieldDecl(
             "succeed_when",
             CONDITION,
-            "Condition on the result, result.*; without it, any result is a success.",
+            "Condition over the result, result.*; without it, any result is a success.",
         ),
         FieldDecl(
             "timeouts",
             TIMEOUTS.only(timeout_keys(kind)),
-            "How long the server may take; then the node fails.",
+            "How long the server may take before the node fails.",
         ),
         FieldDecl(
             "heartbeat",

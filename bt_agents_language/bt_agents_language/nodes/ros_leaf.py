@@ -19,7 +19,7 @@ from bt_agents_language.yaml.typed_reader import MappingReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
 ROS_TYPE = NodeField(
-    name="type", content=Content.ROS_TYPE, description="its ROS type, package/kind/Name"
+    name="type", content=Content.ROS_TYPE, description="ROS type, package/kind/Name"
 )
 
 
@@ -46,7 +46,7 @@ def called_fields(kind: BindingKind, outputs: str, timeouts: str) -> tuple[NodeF
             content=Content.CONDITION,
             required=False,
             message="result",
-            description="condition on the result, result.*; without it, any result is a success",
+            description="condition over the result, result.*; without it, any result is a success",
         ),
         NodeField(
             name="timeouts",

@@ -93,7 +93,7 @@ WAIT_FOR = NodeType(
             content=Content.CONDITION,
             required=False,
             message="msg",
-            description="condition on the message, msg.*; without it, any message counts",
+            description="condition over the message, msg.*; without it, any message counts",
         ),
         NodeField(
             name="for",
