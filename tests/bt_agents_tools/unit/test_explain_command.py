@@ -42,7 +42,7 @@ def test_code_page_shows_meaning_and_two_examples():
     assert explained("two-nodes") == (
         "error[two-nodes]  part of an agent file\n"
         "\n"
-        "Two nodes stand in one item.\n"
+        "One item contains two nodes.\n"
         "\n"
         "Wrong:\n"
         "  tree:\n"
