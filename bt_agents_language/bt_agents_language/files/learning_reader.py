@@ -97,8 +97,8 @@ LEARNING = KeyTable(
         FieldDecl(
             "general",
             SHARE,
-            "Share of what the agent learns for a person or place that its general profile learns "
-            "too.",
+            "Share of what the agent learns for a person or place that the profile for everybody "
+            "also learns.",
         ),
         FieldDecl(
             "share",
