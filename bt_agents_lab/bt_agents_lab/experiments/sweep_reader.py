@@ -72,7 +72,7 @@ _UPDATE = KeyTable(
         FieldDecl(
             "retreat",
             SceneValues(of_profiles=True),
-            "Where negative feedback moves a parameter whose value is the one of the scene.",
+            "Where negative feedback moves a parameter whose value equals the scene's.",
         ),
     ),
 )
@@ -144,7 +144,9 @@ SWEEP = FileKind(
         ),
         FieldDecl("wrong", _WRONG, "Shares and contents of wrong feedback."),
         FieldDecl("person", _PERSON, "The person whose mood gives the feedback."),
-        FieldDecl("change", _CHANGE, "What the person wants from some round on."),
+        FieldDecl(
+            "change", _CHANGE, "How the wishes of the person change, from a given round on."
+        ),
         FieldDecl(
             "arrivals",
             Entries(integer(2), "agents and rounds", keys=Key.ANY),

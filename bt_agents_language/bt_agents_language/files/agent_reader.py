@@ -57,7 +57,7 @@ AGENT = FileKind(
     fields=(
         FieldDecl("agent", NAME, "Unique name of the agent.", required=True),
         FieldDecl("title", TEXT, "Name for people."),
-        FieldDecl("description", TEXT, "What it does and whom it suits."),
+        FieldDecl("description", TEXT, "What the agent does and whom it suits."),
         FieldDecl("tags", Items(TEXT), "Words to find it by."),
         IMPORTS,
         FieldDecl(

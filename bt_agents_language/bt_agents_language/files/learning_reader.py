@@ -82,7 +82,7 @@ LEARNING = KeyTable(
         FieldDecl(
             "retreat",
             SceneValues(of_profiles=True),
-            "Where negative feedback moves a parameter whose value is the one of the scene.",
+            "Where negative feedback moves a parameter whose value equals the scene's.",
         ),
         FieldDecl(
             "weights",

@@ -116,7 +116,7 @@ SCENE = FileKind(
         FieldDecl(
             "remembers",
             Entries(WordChoice(tuple(one.value for one in FACT_TYPES)), "names and types"),
-            "What agents may remember of a person who is known by name: person.<name>, and its "
+            "Values that agents may remember of a person known by name: person.<name>, and its "
             "type.",
         ),
         FieldDecl(

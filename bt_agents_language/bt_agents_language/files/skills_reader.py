@@ -56,7 +56,7 @@ _PLACE_OF = FieldDecl(
 )
 _SKILL = KeyTable(
     fields=(
-        FieldDecl("description", TEXT, "What it does, for authors."),
+        FieldDecl("description", TEXT, "What the skill does, for authors."),
         FieldDecl("main", TEXT, "The input that a single value after the skill sets."),
         FieldDecl("inputs", Entries(INPUT), "Inputs and their types."),
         FieldDecl(

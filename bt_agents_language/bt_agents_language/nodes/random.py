@@ -79,8 +79,7 @@ RANDOM = NodeType(
         ),
     ),
     children=Children.LIST,
-    description="Runs one child at random; the larger its 'weight', the more often a child is "
-    "chosen.",
+    description="Runs one child at random; a larger 'weight' makes a child more likely.",
     child_siblings=(WEIGHT_KEY.key,),
     read=_read,
     outcomes=lambda spec, children: any_of(children),
