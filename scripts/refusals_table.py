@@ -14,11 +14,11 @@ _HEAD = """
 ## Refusals at run time
 
 A running system refuses an input, a request or a file with one of these codes and a reason in
-words. Responses, results and events have them in the fields `code` and `message` or `reason`; logs
-and the command line print `CODE: reason`. Programs compare the code and never the reason, and
-accept codes that they do not know.
+words. Responses, results and events carry the code in `code` and the reason in `message` or
+`reason`; logs and the command line print `CODE: reason`. Programs compare only the code, never the
+reason, and accept codes that they do not know.
 
-| code | what has happened and what to do | raised in |
+| code | what happened and what to do | raised in |
 |---|---|---|
 """
 

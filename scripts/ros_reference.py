@@ -49,28 +49,28 @@ _HEAD = """\
 <!-- Made by scripts/generate from the code; do not edit. -->
 # ROS reference
 
-Every topic, service, action and parameter of the system. Names are relative, but for
-`/diagnostics`: nodes are put into a namespace, and topics and services are remapped as usual.
-`<host>` is the name of a host, `agents` unless it was given another. The fields of each type of
-`bt_agents_interfaces`, with their units, stand in the comments of its file, which
-`ros2 interface show` prints; the site of the documentation has them all on a page. What happens in
-which order: [the ROS graph](ros.md). Sensors, and the topics, services and actions that skills
-use, are named by the files of a trees folder, and so are not here."""
+This page lists every topic, service, action and parameter of the system. All names except
+`/diagnostics` are relative: nodes can run in a namespace, and topics and services can be remapped
+as usual. `<host>` is the name of a host, `agents` by default. The comments in each file of
+`bt_agents_interfaces` describe its fields, with their units. `ros2 interface show` prints them;
+the site of the documentation has them all on one page. [The ROS graph](ros.md) describes the order
+of events. The files of a trees folder name the sensors, and the topics, services and actions that
+skills use, so those are not listed here."""
 
 _ROLES = """\
-`watch`, `operate` and `author` are the roles of the command line. Each may do what the roles
-before it may: [who may do what](security.md). Some nodes subscribe only while they
-need a topic."""
+`watch`, `operate` and `author` are the roles of the command line. Each role may do everything
+that the roles before it may do: [who may do what](security.md). Some nodes subscribe to a topic
+only while they need it."""
 
 _TOOLS = """\
 A host offers these if `py_trees_ros_interfaces` is installed: [the tools of
 py_trees_ros](py_trees_ros.md#the-tools-of-py_trees_ros)."""
 
 _PARAMETERS = """\
-As the nodes describe them; `ros2 param describe /marketplace bid_deadline` says the same. How to
-set them: [the ROS graph](ros.md#parameters). Those that count at the start cannot be set later. A
-host has [tunables](tuning.md) of its agents besides, as `<agent>.<name>`; `use_sim_time` and
-`start_type_description_service` are of every node of ROS 2."""
+The nodes give these descriptions; `ros2 param describe /marketplace bid_deadline` prints
+the same. [The ROS graph](ros.md#parameters) shows how to set parameters. Those that take effect at
+the start cannot be set later. A host also has the [tunables](tuning.md) of its agents, as
+`<agent>.<name>`. Every node of ROS 2 has `use_sim_time` and `start_type_description_service`."""
 
 
 def ros_reference() -> str:
@@ -139,21 +139,21 @@ def _page(nodes: Mapping[str, Any], given: Collection[str]) -> str:
         _HEAD,
         "## Topics",
         _ROLES,
-        markdown_table(("topic", "type", "QoS", "published by", "heard by"), _topics(TOPICS)),
+        markdown_table(("topic", "type", "QoS", "publishers", "subscribers"), _topics(TOPICS)),
         "## Services",
         "QoS: reliable, volatile, the last 1000.",
         markdown_table(("service", "type", "served by", "called by"), _services(nodes)),
         "## For the tools of py_trees_ros",
         _TOOLS,
         markdown_table(
-            ("topic", "type", "QoS", "published by", "heard by"), _topics(TREE_STREAMS)
+            ("topic", "type", "QoS", "publishers", "subscribers"), _topics(TREE_STREAMS)
         ),
         markdown_table(
             ("service", "type"),
             ((_code(one.name), _code(one.type)) for one in TREE_STREAM_SERVICES),
         ),
         "## Actions",
-        markdown_table(("action", "type", "served by", "goals by"), _actions(nodes)),
+        markdown_table(("action", "type", "served by", "goals from"), _actions(nodes)),
         "## Parameters",
         _PARAMETERS,
     ]
@@ -162,7 +162,9 @@ def _page(nodes: Mapping[str, Any], given: Collection[str]) -> str:
         if rows:
             parts.append(f"### {_shown(name)}")
             parts.append(
-                markdown_table(("parameter", "default", "allowed", "counts", "means"), rows)
+                markdown_table(
+                    ("parameter", "default", "allowed", "takes effect", "description"), rows
+                )
             )
     return "\n\n".join(parts) + "\n"
 
@@ -211,7 +213,7 @@ def _actions_of(node: Any) -> Any:
 
 
 def _callers(names: Collection[str]) -> str:
-    return _codes(names) or "agents, by their skills"
+    return _codes(names) or "agents, through their skills"
 
 
 def _relative(path: str, node: Any, name: str) -> str:

@@ -268,7 +268,7 @@ def _received(topic: RecordedTopic, data: bytes, info: Mapping[str, Any]) -> Rec
 
 
 FOLDER = StartParameter(
-    name="folder", description="folder of the files; empty means that of the logs of bt-agents"
+    name="folder", description="folder of the journal's files; empty: the log folder of bt-agents"
 )
 
 

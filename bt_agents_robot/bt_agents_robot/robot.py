@@ -92,7 +92,9 @@ class RobotNode(BaseNode):
             self,
             "voice",
             "auto",
-            describe("whether texts are spoken aloud", choices=("auto", "off"), read_only=True),
+            describe(
+                "whether the robot speaks texts aloud", choices=("auto", "off"), read_only=True
+            ),
         )
         if wanted not in ("auto", "off"):
             raise Refused(
@@ -143,7 +145,9 @@ class RobotNode(BaseNode):
         def take(seconds: float) -> None:
             self._watch.lease_s = seconds * slowness
 
-        meaning = "a goal is given up when the host that sent it is silent for this long [s]"
+        meaning = (
+            "the robot gives up a goal when the host that sent it is silent for this long [s]"
+        )
         limits = describe(meaning, minimum=0.5, maximum=60.0)
         return slowness * float(declare_and_watch(self, "host_lease", 1.0, limits, take))
 
@@ -203,7 +207,7 @@ class RobotNode(BaseNode):
     # Screen
 
     def _watch_screen(self) -> ScreenWatch | None:
-        meaning = "whether what it says, asks and shows needs an open page Person"
+        meaning = "true: the robot can speak, ask and show only while a page Person is open"
         if not declare(self, "needs_screen", False, describe(meaning, read_only=True)):
             return None
         screen = ScreenWatch(time.monotonic())

@@ -188,7 +188,7 @@ class VisitorsNode(BaseNode):
             read_only=True,
         )
         agents = describe(
-            "visitors come when the market has this many agents",
+            "number of agents that the market must have before visitors come",
             minimum=0,
             maximum=1_000_000,
             integer=True,

@@ -224,8 +224,8 @@ def make_managed(kind: Callable[[], NodeT], before: Callable[[], None] = lambda:
             AUTOSTART,
             True,
             describe(
-                "whether it is configured and activated at once; else it waits to be told so, "
-                "as by a lifecycle manager",
+                "true: the node configures and activates itself at once; false: it waits until it "
+                "is told to, for example by a lifecycle manager",
                 read_only=True,
             ),
         )

@@ -105,7 +105,7 @@ def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
 def declare_slow_network(node: Node) -> float:
     """Declare :data:`~bt_agents_core.liveness.SLOW_NETWORK`; return the factor."""
     limits = describe(
-        "factor for deadlines and leases that a slow network prolongs, the same for market, hosts "
+        "factor that prolongs deadlines and leases for a slow network, the same for market, hosts "
         "and robot; 4 suits 300 ms each way",
         minimum=1.0,
         maximum=20.0,
@@ -159,7 +159,8 @@ class StartParameter:
 
 TREES = StartParameter(
     name="trees",
-    description="trees folder; empty means this one or ./trees, shipped the installed one",
+    description="trees folder; empty means the current folder or ./trees, shipped the installed "
+    "one",
 )
 
 

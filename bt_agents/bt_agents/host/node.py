@@ -51,25 +51,27 @@ _NAMES_SHOWN = 20
 
 TAGS = StartParameter(
     name="tags",
-    description="agents with one of these tags, commas between them; empty takes every agent",
+    description="tags, separated by commas; the host takes the agents with one of them; empty "
+    "takes every agent",
 )
 ROBOT = StartParameter(
     name="robot",
-    description="robots whose bindings of skills are preferred, with commas between; empty takes "
-    "the first that fits",
+    description="robots whose skill bindings are preferred, separated by commas; empty takes the "
+    "first binding that fits",
 )
 LANGUAGE = StartParameter(
     name="language",
-    description="language of what agents say, ask and show; empty takes that of scene.yaml",
+    description="language of what agents say, ask and show; empty takes the language of "
+    "scene.yaml",
 )
 TUNINGS = StartParameter(
     name="tunings",
-    description="file in which tunings outlive the host; empty keeps them in memory",
+    description="file that keeps tunings across restarts; empty keeps them in memory",
 )
 OPEN_GOALS = StartParameter(
     name="open_goals",
-    description="file from which a later start of the host learns which goals a killed one has "
-    "left open, to cancel them; empty for none",
+    description="file that keeps open goals, so that a restarted host can cancel the goals of a "
+    "killed one; empty for none",
 )
 MARKET = StartParameter(
     name="market",

@@ -53,7 +53,9 @@ _STRATEGY = KeyTable(
     what="a strategy",
     fields=(
         FieldDecl("name", WordChoice(tuple(_OPTIONS)), "The strategy.", required=True),
-        FieldDecl("tie_break", WordChoice(TIES), "Who wins of the best ones.", default=TIES[0]),
+        FieldDecl(
+            "tie_break", WordChoice(TIES), "Which of equally good bids wins.", default=TIES[0]
+        ),
         *(
             FieldDecl(name, NUMBER, "An option of the strategy.")
             for name in sorted({option.name for own in _OPTIONS.values() for option in own})
@@ -64,20 +66,20 @@ _UPDATE = KeyTable(
     what="an update",
     fields=(
         FieldDecl("name", WordChoice(_UPDATES), "The learning rule.", required=True),
-        FieldDecl("width", number(0), "Of huber: its width for every parameter."),
-        FieldDecl("window", integer(1, 1000), "Of median: this many of the last feedbacks count."),
+        FieldDecl("width", number(0), "For huber: the width for every parameter."),
+        FieldDecl("window", integer(1, 1000), "For median: how many of the last feedbacks count."),
         FieldDecl("anneal", number(0), "After n feedbacks the rate is rate / (1 + anneal × n)."),
         FieldDecl(
             "retreat",
             SceneValues(of_profiles=True),
-            "Where negative feedback leads on the scene itself.",
+            "Where negative feedback moves a parameter whose value equals the scene's.",
         ),
     ),
 )
 _WRONG = KeyTable(
     what="'wrong'",
     fields=(
-        FieldDecl("shares", Items(SHARE), "Shares of feedback that is wrong.", required=True),
+        FieldDecl("shares", Items(SHARE), "Shares of wrong feedback.", required=True),
         FieldDecl(
             "says",
             Either((WordChoice(("any", "another")), SceneValues(every=True, of_profiles=True))),
@@ -90,25 +92,29 @@ _PERSON = KeyTable(
     fields=(
         FieldDecl("seconds", integer(1, 1000), "Length of an interaction."),
         FieldDecl(
-            "drift", number(0), "What a perfectly fitting agent adds to the mood in a second."
+            "drift",
+            number(0),
+            "What an agent that suits the scene perfectly adds to the mood per second.",
         ),
-        FieldDecl("noise", number(0), "Standard deviation of what else changes the mood."),
+        FieldDecl("noise", number(0), "Standard deviation of all other changes of the mood."),
         FieldDecl(
             "tolerance", number(0.001), "Distance at which an agent neither pleases nor annoys."
         ),
         FieldDecl("better", number(0), "Rise of the mood that gives positive feedback."),
         FieldDecl("worse", number(0), "Fall of the mood that gives negative feedback."),
-        FieldDecl("hold", DURATION, "How long either must hold."),
+        FieldDecl("hold", DURATION, "How long a rise or fall must hold."),
     ),
 )
 _CHANGE = KeyTable(
     what="'change'",
     fields=(
-        FieldDecl("round", integer(2), "The first round in which it counts.", required=True),
+        FieldDecl(
+            "round", integer(2), "The first round in which the change counts.", required=True
+        ),
         FieldDecl(
             "each",
             Entries(SceneValues(every=True, of_profiles=True), "agents and scenes", keys=Key.ANY),
-            "Agent → the scene that it is made for from then on; others stay as they are.",
+            "Agent → the scene that it suits from then on; other agents stay the same.",
             required=True,
         ),
     ),
@@ -117,32 +123,35 @@ SWEEP = FileKind(
     name="sweep",
     what="a sweep",
     title="Sweep",
-    description="Runs of strategies and learning rules, under more and more wrong feedback.",
+    description="Runs of strategies and learning rules with increasing shares of wrong feedback.",
     fields=(
         FieldDecl("title", TEXT, "Name for people."),
         FieldDecl("experiment", TEXT, "Folder of the experiment.", required=True),
-        FieldDecl("runs", integer(1, MAX_RUNS), "How many runs.", required=True),
-        FieldDecl("rounds", integer(1, MAX_ROUNDS), "How many rounds a run.", required=True),
+        FieldDecl("runs", integer(1, MAX_RUNS), "Number of runs.", required=True),
+        FieldDecl("rounds", integer(1, MAX_ROUNDS), "Number of rounds per run.", required=True),
         FieldDecl("seed", integer(0), "Makes the random numbers the same.", required=True),
         FieldDecl(
             "strategies",
             Items(Either((WordChoice(tuple(_OPTIONS)), _STRATEGY))),
-            "Each by its name, or with its options.",
+            "Each by name, or with options.",
             required=True,
         ),
         FieldDecl(
             "updates",
             Items(Either((WordChoice(_UPDATES), _UPDATE))),
-            "Each by its name, or with its options.",
+            "Each by name, or with options.",
             required=True,
         ),
-        FieldDecl("wrong", _WRONG, "How much of the feedback is wrong."),
+        FieldDecl("wrong", _WRONG, "Shares and contents of wrong feedback."),
         FieldDecl("person", _PERSON, "The person whose mood gives the feedback."),
-        FieldDecl("change", _CHANGE, "What the person wants from some round on."),
+        FieldDecl(
+            "change", _CHANGE, "How the wishes of the person change, from a given round on."
+        ),
         FieldDecl(
             "arrivals",
             Entries(integer(2), "agents and rounds", keys=Key.ANY),
-            "Agent → the first round in which it is there; others are there from the start.",
+            "Agent → the first round in which it takes part; other agents take part from the "
+            "start.",
         ),
     ),
 )

@@ -335,7 +335,7 @@ FUNCTIONS: dict[str, Function] = {
         Function(
             name="round",
             usage="round(x) or round(x, 2) for two digits after the point",
-            means="the nearest such number",
+            means="the nearest whole number, or number with that many digits",
             check_kinds=_check_round,
             compile=_compile_round,
             most=2,
@@ -343,7 +343,7 @@ FUNCTIONS: dict[str, Function] = {
         Function(
             name="len",
             usage="len(x)",
-            means="how many letters or values there are",
+            means="the number of letters or values",
             check_kinds=_check_len,
             compile=_of_one(_len),
         ),
@@ -358,7 +358,7 @@ FUNCTIONS: dict[str, Function] = {
         Function(
             name="known",
             usage="known(x)",
-            means="true where x has a value, false where it is missing",
+            means="true if x has a value, false if it is missing",
             check_kinds=_check_known,
             compile=_compile_known,
             gives=ValueKind.BOOLEAN,

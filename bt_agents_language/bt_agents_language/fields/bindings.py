@@ -53,9 +53,9 @@ _FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*(#[A-Za-z_]\w*)?")
 TIMEOUTS = KeyTable(
     what="'timeouts'",
     fields=(
-        FieldDecl("server", DURATION, "until the server is found"),
-        FieldDecl("accept", DURATION, "until the server says whether it takes the goal"),
-        FieldDecl("result", DURATION, "until the result or answer"),
+        FieldDecl("server", DURATION, "longest time to find the server"),
+        FieldDecl("accept", DURATION, "longest time for the server to accept or reject the goal"),
+        FieldDecl("result", DURATION, "longest time until the result or answer"),
     ),
 )
 
@@ -64,7 +64,7 @@ HEARTBEAT = KeyTable(
     fields=(
         FieldDecl("topic", ROS_NAME, "what the server publishes while it is alive", required=True),
         FieldDecl("type", ROS_TYPE, "ROS type of the topic", required=True),
-        FieldDecl("within", DURATION, "how long it may be silent"),
+        FieldDecl("within", DURATION, "how long the server may be silent"),
     ),
 )
 
@@ -77,11 +77,9 @@ def timeout_keys(kind: BindingKind) -> tuple[str, ...]:
 ERROR_CODE = KeyTable(
     what="'error_code'",
     fields=(
-        FieldDecl("field", TEXT, "field of what comes back that holds the code", required=True),
-        FieldDecl(
-            "success", Several(NUMBER), "the code, or the codes, that mean success; 0 if left out"
-        ),
-        FieldDecl("message", TEXT, "field with the reason in words"),
+        FieldDecl("field", TEXT, "result field with the error code", required=True),
+        FieldDecl("success", Several(NUMBER), "code, or codes, that mean success; 0 if left out"),
+        FieldDecl("message", TEXT, "result field with the reason in words"),
     ),
 )
 
@@ -124,12 +122,9 @@ def _interface(kind: BindingKind) -> KeyTable:
         what=f"'{kind.value}'",
         fields=(
             FieldDecl(
-                "name",
-                ROS_NAME,
-                "Its ROS name, relative unless it starts with '/'.",
-                required=True,
+                "name", ROS_NAME, "ROS name, relative unless it starts with '/'.", required=True
             ),
-            FieldDecl("type", ROS_TYPE, "Its ROS type, package/kind/Name.", required=True),
+            FieldDecl("type", ROS_TYPE, "ROS type, package/kind/Name.", required=True),
             FieldDecl(sent, FIELDS, f"Fields of the {sent}; ${{input}} fills an input in."),
         ),
     )
@@ -140,22 +135,24 @@ def _interface(kind: BindingKind) -> KeyTable:
         FieldDecl(
             "succeed_when",
             CONDITION,
-            "Condition over result.*; without it, an answer is a success.",
+            "Condition over the result, result.*; without it, any result is a success.",
         ),
         FieldDecl(
             "timeouts",
             TIMEOUTS.only(timeout_keys(kind)),
-            "How long the server may take; then the node fails.",
+            "How long the server may take before the node fails.",
         ),
         FieldDecl(
             "heartbeat",
             HEARTBEAT,
-            "What the server publishes while it is alive; its death is noticed by it.",
+            "What the server publishes while it is alive; if the server falls silent, the node "
+            "fails.",
         ),
         FieldDecl(
             "error_code",
             ERROR_CODE,
-            "Where what comes back says that it failed; then the node fails with code and reason.",
+            "Result field in which the server reports a failure; the node then fails with the "
+            "code and the reason.",
         ),
     )
 

@@ -18,11 +18,9 @@ from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Sca
 TYPES = tuple(one.value for one in FieldType)
 """Words for types in a file."""
 
-_TYPE = FieldDecl("type", WordChoice(TYPES), "Its type.", required=True)
+_TYPE = FieldDecl("type", WordChoice(TYPES), "Type.", required=True)
 _DESCRIPTION = FieldDecl("description", TEXT, "What it means.")
-_INPUT = KeyTable(
-    fields=(_TYPE, FieldDecl("default", ANY, "Taken when it is not given."), _DESCRIPTION)
-)
+_INPUT = KeyTable(fields=(_TYPE, FieldDecl("default", ANY, "Value if left out."), _DESCRIPTION))
 INPUT = Either((_TYPE.value, _INPUT))
 """Input of a skill or subtree: its type alone, or a mapping."""
 

@@ -57,26 +57,26 @@ AGENT = FileKind(
     fields=(
         FieldDecl("agent", NAME, "Unique name of the agent.", required=True),
         FieldDecl("title", TEXT, "Name for people."),
-        FieldDecl("description", TEXT, "What it does and whom it suits."),
+        FieldDecl("description", TEXT, "What the agent does and whom it suits."),
         FieldDecl("tags", Items(TEXT), "Words to find it by."),
         IMPORTS,
         FieldDecl(
             "language",
             NAME,
-            "Language of what it says, asks and shows, whatever the others speak: "
+            "Language of what this agent says, asks and shows, whatever other agents use: "
             "texts/<language>.yaml.",
         ),
         FieldDecl(
             "profile",
             SceneValues(every=True, of_profiles=True),
-            "The scene that it suits best: its bid. Feedback moves it.",
+            "The scene that the agent suits best: its bid. Feedback moves the profile.",
             required=True,
         ),
         *LEARNING_FIELDS,
         FieldDecl(
             "requires",
             CONDITION,
-            "It does not bid unless this is true of the scene, the person and the time of day: "
+            "The agent bids only if this is true of the scene, the person and the time of day: "
             "scene.person",
         ),
         FieldDecl(
@@ -88,11 +88,13 @@ AGENT = FileKind(
             "feedback", Items(MOOD_RULE), "What a change of mood during the run teaches the agent."
         ),
         FieldDecl("tree", NODE, "What the agent does.", required=True),
-        FieldDecl("on_cancel", NODE, "Clean-up after a run was stopped, bounded in time."),
+        FieldDecl(
+            "on_cancel", NODE, "Tree that cleans up after a stopped run, within a time limit."
+        ),
         FieldDecl(
             "on_cancel_within",
             DURATION,
-            f"Time that 'on_cancel' has, {MOST_CLEAN_UP_S:g} s at most.",
+            f"Time limit of 'on_cancel', {MOST_CLEAN_UP_S:g} s at most.",
             default=f"{CLEAN_UP_S:g} s",
         ),
         SUBTREES,

@@ -34,12 +34,12 @@ _OPINION = SceneValues(of_profiles=True, filled=True)
 _ERRORS = KeyTable(
     what="'errors'",
     fields=(
-        FieldDecl("every", integer(1, MAX_ROUNDS), "Each so-manyth feedback is wrong."),
-        FieldDecl("share", SHARE, "How likely a feedback is wrong."),
+        FieldDecl("every", integer(1, MAX_ROUNDS), "Every n-th feedback is wrong."),
+        FieldDecl("share", SHARE, "Probability that feedback is wrong."),
         FieldDecl(
             "value",
             SceneValues(every=True, of_profiles=True),
-            "What is said then; any value when left out.",
+            "Value of the wrong feedback; any value if left out.",
         ),
     ),
     needs=one_of(("every", "share"), "write either 'every' or 'share'", exclusive=True),
@@ -58,10 +58,12 @@ _FEEDBACK = KeyTable(
             "Agent → its own feedback, run by run.",
         ),
         FieldDecl(
-            "sequence", Items(_OPINION), "Feedback by round, for agents without one of their own."
+            "sequence",
+            Items(_OPINION),
+            "Feedback by round, for agents without feedback of their own.",
         ),
         FieldDecl("repeat", BOOLEAN, "Whether each sequence starts again at its end."),
-        FieldDecl("errors", _ERRORS, "Which of the feedback is wrong."),
+        FieldDecl("errors", _ERRORS, "Which feedback is wrong."),
     ),
     needs=one_of(_GIVEN, "write 'each', 'sequences' or 'sequence'"),
 )
@@ -69,17 +71,17 @@ EXPERIMENT = FileKind(
     name="experiment",
     what="an experiment",
     title="Experiment",
-    description="Which scenes are put on the market, and what feedback follows.",
+    description="The scenes that the market gets, and the feedback that follows.",
     fields=(
         FieldDecl("title", TEXT, "Name for people."),
-        FieldDecl("rounds", integer(1, MAX_ROUNDS), "How many rounds.", required=True),
+        FieldDecl("rounds", integer(1, MAX_ROUNDS), "Number of rounds.", required=True),
         FieldDecl(
             "seed", integer(0), "Makes the random numbers the same in every run.", required=True
         ),
         FieldDecl(
             "scenes",
             Items(SceneValues(every=True), empty="there is no scene"),
-            "The scenes that are put on the market.",
+            "The scenes that the market gets.",
             required=True,
         ),
         FieldDecl("feedback", _FEEDBACK, "What the simulated person wants.", required=True),

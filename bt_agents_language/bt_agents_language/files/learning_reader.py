@@ -48,22 +48,26 @@ LEARNING = KeyTable(
         FieldDecl(
             "rates",
             SceneValues(of_profiles=True, limits=lambda _: (0, 1)),
-            "The same for single parameters.",
+            "How far one feedback moves single parameters.",
         ),
-        FieldDecl("freeze", SceneNameList(_ALL), f"Parameters that do not learn, or '{_ALL}'."),
+        FieldDecl(
+            "freeze",
+            SceneNameList(_ALL),
+            f"Parameters that learning does not change, or '{_ALL}'.",
+        ),
         FieldDecl(
             "update",
             WordChoice(tuple(one.value for one in Update)),
-            "plain: every feedback counts fully; huber: one that is far away counts as if it were "
-            "nearer; median: what most of the last ones want.",
+            "plain: every feedback counts fully; huber: far feedback counts as if it were nearer; "
+            "median: the median of the last feedbacks counts.",
         ),
         FieldDecl(
             "width",
             SceneValues(of_profiles=True, limits=_up_to_range),
-            "Of huber: no feedback counts as if it were farther than this.",
+            "For huber: feedback from farther away counts as if it were this far away.",
         ),
         FieldDecl(
-            "window", integer(1, MAX_WINDOW), "Of median: this many of the last feedbacks count."
+            "window", integer(1, MAX_WINDOW), "For median: how many of the last feedbacks count."
         ),
         FieldDecl(
             "anneal",
@@ -73,31 +77,34 @@ LEARNING = KeyTable(
         FieldDecl(
             "drift",
             SceneValues(of_profiles=True, limits=_up_to_range),
-            "Farthest that the profile gets from this file.",
+            "How far the profile may move from the values of this file.",
         ),
         FieldDecl(
             "retreat",
             SceneValues(of_profiles=True),
-            "Where negative feedback moves a parameter in which the profile lies on the scene.",
+            "Where negative feedback moves a parameter whose value equals the scene's.",
         ),
         FieldDecl(
             "weights",
             Entries(number(0, MAX_WEIGHT), "sources of feedback and numbers", keys=Key.ANY),
-            "How much sources of feedback count: button, mood rule, fleet, ….",
+            "Weights of the sources of feedback: button, mood rule, fleet, ….",
         ),
         FieldDecl(
-            "layers", Items(WordChoice(LAYERS)), "What it learns apart for each person or place."
+            "layers",
+            Items(WordChoice(LAYERS)),
+            "What the agent learns separately for each person or place.",
         ),
         FieldDecl(
             "general",
             SHARE,
-            "How much of what it learns for a person or place counts for everybody.",
+            "Share of what the agent learns for a person or place that the profile for everybody "
+            "also learns.",
         ),
         FieldDecl(
             "share",
             WordChoice(tuple(one.value for one in Share)),
-            "What the robots of a fleet learn together: everything except what belongs to "
-            "persons, place: only what is learned for places, or nothing.",
+            "What the robots of a fleet learn together: everything (except what belongs to "
+            "persons), place (only what is learned for places) or nothing.",
         ),
     ),
 )
@@ -110,7 +117,7 @@ LEARNING_FIELDS = (
     FieldDecl(
         "weights",
         SceneValues(of_profiles=True, limits=lambda _: (0, MAX_WEIGHT)),
-        "How much parameters count for it where distances are weighted; 1 is usual.",
+        "Weights of the parameters for this agent in weighted distances; usually 1.",
     ),
 )
 """Keys of an agent for its learning."""

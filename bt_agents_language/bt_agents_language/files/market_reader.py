@@ -31,11 +31,11 @@ MARKET_FILE = "market.yaml"
 _RULE = KeyTable(
     what="a rule",
     fields=(
-        FieldDecl("when", CONDITION, "What has to hold, over scene.*.", required=True),
+        FieldDecl("when", CONDITION, "Condition over scene.* that must be true.", required=True),
         FieldDecl(
             "agents",
             Items(NAME, empty="a rule names no agent", add="name one or more", unique=True),
-            "Who wins then: the first of them that bids.",
+            "Agents; the first of them that bids wins.",
             required=True,
         ),
     ),

@@ -42,11 +42,11 @@ MOOD_RULE = KeyTable(
         FieldDecl(
             "when", Single(Form.CONDITION, scene_names=True), "What must be true.", required=True
         ),
-        FieldDecl("for", DURATION, "How long it must hold without a break."),
+        FieldDecl("for", DURATION, "How long the condition must hold without interruption."),
         FieldDecl(
             "give",
             WordChoice(tuple(_GIVES)),
-            "positive: the profile moves towards the scene; negative: away.",
+            "positive: the profile moves towards the scene; negative: away from it.",
             required=True,
         ),
         FieldDecl(
@@ -57,15 +57,17 @@ MOOD_RULE = KeyTable(
         FieldDecl(
             "baseline",
             DURATION,
-            "mood.change is against the mean mood of so long at the start of the run.",
+            "mood.change compares the mood with its mean over this time at the start of the run.",
         ),
         FieldDecl(
             "release",
             Single(Form.CONDITION, scene_names=True),
-            "What makes a rule that has fired ready again.",
+            "Condition that makes a rule that has fired ready again.",
         ),
-        FieldDecl("cooldown", DURATION, "A rule that has fired is ready again after so long."),
-        FieldDecl("confidence", SHARE, "A mood that its source is less sure of is not known."),
+        FieldDecl(
+            "cooldown", DURATION, "Shortest time until a rule that has fired is ready again."
+        ),
+        FieldDecl("confidence", SHARE, "A mood with a lower confidence counts as unknown."),
     ),
 )
 

@@ -42,7 +42,10 @@ _TRACKED = TOPIC.extended(
     FieldDecl("field", TEXT, "Path of the list of ids, or of items.", required=True),
     FieldDecl("id", TEXT, "Path of a person's id in an item of the list."),
     FieldDecl(
-        "lost_after", DURATION, "Who has not been in the list for so long is gone.", default="1 s"
+        "lost_after",
+        DURATION,
+        "A person who is not in the list for this long is gone.",
+        default="1 s",
     ),
     what=f"'{TRACKED}'",
 )
@@ -58,32 +61,36 @@ _ADDRESSEE = KeyTable(
         FieldDecl(
             "source",
             Shared("source"),
-            "How engaged a person is, more is better, or how far away, less is.",
+            "How engaged a person is (more is better), or how far away (less is better).",
         ),
         FieldDecl(
             "better_by",
             LENGTH,
-            "So much better must another person be, in the unit of the source; a distance may be "
+            "How much better another person must be, in the unit of the source; a distance may be "
             "written as a length.",
             default=0,
         ),
-        FieldDecl("for", DURATION, "For so long must the other be better.", default="1 s"),
+        FieldDecl("for", DURATION, "How long the other person must be better.", default="1 s"),
     ),
 )
 PERSONS = KeyTable(
     what="'persons'",
     fields=(
-        FieldDecl(TRACKED, _TRACKED, "Where it is said who is there.", required=True),
+        FieldDecl(TRACKED, _TRACKED, "Topic that lists the persons who are there.", required=True),
         FieldDecl(
             "parts",
             Entries(Shared("text_source"), "names of parts and the sources of their ids"),
-            "Parts of a person with ids of their own, such as the face.",
+            "Parts of a person that have their own ids, such as the face.",
         ),
-        FieldDecl("known", Shared("source"), "Whether the id of a person is a name: 0.5 or more."),
+        FieldDecl(
+            "known",
+            Shared("source"),
+            "Source that says whether the id of a person is a name: 0.5 or more.",
+        ),
         FieldDecl(
             "addressee",
             Either((WordChoice((AddresseeRule.FIRST.value,)), _ADDRESSEE)),
-            "Whom of several persons a scene is about.",
+            "Which of several persons a scene is about.",
         ),
     ),
 )

@@ -34,7 +34,7 @@ PRESET = FileKind(
     title="Preset",
     description="Values of tunables that are applied together.",
     fields=(
-        FieldDecl("preset", TEXT, "Its name, such as care home.", required=True),
+        FieldDecl("preset", TEXT, "Name of the preset, such as care home.", required=True),
         FieldDecl(
             "values",
             Entries(

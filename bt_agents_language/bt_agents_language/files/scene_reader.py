@@ -55,9 +55,7 @@ _PARAMETER = KeyTable(
     fields=(
         FieldDecl("min", number(-MAX_VALUE, MAX_VALUE), "Smallest value.", required=True),
         FieldDecl("max", number(-MAX_VALUE, MAX_VALUE), "Largest value.", required=True),
-        FieldDecl(
-            "default", NUMBER, "The value that stands for 'nothing special'.", required=True
-        ),
+        FieldDecl("default", NUMBER, "Value that means 'nothing special'.", required=True),
         FieldDecl("description", TEXT, "What it means."),
         FieldDecl(
             "labels",
@@ -67,28 +65,29 @@ _PARAMETER = KeyTable(
         FieldDecl(
             "weight",
             number(0, MAX_WEIGHT),
-            "How much it counts where distances are weighted.",
+            "Weight of the parameter in weighted distances.",
             default=1,
         ),
         FieldDecl(
             "profile",
             BOOLEAN,
-            "Whether every profile has a value for it; with 'false' no profile has one, and it "
-            "counts in no distance.",
+            "true: every profile has a value for the parameter; false: no profile has one, and "
+            "the parameter counts in no distance.",
             default=True,
         ),
         FieldDecl(
             "missing",
             WordChoice(tuple(rule.value for rule in MissingRule)),
-            "What stands for it while no source measures it: nothing (leave_out), what is known "
-            "of the person or the place (estimate), or else the default (default).",
+            "Value while no source measures the parameter: none (leave_out); what is known of the "
+            "person, or else of the place (estimate); or the same, with the default if nothing is "
+            "known (default).",
             default=MissingRule.LEAVE_OUT.value,
         ),
         FieldDecl(
             "of",
             WordChoice((PERSON,)),
-            "Whose a given or told value is: with 'person' it holds as long as they are there, "
-            "also in later interactions; without it, as long as its interaction.",
+            "How long a given or told value holds: with 'person', as long as the person is there, "
+            "also in later interactions; if left out, as long as its interaction.",
         ),
     )
 )
@@ -101,26 +100,28 @@ SCENE = FileKind(
         FieldDecl(
             "place",
             Either((TEXT, Shared("text_source"))),
-            "Where the robot is: a word, or the topic that says so.",
+            "Place of the robot: a word, or the topic that reports it.",
         ),
         FieldDecl(
             "parameters",
             Entries(_PARAMETER, "names and parameters", empty="there is no parameter"),
-            "What every scene and every profile is described by.",
+            "Parameters that describe every scene and every profile.",
             required=True,
         ),
         FieldDecl(
             "language", NAME, "Language of what agents say, ask and show: texts/<language>.yaml."
         ),
         FieldDecl("mood", TEXT, "The parameter whose change becomes feedback."),
-        FieldDecl("no_person", Entries(NUMBER), "Values of a scene in which nobody is there."),
+        FieldDecl("no_person", Entries(NUMBER), "Values of a scene without a person."),
         FieldDecl(
             "remembers",
             Entries(WordChoice(tuple(one.value for one in FACT_TYPES)), "names and types"),
-            "What agents may remember of a person who is known by name: person.<name>, and its "
+            "Values that agents may remember of a person known by name: person.<name>, and its "
             "type.",
         ),
-        FieldDecl("persons", PERSONS, "Who is tracked, and whom a scene is about."),
+        FieldDecl(
+            "persons", PERSONS, "Which persons are tracked, and which of them a scene is about."
+        ),
         FieldDecl(
             "sources",
             Entries(
@@ -128,7 +129,7 @@ SCENE = FileKind(
                 "parameters and sources",
                 keys=Key.ANY,
             ),
-            "Parameter (or person) → where it comes from; several sources of one are fused.",
+            "Parameter (or person) → its source, or several sources, which are fused.",
         ),
     ),
     shared={"source": SOURCE, "text_source": TOPIC},

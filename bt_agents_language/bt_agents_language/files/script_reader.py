@@ -42,13 +42,15 @@ _VISIT = KeyTable(
     fields=(
         FieldDecl("label", TEXT, "Who comes, in words.", required=True),
         _PERSON,
-        FieldDecl("name", TEXT, "Who it is, for person.name; without it somebody unknown."),
+        FieldDecl(
+            "name", TEXT, "Name of the person, for person.name; an unknown person if left out."
+        ),
         FieldDecl(
             "urgent",
             BOOLEAN,
-            "Whether it may stop a running tree at once, where new scenes preempt.",
+            "Whether the scene may stop a running tree at once, if new scenes preempt.",
         ),
-        FieldDecl("scene", SceneValues(), "What is measured; the rest is missing."),
+        FieldDecl("scene", SceneValues(), "Measured values; all other values are missing."),
         FieldDecl("changes", Items(_CHANGE), "What changes during the visit."),
         FieldDecl(
             "answers",
@@ -58,7 +60,7 @@ _VISIT = KeyTable(
         FieldDecl(
             "buttons",
             Entries(TEXT, "topics and words", keys=Key.TOPIC),
-            "Topic of a button → words of the robot after which it is pressed.",
+            "Topic of a button → words of the robot after which the person presses it.",
         ),
     ),
 )
@@ -72,7 +74,7 @@ SCRIPT = FileKind(
         FieldDecl(
             "visits",
             Items(_VISIT, empty="there is no visit"),
-            "One after the other.",
+            "Visits, one after another.",
             required=True,
         ),
     ),

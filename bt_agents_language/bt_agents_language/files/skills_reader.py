@@ -40,29 +40,31 @@ _TURN = 2.0 * math.pi
 
 _OUTPUT = KeyTable(
     fields=(
-        FieldDecl("type", WordChoice(TYPES), "Its type."),
-        FieldDecl("from", TEXT, "Field of the result, or feedback.x; its own name if left out."),
+        FieldDecl("type", WordChoice(TYPES), "Type."),
+        FieldDecl(
+            "from", TEXT, "Field of the result, or feedback.x; the name of the output if left out."
+        ),
         FieldDecl("description", TEXT, "What it means."),
     )
 )
 _INTERFACES = tuple(
-    FieldDecl(kind.value, INTERFACES[kind], f"The ROS {kind.value} that does it.")
+    FieldDecl(kind.value, INTERFACES[kind], f"The ROS {kind.value} that carries out the skill.")
     for kind in BindingKind
 )
 _PLACE_OF = FieldDecl(
-    "place", TEXT, "The input that names a place; place.x and the like then tell where that is."
+    "place", TEXT, "The input that names a place; place.x and so on then give its position."
 )
 _SKILL = KeyTable(
     fields=(
-        FieldDecl("description", TEXT, "What it does, for authors."),
-        FieldDecl("main", TEXT, "The input that a scalar after it stands for."),
-        FieldDecl("inputs", Entries(INPUT), "Its inputs and their types."),
+        FieldDecl("description", TEXT, "What the skill does, for authors."),
+        FieldDecl("main", TEXT, "The input that a single value after the skill sets."),
+        FieldDecl("inputs", Entries(INPUT), "Inputs and their types."),
         FieldDecl(
             "outputs",
             Entries(
                 Either((WordChoice(TYPES), _OUTPUT, Single(Form.NOTHING))), "names and fields"
             ),
-            "Names that later nodes may use.",
+            "Names that later nodes can use.",
         ),
         _PLACE_OF,
         *_INTERFACES,
@@ -73,7 +75,7 @@ _BINDING = KeyTable(
         FieldDecl(
             "outputs",
             Entries(TEXT, "outputs and fields"),
-            "Output → field of what comes back, feedback.x of feedback; nothing for none.",
+            "Output → field of the result, or feedback.x; 'nothing' for no value.",
         ),
         _PLACE_OF,
         *_INTERFACES,
@@ -83,7 +85,9 @@ _PLACE = KeyTable(
     fields=(
         FieldDecl("x", LENGTH, "Position along the first axis of the frame.", required=True),
         FieldDecl("y", LENGTH, "Position along the second axis.", required=True),
-        FieldDecl("heading", ANGLE, "Where the robot looks there, from the first axis; 0 deg."),
+        FieldDecl(
+            "heading", ANGLE, "Heading of the robot there, from the first axis; 0 deg if left out."
+        ),
         FieldDecl("frame", TEXT, "The frame of the position.", default="map"),
     )
 )
@@ -91,7 +95,7 @@ SKILLS = KeyTable(
     what="a skills file",
     fields=(
         FieldDecl("description", TEXT, "What the library is for."),
-        FieldDecl("robot", TEXT, "The robot that its bindings are for."),
+        FieldDecl("robot", TEXT, "The robot that the bindings are for."),
         FieldDecl(
             "skills",
             Entries(_SKILL, "names and skills"),
@@ -100,12 +104,12 @@ SKILLS = KeyTable(
         FieldDecl(
             "bindings",
             Entries(_BINDING, "skills and their bindings"),
-            "How the robot does skills that other files declare: skill → ROS interface.",
+            "How the robot carries out skills that other files declare: skill → ROS interface.",
         ),
         FieldDecl(
             "places",
             Entries(_PLACE, "names and places", keys=Key.ANY),
-            "Where the places are that skills name, for bindings with 'place'.",
+            "Positions of the places that skills name, for bindings with 'place'.",
         ),
     ),
 )

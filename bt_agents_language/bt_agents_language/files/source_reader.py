@@ -60,19 +60,21 @@ TOPIC = KeyTable(
         FieldDecl(
             "topic",
             Single(Form.ROS_NAME, placeholders=True),
-            "Where the readings come from: persons/<person>/age",
+            "Topic of the readings: persons/<person>/age",
             required=True,
         ),
         FieldDecl("type", ROS_TYPE, "ROS type of the topic.", required=True),
         FieldDecl(
             "field",
             TEXT,
-            "Path of the field, data or faces.0.mood, or an expression over msg.*",
+            "Path of the field, such as data or faces.0.mood, or an expression over msg.*",
             required=True,
         ),
         FieldDecl("stale_after", DURATION, "An older reading counts as missing."),
         FieldDecl(
-            "latched", BOOLEAN, "Whether the last message is kept for those who come later."
+            "latched",
+            BOOLEAN,
+            "Whether the publisher keeps the last message for later subscribers.",
         ),
     )
 )
@@ -105,7 +107,7 @@ SOURCE = KeyTable(
         FieldDecl(
             "confidence",
             TEXT,
-            "0, not measured, to 1: a field, an expression over msg.* or a number.",
+            "0 (not measured) to 1: a field, an expression over msg.* or a number.",
         ),
         FieldDecl(
             "std",
@@ -113,7 +115,7 @@ SOURCE = KeyTable(
             "Standard deviation of the reading: a field, an expression over msg.* or a number.",
         ),
         FieldDecl(
-            "smoothing", DURATION, "Time constant: after so long a reading counts by a third."
+            "smoothing", DURATION, "Time constant: after this time a reading counts by a third."
         ),
     ),
     needs=Needs(

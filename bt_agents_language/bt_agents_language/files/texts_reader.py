@@ -38,7 +38,7 @@ _VARIANTS = KeyTable(
         FieldDecl(
             "one_of",
             Items(TEXT, filled=True),
-            "Several texts; the main text of a skill takes another one each time.",
+            "Several texts; the main text of a skill is a different one each time.",
             required=True,
         ),
     ),
@@ -47,12 +47,14 @@ TEXTS = FileKind(
     name="texts",
     what="a file of texts",
     title="Texts",
-    description="What agents say, ask and show in one language, which the file is named after.",
+    description="What agents say, ask and show in one language; the language is the name of the "
+    "file.",
     fields=(
         FieldDecl(
             "texts",
             Entries(Either((TEXT, _VARIANTS)), "names and texts", empty="there is no text"),
-            "Name → text, which nodes insert with ${t.name}; ${…} in it is what it is there.",
+            "Name → text, which nodes insert with ${t.name}; ${…} in the text has the value that "
+            "it has in the node.",
             required=True,
         ),
     ),

@@ -20,12 +20,12 @@ TUNABLE = KeyTable(
         FieldDecl(
             "default",
             TEXT,
-            "Its value at the start; says the type: 2, 2.0, 8 s, true, a text.",
+            "Value at the start, which sets the type: 2, 2.0, 8 s, true, a text.",
             required=True,
         ),
         FieldDecl("min", AMOUNT, "Smallest value."),
         FieldDecl("max", AMOUNT, "Largest value."),
-        FieldDecl("step", AMOUNT, "Distance of the allowed values from 'min' on."),
+        FieldDecl("step", AMOUNT, "Step between allowed values, starting at 'min'."),
         FieldDecl("description", TEXT, "What it changes, in words."),
     )
 )

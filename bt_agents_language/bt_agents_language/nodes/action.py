@@ -12,12 +12,12 @@ ACTION = NodeType(
     order=100,
     fields=called_fields(
         BindingKind.ACTION,
-        outputs="names for later nodes, each with the field it gets; feedback.x gives it while "
-        "the action goes on",
-        timeouts="server and accept, 3 s each: to be found and to take the goal; result: from "
-        "then on, without limit if left out",
+        outputs="names for later nodes, each with the result field that gives its value; "
+        "feedback.x gives the value while the action runs",
+        timeouts="server (3 s): longest time to find the server; accept (3 s): for the server to "
+        "accept the goal; result: from then to the result, unlimited if left out",
     ),
-    description="Uses a ROS action.",
+    description="Sends a goal to a ROS action and waits for the result.",
     interface=BindingKind.ACTION,
     message=MessageSource(kind=BindingKind.ACTION, section="result", prefix="result"),
     read=read_ros_leaf,

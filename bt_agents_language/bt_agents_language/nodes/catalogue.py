@@ -44,10 +44,7 @@ BRANCHES = find_node_types(Role.BRANCH)
 
 NAME = SiblingKey(
     field=NodeField(
-        name="name",
-        content=Content.CONSTANT,
-        type=FieldType.TEXT,
-        description="A name for people.",
+        name="name", content=Content.CONSTANT, type=FieldType.TEXT, description="Name for people."
     ),
     where="any node",
     example="""\

@@ -22,7 +22,7 @@ CHECK = NodeType(
     fields=(
         NodeField(name="condition", content=Content.CONDITION, description="what must be true"),
     ),
-    description="Succeeds when a condition is true, else fails.",
+    description="Succeeds if a condition is true; otherwise fails.",
     outcomes=_outcomes,
     idle=True,
     read_only=True,

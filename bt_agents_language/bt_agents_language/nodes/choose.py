@@ -67,11 +67,11 @@ CHOOSE = NodeType(
             name="otherwise",
             content=Content.NODE,
             required=False,
-            description="the node that is done when no case fits",
+            description="node that runs if no case applies",
         ),
     ),
     children=Children.LIST,
-    description="Does the first of its named cases whose 'when' is true, and no other.",
+    description="Runs only the first of its named cases whose 'when' is true.",
     child_keys={
         "name": "add 'name: …'",
         WHEN.key: "the node for when no case fits goes under 'otherwise:'",

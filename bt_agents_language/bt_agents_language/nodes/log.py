@@ -20,10 +20,10 @@ LOG = NodeType(
             required=False,
             default="info",
             words=("info", "warning", "error"),
-            description="how serious it is",
+            description="severity of the line",
         ),
     ),
-    description="Writes a line into the log of the robot; nobody hears it.",
+    description="Writes a line to the robot's log; the robot does not say it.",
     outcomes=always_success,
     example="""\
 tree:

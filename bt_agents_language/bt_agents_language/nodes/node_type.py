@@ -132,7 +132,8 @@ MEMORY = NodeField(
     type=FieldType.BOOLEAN,
     required=False,
     default=True,
-    description="whether it goes on at the running child instead of starting over at each tick",
+    description="true: each tick continues at the running child; false: each tick starts again at "
+    "the first child",
     drawn="starts over at each tick",
 )
 

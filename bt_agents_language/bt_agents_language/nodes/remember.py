@@ -84,7 +84,7 @@ REMEMBER = NodeType(
     order=75,
     open=True,
     declared=lambda space: space.remembers,
-    description="Remembers values of the person until their next visit: person.<name>.",
+    description="Remembers values of the person for later visits: person.<name>.",
     read=_read,
     idle=True,
     resources=lambda spec: Resources(binding=BINDING),

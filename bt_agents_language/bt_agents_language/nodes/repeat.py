@@ -55,18 +55,18 @@ REPEAT = NodeType(
             required=False,
             minimum=1,
             words=(FOREVER,),
-            description="how often in all",
+            description="total number of times",
         ),
         NodeField(
             name="until",
             content=Content.CONDITION,
             required=False,
-            description="looked at after each time, and after the pause; ends the repetition "
-            "when it is true",
+            description="condition that ends the repetition; checked after each time, and after "
+            "the pause",
         ),
         PAUSE,
     ),
-    description="Does the node again after a success, so often in all.",
+    description="Repeats the node after each success, up to a total number of times.",
     complete=_complete,
     outcomes=_outcomes,
     rounds="times",

@@ -19,7 +19,7 @@ from bt_agents_language.yaml.typed_reader import MappingReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
 ROS_TYPE = NodeField(
-    name="type", content=Content.ROS_TYPE, description="its ROS type, package/kind/Name"
+    name="type", content=Content.ROS_TYPE, description="ROS type, package/kind/Name"
 )
 
 
@@ -46,8 +46,7 @@ def called_fields(kind: BindingKind, outputs: str, timeouts: str) -> tuple[NodeF
             content=Content.CONDITION,
             required=False,
             message="result",
-            description="condition over what came back, result.*; without it, an answer is a "
-            "success",
+            description="condition over the result, result.*; without it, any result is a success",
         ),
         NodeField(
             name="timeouts",
@@ -60,15 +59,15 @@ def called_fields(kind: BindingKind, outputs: str, timeouts: str) -> tuple[NodeF
             name="heartbeat",
             content=Content.HEARTBEAT,
             required=False,
-            description="topic, type, and within, 1 s: what its server publishes while it is "
-            "alive; when it falls silent for so long, the node fails",
+            description="topic, type: what the server publishes while it is alive; within (1 s): "
+            "the node fails if the server is silent for this long",
         ),
         NodeField(
             name="error_code",
             content=Content.ERROR_CODE,
             required=False,
-            description="field, success, 0, and message: where what came back says that it "
-            "failed, which codes mean success, and where the reason stands",
+            description="field: result field with the error code; success (0): codes that mean "
+            "success; message: result field with the reason",
         ),
     )
 

@@ -12,8 +12,8 @@ SERVICE = NodeType(
     order=110,
     fields=called_fields(
         BindingKind.SERVICE,
-        outputs="names for later nodes, each with the field it gets",
-        timeouts="server, 3 s: to be found; result, 10 s: to answer",
+        outputs="names for later nodes, each with the result field that gives its value",
+        timeouts="server (3 s): longest time to find the server; result (10 s): for its answer",
     ),
     description="Calls a ROS service.",
     interface=BindingKind.SERVICE,

@@ -100,8 +100,8 @@ SET = NodeType(
     open=True,
     assigns=True,
     declared=lambda space: {SCENE + name: FieldType.NUMBER for name in space.names},
-    description="Gives names values that later nodes can use. Behind 'scene.' it is a value that "
-    "the person has told, which goes into the live scene.",
+    description="Sets names to values that later nodes can use. A name that starts with 'scene.' "
+    "puts a value that the person has told into the live scene.",
     read=_read,
     outcomes=_outcomes,
     idle=True,

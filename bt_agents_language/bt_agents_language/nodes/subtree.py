@@ -19,7 +19,9 @@ subtrees:
 
 WITH = SiblingKey(
     field=NodeField(
-        name="with", content=Content.MAP, description="The inputs of a subtree by their names."
+        name="with",
+        content=Content.MAP,
+        description="Values for the inputs of a subtree, by name.",
     ),
     where="a subtree",
     hint="write the fields after '{node}:' as {{ … }}",
@@ -30,7 +32,7 @@ OUTPUTS = SiblingKey(
     field=NodeField(
         name="outputs",
         content=Content.OUTPUTS,
-        description="Names for later nodes, each with the output whose value it gets.",
+        description="Names for later nodes, each with the output that gives its value.",
     ),
     where="a subtree or a skill",
     example="""\
@@ -51,11 +53,11 @@ SUBTREE = NodeType(
             name="name",
             content=Content.CONSTANT,
             type=FieldType.TEXT,
-            description="name under 'subtrees', of this file or of an import",
+            description="name under 'subtrees', in this file or an import",
         ),
     ),
     children=Children.ONE,
-    description="Does a tree that stands under 'subtrees'; 'with' gives its inputs.",
+    description="Runs a tree from 'subtrees'; 'with' sets its inputs.",
     siblings=(WITH.key, OUTPUTS.key),
     read=lambda reader, raw, path, names: reader.subtree(raw, path, names),
     example=_EXAMPLE,

@@ -13,7 +13,7 @@ TIMEOUT = NodeType(
     role=Role.DECORATOR,
     main="limit",
     fields=(NodeField(name="limit", type=FieldType.DURATION, description="how long"),),
-    description="How long the node may take; then it is stopped and has failed.",
+    description="Longest time that the node may take; then it is stopped and fails.",
     outcomes=lambda spec, children: limited(children[0]),
     unaffected=True,
     limits=True,

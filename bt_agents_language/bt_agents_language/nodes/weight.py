@@ -11,7 +11,8 @@ WEIGHT_KEY = SiblingKey(
         name="weight",
         type=FieldType.NUMBER,
         minimum=0,
-        description="How often this child is chosen, relative to the others; 1 if not given.",
+        description="How often this child is chosen relative to the other children; 1 if left "
+        "out.",
     ),
     where="a child of 'random'",
     hint="put the node among the children of 'random', or remove it",

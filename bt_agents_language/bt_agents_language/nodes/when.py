@@ -15,10 +15,10 @@ WHEN = NodeType(
         NodeField(
             name="condition",
             content=Content.CONDITION,
-            description="what must be true for the node to start",
+            description="must be true for the node to start",
         ),
     ),
-    description="Leaves the node out unless a condition is true when it would start.",
+    description="Leaves the node out unless a condition is true when the node is due to start.",
     outcomes=skippable,
     unreached=never_true,
     skips=True,

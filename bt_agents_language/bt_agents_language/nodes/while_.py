@@ -25,8 +25,8 @@ WHILE = NodeType(
     fields=(
         NodeField(name="condition", content=Content.CONDITION, description="what must stay true"),
     ),
-    description="Looks at a condition at each tick; once it is not true, the node is "
-    "stopped and has failed.",
+    description="Checks a condition at each tick; as soon as it is not true, stops the node, "
+    "which then fails.",
     outcomes=_outcomes,
     unreached=never_true,
     limits=True,

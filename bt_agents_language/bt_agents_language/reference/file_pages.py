@@ -67,7 +67,7 @@ def file_words(kinds: Mapping[str, FileKind] = FILE_KINDS) -> tuple[str, ...]:
 _FORMAT = FilePage(
     key="format",
     where="key of every file",
-    description="The version of the language that the file is written in.",
+    description="The version of the language of the file.",
     expected=str(FORMAT),
 )
 

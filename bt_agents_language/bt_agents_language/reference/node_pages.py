@@ -219,7 +219,7 @@ def _nesting(decorator: str) -> str:
     at = keys.index(decorator)
     places = [("inside of", keys[:at]), ("around", keys[at + 1 :])]
     words = [f"{place} {', '.join(others)}" for place, others in places if others]
-    return f"However written, it acts {' and '.join(words)}."
+    return f"Whatever the order in the file, it acts {' and '.join(words)}."
 
 
 def _skill_page(skill: SkillSpec) -> NodePage:

@@ -13,20 +13,20 @@ from bt_agents_language.reference.node_pages import FieldEntry, Group, NodePage,
 _GROUPS = {
     Group.COMPOSITE: (
         "Composites",
-        "A composite has children and says which of them are done, and when.",
+        "A composite has children and decides which of them run, and when.",
     ),
-    Group.LEAF: ("Leaves", "A leaf does something itself."),
+    Group.LEAF: ("Leaves", "A leaf has no children; it does the work itself."),
     Group.SKILL: (
         "Skills",
-        "Skills are declared in the files of `skills/`; these are the ones of this repository. "
-        "Another robot can have others.",
+        "The files in `skills/` declare the skills. These are the skills of this repository; "
+        "another robot can have different ones.",
     ),
-    Group.PLUGIN: ("Nodes of plug-ins", "Installed packages bring these."),
+    Group.PLUGIN: ("Nodes of plug-ins", "Installed packages provide these."),
     Group.DECORATOR: (
         "Decorators",
-        "A decorator stands beside a node and changes when it is done or what its end counts as. "
-        "However they are written, they act in the order of this page: the first is the "
-        "outermost.",
+        "A decorator stands beside a node and changes when the node runs or how its end counts. "
+        "Whatever their order in the file, decorators act in the order of this page: the first is "
+        "the outermost.",
     ),
     Group.SIBLING: ("Other keys beside a node", ""),
 }

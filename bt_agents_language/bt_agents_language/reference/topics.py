@@ -41,14 +41,14 @@ class ReferenceTopic:
 
 
 MEANINGS: Mapping[int, str] = {
-    1: "one of both is true",
+    1: "at least one is true",
     2: "both are true",
     3: "the opposite",
-    COMPARISON: "comparisons; 'in' looks for a value in a list, or for a text in a text",
-    5: "plus and minus",
-    6: "times, divided by, and what remains of a division",
+    COMPARISON: "comparisons; 'in' checks whether a list contains a value, or a text a text",
+    5: "addition and subtraction",
+    6: "multiplication, division and remainder",
     7: "the minus sign of a number",
-    8: "the value after it, if the one before it is missing",
+    8: "the value after it, if the value before it is missing",
 }
 """Strength of operators → their meaning."""
 
@@ -67,7 +67,8 @@ def _units(_: SceneSpace) -> ReferenceTopic:
         key="units",
         description="A time, length or angle is one number with one unit.",
         tables={"": rows},
-        note=f"In an expression they count in {', '.join(one.si for one in DIMENSIONS.values())}.",
+        note="In an expression, their values are in "
+        f"{', '.join(one.si for one in DIMENSIONS.values())}.",
         example="""\
 tunables:
   patience: {default: 8 s, min: 500 ms, max: 1 min}
@@ -94,9 +95,9 @@ def _expressions(_: SceneSpace) -> ReferenceTopic:
         key="expressions",
         description="A condition is an expression; any other value takes one in ${ }.",
         tables={
-            "Operators, the one that binds least first": operators,
+            "Operators, from the weakest to the strongest": operators,
             "Functions": functions,
-            "What they are about": (
+            "Operands": (
                 ("scene.age", "a name; 'bt-agents explain names' lists them"),
                 ("4  0.5", "a number, without a unit"),
                 ("'yes'", "a text in quotes"),
@@ -104,8 +105,8 @@ def _expressions(_: SceneSpace) -> ReferenceTopic:
                 ("['yes', 'ok']", "a list, after 'in' or in a function"),
             ),
         },
-        note="Where a value is missing, a condition is not true, unless 'known' or 'else' asks "
-        "for that. Parentheses are possible.",
+        note="If a value is missing, a condition is not true, unless it uses 'known' or 'else'. "
+        "Parentheses are allowed.",
         example="""\
 tree:
   sequence:
@@ -132,7 +133,7 @@ def _names(space: SceneSpace) -> ReferenceTopic:
         (of("profile"), "the agent's own profile"),
         (
             "  ".join(person_names(space)),
-            "somebody known by name: who, how often here, and what 'remember' has stored",
+            "a person known by name: who, how often here, and what 'remember' has stored",
         ),
         (
             "  ".join(CLOCK_NAMES),
@@ -149,8 +150,8 @@ def _names(space: SceneSpace) -> ReferenceTopic:
         key="names",
         description="A value that may be different each time has a name: ${name}.",
         tables={"": tuple((name, means) for name, means in rows if name)},
-        note="A name of your own has small letters, digits and '_', a letter first, and is none "
-        f"of the words {', '.join(RESERVED)}.",
+        note="Your own names have small letters, digits and '_', start with a letter, and are "
+        f"none of the words {', '.join(RESERVED)}.",
         example="""\
 tree:
   sequence:

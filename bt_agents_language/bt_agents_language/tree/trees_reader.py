@@ -30,9 +30,11 @@ from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, entries_of
 _SUBTREE = KeyTable(
     fields=(
         FieldDecl("description", TEXT, "What it does."),
-        FieldDecl("inputs", Entries(INPUT), "What its callers give with 'with'."),
+        FieldDecl("inputs", Entries(INPUT), "Inputs, which callers set with 'with'."),
         FieldDecl(
-            "outputs", Entries(OUTPUT), "Names that it writes for its callers, with their types."
+            "outputs",
+            Entries(OUTPUT),
+            "Names that the subtree sets for its callers, with their types.",
         ),
         FieldDecl("tree", NODE, "What it does.", required=True),
     )
@@ -41,7 +43,7 @@ _SUBTREE = KeyTable(
 SUBTREES = FieldDecl(
     "subtrees",
     Entries(_SUBTREE, "names and subtrees", keys=Key.ANY),
-    "Trees that 'subtree' nodes do.",
+    "Trees that 'subtree' nodes run.",
 )
 
 

@@ -83,8 +83,8 @@ _START = (
     TREES,
     StartParameter(
         name="ledger",
-        description="SQLite file of all learned profiles; empty: in the state folder of the trees "
-        "folder, as 'bt-agents up' does; :memory: keeps nothing",
+        description="SQLite file of all learned profiles; empty: the file in the state folder of "
+        "the trees folder, as for 'bt-agents up'; :memory: keeps nothing",
     ),
     StartParameter(
         name="simulated_feedback",

@@ -96,13 +96,13 @@ from marketplace_node.strategies.plugins import add_installed
 
 OVERRIDES_FILE = StartParameter(
     name="orders",
-    description="file that keeps pins, vetoes and counts of runs over a restart of the market; "
+    description="file that keeps pins, vetoes and counts of runs across restarts of the market; "
     "empty for none",
 )
 
 SCENES_FILE = StartParameter(
     name="scenes",
-    description="file that keeps scenes without an end over a restart of the market; empty for "
+    description="file that keeps scenes without an end across restarts of the market; empty for "
     "none",
 )
 

@@ -22,25 +22,26 @@ _FIELDS = {
     name.removesuffix("_s"): name for name in Settings.__dataclass_fields__ if name != "options"
 }
 _MEANINGS = {
-    "shadow_strategy": "a second strategy that only scores, to see where it would decide "
-    "otherwise; empty for none",
-    "bid_deadline": "from the call for bids to the close of the round [s]",
-    "host_lease": "a host without a heartbeat for this long is gone [s]",
-    "host_wait": "scenes in line wait for a host that is gone for this long, before nobody bids "
-    "[s]",
-    "goal_deadline": "time for a host to take or refuse a run [s]",
-    "cancel_deadline": "time for a run to end after it was told to stop [s]",
-    "takeover_deadline": "time for goals of a host that is gone to end, before the next agent may "
-    "act [s]",
+    "shadow_strategy": "second strategy that also ranks each round, without deciding; empty for "
+    "none",
+    "bid_deadline": "time from the call for bids to the close of the round [s]",
+    "host_lease": "time without a heartbeat after which a host counts as gone [s]",
+    "host_wait": "time that queued scenes wait for a host that is gone, before they end without a "
+    "bid [s]",
+    "goal_deadline": "time for a host to accept or refuse a run [s]",
+    "cancel_deadline": "time for a run to end after it is told to stop [s]",
+    "takeover_deadline": "time for the open goals of a host that is gone to end, before the next "
+    "agent may act [s]",
     "collect_deadline": "time to wait for the feedback service after a run [s]",
-    "on_new_scene": "what happens to a scene that comes during an interaction",
-    "queue_limit": "how many scenes may wait",
-    "preempt_margin": "a run is stopped for an agent that is nearer to the new scene by this "
-    "distance",
-    "preempt_cooldown": "after a run was stopped for a scene, no other is for this long [s]",
+    "on_new_scene": "what happens to a scene that arrives during an interaction",
+    "queue_limit": "maximum number of waiting scenes",
+    "preempt_margin": "how much nearer to the new scene another agent must be for the market to "
+    "stop the run",
+    "preempt_cooldown": "time after a preemption during which the market stops no other run for a "
+    "scene [s]",
     "tie_break": "which of equally good bids wins",
-    "starvation_rounds": "an agent is starved once it has bid in this many rounds without a run; "
-    "0 never",
+    "starvation_rounds": "number of rounds in which an agent bids without a run before it counts "
+    "as starved; 0 for never",
 }
 
 
@@ -57,7 +58,7 @@ def declare_settings(node: Node) -> Settings:
         Refused: As :class:`Settings`.
     """
     uses = (f"{name}: {single_spaced(spec.description)}" for name, spec in STRATEGIES.items())
-    meanings = {"strategy": "\n".join(["how bids are ranked", *uses]), **_MEANINGS}
+    meanings = {"strategy": "\n".join(["how the market ranks bids", *uses]), **_MEANINGS}
     choices: dict[str, tuple[str, ...]] = {
         "strategy": tuple(STRATEGIES),
         "shadow_strategy": tuple(name for name in STRATEGIES if name != EXTERNAL),

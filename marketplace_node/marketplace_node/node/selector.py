@@ -39,7 +39,7 @@ from marketplace_node.hosts.registry import MOST_HOSTS
 from marketplace_node.round.decision import External
 
 BASE_URL = StartParameter(
-    name="base_url", description="address of the server, like http://127.0.0.1:11434/v1"
+    name="base_url", description="address of the server, such as http://127.0.0.1:11434/v1"
 )
 MODEL = StartParameter(name="model", description="name of the model on the server")
 KEY_VARIABLE = StartParameter(

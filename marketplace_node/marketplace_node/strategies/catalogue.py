@@ -39,8 +39,8 @@ _OWN = (
     ),
     StrategySpec(
         name="euclidean",
-        description="The nearest bid by the straight line wins; one big difference counts more "
-        "than several small ones.",
+        description="The nearest bid by straight-line distance wins; one big difference counts "
+        "more than several small ones.",
         score=euclidean,
     ),
     StrategySpec(
@@ -90,7 +90,7 @@ _OWN = (
     StrategySpec(
         name="rules",
         description="The first rule of market.yaml that applies names the winner; manhattan ranks "
-        "the others.",
+        "the other agents.",
         score=manhattan,
     ),
     StrategySpec(

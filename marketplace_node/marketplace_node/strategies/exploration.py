@@ -31,7 +31,7 @@ UCB_C = Option(
     default=1.0,
     minimum=0.0,
     maximum=100.0,
-    description="size of the bonus on the distance of an agent that seldom ran",
+    description="size of the distance bonus for an agent that seldom ran",
 )
 SIGMA = Option(
     name="sigma",
@@ -47,7 +47,7 @@ BOUNDED_C = Option(
     default=0.3,
     minimum=0.0,
     maximum=10.0,
-    description="size of the bonus on the distance of an agent that seldom ran, as a share of the "
+    description="size of the distance bonus for an agent that seldom ran, as a share of the "
     "sum of all ranges",
 )
 MARGIN = Option(

@@ -69,8 +69,8 @@ _SCRIPT = StartParameter(
 )
 _MEMORY = StartParameter(
     name="memory",
-    description="file in which what was measured of known persons and at places outlives the "
-    "node; empty keeps it until the node ends",
+    description="file that keeps what was measured of known persons and at places across "
+    "restarts; empty keeps it until the node ends",
 )
 
 
@@ -185,7 +185,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             self,
             "live_rate",
             10.0,
-            describe("live scenes a second while an agent runs [Hz]", minimum=1.0, maximum=50.0),
+            describe("rate of live scenes while an agent runs [Hz]", minimum=1.0, maximum=50.0),
             self._set_rate,
         )
         self._period_s = 1.0 / float(rate)

@@ -48,7 +48,7 @@ class ScriptPlayer:
             "wait_for_agents",
             1,
             describe(
-                "the script begins when the market has this many agents",
+                "number of agents that the market must have before the script begins",
                 minimum=0,
                 maximum=1_000_000,
                 integer=True,

@@ -42,7 +42,7 @@ def test_code_page_shows_meaning_and_two_examples():
     assert explained("two-nodes") == (
         "error[two-nodes]  part of an agent file\n"
         "\n"
-        "Two nodes stand in one item.\n"
+        "One item contains two nodes.\n"
         "\n"
         "Wrong:\n"
         "  tree:\n"
@@ -73,7 +73,7 @@ def test_skill_page_shows_fields_and_outputs():
     assert text.startswith("ask  skill\n\nAsk a question")
     assert "  ask: {text: …, choices: …, wait: …}" in text
     assert "needed" in text
-    assert "${answer} (text)  what the person answered" in text
+    assert "${answer} (text)  the person's answer" in text
 
 
 @pytest.mark.parametrize("code", codes())

@@ -101,7 +101,7 @@ class ReloadService:
         self._requests: list[_Request] = []
         self._next_poll = time.monotonic() + PERIOD_S
         self.problems: tuple[str, ...] = ()
-        what = "take changed files of agents over by itself"
+        what = "true: the host takes over changed agent files by itself"
         self._enabled = bool(
             declare_and_watch(node, "reload", True, describe(what), self._set_enabled)
         )

@@ -72,23 +72,25 @@ _ANSWER = KeyTable(
     fields=(
         FieldDecl("gives", ANY, "Value of the first output."),
         FieldDecl("outputs", Entries(ANY, "outputs and values", keys=Key.ANY), "Output → value."),
-        FieldDecl("fails", TEXT, "It fails, for this reason."),
-        FieldDecl("ends", WordChoice(_ENDS), "How else it ends."),
-        FieldDecl("after", DURATION, "How long it takes."),
+        FieldDecl("fails", TEXT, "The skill fails for this reason."),
+        FieldDecl("ends", WordChoice(_ENDS), "How else the skill ends."),
+        FieldDecl("after", DURATION, "How long the skill takes."),
     )
 )
 _MESSAGE = KeyTable(
     what="'publish'",
     fields=(
-        FieldDecl("topic", ROS_NAME, "Where the message arrives.", required=True),
-        FieldDecl("message", FIELDS, "Its fields."),
+        FieldDecl("topic", ROS_NAME, "Topic of the message.", required=True),
+        FieldDecl("message", FIELDS, "Fields of the message."),
     ),
 )
 _CANCEL = KeyTable(
     what="'cancel'",
     fields=(
-        FieldDecl("reason", TEXT, "Why, as 'cancel.reason' has it.", required=True),
-        FieldDecl("by", WordChoice(STOPPERS), "Who, as 'cancel.by' has it.", default=STOPPERS[0]),
+        FieldDecl("reason", TEXT, "Why: cancel.reason.", required=True),
+        FieldDecl(
+            "by", WordChoice(STOPPERS), "Who cancels the run: cancel.by.", default=STOPPERS[0]
+        ),
     ),
 )
 _HAPPENING = KeyTable(
@@ -96,19 +98,19 @@ _HAPPENING = KeyTable(
     scene=True,
     fields=(
         FieldDecl("after", DURATION, "Time since the start of the run, or of 'at'."),
-        FieldDecl("at", TEXT, "Path of the node from whose start on 'after' counts."),
+        FieldDecl("at", TEXT, "Path of the node from whose start 'after' counts."),
         FieldDecl("person", BOOLEAN, "Whether the person is there from now on."),
         FieldDecl(
             "scene_layer",
             WordChoice(tuple(_SILENT)),
-            "Silent: from now on nothing new is known of the scene.",
+            "Silent: from now on, nothing new is known of the scene.",
         ),
         FieldDecl("publish", _MESSAGE, "A message arrives."),
         FieldDecl("tune", Entries(ANY, "names and values"), "Tunable → new value."),
         FieldDecl(
             "cancel",
             Either((TEXT, _CANCEL)),
-            "The run is cancelled, by an operator and for this reason unless it says more.",
+            "Cancels the run: a reason, for a cancel by an operator, or a mapping that says more.",
         ),
     ),
 )
@@ -122,12 +124,14 @@ _CLOCK = KeyTable(
 _PERSON = KeyTable(
     what="'person'",
     fields=(
-        FieldDecl("name", TEXT, "The name: person.name.", required=True),
-        FieldDecl("visits", integer(1, MOST_VISITS), "How often they have been here.", default=1),
+        FieldDecl("name", TEXT, "Name of the person: person.name.", required=True),
+        FieldDecl(
+            "visits", integer(1, MOST_VISITS), "How often the person has been here.", default=1
+        ),
         FieldDecl(
             "remembers",
             Entries(ANY, "names and values"),
-            "What is remembered of them: {favourite: tea}.",
+            "What agents have remembered of the person: {favourite: tea}.",
         ),
     ),
 )
@@ -137,22 +141,23 @@ SCENARIO = KeyTable(
         FieldDecl(
             "scene",
             SceneValues(person="Whether a person is there."),
-            "The scene as awarded; the rest is as scene.yaml says of what is missing.",
+            "The scene as awarded; scene.yaml decides about missing values.",
         ),
         FieldDecl(
             "person",
             Either((BOOLEAN, _PERSON)),
-            "Whether a person is there; or who it is: {name: anna, visits: 3}.",
+            "Whether a person is there, or which person: {name: anna, visits: 3}.",
         ),
         FieldDecl("clock", _CLOCK, "The local time at the start, on the hour."),
         FieldDecl(
             "tunables", Entries(ANY, "names and values"), "Values that differ from the defaults."
         ),
-        FieldDecl("seed", integer(0), "Makes everything random the same each time."),
+        FieldDecl("seed", integer(0), "Makes all random choices the same each time."),
         FieldDecl(
             "picks",
             Several(TEXT),
-            "Paths of children of 'random' nodes, which these take in turn, the last for ever.",
+            "Paths of the children that 'random' nodes choose, in this order; the last one again "
+            "and again.",
         ),
         FieldDecl(
             "answers",
@@ -164,8 +169,8 @@ SCENARIO = KeyTable(
         FieldDecl(
             "variants",
             Entries(Several(integer(1)), "paths and numbers", keys=Key.ANY),
-            "Path of a node with 'one_of' → which of its texts it takes, the first is 1; several "
-            "in turn.",
+            "Path of a node with 'one_of' → number of the text that it takes, from 1; a list is "
+            "taken in turn.",
         ),
         FieldDecl(
             "replace",

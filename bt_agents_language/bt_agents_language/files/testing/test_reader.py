@@ -69,7 +69,10 @@ _USE = Either((TEXT, Entries(ANY, keys=Key.ANY, single=True)))
 def _contained(one: Value) -> KeyTable:
     """Return the keys of a mapping with some of the expected items, in order."""
     contains = FieldDecl(
-        "contains", Several(one), "These, in order; others may come between.", required=True
+        "contains",
+        Several(one),
+        "These items in order; other items may come between them.",
+        required=True,
     )
     return KeyTable(fields=(contains,))
 
@@ -78,34 +81,36 @@ _EXPECT = KeyTable(
     what="'expect'",
     filled=True,
     fields=(
-        FieldDecl("bids", BOOLEAN, "Whether it bids for the scene at all."),
+        FieldDecl("bids", BOOLEAN, "Whether the agent bids for the scene."),
         FieldDecl(
-            "says", Several(TEXT, _contained(TEXT)), "What it says, in order and nothing else."
+            "says", Several(TEXT, _contained(TEXT)), "Exactly what the agent says, in order."
         ),
         FieldDecl(
             "does",
             Several(_USE, _contained(_USE)),
-            "The skills it uses, in order and nothing else.",
+            "Exactly the skills that the agent uses, in order.",
         ),
-        FieldDecl("does_not", Several(_USE), "Skills that it does not use."),
+        FieldDecl("does_not", Several(_USE), "Skills that the agent does not use."),
         FieldDecl("visited", Several(TEXT), "Paths of nodes that are ticked."),
         FieldDecl("not_visited", Several(TEXT), "Paths of nodes that are never ticked."),
         FieldDecl("ends", WordChoice(("succeeded", "failed", "cancelled")), "How the run ends."),
-        FieldDecl("because", TEXT, "Words of the reason why it ended."),
-        FieldDecl("within", DURATION, "The longest time that it may take."),
+        FieldDecl("because", TEXT, "Words in the reason why the run ended."),
+        FieldDecl("within", DURATION, "Longest time that the run may take."),
         FieldDecl(
             "feedback", Several(WordChoice(tuple(_KINDS))), "The feedback that is given, in order."
         ),
         FieldDecl(
-            "told", SceneValues(), "What the tree puts into the scene with 'set', the last value."
+            "told",
+            SceneValues(),
+            "Values that the tree puts into the scene with 'set', the last of each.",
         ),
         FieldDecl(
             "remembered",
             Entries(ANY, "names and values"),
-            "What the tree remembers of the person, the last value.",
+            "Values that the tree remembers of the person, the last of each.",
         ),
         FieldDecl(
-            "cancelled_by", TEXT, "The condition of the mood rule, or the reason, that cancels it."
+            "cancelled_by", TEXT, "The mood rule's condition, or the reason, that cancels the run."
         ),
     ),
 )
@@ -116,10 +121,10 @@ _CASE = KeyTable(
         FieldDecl(
             "language",
             NAME,
-            "What the agent speaks in this case: texts/<language>.yaml; without it the file's.",
+            "Language of the agent in this case: texts/<language>.yaml; if left out, the file's.",
         ),
         *SCENARIO.fields,
-        FieldDecl("expect", _EXPECT, "What must come out.", required=True),
+        FieldDecl("expect", _EXPECT, "What the case expects of the run.", required=True),
     ),
 )
 TEST = FileKind(
@@ -134,8 +139,8 @@ TEST = FileKind(
         FieldDecl(
             "language",
             NAME,
-            "What the agent speaks in all cases that name no language; without it what is spoken "
-            "where nothing else is said.",
+            "Language of the agent in all cases that name none; if left out, the language of the "
+            "agent or of scene.yaml.",
         ),
         FieldDecl(
             "cases",

@@ -166,7 +166,7 @@ def _type(node_type: NodeType, space: SceneSpace) -> Schema:
             "the list goes under 'children:'",
             "properties": {
                 **properties,
-                "children": described(children, f"The nodes that '{node_type.key}' is made of."),
+                "children": described(children, f"Children of '{node_type.key}'."),
             },
             "required": ["children", *required],
             "additionalProperties": False,
@@ -189,7 +189,7 @@ def _skill(skill: SkillSpec) -> Schema:
     if variants:
         properties[ONE_OF] = described(
             {"type": "array", "minItems": 2, "items": value_schemas.TEXT},
-            f"Several texts instead of '{skill.main}'; it takes another one each time.",
+            f"Several texts instead of '{skill.main}'; a different one each time.",
         )
     schema = _leaf(skill.name, properties, required, main, empty=True)
     if variants and skill.main in required:
