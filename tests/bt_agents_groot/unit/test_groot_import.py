@@ -182,14 +182,14 @@ def test_node_becomes_its_equivalent(inner, expected):
 @pytest.mark.parametrize(
     ("inner", "note"),
     [
-        (f"<SequenceWithMemory>{S}</SequenceWithMemory>", "starts over at the first child"),
+        (f"<SequenceWithMemory>{S}</SequenceWithMemory>", "starts again at the first child"),
         (f"<ParallelAll>{S}</ParallelAll>", "stops the other children"),
         (f"<Parallel success_count='1'>{S}{S}</Parallel>", "fails after 1 failure;"),
         (f"<RunOnce then_skip='0'>{S}</RunOnce>", "the second time"),
         (f"<Switch2 variable='{{k}}' case_1='1' case_2='2'>{S}{S}{S}</Switch2>", "stays with"),
-        ("<AlwaysSuccess _while='hot'/>", "stopped has failed here"),
-        (f"<NonblockingSequence>{S}{S}</NonblockingSequence>", "are not done again"),
-        (f"<RateController hz='2'>{S}</RateController>", "as often as it is reached"),
+        ("<AlwaysSuccess _while='hot'/>", "a stopped node has failed here"),
+        (f"<NonblockingSequence>{S}{S}</NonblockingSequence>", "do not run again"),
+        (f"<RateController hz='2'>{S}</RateController>", "every time that it is reached"),
         ("<Repeat num_cycles='2'><Sleep msec='1' _skipIf='hot'/></Repeat>", "left out"),
         ("<Sequence><Sleep msec='1' _skipIf='hot'/></Sequence>", "all its children are left out"),
         (f"<IfThenElse>{HOT}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
