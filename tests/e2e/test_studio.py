@@ -297,12 +297,12 @@ def test_tab_without_key_in_address_is_view_only(browser: Browser, system: Syste
         panel = other.get_by_label("Play the world")
         open_page(other, "World")
         expect(panel.get_by_role("button", name="Announce the scene")).to_be_disabled()
-        expect(panel).to_contain_text("This tab can look on only")
+        expect(panel).to_contain_text("This tab is for viewing only")
         other.goto(system.address)
         open_page(other, "World")
         panel.get_by_role("button", name="Announce the scene").click()
         expect(panel.locator("output.answer")).not_to_be_empty()
-        expect(panel).not_to_contain_text("This tab can look on only")
+        expect(panel).not_to_contain_text("This tab is for viewing only")
         stop(page)
 
 

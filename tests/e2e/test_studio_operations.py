@@ -128,7 +128,7 @@ def test_tab_without_key_is_told_so(page: Page, studio: BackgroundStudio) -> Non
     other = page.context.new_page()
     other.goto(studio.address.partition("#")[0])
     open_page(other, "World")
-    expect(other.get_by_text("This tab can look on only").first).to_be_in_viewport()
+    expect(other.get_by_text("This tab is for viewing only").first).to_be_in_viewport()
     expect(other.get_by_role("button", name="Announce the scene")).to_be_disabled()
 
 
@@ -144,7 +144,7 @@ def test_earlier_moment_cannot_be_changed(page: Page, studio: BackgroundStudio) 
 
 EMPTY = {
     "live": "No agent has run yet",
-    "market": "No round has been held yet",
+    "market": "There has been no round yet",
     "tune": "No host of agents is running",
     "system": "None.",
 }

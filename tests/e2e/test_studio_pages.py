@@ -172,7 +172,7 @@ def test_question_is_answered_by_choice_and_by_text(page: Page) -> None:
             panel.get_by_label("Another answer").fill("no")
             panel.get_by_role("button", name="Answer", exact=True).click()
         expect(panel.locator("output")).to_contain_text(f"answered '{reply}' to: Shall we go?")
-        expect(panel).to_contain_text("The robot asks nothing now")
+        expect(panel).to_contain_text("The robot has no open question")
         open_page(page, "Live")
         expect(page.get_by_label("What happened")).to_contain_text(f"You said {reply}.")
         stop(page)

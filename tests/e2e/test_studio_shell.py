@@ -317,7 +317,7 @@ def test_refused_stop_is_told_in_words(page: Page, running: BackgroundStudio) ->
     expect(told).to_be_in_viewport()
     page.context.set_offline(True)
     strip(page).get_by_role("button", name="Stop").click()
-    expect(told).to_contain_text("Could not be stopped, the system does not answer.")
+    expect(told).to_contain_text("Not stopped: the system does not answer.")
 
 
 @pytest.fixture
