@@ -340,7 +340,7 @@ export const texts = {
     look: "Open",
     download: "Download",
     processes: "Processes",
-    noProcesses: "The list shows only processes that 'bt-agents up' started, and there are none.",
+    noProcesses: "Only processes that 'bt-agents up' started are listed here.",
     onlyOfUp: "Processes that 'bt-agents up' started, problems first.",
     columns: {
       name: "Process",
