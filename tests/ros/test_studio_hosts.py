@@ -48,7 +48,11 @@ def test_cards_without_heartbeat_do_not_displace_hosts(ros: Ros) -> None:
     assert not any(map(hosts.is_watched, forged))
 
 
-def test_host_without_heartbeat_is_fully_removed(ros: Ros) -> None:
+def test_host_without_heartbeat_is_fully_removed(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The service never appears: the removal of the host must end the call, not a time limit.
+    monkeypatch.setattr(studio_node, "_DISCOVERY_S", 300.0)
     hosts = Hosts(ros)
     beats = hosts.begin("/real")
     ros.until(lambda: hosts.is_watched("/real"))
