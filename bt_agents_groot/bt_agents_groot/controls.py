@@ -202,12 +202,25 @@ def _reactive(key: str, *children: YamlNode) -> YamlNode:
 def _switch(tree: TreeImport, element: Element) -> YamlNode:
     variable = _operand(tree, element.attributes["variable"])
     *branches, default = element.children
+    keys = _switch_keys(tree, element, len(branches))
     cases: list[YamlNode] = []
-    for number, branch in enumerate(branches, start=1):
-        key = _operand(tree, element.attributes[f"case_{number}"])
+    for number, (branch, key) in enumerate(zip(branches, keys, strict=True), start=1):
         text = tree.text(Binary("==", variable, key))
         cases.append(numbered_case(tree, branch, text, number))
     return _choose(tree, cases, [default])
+
+
+def _switch_keys(tree: TreeImport, element: Element, cases: int) -> list[Formula]:
+    """Return what each case is compared with; a variable has one kind, so mixed keys are text."""
+    attributes = [element.attributes[f"case_{number}"] for number in range(1, cases + 1)]
+    keys = [_operand(tree, attribute) for attribute in attributes]
+    kinds = {type(key.value) for key in keys if isinstance(key, Constant)}
+    if len(kinds) <= 1 or kinds == {int, float}:
+        return keys
+    return [
+        Constant(attribute.value) if isinstance(key, Constant) else key
+        for attribute, key in zip(attributes, keys, strict=True)
+    ]
 
 
 def _operand(tree: TreeImport, attribute: Attribute) -> Formula:

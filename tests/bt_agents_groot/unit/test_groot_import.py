@@ -310,6 +310,22 @@ def test_round_robin_without_wrap_ends_after_last_child():
     }
 
 
+@pytest.mark.parametrize(
+    ("cases", "compared"),
+    [
+        (("1", "1.5"), ("1", "1.5")),
+        (("on", "off"), ("'on'", "'off'")),
+        (("1", "off"), ("'1'", "'off'")),
+        (("true", "1"), ("'true'", "'1'")),
+    ],
+)
+def test_switch_compares_all_cases_as_one_kind(cases, compared):
+    attributes = " ".join(f"case_{number}='{text}'" for number, text in enumerate(cases, 1))
+    made = imported(f"<Switch2 variable='{{k}}' {attributes}>{S}{S}{F}</Switch2>")
+    children = document(made)["tree"]["choose"]["children"]
+    assert [child["when"] for child in children] == [f"k == {text}" for text in compared]
+
+
 def test_zero_retries_mean_one_try():
     made = imported(f"<RecoveryNode number_of_retries='0'>{F}{S}</RecoveryNode>")
     assert document(made)["tree"] == {"check": False}
