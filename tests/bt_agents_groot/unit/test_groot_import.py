@@ -322,8 +322,8 @@ def test_round_robin_without_wrap_ends_after_last_child():
 def test_switch_compares_all_cases_as_one_kind(cases, compared):
     attributes = " ".join(f"case_{number}='{text}'" for number, text in enumerate(cases, 1))
     made = imported(f"<Switch2 variable='{{k}}' {attributes}>{S}{S}{F}</Switch2>")
-    children = document(made)["tree"]["choose"]["children"]
-    assert [child["when"] for child in children] == [f"k == {text}" for text in compared]
+    _, switch = document(made)["tree"]["sequence"]
+    assert [case["when"] for case in switch["choose"]["children"]] == [f"k == {text}" for text in compared]
 
 
 def test_zero_retries_mean_one_try():
