@@ -45,10 +45,13 @@ class Street:
             text = AGENT.format(name=name, age=age, wait=wait)
             (folder / "agents" / f"{name}.yaml").write_text(text)
         trees = read_trees(folder, InstalledInterfaces())
+        # On one executor, heartbeats are late on a slow machine.
+        parameters["host_lease"] = 10.0
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         self.space = trees.scene.space
         self.market = ros.add(active_market(self.space, "epoch", parameter_overrides=overrides))
-        self.host = ros.add(active_host(trees))
+        lease = Parameter("market_lease", value=10.0)
+        self.host = ros.add(active_host(trees, parameter_overrides=[lease]))
         ros.node.create_service(
             CollectFeedback, "feedback/collect", lambda _, r: r, qos_profile=qos.SERVICE
         )
