@@ -192,7 +192,8 @@ def test_step_advances_paused_tree_clock_by_one_period(
     assert steps in (11, 12)
     answer = market.result(handle)
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
-    assert answer.result.duration_s == pytest.approx(steps * 0.05, abs=0.02)
+    # The clock also runs from the start of the run to its pause.
+    assert -0.02 < answer.result.duration_s - steps * 0.05 < 0.2
 
 
 def test_a_silent_market_ends_a_paused_run(
