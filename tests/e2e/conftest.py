@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 from browser import chromium
 from command_server import CommandServer, command_server
 from programs import ROOT, Program, children
-from studio_browser import System, opened_page
+from studio_browser import LIMIT_MS, System, opened_page
 
 
 @pytest.fixture
@@ -78,6 +78,7 @@ def trees(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    expect.set_options(timeout=LIMIT_MS)
     with chromium() as opened:
         yield opened
 

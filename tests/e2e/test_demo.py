@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import re
 import signal
+import time
 import urllib.request
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_tools.launcher.supervisor import FIRST_LIMIT_S, STOP_LIMIT_S
-from programs import ROOT, Program, alive, children, nodes
+from programs import HANG_S, ROOT, Program, alive, children, nodes
 
 pytestmark = pytest.mark.e2e
 
@@ -137,11 +138,10 @@ def test_killed_demo_leaves_no_process_behind(start: Start) -> None:
     pids = children(demo.process.pid)
     demo.process.kill()
     demo.process.wait()
-    for _ in range(500):
-        if not [pid for pid in pids if alive(pid)]:
-            return
-        signal.sigtimedwait([], 0.01)
-    pytest.fail(f"still alive: {[pid for pid in pids if alive(pid)]}")
+    end = time.monotonic() + HANG_S
+    while remaining := [pid for pid in pids if alive(pid)]:
+        assert time.monotonic() < end, f"still alive: {remaining}"
+        time.sleep(0.01)
 
 
 def test_browser_demo_serves_visitor_page_until_it_ends(start: Start) -> None:

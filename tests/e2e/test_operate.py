@@ -33,6 +33,8 @@ def test_model_ranks_bids_and_veto_survives_market_restart(
             *("--selector", server.url, "--model", "small"),
         )
         up.until("ready")
+        # It waits for an answer until it is vetoed.
+        ask("tune", "professional_express", "patience=30")
         assert "round 1: professional_express" in ask("trigger", *MRS_SMITH)
         assert "she looks at her watch" in ask("why")
         told = json.loads(server.questions[0]["messages"][1]["content"])

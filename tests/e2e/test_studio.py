@@ -159,6 +159,7 @@ def test_falling_visitor_mood_changes_market_winner(page: Page, tablet: Page) ->
     come(tablet, "an older adult", "meets it for the first time", "neutral")
     expect(tablet.get_by_label("The robot says")).to_contain_text("Hello. I carry your luggage")
     open_page(page, "Market")
+    expect(strip(page)).to_have_attribute("data-state", "RUNNING")
     rounds = page.get_by_label("Rounds").get_by_role("button")
     before = rounds.count()
     worse = tablet.get_by_role("button", name="worse")

@@ -281,6 +281,7 @@ def test_half_typed_value_is_not_sent(page: Page, host: Host) -> None:
     field(page).fill("1")
     press(page, slider(page), 0.5)
     expect(field(page)).to_have_value("15")
+    expect(undo(page)).to_contain_text("8 s → 15 s")
     field(page).fill("2")
     field(page).press("Tab")
     page.keyboard.press("Tab")
@@ -308,6 +309,7 @@ def test_dragged_slider_sends_its_last_place_last(page: Page, host: Host) -> Non
     expect(field(page)).to_have_value("24")
     page.mouse.up()
     expect(slider(page)).to_have_value("24")
+    expect(undo(page)).to_contain_text("8 s → 24 s")
     page.wait_for_timeout(300)  # no more requests
     expect(field(page)).to_have_value("24")
     assert host.values[-1] == "24 s"
@@ -347,6 +349,7 @@ def test_pressed_scene_slider_drops_half_typed_value(page: Page, host: Host) -> 
     press(page, panel.locator("#world-age"), 0.25)
     expect(panel.locator("#world-age-value")).to_have_value("2")
     panel.get_by_role("button", name="Change only the sensed values").click()
+    expect(panel.locator("output")).to_have_text("done")
     expect(panel.locator(".give").get_by_role("checkbox").first).to_be_checked()
     assert [one["values"] for one in host.other] == [[2.0]]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from bt_agents_interfaces.msg import Auction, RankedBid, Scene, SceneValue
 from bt_agents_studio.access import SessionRole
 from bt_agents_studio.records import StrategyRecord
-from studio_browser import LIMIT_MS, box, opened_page
+from studio_browser import box, opened_page, wait_for
 from studio_entries import market, part
 from studio_harness import BackgroundStudio, background_studio
 
@@ -170,13 +170,6 @@ def test_waiting_scene_is_asked_after_refusal(page: Page, previews: PreviewingMa
     expect(panel(page).locator(".would-win")).to_contain_text("old would win")
     page.mouse.up()
     assert previews.ages == [1.4, 4.6]
-
-
-def wait_for(page: Page, is_so: Callable[[], object]) -> None:
-    end = time.monotonic() + LIMIT_MS / 1000
-    while not is_so():
-        assert time.monotonic() < end
-        page.wait_for_timeout(10)
 
 
 def test_refusal_replaces_bids_of_other_scene(page: Page, previews: PreviewingMarket) -> None:

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.access import SessionRole
-from studio_browser import box, look_back, open_page, opened_page
+from studio_browser import box, look_back, open_page, opened_page, wait_for
 from studio_entries import HOST, agent, part, tunable, tunings
 from studio_harness import BackgroundStudio, background_studio
 
@@ -74,6 +74,7 @@ def test_operation_is_sent_once_while_it_waits(page: Page, studio: BackgroundStu
     expect(button).to_be_focused()
     page.keyboard.press("Enter")
     page.get_by_role("button", name="Change only the sensed values").click(force=True)
+    wait_for(page, lambda: asked)
     asked[0].set_result(SimpleNamespace(accepted=False, code="NO", message="not today"))
     shown = page.get_by_label("Play the world").locator("output")
     expect(shown).to_have_text("not today")

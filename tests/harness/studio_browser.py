@@ -7,7 +7,8 @@ import json
 import os
 import re
 import signal
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -66,7 +67,6 @@ def opened_page(browser: Browser, address: str, locale: str = "en-US") -> Iterat
     context = browser.new_context(viewport={"width": 1280, "height": 800}, locale=locale)
     page = context.new_page()
     page.set_default_timeout(LIMIT_MS)
-    expect.set_options(timeout=LIMIT_MS)
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(address)
@@ -128,9 +128,17 @@ def stop(page: Page) -> None:
     button = shown.get_by_role("button", name="Stop", exact=True)
     if button.is_enabled():
         with suppress(Error):  # the run has ended meanwhile
-            button.click(timeout=2_000)
+            button.click(timeout=10_000)
     expect(shown).to_have_attribute("data-state", "IDLE")
     expect(button).to_be_disabled()
+
+
+def wait_for(page: Page, is_so: Callable[[], object]) -> None:
+    """Wait until a condition outside the page holds."""
+    end = time.monotonic() + LIMIT_MS / 1000
+    while not is_so():
+        assert time.monotonic() < end
+        page.wait_for_timeout(10)
 
 
 def look_back(page: Page) -> None:

@@ -323,7 +323,9 @@ def test_switch_compares_all_cases_as_one_kind(cases, compared):
     attributes = " ".join(f"case_{number}='{text}'" for number, text in enumerate(cases, 1))
     made = imported(f"<Switch2 variable='{{k}}' {attributes}>{S}{S}{F}</Switch2>")
     _, switch = document(made)["tree"]["sequence"]
-    assert [case["when"] for case in switch["choose"]["children"]] == [f"k == {text}" for text in compared]
+    assert [case["when"] for case in switch["choose"]["children"]] == [
+        f"k == {text}" for text in compared
+    ]
 
 
 def test_zero_retries_mean_one_try():
