@@ -23,10 +23,6 @@ TIMES = 5
 PAIRS = 2
 """Number of kills of the market with its host."""
 
-twice = pytest.mark.parametrize("attempt", [1, 2])
-"""Both tests together make 20 kills."""
-
-
 @pytest.fixture
 def fatal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The file that makes a market die at its next end."""
@@ -77,11 +73,9 @@ def kill_at_the_end(
     return epoch
 
 
-@twice
 def test_run_end_is_announced_once_despite_market_crash(
-    system: System, tmp_path: Path, fatal: Path, attempt: int
+    system: System, tmp_path: Path, fatal: Path
 ) -> None:
-    del attempt
     market = start(system, tmp_path)
     for number in range(TIMES):
         name = f"s{number}"
@@ -95,11 +89,9 @@ def test_run_end_is_announced_once_despite_market_crash(
     check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
 
 
-@twice
 def test_scene_refusal_is_announced_once_despite_market_crash(
-    system: System, tmp_path: Path, fatal: Path, attempt: int
+    system: System, tmp_path: Path, fatal: Path
 ) -> None:
-    del attempt
     market = start(system, tmp_path)
     for number in range(TIMES):
         system.scene(f"first{number}", age=5, familiarity=3, mood=3)
