@@ -23,6 +23,7 @@ TIMES = 5
 PAIRS = 2
 """Number of kills of the market with its host."""
 
+
 @pytest.fixture
 def fatal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The file that makes a market die at its next end."""
