@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from dataclasses import replace
@@ -60,6 +61,12 @@ def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
     return market.host(path)
 
 
+@pytest.fixture
+def steady(host: HostNode) -> None:
+    """No stall of the machine holds the host up; else it would skip clean-ups."""
+    host._runs._award_monitor.stall._limit_s = math.inf
+
+
 def set_parameter(node: Any, name: str, value: Any) -> None:
     [answer] = node.set_parameters([Parameter(name, value=value)])
     assert answer.successful, answer.reason
@@ -113,6 +120,7 @@ def test_cancelled_nodes_are_published_after_run_result(
     assert sent == ["_send_result_response", "_publish_stopped"]
 
 
+@pytest.mark.usefixtures("steady")
 def test_cancel_takes_effect_immediately_at_any_tick_rate(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
@@ -445,6 +453,7 @@ def test_cancel_of_ended_run_does_not_affect_next(
     assert_undisturbed(market, second, mouth.goals[1])
 
 
+@pytest.mark.usefixtures("steady")
 def test_repeated_cancel_keeps_host_busy_until_goals_settle(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
@@ -478,6 +487,7 @@ def test_goal_ignoring_its_cancel_is_a_named_orphan(
     assert list(answer.result.orphans) == ["tree"]
 
 
+@pytest.mark.usefixtures("steady")
 def test_run_of_silent_market_stops_and_is_reported(
     ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
 ) -> None:
@@ -522,6 +532,7 @@ def test_market_lost_before_first_heartbeat_is_detected(
     assert market.result(handle).result.stop_cause == RunAgent.Result.MARKET_LOST
 
 
+@pytest.mark.usefixtures("steady")
 def test_run_of_restarted_market_stops_and_is_reported(
     ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
 ) -> None:
