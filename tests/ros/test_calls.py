@@ -127,13 +127,17 @@ def test_raising_failure_callback_does_not_block_other_calls(ros: Any) -> None:
     assert len(caller.ends) == 2
 
 
-def test_request_with_id_is_resent_until_answered(ros: Any) -> None:
+def test_request_with_id_is_resent_until_answered(
+    ros: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As after a kill: the graph shows the dead server, and the next one is not discovered yet."""
     asked: list[str] = []
 
     async def answer(request: Any, response: Any) -> Any:
         asked.append(request.request_id)
         if len(asked) == 1:
+            # The answer to the second request may take its time.
+            monkeypatch.setattr("bt_agents_ros.calls.REPEAT_S", 300.0)
             await Future(executor=ros.executor)
         return response
 

@@ -101,12 +101,15 @@ def test_a_source_that_falls_silent_is_stale(ros: Any, folder: Path) -> None:
     ros.add(active_scene_layer(scene))
     sensor = ros.node.create_publisher(Float64, source.topic, 10)
     ros.until(sensor.get_subscription_count)
-    sensor.publish(Float64(data=3.0))
 
     def standing() -> str:
         status = monitor.status("scene_layer: sources")
         return {one.key: one.value for one in status.values}[source.topic] if status else ""
 
-    ros.until(lambda: standing() == "its reading holds")
+    def holds() -> bool:
+        sensor.publish(Float64(data=3.0))
+        return standing() == "its reading holds"
+
+    ros.until(holds)
     ros.until(lambda: standing() == "its last reading is stale")
     assert monitor.status("scene_layer: sources").level == STALE

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
+from rclpy.parameter import Parameter
 
 from active_nodes import active_feedback
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
@@ -140,6 +141,9 @@ class Scenario:
             GiveFeedback, "feedback/give", qos_profile=qos.SERVICE
         )
         self.node = ros.add(active_feedback(SPACE, ledger, simulated))
+        # A live scene that is published once counts until its rule fires.
+        [done] = self.node.set_parameters([Parameter("live_lease", value=60.0)])
+        assert done.successful, done.reason
 
     def start_market(self) -> None:
         self.ros.node.create_service(

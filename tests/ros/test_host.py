@@ -13,6 +13,7 @@ from rcl_interfaces.msg import Log, ParameterType, ParameterValue
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.srv import SetParameters
 
+from bt_agents.host import market_registration
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, HostCard, StatusChange, Trees, TreeStatus
@@ -96,8 +97,10 @@ def test_all_agents_bid_together_and_unsuitable_one_declines(
 
 
 def test_early_call_is_answered_after_registration(
-    ros: Any, market: Market, tmp_path: Path
+    ros: Any, market: Market, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # After a stall of the machine it would register, and be called, once more.
+    monkeypatch.setattr(market_registration, "STALL_S", 300.0)
     host = ros.add(make_host(folder(tmp_path, TALKER)))
     market.on_register = market.call
     market.open()

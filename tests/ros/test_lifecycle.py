@@ -231,7 +231,9 @@ def test_system_continues_after_temporary_deactivation_of_any_node(
     assert {end.code for end in system.ends} == {"SUCCEEDED"}
 
 
-def test_deactivated_host_first_ends_its_tree_cleanly(ros: Ros, tmp_path: Path) -> None:
+def test_deactivated_host_first_ends_its_tree_cleanly(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     trees = write_agents(tmp_path, ann=4.0, wait="60 s")
     file = trees / "agents" / "ann.yaml"
     agent = yaml.safe_load(file.read_text())
@@ -242,6 +244,10 @@ def test_deactivated_host_first_ends_its_tree_cleanly(ros: Ros, tmp_path: Path) 
     system.analyze(age=4)
     ros.until(lambda: system.runs and system.runs[-1].event == Run.STARTED)
 
+    # It stays in the state until the test has seen that.
+    seen: list[bool] = []
+    has_stopped = system.host.has_stopped
+    monkeypatch.setattr(system.host, "has_stopped", lambda: bool(seen) and has_stopped())
     answer = manager.begin(DEACTIVATE)
     ros.until(lambda: manager.events)
     assert manager.state == "deactivating"
@@ -250,6 +256,7 @@ def test_deactivated_host_first_ends_its_tree_cleanly(ros: Ros, tmp_path: Path) 
     assert not manager.change(label="transition_error")
     assert manager.state == "deactivating"
     assert not answer.done()
+    seen.append(True)
     ros.until(answer.done)
     assert answer.result().success
     assert manager.state == "inactive"

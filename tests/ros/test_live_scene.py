@@ -15,6 +15,7 @@ import pytest
 import rclpy
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter as NodeParameter
 from std_msgs.msg import Float64
 
 from active_nodes import active_feedback, active_scene_layer
@@ -182,6 +183,9 @@ class Learning:
         self.live = ros.node.create_publisher(SceneMsg, "bt_agents/scene/live", qos.SENSOR)
         self.client = ros.node.create_client(GiveFeedback, "feedback/give")
         self.node = ros.add(active_feedback(SPACE, ledger))
+        # A live scene that is published once counts until its rule fires.
+        [done] = self.node.set_parameters([NodeParameter("live_lease", value=60.0)])
+        assert done.successful, done.reason
         self.looks: list[float] = []
         self._count_looks()
         agent = AgentCard(name="mira", profile=[3.0] * 3, learning_rate=0.5, rules=rules)

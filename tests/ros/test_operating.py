@@ -189,12 +189,19 @@ def test_preview_does_not_interrupt_run(operator: OperatorClient) -> None:
     assert operator.harness.until_over("s1").round == 1
 
 
-def test_concurrent_previews_are_all_answered(operator: OperatorClient) -> None:
+def test_concurrent_previews_are_all_answered(ros: Any) -> None:
+    operator = OperatorClient(ros, bid_deadline=30.0)
     operator.host.silent = True
     operator.ros.until(operator.previewing.service_is_ready)
     request = PreviewAuction.Request(scene=scene_to_msg(scene("p")))
     futures = [operator.previewing.call_async(request) for _ in range(12)]
-    operator.ros.until(lambda: all(future.done() for future in futures))
+    # No preview ends before all are asked for.
+    ros.until(lambda: sum(future.done() for future in futures) == 4)
+    ros.until(lambda: len(operator.host.calls) == 8)
+    operator.host.silent = False
+    for call in list(operator.host.calls):
+        operator.host.answer(call)
+    ros.until(lambda: all(future.done() for future in futures))
     codes = [future.result().code for future in futures]
 
     assert sorted(codes) == [""] * 8 + ["BUSY"] * 4

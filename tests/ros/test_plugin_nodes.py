@@ -17,6 +17,7 @@ import pytest
 from rcl_interfaces.msg import Log
 from std_msgs.msg import Bool, String
 
+from bt_agents.engine.nodes import plugin
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
@@ -49,6 +50,8 @@ def package(py_trees_ros: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     points = block("toml").partition('"bt_agents.nodes"]\n')[2].replace('"', "")
     (info / "entry_points.txt").write_text(f"[bt_agents.nodes]\n{points}")
     monkeypatch.syspath_prepend(place)
+    # Nothing here blocks, but a call may take long on a busy machine.
+    monkeypatch.setattr(plugin, "BLOCKS_S", 300.0)
     before = set(sys.modules)
     installed_plugins.cache_clear()
     yield
@@ -149,8 +152,8 @@ def test_restarted_leaf_reuses_one_subscription_and_releases_it(ros: Any, tmp_pa
 def test_goal_stopped_before_acceptance_is_cancelled_on_acceptance(
     ros: Any, tmp_path: Path
 ) -> None:
-    other = ScriptedServer(ros, "other/say", script=Script(accept_s=0.6, finish_s=None))
-    harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in., timeout: 0.2 s}\n")
+    other = ScriptedServer(ros, "other/say", script=Script(accept_s=1.5, finish_s=None))
+    harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in., timeout: 1 s}\n")
     harness.begin()
     result = harness.result()
     assert (result.outcome, list(result.orphans)) == (RunAgent.Result.FAILED, [])
@@ -173,7 +176,7 @@ def test_goal_stopped_while_running_is_cancelled_once(ros: Any, tmp_path: Path) 
 
 def test_goal_of_unstoppable_server_is_an_orphan(ros: Any, tmp_path: Path) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(finish_s=None, on_cancel="refuses"))
-    harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in., timeout: 0.5 s}\n")
+    harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in., timeout: 1 s}\n")
     harness.begin()
     result = harness.result()
     assert (result.outcome, list(result.orphans)) == (RunAgent.Result.FAILED, ["tree"])

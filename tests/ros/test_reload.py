@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +14,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
 from active_nodes import active_host, active_market
+from bt_agents.host import market_registration
 from bt_agents.host.node import HostNode
 from bt_agents.host.reload.folder_watch import FolderWatch
 from bt_agents_core.scene import Origin, Scene, SceneValue
@@ -72,7 +74,7 @@ class AgeMarket(Market):
 
 
 class Host:
-    """A host with some agents, and its messages."""
+    """A host with some agents that no stall holds up, and its messages."""
 
     def __init__(self, ros: Any, path: Path, **agents: str) -> None:
         self.ros = ros
@@ -83,6 +85,7 @@ class Host:
         self.cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
         self.trees = ros.collect(Trees, "agents/trees", qos.FACTS)
         self.node = self.market.host(self.folder)
+        self.node._runs._award_monitor.stall._limit_s = math.inf
         ros.until(lambda: self.cards and len(self.cards[-1].agents) == len(agents))
 
     def edit(self, name: str, text: str) -> None:
@@ -160,7 +163,11 @@ def test_failed_reload_is_rolled_back_and_reported(
     assert host.said("ann") == "good-bye"
 
 
-def test_changed_file_reloads_only_its_own_agent(ros: Any, tmp_path: Path) -> None:
+def test_changed_file_reloads_only_its_own_agent(
+    ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # After a stall of the machine it would register once more.
+    monkeypatch.setattr(market_registration, "STALL_S", 300.0)
     host = Host(ros, tmp_path, ann=agent("ann"), bob=agent("bob"))
     ann = host.node.registry.members["ann"]
     spec, tunables, cards, trees = ann.spec, ann.tunables, len(host.cards), len(host.trees)

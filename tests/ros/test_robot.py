@@ -203,15 +203,16 @@ def test_cancel_ends_running_action(ros, action, goal):
 
 def test_two_texts_are_said_in_sequence(ros):
     robot = Robot(ros, pace=0.5)
-    first = robot.send("say", text="One, two, three.")
+    story = "One, two, three. " * 50 + "Four."  # the robot says it until it is cancelled
+    first = robot.send("say", text=story)
     second = robot.send("say", text="Four.")
     third = robot.send("ask", text="Five?", wait_s=0.1)
     ros.turns()
-    assert robot.lines == ["says: One, two, three."]
+    assert robot.lines == [f"says: {story}"]
     robot.cancel(first)
     assert robot.result(second)[0] == GoalStatus.STATUS_SUCCEEDED
     assert robot.result(third)[0] == GoalStatus.STATUS_SUCCEEDED
-    assert robot.lines == ["says: One, two, three.", "says: Four.", "asks: Five?"]
+    assert robot.lines == [f"says: {story}", "says: Four.", "asks: Five?"]
 
 
 def test_waiting_text_can_be_cancelled(ros):

@@ -79,9 +79,12 @@ def stranger(ros: Any) -> Iterator[Stranger]:
 
 
 def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
-    harness = MarketNodeHarness(ros)
+    # No round ends before the host answers.
+    harness = MarketNodeHarness(ros, bid_deadline=30.0)
+    heard: list[Bids] = ros.collect(Bids, "bt_agents/bids", qos.EVENTS)
     host = harness.host()
     forged = stranger.publisher(ros, Bids, "bt_agents/bids")
+    ros.until(lambda: forged.get_subscription_count() == 2)
     host.silent = True
     for number in range(1, 6):
         harness.scene(f"s{number}")
@@ -98,6 +101,7 @@ def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
                 vectors=[5.0, 1.0, 3.0],
             )
         )
+        ros.until(lambda n=number: any(one.round == n for one in heard))
         ros.turns()
         host.silent = False
         host.answer(call)

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-import time
+import math
+from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rclpy.parameter import Parameter
 
+from bt_agents.engine.run import Run as TreeRun
 from bt_agents.engine.run import RunLimits
 from bt_agents.host.node import HostNode
 from bt_agents.host.run_server import _STOP_SETTLE_S
@@ -33,13 +35,26 @@ TELLER = TALKER.replace("talker", "teller").replace(
 
 @pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
-    return market.host(folder(tmp_path, TALKER, TELLER))
+    """A host that no stall of the machine holds up."""
+    node = market.host(folder(tmp_path, TALKER, TELLER))
+    node._runs._award_monitor.stall._limit_s = math.inf
+    return node
+
+
+def set_limits(monkeypatch: pytest.MonkeyPatch, limits: RunLimits) -> None:
+    """Set the limits of all runs of hosts."""
+    monkeypatch.setattr(TreeRun, "__init__", partialmethod(TreeRun.__init__, limits=limits))
 
 
 @pytest.mark.parametrize("cancelled_before", [False, True])
 def test_stopped_host_reports_run_despite_unfinished_goal(
-    ros: Any, host: HostNode, market: Market, cancelled_before: bool
+    ros: Any,
+    host: HostNode,
+    market: Market,
+    cancelled_before: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    set_limits(monkeypatch, RunLimits(settle_s=300.0))
     mouth = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
     [set_to] = host.set_parameters([Parameter("tick_rate", value=1.0)])
     assert set_to.successful
@@ -48,11 +63,9 @@ def test_stopped_host_reports_run_despite_unfinished_goal(
     if cancelled_before:
         handle.cancel_goal_async()
         ros.until(lambda: len(mouth.goals) == 2)
-    began = time.monotonic()
     host.request_stop()
     ros.until(host.stopped)
     assert _STOP_SETTLE_S < STOP_LIMIT_S
-    assert time.monotonic() - began < RunLimits().settle_s
     ended = market.result(handle).result
     assert ended.outcome == RunAgent.Result.CANCELLED
     assert "tree" in ended.orphans
@@ -84,8 +97,10 @@ def test_run_failing_to_abort_ends_and_next_starts(
 
 @pytest.mark.parametrize("news_first", [True, False])
 def test_clean_up_knows_announced_stop_reason(
-    ros: Any, host: HostNode, market: Market, news_first: bool
+    ros: Any, host: HostNode, market: Market, news_first: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # A slow machine needs longer for the news than the clean-up waits for it.
+    set_limits(monkeypatch, RunLimits(explain_s=300.0))
     mouth = ScriptedServer(ros, script=Script(finish_s=None))
     handle = market.send(market.goal(host, "teller"))
     ros.until(lambda: mouth.goals)

@@ -93,7 +93,7 @@ def test_unconfirmed_goal_keeps_its_client(
     server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None))
     prepared(environment, "say: Hello.")
     run = environment.send(SAY)
-    ros.until(lambda: run.state.ended)
+    ros.until(lambda: run.state.ended and server.goals)
     assert not run.confirmed
     environment.retain([])
     assert used(node) == {"say"}

@@ -156,10 +156,12 @@ def test_changes_during_run_are_sensed(ros):
     ros.until(lambda: not street.live[-1].person)
 
 
-def test_change_without_effect_is_reported(ros):
+def test_change_without_effect_is_reported(ros, monkeypatch):
+    # The first change has its effect, however late.
+    monkeypatch.setattr("bt_agents_robot.change_effects.EFFECT_S", 300.0)
     changes = (
         SceneChange(after_s=0.2, values={"mood": 1.0}),
-        SceneChange(after_s=60.0, values={"mood": 2.0}),
+        SceneChange(after_s=6000.0, values={"mood": 2.0}),
     )
     street = Street(ros, Visit(label="a", person=True, values={"mood": 4.0}, changes=changes))
     remarks = ros.collect(String, "visitors/remarks", qos.FACTS)
@@ -169,7 +171,7 @@ def test_change_without_effect_is_reported(ros):
     ros.until(lambda: street.live and measured(street.live[-1]) == {"mood": 1.0})
     street.finish(1)
     ros.until(lambda: street.done and remarks)
-    said = "a: mood 2 after 60 s had no effect: the visit was over by then"
+    said = "a: mood 2 after 6000 s had no effect: the visit was over by then"
     assert [one.data for one in remarks] == [said]
 
 
