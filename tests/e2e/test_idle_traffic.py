@@ -17,7 +17,7 @@ from skipped_tests import NAMESPACES
 
 pytestmark = pytest.mark.e2e
 
-AT_ONCE = 10
+AT_ONCE = 20
 _ALONE = ("unshare", "-rn")
 """A network namespace of its own, for users who may create one."""
 

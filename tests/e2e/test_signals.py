@@ -38,14 +38,14 @@ LIMIT_S = STOP_LIMIT_S
 LATEST_S = 1.5
 """Longest time from the start, or from the start of a run, to the signal [s]."""
 
-EARLY = 6
+EARLY = 12
 """Starts of each of the six kinds, with a signal before or during start-up."""
 
 TIMES = int(os.environ.get("BT_AGENTS_SIGNALS", "1"))
-"""Factor for a longer run by hand; 84 starts each kind 500 times."""
+"""Factor for a longer run by hand; 42 starts each kind 500 times."""
 
-RUNNING = 2
-"""Starts of a system of seven, with a signal during a run."""
+RUNNING = 4
+"""Starts of a system of seven, with a signal during a run: 12 * 6 + 4 * 7 = 100."""
 
 SPEAKER = """
 repeat: 1000
@@ -192,7 +192,7 @@ def test_hanging_process_is_reported_with_stack(
 
 
 @pytest.mark.usefixtures("busy")
-def test_randomly_timed_signals_end_node_cleanly(
+def test_hundred_randomly_timed_signals_end_node_cleanly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     monkeypatch.setenv("PYTHONFAULTHANDLER", "1")
@@ -230,7 +230,7 @@ def test_randomly_timed_signals_end_node_cleanly(
             finally:
                 for one in told:
                     one.close()
-    assert count == EARLY * TIMES * 6 + RUNNING * 7
+    assert count == 100 + (TIMES - 1) * EARLY * len(everything(TREES, tmp_path))
     assert not problems, "\n".join([f"{len(problems)} of {count}", *problems])
 
 

@@ -23,6 +23,9 @@ TIMES = 5
 PAIRS = 2
 """Number of kills of the market with its host."""
 
+twice = pytest.mark.parametrize("attempt", [1, 2])
+"""Both tests together make 20 kills."""
+
 
 @pytest.fixture
 def fatal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -74,9 +77,11 @@ def kill_at_the_end(
     return epoch
 
 
+@twice
 def test_run_end_is_announced_once_despite_market_crash(
-    system: System, tmp_path: Path, fatal: Path
+    system: System, tmp_path: Path, fatal: Path, attempt: int
 ) -> None:
+    del attempt
     market = start(system, tmp_path)
     for number in range(TIMES):
         name = f"s{number}"
@@ -90,9 +95,11 @@ def test_run_end_is_announced_once_despite_market_crash(
     check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
 
 
+@twice
 def test_scene_refusal_is_announced_once_despite_market_crash(
-    system: System, tmp_path: Path, fatal: Path
+    system: System, tmp_path: Path, fatal: Path, attempt: int
 ) -> None:
+    del attempt
     market = start(system, tmp_path)
     for number in range(TIMES):
         system.scene(f"first{number}", age=5, familiarity=3, mood=3)

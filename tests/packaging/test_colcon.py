@@ -65,8 +65,8 @@ def test_colcon_test_runs_the_tests_of_a_package(sourced: Any, source: Path, bui
     results = build / "build" / "bt_agents_core" / "pytest.xml"
     sourced.run(
         *("colcon", "test", "--return-code-on-test-failure", *folders),
-        *("--paths", str(source / "bt_agents_core"), "--pytest-args", "-k", "test_text"),
+        *("--paths", str(source / "bt_agents_core")),
     )
     (suite,) = ElementTree.parse(results).iter("testsuite")
-    assert int(suite.get("tests", 0)) > 10
+    assert int(suite.get("tests", 0)) > 200
     assert suite.get("failures") == suite.get("errors") == suite.get("skipped") == "0"
