@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +25,7 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.srv import ControlRun
 from bt_agents_ros import qos
-from fake_market import Market, folder
+from fake_market import Market, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -52,8 +51,7 @@ class Host:
     """A host with run control that no stall holds up, and its messages about that."""
 
     def __init__(self, ros: Any, market: Market, node: HostNode) -> None:
-        self.ros, self.market, self.node = ros, market, node
-        node._runs._award_monitor.stall._limit_s = math.inf
+        self.ros, self.market, self.node = ros, market, never_held_up(node)
         self._client = ros.node.create_client(
             ControlRun, "agents/control", qos_profile=qos.SERVICE
         )

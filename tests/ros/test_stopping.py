@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partialmethod
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from bt_agents.host.run_server import _STOP_SETTLE_S
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Run
 from bt_agents_ros.spinner import STOP_LIMIT_S
-from fake_market import Market, folder
+from fake_market import Market, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -35,10 +34,7 @@ TELLER = TALKER.replace("talker", "teller").replace(
 
 @pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
-    """A host that no stall of the machine holds up."""
-    node = market.host(folder(tmp_path, TALKER, TELLER))
-    node._runs._award_monitor.stall._limit_s = math.inf
-    return node
+    return never_held_up(market.host(folder(tmp_path, TALKER, TELLER)))
 
 
 def set_limits(monkeypatch: pytest.MonkeyPatch, limits: RunLimits) -> None:

@@ -21,7 +21,7 @@ from bt_agents.host.tree_streams import stream as streams
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_ros import qos
 from compiled_types import compiled_types
-from fake_market import Market, folder, make_host
+from fake_market import Market, folder, make_host, never_held_up
 
 pytestmark = pytest.mark.ros
 
@@ -254,8 +254,7 @@ def watched(host: HostNode) -> bool:
 def test_a_cancelled_run_shows_its_clean_up(
     ros: Any, host: HostNode, market: Market, watcher: Watcher
 ) -> None:
-    # After a stall of the machine the host would skip the clean-up.
-    host._runs._award_monitor.stall._limit_s = math.inf
+    never_held_up(host)
     _, messages = watcher.snapshots()
     ros.until(lambda: watched(host))
     handle = running(ros, market, host)
