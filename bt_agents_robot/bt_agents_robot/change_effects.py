@@ -6,18 +6,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from bt_agents_core.liveness import STALL_S, extended_after_stall
 from bt_agents_language.model.specs import SceneChange
 
 EFFECT_S = 2.0
 """Longest time from a change until the live scene shows it [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class _Made:
     change: SceneChange
     label: str
     before: Mapping[str, float]
-    until: float
+    at: float
 
 
 class ChangeEffects:
@@ -26,6 +27,7 @@ class ChangeEffects:
     def __init__(self) -> None:
         self._made: list[_Made] = []
         self._values: Mapping[str, float] = {}
+        self._polled_at = 0.0
 
     @property
     def pending(self) -> bool:
@@ -34,8 +36,9 @@ class ChangeEffects:
 
     def made(self, change: SceneChange, label: str, now: float) -> None:
         """Expect a change in the visit with a label, from steady time ``now`` [s] on."""
-        until = now + EFFECT_S
-        one = _Made(change=change, label=label, before=dict(self._values), until=until)
+        one = _Made(change=change, label=label, before=dict(self._values), at=now)
+        if not self._made:
+            self._polled_at = now
         self._made.append(one)
 
     def live(self, values: Mapping[str, float], person: bool) -> None:
@@ -45,8 +48,13 @@ class ChangeEffects:
 
     def missing(self, now: float) -> list[str]:
         """Return in words the changes that had no effect, each once."""
-        late = [one for one in self._made if now >= one.until]
-        self._made = [one for one in self._made if now < one.until]
+        polled_at, self._polled_at = self._polled_at, now
+        if now - polled_at > STALL_S:
+            # This process was stalled; live scenes are still waiting to be read.
+            for one in self._made:
+                one.at = extended_after_stall(one.at, EFFECT_S, polled_at, now)
+        late = [one for one in self._made if now - one.at >= EFFECT_S]
+        self._made = [one for one in self._made if now - one.at < EFFECT_S]
         reason = f"the live scene has not shown it within {EFFECT_S:g} s"
         return [f"{one.label}: {change_text(one.change)} had no effect: {reason}" for one in late]
 
