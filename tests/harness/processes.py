@@ -356,7 +356,7 @@ class System:
             MarketStatus, "bt_agents/market", qos.FACTS
         )
         self._scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
-        self._dead_readers = 0
+        self._dead_readers: set[bytes] = set()
 
     # Processes
 
@@ -458,17 +458,26 @@ class System:
             )
 
         self.until(ready, f"{agents} agents of {hosts} hosts at a market other than '{after}'")
-        heard = self._scenes.get_subscription_count
-        self.until(lambda: heard() > self._dead_readers, "the market hears scenes")
+        self.until(self._is_heard, "the market hears scenes")
         bidders = self._bidding.get_publisher_count
         self.until(lambda: bidders() >= hosts, "the bids of all hosts are heard")
 
     def kill_market(self, market: NodeProcess) -> str:
         """Kill the marketplace; return its epoch."""
         market.kill()
-        # The graph still counts a killed subscriber.
-        self._dead_readers = self._scenes.get_subscription_count()
+        # The graph still lists a killed subscriber, for up to 20 s.
+        self._dead_readers = self._readers()
         return self.epoch
+
+    def _readers(self) -> set[bytes]:
+        """Return the ids of all subscriptions to scenes, even of killed processes."""
+        found = self.ros.node.get_subscriptions_info_by_topic("bt_agents/scene")
+        return {bytes(one.endpoint_gid) for one in found}
+
+    def _is_heard(self) -> bool:
+        readers = self._readers()
+        matched = self._scenes.get_subscription_count() >= len(readers)
+        return matched and not readers <= self._dead_readers
 
     # Scenes and runs
 
