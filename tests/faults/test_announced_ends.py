@@ -18,7 +18,7 @@ from programs import ROOT
 pytestmark = pytest.mark.e2e
 
 TIMES = 5
-"""Number of kills of a system's market: a dead one counts as a subscriber for 20 s."""
+"""Number of kills of a system's market."""
 
 PAIRS = 2
 """Number of kills of the market with its host."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -105,7 +106,8 @@ def test_resumed_host_stops_its_tree_without_speaking(
 
 
 def test_resumed_host_does_not_act_on_expired_wait(system: System, tmp_path: Path) -> None:
-    tree = "sequence: [say: leo begins, wait: 500 ms, say: leo ends]"
+    wait_s = 3.0  # A busy machine takes some time to suspend the host.
+    tree = f"sequence: [say: leo begins, wait: {wait_s:g} s, say: leo ends]"
     host, _ = two_hosts(system, tmp_path, leo=tree)
     first = system.heartbeat_probe("agents_a")
     statuses = system.ros.collect(TreeStatus, "agents_a/status", qos.EVENTS)
@@ -118,7 +120,9 @@ def test_resumed_host_does_not_act_on_expired_wait(system: System, tmp_path: Pat
         "leo waits",
     )
     host.hang()
+    expires = time.monotonic() + wait_s
     system.until_speaking("mira begins")
+    system.until(lambda: time.monotonic() > expires, "the end of leo's wait")
     beats = first.count
     host.go_on()
     system.until(lambda: first.count > beats + 2 and not first.busy, "leo's host is idle")
@@ -133,7 +137,7 @@ def let_them_speak(system: System, *texts: str) -> None:
 
 
 def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) -> None:
-    host, _ = two_hosts(system, tmp_path, bid_deadline=0.5)
+    host, _ = two_hosts(system, tmp_path, bid_deadline=1.0)
     # A third, silent host keeps every round open, so that the hang comes before the goal.
     silent = system.ros.add(SilentHost())
     silent.register(system.ros)
@@ -148,6 +152,7 @@ def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) ->
         )
         host.hang()
         hung_at = second.count
+        silent.decline(system.epoch, number)
         system.until(lambda n=number: len(system.started()) == n, f"start {number}")
         assert second.count - hung_at <= 2 * BEATS_A_SECOND
         assert (system.started()[-1].agent, system.started()[-1].round) == ("mira", number)
@@ -168,7 +173,8 @@ def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) ->
 
 
 def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path) -> None:
-    host, _ = two_hosts(system, tmp_path, bid_deadline=0.5)
+    host, _ = two_hosts(system, tmp_path, bid_deadline=2.0)
+    # It keeps the round open, so that the kill comes before the goal.
     silent = system.ros.add(SilentHost())
     silent.register(system.ros)
     system.until_ready(hosts=3, agents=3)
@@ -182,6 +188,7 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     system.until(lambda: len(beats) > seen + 1, "two heartbeats of the market")
     host.kill()
     killed_at = heartbeat_probe.count
+    silent.decline(system.epoch, 1)
     system.until(system.started, "a start")
     assert heartbeat_probe.count - killed_at <= 2 * BEATS_A_SECOND
     assert [run.agent for run in system.started()] == ["mira"]
@@ -223,9 +230,11 @@ def test_round_with_silent_host_closes_at_deadline(system: System, tmp_path: Pat
 def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path) -> None:
     trees = write_trees(tmp_path / "a", leo=(LEO, "say: leo speaks"))
     system.say_server.holds = lambda _text: False
-    system.market(trees, collect_deadline=0.05, queue_limit=100)
+    # The second one may take over when the lease of the first one ends.
+    system.market(trees, collect_deadline=0.05, queue_limit=100, host_lease=5.0)
     first = system.host("agents", trees)
     system.until_ready(hosts=1, agents=1)
+    heartbeat_probe = system.heartbeat_probe("agents")
     second = system.host("agents", trees)
     system.until(lambda: "HOST_EXISTS" in second.said, "the refusal of the second")
     ids = [f"s{number}" for number in range(1, 101)]
@@ -240,8 +249,14 @@ def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path
     assert len(starts) == 100
     assert len({run.host_instance for run in starts}) == 1
     first.kill()
-    system.until(lambda: system.statuses[-1].hosts == 0, "the first one is missed")
-    system.until_ready(hosts=1, agents=1)
+    seen = heartbeat_probe.count
+
+    def is_registered() -> bool:
+        """Whether the second one has the token of its registration."""
+        beats = heartbeat_probe.beats[seen:]
+        return any(b.host_instance != starts[0].host_instance and any(b.token) for b in beats)
+
+    system.until(is_registered, "the registration of the second one")
     old_person(system, "after")
     assert system.until_end_of("after").code == "SUCCEEDED"
     assert len(system.say_server.texts) == 101

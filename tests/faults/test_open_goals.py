@@ -67,7 +67,8 @@ def test_next_agent_waits_for_killed_hosts_sentence(system: System, tmp_path: Pa
 def test_next_run_reports_goals_that_did_not_stop(
     system: System, tmp_path: Path, server: str
 ) -> None:
-    _, host, _ = two_hosts(system, tmp_path, takeover_deadline=1.0)
+    # Long enough to see, on a busy machine, that the market waits.
+    _, host, _ = two_hosts(system, tmp_path, takeover_deadline=3.0)
     heartbeat_probe = system.heartbeat_probe("agents_b")
     system.say_server.on_cancel = server
     old_person(system, "s1")

@@ -35,9 +35,11 @@ def robot_and_host(
     file.write_text(text.replace("{result: 2 min}", patient))
     system.ros.remove(system.say_server)
     system.market(trees, collect_deadline=0.05, bid_deadline=5.0)
+    beats = system.ros.collect(Empty, "robot/heartbeat", qos.SENSOR)
     robot = system.start(components.robot(pace=1.0, voice="off"))
     system.host("agents", trees)
     system.until_ready(hosts=1, agents=1)
+    system.until(lambda: beats, "the robot")
     return robot
 
 

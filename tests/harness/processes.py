@@ -283,14 +283,14 @@ class SayServer(Node):
 
 
 class SilentHost(Node):
-    """A host with a heartbeat that never answers a call, so each round lasts to its deadline."""
+    """A host with a heartbeat that answers no call by itself, so that each round stays open."""
 
     def __init__(self) -> None:
         super().__init__("silent")
         self._heartbeat = Heartbeat(host=self.get_fully_qualified_name(), host_instance="first")
         self._beats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         self.create_timer(HEARTBEAT_S, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
+        self._bids = self.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
         self.create_subscription(CallForBids, "bt_agents/calls", lambda _call: None, qos.EVENTS)
         self._market = self.create_client(
             RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
@@ -298,6 +298,8 @@ class SilentHost(Node):
 
     def register(self, ros: Ros) -> None:
         """Register at the market."""
+        # The market and the probe hear its answers.
+        ros.until(lambda: self._bids.get_subscription_count() > 1)
         host = self.get_fully_qualified_name()
         request = RegisterHost.Request(
             host=host,
@@ -310,6 +312,20 @@ class SilentHost(Node):
         answer = ros.call(self._market, request)
         assert answer.accepted
         self._heartbeat.token = answer.token
+
+    def decline(self, epoch: str, round_number: int) -> None:
+        """Answer the call of a round; if all others have answered, this closes it."""
+        self._bids.publish(
+            Bids(
+                epoch=epoch,
+                round=round_number,
+                host=self._heartbeat.host,
+                host_instance=self._heartbeat.host_instance,
+                token=self._heartbeat.token,
+                declined=["nobody"],
+                decline_reasons=["it was told to"],
+            )
+        )
 
     def _beat(self) -> None:
         self._beats.publish(self._heartbeat)

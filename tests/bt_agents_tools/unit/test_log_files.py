@@ -51,7 +51,7 @@ def test_log_tail_reads_only_end_of_current_start(tmp_path: Path) -> None:
         file.write(b"\nlast\n")
     begin = time.monotonic()
     assert log.tail(1) == ["last"]
-    assert time.monotonic() - begin < 1.0
+    assert time.monotonic() - begin < 10.0, "the whole file takes longer"
 
 
 def test_oversized_log_is_truncated_during_writing(tmp_path: Path) -> None:

