@@ -10,6 +10,7 @@ import pytest
 
 from bt_agents_interfaces.msg import Auction, MarketHeartbeat, Run, TreeStatus
 from bt_agents_ros import qos
+from marketplace_node.settings import Settings
 from processes import BEATS_A_SECOND, HeartbeatProbe, NodeProcess, SilentHost, System, write_trees
 
 pytestmark = pytest.mark.e2e
@@ -32,7 +33,9 @@ def two_hosts(
     """Start a market, leo on one host and mira on another; leo suits a scene of age 5."""
     first = write_trees(tmp_path / "a", leo=(LEO, leo))
     second = write_trees(tmp_path / "b", mira=(MIRA, TREE.format(name="mira")))
-    system.market(first, collect_deadline=0.05, bid_deadline=bid_deadline)
+    system.market(
+        first, collect_deadline=0.05, bid_deadline=bid_deadline, host_lease=Settings().host_lease_s
+    )
     hosts = system.host("agents_a", first), system.host("agents_b", second)
     system.until_ready(hosts=2, agents=2)
     return hosts

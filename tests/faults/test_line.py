@@ -10,6 +10,7 @@ import pytest
 
 from bt_agents_interfaces.srv import Analyze
 from bt_agents_tools.launcher import components
+from marketplace_node.settings import Settings
 from processes import BEATS_A_SECOND, NodeProcess, System, write_trees
 
 pytestmark = pytest.mark.e2e
@@ -17,7 +18,9 @@ pytestmark = pytest.mark.e2e
 LINE = tuple(f"s{number}" for number in range(2, 12))
 
 
-def market_and_host(system: System, tmp_path: Path) -> tuple[NodeProcess, NodeProcess]:
+def market_and_host(
+    system: System, tmp_path: Path, **parameters: float
+) -> tuple[NodeProcess, NodeProcess]:
     trees = write_trees(tmp_path / "leo", leo=(4.5, "say: leo speaks"))
     market = system.market(
         trees,
@@ -25,6 +28,7 @@ def market_and_host(system: System, tmp_path: Path) -> tuple[NodeProcess, NodePr
         collect_deadline=0.05,
         bid_deadline=5.0,
         host_wait=50.0,
+        **parameters,
     )
     host = system.host("agents", trees)
     system.until_ready(hosts=1, agents=1)
@@ -60,7 +64,7 @@ def check_that_the_line_runs(system: System) -> None:
 def test_queued_scenes_survive_loss_of_their_only_host(
     system: System, tmp_path: Path, how: str
 ) -> None:
-    _, host = market_and_host(system, tmp_path)
+    _, host = market_and_host(system, tmp_path, host_lease=Settings().host_lease_s)
     fill_the_line(system)
     {"hangs": host.hang, "is killed": host.kill, "is terminated": host.terminate}[how]()
     system.until(lambda: all_wait_for_the_host(system), "all scenes in line wait for the host")

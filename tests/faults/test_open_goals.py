@@ -17,11 +17,17 @@ from action_msgs.msg import GoalStatus, GoalStatusArray
 from bt_agents_interfaces.msg import MarketStatus, OpenGoals, Run
 from bt_agents_ros import qos
 from bt_agents_tools.launcher import components
+from marketplace_node.settings import Settings
 from processes import BEATS_A_SECOND, ROOT, HeartbeatProbe, NodeProcess, System, write_trees
 
 pytestmark = pytest.mark.e2e
 
 LEO, MIRA = 4.5, 2.0
+LIMITS: dict[str, float] = {
+    "collect_deadline": 0.05,
+    "bid_deadline": 5.0,
+    "host_lease": Settings().host_lease_s,
+}
 KILLS = int(os.environ.get("BT_AGENTS_KILLS", "4"))
 """Number of kills of a host at random moments."""
 
@@ -34,7 +40,7 @@ def two_hosts(
     """Start a market and two hosts with a file each; return them. Leo suits a scene of age 5."""
     first = write_trees(tmp_path / "a", leo=(LEO, "say: leo speaks"))
     second = write_trees(tmp_path / "b", mira=(MIRA, "say: mira speaks"))
-    market = system.market(first, collect_deadline=0.05, bid_deadline=5.0, **parameters)
+    market = system.market(first, **{**LIMITS, **parameters})
     hosts = (
         system.host("agents_a", first, tmp_path / "a" / "open-goals"),
         system.host("agents_b", second, tmp_path / "b" / "open-goals"),
@@ -170,7 +176,7 @@ def drivers(system: System, tmp_path: Path) -> tuple[dict[str, NodeProcess], Nod
         folders[name] = write_trees(tmp_path / name, **{agent: (age, f"drive: to {agent}")})
         shutil.rmtree(folders[name] / "skills")
         shutil.copytree(ROOT / "trees" / "skills", folders[name] / "skills")
-    nodes = {"market": system.market(folders["agents_a"], collect_deadline=0.05, bid_deadline=5.0)}
+    nodes = {"market": system.market(folders["agents_a"], **LIMITS)}
     robot = system.start(components.robot(pace=1.0, voice="off"))
     for name, trees in folders.items():
         nodes[name] = system.host(name, trees, trees / "open-goals")

@@ -53,6 +53,9 @@ LIMIT_S = 60.0
 BEATS_A_SECOND = round(1 / HEARTBEAT_S)
 """Heartbeats of a host per second; on a busy machine, the clock of the processes."""
 
+PATIENT_S = 10.0
+"""Lease of hosts that no busy machine silences for so long [s]."""
+
 MODULES = (
     "marketplace_node.node",
     "bt_agents.host.node",
@@ -384,9 +387,10 @@ class System:
         return self.processes[-1]
 
     def market(self, trees: Path, **parameters: float | str | int) -> NodeProcess:
-        """Start the marketplace."""
+        """Start the marketplace; without another ``host_lease``, it misses no slow host."""
         component = components.market(trees)
-        return self.start(replace(component, parameters={**component.parameters, **parameters}))
+        given = {**component.parameters, "host_lease": PATIENT_S, **parameters}
+        return self.start(replace(component, parameters=given))
 
     def host(
         self, name: str, trees: Path, open_goals: Path | None = None, **parameters: float
