@@ -211,6 +211,10 @@ class Market:
             open_round.extend_after_stall(now - since)
         return self._settle(now)
 
+    def late(self, late_s: float) -> None:
+        """Extend the leases of hosts by a short delay of the market itself [s]."""
+        self._hosts.registry.discount(late_s)
+
     def called(self, round_number: int, now: float) -> list[Effect]:
         """Start the clock of a round: its call for bids is published."""
         for open_round in self._open_rounds():

@@ -212,6 +212,11 @@ class Registry:
             if valid and host in self._heard:
                 self._heard[host] = now
 
+    def discount(self, late_s: float) -> None:
+        """Extend all leases by the time [s] that this process was late to read heartbeats."""
+        for host in self._seen:
+            self._seen[host] += late_s
+
     def gone_s(self, host: str, now: float) -> float:
         """Return how long ago the lease of a host expired [s]; 0 or less while it is valid."""
         return now - self._seen[host] - self.lease_s

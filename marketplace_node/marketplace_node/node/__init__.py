@@ -337,9 +337,12 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
 
     def _tick(self) -> None:
         now = time.monotonic()
-        if now - self._ticked > self._market.settings.host_lease_s / 2:
-            # This process was stalled; the heartbeats of that time are still unread.
+        gap = now - self._ticked
+        # Heartbeats of the time in which this process ran nothing are still unread.
+        if gap > self._market.settings.host_lease_s / 2:
             self._execute(self._market.extend_after_stall(self._ticked, now))
+        elif gap > HEARTBEAT_S:
+            self._market.late(gap - HEARTBEAT_S)
         self._ticked = now
         self._publish_calls(now)
         self._hosts.send_waiting()

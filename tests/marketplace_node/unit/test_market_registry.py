@@ -18,10 +18,12 @@ from marketplace_node.hosts.registry import (
     Registry,
 )
 
+LEASE_S = 1.0
+
 
 @pytest.fixture
 def registry() -> Registry:
-    return Registry(SPACE.names, 1.0, b"secret")
+    return Registry(SPACE.names, LEASE_S, b"secret")
 
 
 def test_agent_ids_start_at_one_and_are_stable(registry: Registry) -> None:
@@ -193,6 +195,15 @@ def test_stall_extends_live_leases_but_revives_no_host(registry: Registry) -> No
 
     assert [entry.host for entry in registry.live(9.0)] == ["/others"]
     assert registry.live(9.6) == ()
+
+
+def test_delays_of_market_do_not_count_as_silence(registry: Registry) -> None:
+    registry.register(registration(), 0.0)
+    registry.heartbeat("/agents", "first", 10.0)
+    registry.discount(0.15)
+
+    assert registry.is_live("/agents", "first", 10.0 + LEASE_S + 0.1)
+    assert not registry.is_live("/agents", "first", 10.0 + LEASE_S + 0.2)
 
 
 def test_host_above_limit_is_refused_while_others_live() -> None:
