@@ -21,7 +21,7 @@ from rclpy.task import Future
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.node import HostNode
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_interfaces.msg import Run
+from bt_agents_interfaces.msg import Run, TreeStatus
 from bt_agents_interfaces.srv import CollectFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.managed_node import AUTOSTART, ManagedNode, make_managed
@@ -231,23 +231,41 @@ def test_system_continues_after_temporary_deactivation_of_any_node(
     assert {end.code for end in system.ends} == {"SUCCEEDED"}
 
 
+class Deactivation:
+    """A running tree with a clean-up that takes a while and then logs, on a managed host."""
+
+    def __init__(self, ros: Ros, folder: Path, clean_up: str) -> None:
+        trees = write_agents(folder, ann=4.0, wait="60 s")
+        file = trees / "agents" / "ann.yaml"
+        agent = yaml.safe_load(file.read_text())
+        agent["on_cancel"] = {"sequence": [{"wait": clean_up}, {"log": "cleaned up"}]}
+        agent["on_cancel_within"] = "10 s"
+        file.write_text(yaml.safe_dump(agent, sort_keys=False))
+        self.system = System(ros, trees)
+        self.statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
+        self.manager = Manager(ros, "agents")
+        self.system.analyze(age=4)
+        ros.until(lambda: self.runs and self.runs[-1].event == Run.STARTED)
+
+    @property
+    def runs(self) -> list[Run]:
+        return self.system.runs
+
+    @property
+    def cleaned_up(self) -> bool:
+        return any(c.message == "cleaned up" for one in self.statuses for c in one.changes)
+
+
 def test_deactivated_host_first_ends_its_tree_cleanly(
     ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    trees = write_agents(tmp_path, ann=4.0, wait="60 s")
-    file = trees / "agents" / "ann.yaml"
-    agent = yaml.safe_load(file.read_text())
-    agent["on_cancel"] = {"wait": "1 s"}
-    file.write_text(yaml.safe_dump(agent, sort_keys=False))
-    system = System(ros, trees)
-    manager = Manager(ros, "agents")
-    system.analyze(age=4)
-    ros.until(lambda: system.runs and system.runs[-1].event == Run.STARTED)
+    running = Deactivation(ros, tmp_path, "1 s")
+    host, manager = running.system.host, running.manager
 
     # It stays in the state until the test has seen that.
     seen: list[bool] = []
-    has_stopped = system.host.has_stopped
-    monkeypatch.setattr(system.host, "has_stopped", lambda: bool(seen) and has_stopped())
+    has_stopped = host.has_stopped
+    monkeypatch.setattr(host, "has_stopped", lambda: bool(seen) and has_stopped())
     answer = manager.begin(DEACTIVATE)
     ros.until(lambda: manager.events)
     assert manager.state == "deactivating"
@@ -260,9 +278,22 @@ def test_deactivated_host_first_ends_its_tree_cleanly(
     ros.until(answer.done)
     assert answer.result().success
     assert manager.state == "inactive"
-    ros.until(lambda: system.runs[-1].event == Run.ENDED)
-    assert system.runs[-1].outcome == Run.CANCELLED
-    assert not system.host.is_active
+    ros.until(lambda: running.runs[-1].event == Run.ENDED)
+    assert running.runs[-1].outcome == Run.CANCELLED
+    assert running.cleaned_up
+    assert not host.is_active
+
+
+def test_end_of_process_cuts_deactivation_short(ros: Ros, tmp_path: Path) -> None:
+    running = Deactivation(ros, tmp_path, "9 s")
+    answer = running.manager.begin(DEACTIVATE)
+    ros.until(lambda: running.manager.events)
+    running.system.host.request_stop()
+    ros.until(answer.done)
+    assert answer.result().success
+    ros.until(lambda: running.runs[-1].event == Run.ENDED)
+    assert running.runs[-1].outcome == Run.CANCELLED
+    assert not running.cleaned_up
 
 
 def test_feedback_collection_waits_for_inactive_feedback_node(ros: Ros, tmp_path: Path) -> None:

@@ -294,11 +294,14 @@ class RunServer:
             stop.cancellation = cancellation
             self._tick_soon()
 
-    def stop(self, reason: str) -> None:
-        """Stop the running tree soon, without its clean-up, and reject further goals."""
+    def stop(self, reason: str, *, process_ends: bool) -> None:
+        """Stop the running tree and reject further goals.
+
+        A process that ends has no time for the tree's clean-up.
+        """
         self._shutting_down = True
-        self.cancel(reason, clean_up=False)
-        if self.run is not None:
+        self.cancel(reason, clean_up=not process_ends)
+        if process_ends and self.run is not None:
             self.run.shorten_settling(_STOP_SETTLE_S)
             self._tick_soon()
 
