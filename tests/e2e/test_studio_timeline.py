@@ -243,6 +243,7 @@ def test_mood_lane_shows_where_rules_act(
     positive, negative = (page.locator(f".threshold.{one}") for one in ("positive", "negative"))
     for line in (positive, negative):
         expect(line).to_be_in_viewport()
+    page.wait_for_function("document.querySelector('.mood-line').points.length === 3")
     assert style(positive, "stroke") != style(negative, "stroke")
     left, ups, levels = page.evaluate(
         """() => {
