@@ -129,7 +129,7 @@ class JournalNode(BaseNode):
             self.journal.forget(fact)
 
     def on_bookmark(self, moment: MarkedMoment) -> None:
-        """Publish and record a bookmark."""
+        """Publish a bookmark, and write it at once, because its answer acknowledges it."""
         message = Bookmark(
             header=header_at(to_time(moment.at_ns * 1e-9)),
             author=moment.author,
@@ -138,6 +138,7 @@ class JournalNode(BaseNode):
         )
         self._bookmarks.publish(message)
         self._record_own(self._topic_of_bookmarks, message)
+        self.journal.flush(time.time_ns())
 
     def _record_own(self, topic: RecordedTopic, message: Any, fact: str = "") -> None:
         now_ns = time.time_ns()

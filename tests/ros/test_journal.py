@@ -157,6 +157,18 @@ def test_service_starts_marks_and_stops_recording(harness: JournalHarness) -> No
     assert recording.counts["/agents/files"] == 1
 
 
+def test_acknowledged_bookmark_is_in_file(
+    harness: JournalHarness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bt_agents_lab.node.FLUSH_S", 3600.0)
+    harness.record()
+    record = harness.ros.node.create_client(Record, "journal/record", qos_profile=qos.SERVICE)
+    request = Record.Request(action=Record.Request.BOOKMARK, label="odd")
+    assert harness.ros.call(record, request).accepted
+    recording = index_entries(JournalReader([*harness.files.glob("*.mcap")]).entries())
+    assert [one.label for one in recording.bookmarks] == ["odd"]
+
+
 def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> None:
     journal = harness.record()
     harness.ros.until(lambda: "/agents/trees" in journal.journal._facts)
