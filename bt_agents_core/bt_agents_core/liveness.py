@@ -3,6 +3,12 @@
 
 from __future__ import annotations
 
+HEARTBEAT_S = 0.2
+"""Period of heartbeats and of the checks of leases [s].
+
+The shortest lease is more than twice as long.
+"""
+
 STALL_S = 0.5
 """A process that ran nothing for longer than this has stalled [s]."""
 
@@ -24,6 +30,19 @@ def extended_after_stall(last_seen: float, lease_s: float, since: float, now: fl
     half its length from now. All times are on the steady clock [s].
     """
     return max(last_seen, now - lease_s / 2) if since - last_seen < lease_s else last_seen
+
+
+def extended_lease(last_seen: float, lease_s: float, checked_at: float, now: float) -> float:
+    """Return the last sign of life of a peer, extended by a delay of this process.
+
+    This process last checked the lease at ``checked_at``; it checks every :data:`HEARTBEAT_S`.
+    Messages from the time of a delay are still unread: a late check counts as one in time, and a
+    delay of more than half the lease as a stall. All times are on the steady clock [s].
+    """
+    gap_s = now - checked_at
+    if gap_s > lease_s / 2:
+        return extended_after_stall(last_seen, lease_s, checked_at, now)
+    return last_seen + max(0.0, gap_s - HEARTBEAT_S)
 
 
 class StallDetector:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bt_agents_core.liveness import STALL_S, extended_after_stall
+from bt_agents_core.liveness import extended_lease
 from bt_agents_language.model.specs import SceneChange
 
 EFFECT_S = 2.0
@@ -49,10 +49,8 @@ class ChangeEffects:
     def missing(self, now: float) -> list[str]:
         """Return in words the changes that had no effect, each once."""
         polled_at, self._polled_at = self._polled_at, now
-        if now - polled_at > STALL_S:
-            # This process was stalled; live scenes are still waiting to be read.
-            for one in self._made:
-                one.at = extended_after_stall(one.at, EFFECT_S, polled_at, now)
+        for one in self._made:
+            one.at = extended_lease(one.at, EFFECT_S, polled_at, now)
         late = [one for one in self._made if now - one.at >= EFFECT_S]
         self._made = [one for one in self._made if now - one.at < EFFECT_S]
         reason = f"the live scene has not shown it within {EFFECT_S:g} s"

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from bt_agents_core.liveness import STALL_S, extended_after_stall
+from bt_agents_core.liveness import extended_lease
 
 MOST_HOSTS = 20
 """Maximum number of watched hosts; one more replaces a departed one, if any."""
@@ -66,12 +66,8 @@ class HostWatch:
 
     def lost(self, now: float) -> dict[bytes, str]:
         """Return the goals whose host is gone, with the reason; called at each heartbeat."""
-        if now - self._polled_at > STALL_S:
-            # The robot itself was stalled; messages of its hosts are still waiting to be read.
-            for host in self._hosts.values():
-                host.heard_at = extended_after_stall(
-                    host.heard_at, self.lease_s, self._polled_at, now
-                )
+        for host in self._hosts.values():
+            host.heard_at = extended_lease(host.heard_at, self.lease_s, self._polled_at, now)
         self._polled_at = now
         found = dict.fromkeys(self._orphans, "its host was started anew")
         self._orphans = frozenset()

@@ -15,6 +15,7 @@ from rclpy.task import Future
 from std_msgs.msg import Empty, String
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.liveness import HEARTBEAT_S
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.run_key import RunKey
@@ -43,7 +44,7 @@ from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.goal_cancellation import open_goals_from_msg
 from bt_agents_ros.parameters import declare, declare_and_watch, declare_slow_network, describe
 from bt_agents_ros.spinner import run
-from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
+from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 
 COLOURS = ("off", "white", "green", "yellow", "blue", "red")

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_core.liveness import STALL_S, extended_after_stall
+from bt_agents_core.liveness import extended_lease
 
 LEASE_S = 1.5
 """Longest silence of the screen [s]; loading the page again takes less."""
@@ -39,7 +39,5 @@ class ScreenWatch:
         polled_at, self._polled_at = self._polled_at, now
         if self._seen_at is None:
             return self._awaited_since is not None and now - self._awaited_since >= FIRST_PAGE_S
-        if now - polled_at > STALL_S:
-            # The robot itself was stalled; heartbeats of the page are still waiting to be read.
-            self._seen_at = extended_after_stall(self._seen_at, LEASE_S, polled_at, now)
+        self._seen_at = extended_lease(self._seen_at, LEASE_S, polled_at, now)
         return now - self._seen_at >= LEASE_S

@@ -10,9 +10,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from bt_agents_core.health import PartHealth, first_values
+from bt_agents_core.liveness import HEARTBEAT_S
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_ros import qos
-from bt_agents_ros.timers import HEARTBEAT_S
 
 TOPIC = "/diagnostics"
 

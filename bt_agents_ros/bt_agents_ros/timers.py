@@ -13,9 +13,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer
 
-HEARTBEAT_S = 0.2
-"""Period of the heartbeats of a node [s]; the shortest lease is more than twice as long."""
-
 LIMIT_S = 5.0
 """How long to wait for a future [s]; its work continues after that."""
 

@@ -28,6 +28,7 @@ from bt_agents.host.tuning.tunable import profile_values
 from bt_agents.host.tuning.tune_service import info_from_msg
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.liveness import HEARTBEAT_S
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import is_full_name
 from bt_agents_interfaces.msg import HostCard, OpenQuestions, Scene, SceneValue, Tunables, Tunings
@@ -40,7 +41,7 @@ from bt_agents_ros.messages import header_at
 from bt_agents_ros.size_check import check_content, largest_bytes
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
-from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
+from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 from bt_agents_studio.records import ListeningRecord

@@ -211,9 +211,9 @@ class Market:
             open_round.extend_after_stall(now - since)
         return self._settle(now)
 
-    def late(self, late_s: float) -> None:
-        """Extend the leases of hosts by a short delay of the market itself [s]."""
-        self._hosts.registry.discount(late_s)
+    def extend_leases(self, checked_at: float, now: float) -> None:
+        """Extend the leases of hosts by a short delay of the market itself."""
+        self._hosts.registry.extend_leases(checked_at, now)
 
     def called(self, round_number: int, now: float) -> list[Effect]:
         """Start the clock of a round: its call for bids is published."""

@@ -21,6 +21,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
+from bt_agents_core.liveness import HEARTBEAT_S
 from bt_agents_interfaces.action import Say
 from bt_agents_interfaces.msg import (
     Auction,
@@ -36,7 +37,6 @@ from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from bt_agents_ros.node_main import SUPERVISED
-from bt_agents_ros.timers import HEARTBEAT_S
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.supervisor import Component, launch

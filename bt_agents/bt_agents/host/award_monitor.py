@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_core.liveness import StallDetector, extended_after_stall
+from bt_agents_core.liveness import StallDetector, extended_lease
 from bt_agents_core.run_key import RunKey
 
 _POLL_AGAIN_S = 0.1
@@ -73,9 +73,9 @@ class MarketLease:
         if epoch == self._epoch:
             self._last = now
 
-    def extend_after_stall(self, since: float, now: float) -> None:
-        """Renew the lease valid at ``since``: heartbeats after it were not read."""
-        self._last = extended_after_stall(self._last, self.lease_s, since, now)
+    def extend(self, checked_at: float, now: float) -> None:
+        """Extend the lease by a delay of this process since the last check."""
+        self._last = extended_lease(self._last, self.lease_s, checked_at, now)
 
     def silence(self, now: float) -> float:
         """Return how long the market has been silent if that is too long, else 0 [s]."""

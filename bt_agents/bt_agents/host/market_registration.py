@@ -256,11 +256,8 @@ class MarketRegistration:
     def check_lease(self) -> None:
         """Cancel a run whose market is silent; called with each heartbeat, to detect stalls."""
         now = time.monotonic()
-        gap_s = now - self._checked_at
-        if gap_s > self._lease.lease_s / 2:
-            # After a stall, the heartbeats of that time are still unread.
-            self._lease.extend_after_stall(self._checked_at, now)
-        if gap_s > STALL_S:
+        self._lease.extend(self._checked_at, now)
+        if now - self._checked_at > STALL_S:
             # Another start of this host may have taken its place.
             self.refresh()
         self._checked_at = now

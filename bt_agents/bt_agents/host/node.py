@@ -26,6 +26,7 @@ from bt_agents.host.tree_streams.stream_server import DEFAULT_PERIOD, offer_tree
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
 from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
+from bt_agents_core.liveness import HEARTBEAT_S
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.action import RunAgent
@@ -44,7 +45,7 @@ from bt_agents_ros.managed_node import ManagedNode, make_managed
 from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.parameters import TREES, StartParameter, declare_slow_network
 from bt_agents_ros.spinner import run
-from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
+from bt_agents_ros.timers import steady_timer
 
 _NAMES_SHOWN = 20
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.liveness import extended_after_stall
+from bt_agents_core.liveness import extended_after_stall, extended_lease
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 
@@ -212,10 +212,10 @@ class Registry:
             if valid and host in self._heard:
                 self._heard[host] = now
 
-    def discount(self, late_s: float) -> None:
-        """Extend all leases by the time [s] that this process was late to read heartbeats."""
-        for host in self._seen:
-            self._seen[host] += late_s
+    def extend_leases(self, checked_at: float, now: float) -> None:
+        """Extend all leases by a delay of this process since the last check."""
+        for host, seen in self._seen.items():
+            self._seen[host] = extended_lease(seen, self.lease_s, checked_at, now)
 
     def gone_s(self, host: str, now: float) -> float:
         """Return how long ago the lease of a host expired [s]; 0 or less while it is valid."""

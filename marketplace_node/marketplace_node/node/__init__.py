@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import NodeMustEnd, ReadError, Refused
+from bt_agents_core.liveness import HEARTBEAT_S
 from bt_agents_core.open_goals import name_goals
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import StoppedBy
@@ -38,7 +39,7 @@ from bt_agents_ros.node_main import RESTARTED
 from bt_agents_ros.outbox import Outbox
 from bt_agents_ros.parameters import TREES, StartParameter
 from bt_agents_ros.spinner import run
-from bt_agents_ros.timers import HEARTBEAT_S, OneShot, steady_timer
+from bt_agents_ros.timers import OneShot, steady_timer
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 from marketplace_node.effects import (
     Alarm,
@@ -337,12 +338,11 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
 
     def _tick(self) -> None:
         now = time.monotonic()
-        gap = now - self._ticked
         # Heartbeats of the time in which this process ran nothing are still unread.
-        if gap > self._market.settings.host_lease_s / 2:
+        if now - self._ticked > self._market.settings.host_lease_s / 2:
             self._execute(self._market.extend_after_stall(self._ticked, now))
-        elif gap > HEARTBEAT_S:
-            self._market.late(gap - HEARTBEAT_S)
+        else:
+            self._market.extend_leases(self._ticked, now)
         self._ticked = now
         self._publish_calls(now)
         self._hosts.send_waiting()

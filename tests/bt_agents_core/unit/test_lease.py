@@ -50,6 +50,18 @@ BEGIN, HEARD, HELD_UP, END = "begin", "heard", "held up since", "end"
             id="and for no longer",
         ),
         pytest.param(
+            [(BEGIN, 0.0, "a"), (HEARD, 0.5, "a"), (HELD_UP, 1.25, 0.75)],
+            1.7,
+            0.0,
+            id="a short delay does not count",
+        ),
+        pytest.param(
+            [(BEGIN, 0.0, "a"), (HEARD, 0.5, "a"), (HELD_UP, 1.25, 0.75)],
+            1.8,
+            1.0,
+            id="and extends the lease by its length only",
+        ),
+        pytest.param(
             [(HEARD, 0.0, "a"), (BEGIN, 0.0, "a"), (HELD_UP, 4.0, 1.5)],
             4.0,
             4.0,
@@ -69,7 +81,7 @@ def test_silence_is_measured_from_last_heartbeat(
                 lease.on_heartbeat(str(what), at)
             case "held up since":
                 assert isinstance(what, float)
-                lease.extend_after_stall(what, at)
+                lease.extend(what, at)
             case "end":
                 lease.end()
     assert lease.silence(now) == pytest.approx(silence)

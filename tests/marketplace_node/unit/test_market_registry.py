@@ -200,7 +200,7 @@ def test_stall_extends_live_leases_but_revives_no_host(registry: Registry) -> No
 def test_delays_of_market_do_not_count_as_silence(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.heartbeat("/agents", "first", 10.0)
-    registry.discount(0.15)
+    registry.extend_leases(10.2, 10.55)
 
     assert registry.is_live("/agents", "first", 10.0 + LEASE_S + 0.1)
     assert not registry.is_live("/agents", "first", 10.0 + LEASE_S + 0.2)
