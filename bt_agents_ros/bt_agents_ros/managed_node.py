@@ -55,6 +55,8 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
     Attributes:
         start_parameters: Parameters whose values :meth:`configure` gets.
         stop_limit_s: How long its process waits for :meth:`has_stopped` when it ends [s].
+        process_ends: Whether its process ends, so that work has ``stop_limit_s`` to end instead
+            of :data:`DEACTIVATION_S`.
     """
 
     start_parameters: ClassVar[tuple[StartParameter, ...]] = ()
@@ -68,7 +70,7 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
             declare_start(self, parameter)
         self._configuration: ConfigurationT | None = None
         self._closing: ExitStack | None = None
-        self._process_ends = False
+        self.process_ends = False
         self._lifecycle = Lifecycle(self, self._make_transition)
         if configuration is not None:
             with self._lifecycle.transition(Transition.TRANSITION_CONFIGURE):
@@ -100,13 +102,8 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
         """
         raise NotImplementedError
 
-    def begin_stop(self, *, process_ends: bool) -> None:
-        """Start ending ongoing work; called while the node is active.
-
-        Args:
-            process_ends: There is only ``stop_limit_s`` for it, not :data:`DEACTIVATION_S`. The
-                process may end during a deactivation.
-        """
+    def begin_stop(self) -> None:
+        """Start ending ongoing work of the active node; again if its process then ends."""
 
     def has_stopped(self) -> bool:
         """Return True when all work has ended."""
@@ -132,9 +129,9 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
 
     def request_stop(self) -> None:
         """Start ending ongoing work, if the node is active, because its process ends."""
-        if self.is_active and not self._process_ends:
-            self._process_ends = True
-            self.begin_stop(process_ends=True)
+        if self.is_active and not self.process_ends:
+            self.process_ends = True
+            self.begin_stop()
 
     def stopped(self) -> bool:
         """Return True when no work is going on."""
@@ -182,8 +179,8 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
 
     async def _end_activation(self) -> None:
         assert self._closing is not None, "it is active"
-        if not self._process_ends:
-            self.begin_stop(process_ends=False)
+        if not self.process_ends:
+            self.begin_stop()
         if not await self._comes_true(DEACTIVATION_S, self.has_stopped):
             self.get_logger().error(
                 f"what was under way has not ended within {DEACTIVATION_S:g} s: it is cut off"
@@ -193,7 +190,7 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
             self._closing.close()
         finally:
             self._closing = None
-            self._process_ends = False
+            self.process_ends = False
 
     async def _comes_true(self, limit_s: float, done: Callable[[], bool]) -> bool:
         """Wait until ``done()`` or for ``limit_s`` seconds; return whether it came true."""

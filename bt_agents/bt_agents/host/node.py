@@ -231,8 +231,8 @@ class HostNode(ManagedNode[HostConfiguration]):
         """True when the market has taken every agent of this host."""
         return self._registration is not None and self._registration.complete
 
-    def begin_stop(self, *, process_ends: bool) -> None:
-        self._runs.stop("the host is stopping", process_ends=process_ends)
+    def begin_stop(self) -> None:
+        self._runs.stop("the host is stopping", process_ends=self.process_ends)
 
     def has_stopped(self) -> bool:
         """Return True when no tree runs and a live market has announced the last run's end."""

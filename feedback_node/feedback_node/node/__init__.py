@@ -203,7 +203,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             profiles_health(len(self._profiles.hosts), self._profiles.differing),
         )
 
-    def begin_stop(self, *, process_ends: bool) -> None:
+    def begin_stop(self) -> None:
         """Stop waiting for hosts; the market may still ask for feedback on the last run."""
         self._stopping = True
         self._stop_earliest = time.monotonic() + _LINGER_S

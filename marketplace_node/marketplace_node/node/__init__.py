@@ -252,7 +252,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
             f"{unread}\nno rule counts until you fix it and restart the market"
         )
 
-    def begin_stop(self, *, process_ends: bool) -> None:
+    def begin_stop(self) -> None:
         """Stop the running tree, so that it does not continue without a market."""
         self._execute(self._market.shut_down("the marketplace is shutting down", time.monotonic()))
 

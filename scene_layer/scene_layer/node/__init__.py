@@ -174,7 +174,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         found = self._source_subscriptions.look(now)
         return (sources_health(self._sources.standings(now), self._sources.refusals, found),)
 
-    def begin_stop(self, *, process_ends: bool) -> None:
+    def begin_stop(self) -> None:
         self._store.request_stop()
 
     def has_stopped(self) -> bool:
