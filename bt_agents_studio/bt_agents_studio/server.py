@@ -170,7 +170,6 @@ class Server:
                 web.get("/{path:.*}", self._page),
             ]
         )
-        self._application.on_shutdown.append(self._close)
 
     @asynccontextmanager
     async def serving(
@@ -178,11 +177,7 @@ class Server:
     ) -> AsyncIterator[None]:
         """Serve on a listening socket within the block, with TLS if a context is given."""
         runner = web.AppRunner(
-            self._application,
-            access_log=None,
-            logger=server_logger(),
-            keepalive_timeout=WAIT_S,
-            shutdown_timeout=_END_S,
+            self._application, access_log=None, logger=server_logger(), keepalive_timeout=WAIT_S
         )
         await runner.setup()
         assert runner.server is not None
@@ -197,6 +192,8 @@ class Server:
             yield
         finally:
             accepting.close()
+            await self._close()
+            await runner.server.shutdown(_END_S)
             await runner.cleanup()
 
     def changed(self) -> None:
@@ -462,7 +459,7 @@ class Server:
             await socket.close()
         return encoded_s
 
-    async def _close(self, _application: web.Application) -> None:
+    async def _close(self) -> None:
         for socket in list(self._clients):
             await socket.close(code=1001, message=b"the studio ends")
         self._labels.shutdown(wait=False, cancel_futures=True)

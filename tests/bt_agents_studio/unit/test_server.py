@@ -673,7 +673,7 @@ async def _status(client: ClientSession) -> int | None:
 @pytest.mark.parametrize(
     "sent",
     [
-        b"GET / HTTP/9.9\r\n\r\n",
+        b"\x00 / HTTP/1.1\r\n\r\n",
         b"GET / HTTP/1.1\r\nno header\r\n\r\n",
         b"GET / HTTP/1.1\r\nA: " + b"a" * 20_000 + b"\r\n\r\n",
         b"POST /api/session HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
