@@ -207,7 +207,10 @@ def _lines(selections: Sequence[Selection]) -> list[dict[str, Any]]:
 
 def _legend(figure: Figure, axes: Axes, columns: int) -> None:
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=max(columns, 2))
+    legend = figure.legend(handles, labels, loc="lower center", ncols=max(columns, 2))
+    # Versions before 3.7, such as Ubuntu's, know no location "outside".
+    top = legend.get_window_extent().y1 / figure.bbox.height
+    figure.set_layout_engine("constrained", rect=(0.0, top, 1.0, 1.0 - top))
 
 
 def _of(played: Played, selection: Selection, learning: LearningRule, share: float) -> PerRun:
