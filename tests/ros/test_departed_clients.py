@@ -21,6 +21,7 @@ from rclpy.node import Node
 
 from bt_agents_interfaces.action import Say
 from bt_agents_ros.qos import SERVICE
+from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from graph import Ros
 
 ASKED = "/asked"
@@ -125,6 +126,44 @@ def test_slow_service_still_answers_present_client(ros: Ros, stranger: Stranger)
         assert stranger.answer(client.call_async(GetParameters.Request())) is not None
 
     assert service.answers == 3
+
+
+def test_second_node_of_one_name_hides_no_client(ros: Ros) -> None:
+    # The graph names the older of two participants first.
+    context = Context()
+    rclpy.init(context=context)
+    node = Node("twin", context=context, enable_rosout=False)
+    executor = CachedExecutor(context=context)
+    executor.add_node(node)
+    looks = count()
+    executor._departed.clock = lambda: 0.06 * next(looks)
+    server = ActionServer(
+        node,
+        Say,
+        "say",
+        lambda _goal: Say.Result(),
+        goal_callback=lambda _goal: GoalResponse.REJECT,
+        goal_service_qos_profile=SERVICE,
+    )
+    twin = Node("twin", context=ros.node.context, enable_rosout=False)
+    kind = Say.Impl.SendGoalService
+    client = ros.node.create_client(kind, "say/_action/send_goal", qos_profile=SERVICE)
+
+    def until(condition: Callable[[], object]) -> None:
+        ros.until(lambda: (executor.spin_once(0), condition())[1])
+
+    try:
+        until(lambda: node.get_node_names().count("twin") == 2)
+        until(client.service_is_ready)
+        until(lambda: node.get_subscriptions_info_by_topic("rr/say/_action/send_goalReply", True))
+        for _ in range(3):
+            until(client.call_async(kind.Request()).done)
+    finally:
+        server.destroy()
+        twin.destroy_node()
+        node.destroy_node()
+        executor.shutdown()
+        context.try_shutdown()
 
 
 @pytest.mark.filterwarnings("ignore:failed to send response:RuntimeWarning")

@@ -88,8 +88,9 @@ def _is_shown(graph_node: GraphNode, service: str, client: bytes) -> bool:
     if service.startswith("/"):
         services = [service]
     else:
-        own = node.get_service_names_and_types_by_node(node.get_name(), node.get_namespace())
-        services = [name for name, _ in own if name.endswith(service)]
+        # Those of the node alone may be those of another node with its name.
+        known = node.get_service_names_and_types()
+        services = [name for name, _ in known if name.endswith(service)]
     return any(
         bytes(reader.endpoint_gid) == client
         for name in services
