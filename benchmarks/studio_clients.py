@@ -1,17 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clients of a studio without a browser: ``studio_clients.py ADDRESS READING HANGING``.
 
-Hanging clients open their connection and never read. It prints a line once all are connected.
+Hanging clients open their connection and never read. It prints a line once all are connected, and
+then the time from each message of the probe until a client receives it [s].
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import re
 import sys
+import time
 from urllib.parse import urldefrag
 
 from aiohttp import ClientSession, ClientWebSocketResponse, CookieJar
+
+_SENT = re.compile(r'"(\d{10}\.\d{6})"')
 
 
 async def _open(session: ClientSession) -> ClientWebSocketResponse:
@@ -23,8 +28,12 @@ async def _open(session: ClientSession) -> ClientWebSocketResponse:
 
 
 async def _read(socket: ClientWebSocketResponse) -> None:
-    async for _ in socket:
-        pass
+    before = ""
+    async for message in socket:
+        sent = _SENT.search(str(message.data))
+        if sent is not None and sent[1] != before:
+            before = sent[1]
+            print(time.time() - float(before), flush=True)
 
 
 async def main(address: str, reading: int, hanging: int) -> None:

@@ -67,7 +67,7 @@ from bt_agents_studio.recordings import WRITTEN_S
 from bt_agents_studio.records import OF_A_PERSON
 from bt_agents_studio.studio import Studio
 
-PERIOD_S = 1 / 30
+PERIOD_S = 1 / 60
 """Shortest time between two messages to one client [s]."""
 
 MOST_CLIENTS = 32
@@ -145,6 +145,8 @@ class Server:
         # Time of the last message, steady time [s].
         self._sent_s: dict[web.WebSocketResponse, float] = {}
         self._changed = asyncio.Event()
+        # Last message, and its text.
+        self._encoded: tuple[ServerMessage | str, str] = "", ""
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
         self._own = OwnOperations(studio, caller, person_address)
@@ -448,7 +450,10 @@ class Server:
     async def _send(self, socket: web.WebSocketResponse, message: ServerMessage | str) -> float:
         """Send a message; return the time for encoding it [s]."""
         began = time.monotonic()
-        text = message if isinstance(message, str) else encode(message)
+        # Clients that read equally fast get the same changes.
+        if message != self._encoded[0]:
+            self._encoded = message, message if isinstance(message, str) else encode(message)
+        text = self._encoded[1]
         encoded_s = time.monotonic() - began
         if socket in self._clients:
             self._sent_s[socket] = time.monotonic()
