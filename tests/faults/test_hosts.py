@@ -70,6 +70,7 @@ def test_lost_host_is_replaced_by_next_agent_quickly(
     assert "/agents_a is gone: no heartbeat" in lost.message
     assert beats <= 2 * BEATS_A_SECOND
     system.until(lambda: system.started("mira"), "mira's start")
+    system.until(lambda: len(system.auctions) == 2, "the second auction")
     second = system.auctions[-1]
     assert (second.follows, second.winner) == (lost.round, "mira")
     system.until(lambda: "mira begins" in system.say_server.speaking, "mira speaks")
@@ -244,9 +245,8 @@ def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path
     for scene_id in ids:
         old_person(system, scene_id)
     system.until(lambda: len(system.ends) >= 100, "a hundred ends")
-    assert sorted((end.scene_id, end.code) for end in system.ends) == sorted(
-        (scene_id, "SUCCEEDED") for scene_id in ids
-    )
+    assert [end.message for end in system.ends if end.code != "SUCCEEDED"] == []
+    assert sorted(end.scene_id for end in system.ends) == sorted(ids)
     assert len(system.say_server.texts) == 100
     starts = system.started()
     assert len(starts) == 100

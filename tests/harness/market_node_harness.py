@@ -224,5 +224,12 @@ class MarketNodeHarness:
         return found()[count - 1]
 
     def until_over(self, scene_id: str = "s1") -> MarketStatus:
-        self.ros.until(lambda: self.statuses[-1].finished_scene_id == scene_id)
+        """Wait until a scene is over and the records of its last round are received."""
+
+        def received() -> bool:
+            rounds = {end.round for end in self.ends if end.scene_id == scene_id}
+            known = {0, *(auction.round for auction in self.auctions)}
+            return bool(rounds) and rounds <= known
+
+        self.ros.until(lambda: self.statuses[-1].finished_scene_id == scene_id and received())
         return self.statuses[-1]

@@ -82,7 +82,11 @@ class System:
         return str(self.analyze(person=Analyze.Request.ABSENT, **values).scene.scene_id)
 
     def finished(self, scene_id: str) -> bool:
-        return any(status.finished_scene_id == scene_id for status in self.statuses)
+        """Return whether a scene is over and the records of its last round are received."""
+        rounds = {end.round for end in self.ends if end.scene_id == scene_id}
+        return any(status.finished_scene_id == scene_id for status in self.statuses) and any(
+            auction.round in rounds for auction in self.auctions
+        )
 
     def interact(self, **values: float) -> str:
         """Trigger a scene and wait for its end; return the last winner."""

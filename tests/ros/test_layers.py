@@ -85,7 +85,13 @@ class Street:
         self.ros.until(
             lambda: self.statuses and self.statuses[-1].finished_scene_id == asked.scene_id
         )
-        self.ros.until(lambda: self.runs[-1].event == Run.ENDED)
+
+        def received() -> bool:
+            auctions = {auction.scene.scene_id for auction in self.auctions}
+            ended = {run.scene.scene_id for run in self.runs if run.event == Run.ENDED}
+            return asked.scene_id in auctions & ended
+
+        self.ros.until(received)
         return str(self.auctions[-1].winner), int(self.runs[-1].outcome)
 
     def teach(self, person: str = "", place: str = "", age: float = 1.0) -> Any:

@@ -124,6 +124,7 @@ def test_silent_host_does_not_block_round(harness: MarketNodeHarness) -> None:
     harness.scene()
     harness.until_event(Run.STARTED)
 
+    harness.ros.until(lambda: harness.auctions)
     auction = harness.auctions[0]
     assert auction.closed_by == Auction.DEADLINE
     assert list(auction.silent_hosts) == ["/others"]

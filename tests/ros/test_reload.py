@@ -248,7 +248,7 @@ def test_agents_change_while_another_agent_runs(ros: Any, tmp_path: Path) -> Non
     host.edit("ann", agent("anna"))
     host.await_version("anna", 1)
     ros.until(lambda: host.market.registered[-1] == ["bob", "anna"])
-    assert [tree.agent for tree in host.trees[-1].trees] == ["bob", "anna"]
+    ros.until(lambda: [tree.agent for tree in host.trees[-1].trees] == ["bob", "anna"])
     assert host.node.registry.members["bob"].tunables == {"patience": 50.0}
     result = host.market.end(handle)
     assert result.outcome == RunAgent.Result.CANCELLED

@@ -41,6 +41,7 @@ def decide(ros: Any, *, url: str = "", limit_s: float = 10.0, cards: int = 0) ->
     host = harness.host()
     harness.scene()
     started = harness.until_event(Run.STARTED)
+    ros.until(lambda: harness.auctions)
     assert started.agent == harness.auctions[0].winner
     host.finish()
     harness.until_over()

@@ -51,7 +51,8 @@ def test_falling_mood_gives_feedback_and_changes_agent(ros: Any, tmp_path: Path)
     ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
     assert system.analyze(announce=False, mood=2).accepted
     ros.until(lambda: sum(run.event == Run.STARTED for run in system.runs) == 2)
-    first, second = system.auctions[:2]
+    ros.until(lambda: len(system.auctions) == 2)
+    first, second = system.auctions
     assert (first.winner, second.winner) == ("old", "young")
     assert second.follows == first.round
     ended = next(run for run in system.runs if run.event == Run.ENDED)

@@ -147,6 +147,7 @@ def test_interrupted_run_is_retried_whatever_the_wording(
 
     ended = next(run for run in system.runs if run.event == Run.ENDED)
     assert (ended.epoch, ended.stop_cause) == ("epoch", Run.MARKET_LOST)
+    ros.until(lambda: system.ends and len(system.auctions) == 2)
     assert [end.code for end in system.ends] == ["LOST"]
     assert system.auctions[-1].scene.scene_id == f"{system.auctions[0].scene.scene_id}+again"
 
