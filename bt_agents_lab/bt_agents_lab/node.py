@@ -129,7 +129,7 @@ class JournalNode(BaseNode):
             self.journal.forget(fact)
 
     def on_bookmark(self, moment: MarkedMoment) -> None:
-        """Publish a bookmark, and write it at once, because its answer acknowledges it."""
+        """Publish and record a bookmark."""
         message = Bookmark(
             header=header_at(to_time(moment.at_ns * 1e-9)),
             author=moment.author,
@@ -138,7 +138,6 @@ class JournalNode(BaseNode):
         )
         self._bookmarks.publish(message)
         self._record_own(self._topic_of_bookmarks, message)
-        self.journal.flush(time.time_ns())
 
     def _record_own(self, topic: RecordedTopic, message: Any, fact: str = "") -> None:
         now_ns = time.time_ns()
@@ -165,6 +164,8 @@ class JournalNode(BaseNode):
             response.code, response.message = refused.code, refused.reason
         else:
             response.accepted = True
+            # A kill must not lose what is acknowledged.
+            self.journal.flush(time.time_ns())
             self.get_logger().info(printable(response.message))
         response.file = self._control.state.file
         return response

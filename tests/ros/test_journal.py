@@ -157,15 +157,22 @@ def test_service_starts_marks_and_stops_recording(harness: JournalHarness) -> No
     assert recording.counts["/agents/files"] == 1
 
 
-def test_acknowledged_bookmark_is_in_file(
+def test_acknowledged_label_and_bookmark_are_in_file(
     harness: JournalHarness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bt_agents_lab.node.FLUSH_S", 3600.0)
     harness.record()
     record = harness.ros.node.create_client(Record, "journal/record", qos_profile=qos.SERVICE)
-    request = Record.Request(action=Record.Request.BOOKMARK, label="odd")
-    assert harness.ros.call(record, request).accepted
-    recording = index_entries(JournalReader([*harness.files.glob("*.mcap")]).entries())
+
+    def ask(action: int, label: str = "") -> Path:
+        request = Record.Request(action=action, label=label)
+        assert harness.ros.call(record, request).accepted
+        return max(harness.files.glob("*.mcap"))
+
+    ask(Record.Request.STOP)
+    assert recording_label(ask(Record.Request.START, "morning")) == "morning"
+    file = ask(Record.Request.BOOKMARK, "odd")
+    recording = index_entries(JournalReader([file]).entries())
     assert [one.label for one in recording.bookmarks] == ["odd"]
 
 
