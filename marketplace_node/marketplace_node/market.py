@@ -211,9 +211,12 @@ class Market:
             open_round.extend_after_stall(now - since)
         return self._settle(now)
 
-    def extend_leases(self, checked_at: float, now: float) -> None:
-        """Extend the leases of hosts by a short delay of the market itself."""
+    def extend_leases(self, checked_at: float, now: float) -> list[Effect]:
+        """Extend the leases of hosts by a delay of the market itself; it may be a stall."""
+        if now - checked_at > self.settings.host_lease_s / 2:
+            return self.extend_after_stall(checked_at, now)
         self._hosts.registry.extend_leases(checked_at, now)
+        return []
 
     def called(self, round_number: int, now: float) -> list[Effect]:
         """Start the clock of a round: its call for bids is published."""

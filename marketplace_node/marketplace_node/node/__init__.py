@@ -339,10 +339,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
     def _tick(self) -> None:
         now = time.monotonic()
         # Heartbeats of the time in which this process ran nothing are still unread.
-        if now - self._ticked > self._market.settings.host_lease_s / 2:
-            self._execute(self._market.extend_after_stall(self._ticked, now))
-        else:
-            self._market.extend_leases(self._ticked, now)
+        self._execute(self._market.extend_leases(self._ticked, now))
         self._ticked = now
         self._publish_calls(now)
         self._hosts.send_waiting()
