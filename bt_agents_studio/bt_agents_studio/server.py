@@ -56,6 +56,7 @@ from bt_agents_studio.protocol import (
     LATEST_S,
     VERSION,
     Beat,
+    Delta,
     Failure,
     Hello,
     Seek,
@@ -145,8 +146,8 @@ class Server:
         # Time of the last message, steady time [s].
         self._sent_s: dict[web.WebSocketResponse, float] = {}
         self._changed = asyncio.Event()
-        # Last message, and its text.
-        self._encoded: tuple[ServerMessage | str, str] = "", ""
+        # Last changes, and their text.
+        self._encoded: tuple[Delta | None, str] = None, ""
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
         self._own = OwnOperations(studio, caller, person_address)
@@ -450,10 +451,7 @@ class Server:
     async def _send(self, socket: web.WebSocketResponse, message: ServerMessage | str) -> float:
         """Send a message; return the time for encoding it [s]."""
         began = time.monotonic()
-        # Clients that read equally fast get the same changes.
-        if message != self._encoded[0]:
-            self._encoded = message, message if isinstance(message, str) else encode(message)
-        text = self._encoded[1]
+        text = message if isinstance(message, str) else self._text_of(message)
         encoded_s = time.monotonic() - began
         if socket in self._clients:
             self._sent_s[socket] = time.monotonic()
@@ -463,6 +461,14 @@ class Server:
             # The socket was closed meanwhile.
             await socket.close()
         return encoded_s
+
+    def _text_of(self, message: ServerMessage) -> str:
+        """Return the text of a message; clients that read equally fast share that of changes."""
+        if not isinstance(message, Delta):
+            return encode(message)
+        if message != self._encoded[0]:
+            self._encoded = message, encode(message)
+        return self._encoded[1]
 
     async def _close(self) -> None:
         for socket in list(self._clients):
