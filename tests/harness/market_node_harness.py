@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,12 @@ from bt_agents_ros.messages import scene_to_msg
 from market_harness import EXPRESS, GUIDE, SPACE, scene
 
 NEAR, FAR = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5)
+
+
+def is_recorded(scene_id: str, ends: Sequence[SceneEnd], auctions: Sequence[Auction]) -> bool:
+    """Return whether the end of a scene and the auction of its last round, if any, are there."""
+    rounds = {end.round for end in ends if end.scene_id == scene_id}
+    return bool(rounds) and rounds <= {0, *(auction.round for auction in auctions)}
 
 
 class FakeHost(Node):
@@ -225,11 +231,10 @@ class MarketNodeHarness:
 
     def until_over(self, scene_id: str = "s1") -> MarketStatus:
         """Wait until a scene is over and the records of its last round are received."""
-
-        def received() -> bool:
-            rounds = {end.round for end in self.ends if end.scene_id == scene_id}
-            known = {0, *(auction.round for auction in self.auctions)}
-            return bool(rounds) and rounds <= known
-
-        self.ros.until(lambda: self.statuses[-1].finished_scene_id == scene_id and received())
+        self.ros.until(
+            lambda: (
+                self.statuses[-1].finished_scene_id == scene_id
+                and is_recorded(scene_id, self.ends, self.auctions)
+            )
+        )
         return self.statuses[-1]

@@ -14,6 +14,7 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from feedback_node.ledger import Ledger
+from market_node_harness import is_recorded
 
 ROOT = Path(__file__).parents[2]
 
@@ -83,10 +84,8 @@ class System:
 
     def finished(self, scene_id: str) -> bool:
         """Return whether a scene is over and the records of its last round are received."""
-        rounds = {end.round for end in self.ends if end.scene_id == scene_id}
-        return any(status.finished_scene_id == scene_id for status in self.statuses) and any(
-            auction.round in rounds for auction in self.auctions
-        )
+        over = any(status.finished_scene_id == scene_id for status in self.statuses)
+        return over and is_recorded(scene_id, self.ends, self.auctions)
 
     def interact(self, **values: float) -> str:
         """Trigger a scene and wait for its end; return the last winner."""
