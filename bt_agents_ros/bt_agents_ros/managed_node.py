@@ -103,7 +103,7 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
         raise NotImplementedError
 
     def begin_stop(self) -> None:
-        """Start ending ongoing work of the active node; again if its process then ends."""
+        """Start ending ongoing work; called again if the process ends during a deactivation."""
 
     def has_stopped(self) -> bool:
         """Return True when all work has ended."""

@@ -88,7 +88,7 @@ def _is_shown(graph_node: GraphNode, service: str, client: bytes) -> bool:
     if service.startswith("/"):
         services = [service]
     else:
-        # Those of the node alone may be those of another node with its name.
+        # A search by the name of the node may find another node with that name.
         known = node.get_service_names_and_types()
         services = [name for name, _ in known if name.endswith(service)]
     return any(
