@@ -260,7 +260,7 @@ def _loaded(browser: Browser) -> Iterator[Row]:
             page = context.new_page()
             page.set_default_timeout(_LIMIT_MS)
             page.goto(address)
-            page.wait_for_selector(".phase.open")
+            page.wait_for_selector(".phase[data-phase=open]")
             sizes = page.evaluate(_LOADED)
             context.close()
             yield Row.within(

@@ -23,7 +23,7 @@ def main(address: str) -> None:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(address)
         page.wait_for_timeout(SETTLE_MS)
-        page.locator(".outline .running").last.click()
+        page.locator(".outline-node[data-status=RUNNING]").last.click()
         for name in PAGES:
             if name != "live":
                 page.goto(urljoin(address, f"/{name}"))

@@ -48,13 +48,13 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
 
 def test_played_scene_shows_tree_round_and_reasons(page: Page) -> None:
     serve(page, "an evening guest", age=4.5, mood=2)
-    expect(page.locator(".node.running").first).to_be_visible()
+    expect(page.locator("[role=treeitem][data-status=RUNNING]").first).to_be_visible()
     expect(page.get_by_label("What happened")).to_contain_text("started")
-    page.locator(".node").first.click()
+    page.locator("[role=treeitem]").first.click()
     expect(page.get_by_label("Node", exact=True)).to_contain_text("trees/agents/")
     open_page(page, "Market")
     shown = page.get_by_label("Bids", exact=True)
-    expect(shown.locator("tr.winner")).to_have_count(1)
+    expect(shown.locator("tr[data-winner]")).to_have_count(1)
     expect(shown).to_contain_text("an evening guest")
     stop(page)
 
@@ -69,17 +69,17 @@ def test_stop_ends_run_and_names_its_requester(page: Page) -> None:
 def test_run_stops_at_breakpoint_steps_resumes_and_succeeds(page: Page) -> None:
     open_page(page, "Live")
     page.get_by_label("Agent").select_option("patient_carrier")
-    node = page.locator('.node[data-path="tree/1.wait"]')
+    node = page.locator('[role=treeitem][data-path="tree/1.wait"]')
     node.click()
     page.keyboard.press("b")
-    expect(page.locator(".breakpoint.set")).to_have_count(1)
+    expect(page.locator("[data-set]")).to_have_count(1)
     announce(page, "something in the way", age=3, familiarity=3, mood=3)
     open_page(page, "Live")
-    banner = page.locator(".paused")
+    banner = page.locator(".control-paused")
     expect(banner).to_contain_text("Paused before wait ${patience} (tree/1.wait)")
     expect(page.get_by_role("button", name="Pause")).to_be_disabled()
-    node.locator(".breakpoint").click()
-    expect(page.locator(".breakpoint.set")).to_have_count(0)
+    node.locator(".outline-breakpoint").click()
+    expect(page.locator("[data-set]")).to_have_count(0)
     page.get_by_role("button", name="Step").click()
     expect(page.get_by_text("patient_carrier was ticked once")).to_be_visible()
     left = page.locator('[data-left="tree/1.wait"]')
@@ -94,7 +94,7 @@ def test_run_stops_at_breakpoint_steps_resumes_and_succeeds(page: Page) -> None:
     expect(log).to_contain_text("is paused before tree/1.wait")
     expect(log).to_contain_text("goes on")
     expect(log).to_contain_text("something in the way")
-    expect(page.locator(".what")).to_contain_text("succeeded")
+    expect(page.locator(".live-run")).to_contain_text("succeeded")
 
 
 def test_tuning_and_undo_appear_on_other_pages(
@@ -120,7 +120,7 @@ def test_out_of_range_value_gives_command_line_error(page: Page) -> None:
     field = page.locator("#tunable-attentive_guide-patience")
     field.fill("99")
     field.press("Enter")
-    told = page.locator(".control", has=field).locator("output")
+    told = page.locator(".fields-row", has=field).locator("output")
     expect(told).to_contain_text("99 s, expected 2 s to 30 s")
     expect(told).to_be_in_viewport()
     expect(field).to_have_value("8")
@@ -148,7 +148,7 @@ def test_visitor_converses_with_robot_and_appears_in_market(page: Page, tablet: 
     expect(tablet.get_by_label("The robot says")).to_contain_text("Hello")
     expect(question.get_by_role("button").first).to_be_visible()
     question.get_by_role("button").first.click()
-    expect(tablet.locator(".told")).to_contain_text("Your answer: ")
+    expect(tablet.locator(".person-told")).to_contain_text("Your answer: ")
     open_page(page, "Market")
     expect(page.get_by_label("Bids", exact=True)).to_contain_text("a visitor at the screen")
     stop(page)
@@ -169,7 +169,7 @@ def test_falling_visitor_mood_changes_market_winner(page: Page, tablet: Page) ->
     newest = page.get_by_label("Feedback").locator("li").first
     expect(newest).to_contain_text("negative · mood rule")
     expect(rounds).to_have_count(before + 1)
-    expect(page.get_by_label("Bids", exact=True).locator("tr.winner")).not_to_contain_text(
+    expect(page.get_by_label("Bids", exact=True).locator("tr[data-winner]")).not_to_contain_text(
         "attentive_guide"
     )
     stop(page)
@@ -181,12 +181,12 @@ def test_visitor_answers_in_text_and_by_keyboard(page: Page, tablet: Page) -> No
     words = tablet.get_by_role("textbox", name="Your answer")
     words.fill("Gate 12")
     words.press("Enter")
-    expect(tablet.locator(".told")).to_have_text("Your answer: Gate 12")
+    expect(tablet.locator(".person-told")).to_have_text("Your answer: Gate 12")
     stop(page)
     come(tablet, "an older adult", "meets it for the first time", "neutral")
     expect(tablet.get_by_label("Your answer").get_by_role("button")).to_be_visible()
     tablet.keyboard.press("1")
-    expect(tablet.locator(".told")).to_have_text("Your answer: yes")
+    expect(tablet.locator(".person-told")).to_have_text("Your answer: yes")
     stop(page)
 
 
@@ -220,7 +220,7 @@ def test_single_switch_suffices_to_answer(page: Page, tablet: Page) -> None:
     expect(choice).to_be_focused()
     # A touch anywhere presses the focused button.
     tablet.mouse.click(5, 400)
-    expect(tablet.locator(".told")).to_contain_text("Your answer: ")
+    expect(tablet.locator(".person-told")).to_contain_text("Your answer: ")
     stop(page)
 
 
@@ -302,7 +302,7 @@ def test_tab_without_key_in_address_is_view_only(browser: Browser, system: Syste
         other.goto(system.address)
         open_page(other, "World")
         panel.get_by_role("button", name="Announce the scene").click()
-        expect(panel.locator("output.answer")).not_to_be_empty()
+        expect(panel.locator(".operation-answer")).not_to_be_empty()
         expect(panel).not_to_contain_text("This tab is for viewing only")
         stop(page)
 
@@ -311,7 +311,7 @@ def test_unprinted_address_shows_nothing(browser: Browser, system: System) -> No
     page = browser.new_context().new_page()
     page.goto(system.address.partition("#")[0])
     expect(page.locator(".phase")).to_contain_text("Not signed in", timeout=LIMIT_MS)
-    assert page.locator(".node").count() == 0
+    assert page.locator("[role=treeitem]").count() == 0
     page.context.close()
 
 
@@ -340,7 +340,7 @@ def test_failing_panel_reports_error_and_spares_others(browser: Browser, system:
     expect(mood).to_contain_text("This panel has failed. The rest of the page works.")
     expect(mood).to_contain_text("no canvas here")
     serve(page, "beside a broken panel", age=4.5, mood=2)
-    expect(page.locator(".node.running").first).to_be_visible()
+    expect(page.locator("[role=treeitem][data-status=RUNNING]").first).to_be_visible()
     page.evaluate("mend()")
     mood.get_by_role("button", name="Show it again").click()
     expect(page.get_by_label("Mood").locator("canvas")).to_be_in_viewport()
@@ -391,7 +391,7 @@ def test_recording_can_be_inspected(page: Page) -> None:
     stop(page)
     open_page(page, "System")
     page.get_by_role("button", name="Open", exact=True).first.click()
-    expect(page.locator(".time")).to_contain_text(".mcap")
+    expect(page.locator(".timeline")).to_contain_text(".mcap")
     open_page(page, "Market")
     expect(page.get_by_label("Rounds")).to_contain_text("somebody recorded")
     expect(page.get_by_role("button", name="Good")).to_be_disabled()
@@ -432,7 +432,7 @@ def test_open_page_continues_after_killed_process_restarts(
     os.kill(pid, signal.SIGKILL)
     system.up.until(f"{name} is back")
     expect(row).to_contain_text("killed by signal 9")
-    expect(row.locator(".level")).to_have_text("up")
+    expect(row.locator(".system-level")).to_have_text("up")
     expect(row.get_by_role("cell", name=str(pid), exact=True)).to_have_count(0)
     if name in WITH_HEARTBEAT:
         expect(part).to_contain_text("alive")
@@ -440,7 +440,7 @@ def test_open_page_continues_after_killed_process_restarts(
     serve(page, f"after {name}", age=4.5, mood=2)
     system.up.until(f"scene  .*after {name}")
     system.up.until("run  .* starts")
-    expect(page.locator(".node.running").first).to_be_visible()
+    expect(page.locator("[role=treeitem][data-status=RUNNING]").first).to_be_visible()
     stop(page)
 
 
@@ -468,7 +468,7 @@ def test_every_page_is_accessible(page: Page, scheme: str) -> None:
 
 def test_tree_is_navigable_by_keyboard(page: Page) -> None:
     serve(page, "somebody for keys", age=4.5, mood=2)
-    expect(page.locator(".node.running").first).to_be_visible()
+    expect(page.locator("[role=treeitem][data-status=RUNNING]").first).to_be_visible()
     page.get_by_role("tree").focus()
     page.keyboard.press("Home")
     page.keyboard.press("ArrowDown")

@@ -181,7 +181,7 @@ def test_late_answer_leaves_the_next_change_on_offer(page: Page, host: Host) -> 
 
 
 def test_applied_preset_is_taken_back(page: Page, host: Host) -> None:
-    preset = page.locator(".preset", has_text="evening")
+    preset = page.locator(".tune-preset", has_text="evening")
     preset.locator("summary").click()
     preset.get_by_role("button", name="Apply").click()
     expect(undo(page)).to_have_text("done Undo")
@@ -208,7 +208,7 @@ def press(page: Page, found: Locator, part: float) -> None:
 
 def test_value_is_shown_and_written_unrounded(page: Page, host: Host) -> None:
     expect(field(page, "fine")).to_have_value("0.00123456789")
-    row = page.locator(".control", has=field(page, "fine"))
+    row = page.locator(".fields-row", has=field(page, "fine"))
     expect(row).to_contain_text("in the file 0.0004")
     row.get_by_role("button", name="As in the file").click()
     expect(field(page, "fine")).to_have_value("0.0004")
@@ -293,7 +293,7 @@ def test_half_typed_value_is_not_sent(page: Page, host: Host) -> None:
 
 def test_typed_value_is_set_by_button(page: Page, host: Host) -> None:
     field(page).fill("12.125")
-    row = page.locator(".control", has=field(page))
+    row = page.locator(".fields-row", has=field(page))
     row.get_by_role("button", name="Set", exact=True).click()
     expect(row.get_by_role("button", name="Set", exact=True)).to_have_count(0)
     assert host.values == ["12.125 s"]
@@ -335,7 +335,7 @@ def test_typed_scene_value_is_announced_and_unticked(page: Page, host: Host) -> 
     panel = page.get_by_label("Play the world")
     typed = panel.locator("#world-age-value")
     typed.fill("2.123456789")
-    ticked = panel.locator(".give").get_by_role("checkbox").first
+    ticked = panel.locator(".fields-give").get_by_role("checkbox").first
     panel.get_by_role("button", name="Announce the scene").click()
     expect(ticked).not_to_be_checked()
     expect(typed).to_have_value("3")
@@ -350,7 +350,7 @@ def test_pressed_scene_slider_drops_half_typed_value(page: Page, host: Host) -> 
     expect(panel.locator("#world-age-value")).to_have_value("2")
     panel.get_by_role("button", name="Change only the sensed values").click()
     expect(panel.locator("output")).to_have_text("done")
-    expect(panel.locator(".give").get_by_role("checkbox").first).to_be_checked()
+    expect(panel.locator(".fields-give").get_by_role("checkbox").first).to_be_checked()
     assert [one["values"] for one in host.other] == [[2.0]]
 
 
@@ -358,7 +358,7 @@ def test_typed_value_survives_an_absent_studio(page: Page, host: Host) -> None:
     page.route("**/api/do/*", lambda route: route.abort())
     field(page).fill("11")
     field(page).press("Enter")
-    row = page.locator(".control", has=field(page))
+    row = page.locator(".fields-row", has=field(page))
     expect(row.locator("output")).to_have_text("the studio does not answer")
     expect(row.locator("output")).to_be_in_viewport()
     expect(field(page)).to_have_value("11")
@@ -370,14 +370,14 @@ def test_typed_value_survives_an_absent_studio(page: Page, host: Host) -> None:
 
 
 def test_file_value_is_marked_on_track(page: Page) -> None:
-    row = page.locator(".control", has=field(page))
-    mark = row.locator(".file-mark rect").bounding_box()
+    row = page.locator(".fields-row", has=field(page))
+    mark = row.locator(".fields-fileMark rect").bounding_box()
     assert mark is not None
     assert abs(mark["x"] + mark["width"] / 2 - place(slider(page), 0.5)[0]) < 2
 
 
 def test_running_agent_is_first_and_open(page: Page) -> None:
-    groups = page.locator(".main section.panel")
+    groups = page.locator(".shared-main section")
     expect(groups.nth(0)).to_have_attribute("aria-label", "guide")
     expect(groups.nth(0)).to_contain_text("runs, or ran last")
     folded = groups.nth(1)
@@ -395,7 +395,7 @@ def test_values_are_found_by_name_and_description(page: Page, text: str) -> None
 
 
 def test_preset_shows_its_changes_and_is_deleted(page: Page, host: Host) -> None:
-    preset = page.locator(".preset", has_text="evening")
+    preset = page.locator(".tune-preset", has_text="evening")
     expect(preset).to_contain_text("would change 1")
     preset.locator("summary").click()
     rows = preset.get_by_role("row")
@@ -413,9 +413,11 @@ def test_changes_carry_the_name_of_their_author(page: Page, host: Host) -> None:
         field(page).fill(text)
         field(page).press("Enter")
         expect(field(page)).to_have_value(text)
-        expect(page.locator(".control input.draft")).to_have_count(0)
+        expect(page.locator("input[data-draft]")).to_have_count(0)
         page.reload()
     page.get_by_label("Your name").fill("")
-    page.locator(".control", has=field(page)).get_by_role("button", name="As in the file").click()
+    page.locator(".fields-row", has=field(page)).get_by_role(
+        "button", name="As in the file"
+    ).click()
     expect(field(page)).to_have_value("15")
     assert host.authors == ["Anna", "Anna", "studio"]

@@ -59,7 +59,7 @@ def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
 
 
 def shown(page: Page, path: str) -> Locator:
-    return page.locator(f'.node[data-path="{path}"]')
+    return page.locator(f'[role=treeitem][data-path="{path}"]')
 
 
 def badge(page: Page, path: str) -> Locator:
@@ -73,10 +73,10 @@ def open_map(page: Page) -> None:
 
 def test_outline_shows_handlers_as_labelled_branches(page: Page) -> None:
     expect(shown(page, HANDLER)).to_be_in_viewport()
-    expect(shown(page, HANDLER).locator(".title")).to_have_text(
+    expect(shown(page, HANDLER).locator(".outline-title")).to_have_text(
         "if it fails: say I could not get through."
     )
-    expect(shown(page, "on_cancel").locator(".title")).to_have_text(
+    expect(shown(page, "on_cancel").locator(".outline-title")).to_have_text(
         "when stopped: say All right. I stop here."
     )
     levels = {
@@ -86,7 +86,8 @@ def test_outline_shows_handlers_as_labelled_branches(page: Page) -> None:
     assert list(levels.values()) == ["1", "2", "3", "2", "1"]
     assert box(shown(page, HANDLER))["y"] == box(shown(page, DRIVE))["bottom"]
     indents = [
-        box(shown(page, path).locator(".mark"))["x"] for path in (DRIVE, HANDLER, "tree/2.wait")
+        box(shown(page, path).locator(".outline-mark"))["x"]
+        for path in (DRIVE, HANDLER, "tree/2.wait")
     ]
     assert indents[0] == indents[2] < indents[1]
 
@@ -99,15 +100,15 @@ def test_handler_carries_only_its_own_badges(page: Page) -> None:
 def test_map_draws_handler_as_dashed_branch(page: Page) -> None:
     open_map(page)
     expect(shown(page, HANDLER)).to_be_in_viewport()
-    expect(shown(page, HANDLER).locator(".kind").first).to_have_text("if it fails: say")
-    expect(shown(page, "on_cancel").locator(".kind").first).to_have_text("when stopped: say")
+    expect(shown(page, HANDLER).locator(".tree-kind").first).to_have_text("if it fails: say")
+    expect(shown(page, "on_cancel").locator(".tree-kind").first).to_have_text("when stopped: say")
     columns = [box(shown(page, path).locator("> rect"))["x"] for path in (DRIVE, HANDLER)]
     assert columns[0] < columns[1]
-    dashed = page.locator(".edge.handler")
+    dashed = page.locator(".tree-edge[data-handler]")
     expect(dashed).to_have_count(1)
     expect(dashed).to_be_in_viewport()
     assert style(dashed, "strokeDasharray") != "none"
-    assert style(page.locator(".edge:not(.handler)").first, "strokeDasharray") == "none"
+    assert style(page.locator(".tree-edge:not([data-handler])").first, "strokeDasharray") == "none"
 
 
 def put(studio: BackgroundStudio, **statuses: str) -> None:
@@ -120,10 +121,10 @@ def test_stopped_node_differs_from_ended_nodes(page: Page, studio: BackgroundStu
     put(studio, tree="STOPPED", ask="SUCCESS", drive="STOPPED", wait="FAILURE")
     expect(shown(page, DRIVE)).to_contain_text("was stopped here")
     assert "repeating-linear-gradient" in style(
-        shown(page, DRIVE).locator(".mark"), "backgroundImage"
+        shown(page, DRIVE).locator(".outline-mark"), "backgroundImage"
     )
     for path in ("tree/0.ask", "tree/2.wait"):
-        assert style(shown(page, path).locator(".mark"), "backgroundImage") == "none"
+        assert style(shown(page, path).locator(".outline-mark"), "backgroundImage") == "none"
     open_map(page)
     expect(shown(page, DRIVE)).to_be_in_viewport()
     assert "#hatched" in style(shown(page, DRIVE).locator("> rect"), "fill")
@@ -133,19 +134,19 @@ def test_stopped_node_differs_from_ended_nodes(page: Page, studio: BackgroundStu
 def test_node_of_lost_run_is_dotted(page: Page, studio: BackgroundStudio) -> None:
     put(studio, drive="UNKNOWN")
     expect(shown(page, DRIVE)).to_contain_text("not known")
-    assert style(shown(page, DRIVE).locator(".mark"), "borderTopStyle") == "dotted"
+    assert style(shown(page, DRIVE).locator(".outline-mark"), "borderTopStyle") == "dotted"
 
 
 def test_failed_node_keeps_its_name(page: Page, studio: BackgroundStudio) -> None:
     reason = "the way is blocked"
     studio.put("nodes", f"{AGENT}|{DRIVE}", status("FAILURE", reason))
     row = shown(page, DRIVE)
-    expect(row.locator(".title")).to_have_text("drive check-in desk")
+    expect(row.locator(".outline-title")).to_have_text("drive check-in desk")
     expect(row.get_by_text(reason)).to_be_in_viewport()
     open_map(page)
-    expect(row.locator(".name")).to_have_text("drive check-in desk")
-    expect(row.locator(".reason")).to_have_text(reason)
-    expect(row.locator(".reason")).to_be_in_viewport()
+    expect(row.locator(".tree-name")).to_have_text("drive check-in desk")
+    expect(row.locator(".tree-reason")).to_have_text(reason)
+    expect(row.locator(".tree-reason")).to_be_in_viewport()
 
 
 def left(
@@ -173,7 +174,9 @@ def test_row_counts_down_with_bar(page: Page, studio: BackgroundStudio) -> None:
     counting = page.locator('[data-left="tree/2.wait"]')
     expect(counting).to_be_in_viewport()
     expect(counting).to_have_text(re.compile(r"^3\d s left$"))
-    whole, rest = (box(counting.locator(name)) for name in (".whole", ".whole > span"))
+    whole, rest = (
+        box(counting.locator(name)) for name in (".control-whole", ".control-whole > span")
+    )
     assert 0.2 < rest["width"] / whole["width"] < 0.51
 
 
@@ -181,7 +184,7 @@ def test_running_time_includes_present_stretch(page: Page, studio: BackgroundStu
     studio.put("nodes", f"{AGENT}|{DRIVE}", status("RUNNING", since_s=time.time() - 3600))
     shown(page, DRIVE).click()
     expect(page.get_by_label("Node", exact=True)).to_contain_text("60 min")
-    expect(shown(page, DRIVE).locator(".busy")).to_contain_text("60 min")
+    expect(shown(page, DRIVE).locator(".outline-busy")).to_contain_text("60 min")
 
 
 RULES = """{
@@ -202,7 +205,7 @@ def test_outline_is_accessible_in_every_status(
     expect(shown(page, "on_cancel")).to_contain_text("not known")
     shown(page, DRIVE).click()
     page.evaluate((installed_packages() / "axe-core" / "axe.min.js").read_text("utf-8"))
-    found = page.evaluate(f"axe.run('.tree-panel', {RULES})")
+    found = page.evaluate(f"axe.run('section[aria-label=Tree]', {RULES})")
     assert [(one["id"], one["nodes"][0]["html"]) for one in found["violations"]] == []
 
 

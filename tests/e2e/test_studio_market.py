@@ -128,9 +128,9 @@ def test_bids_reorder_while_scene_is_dragged(page: Page) -> None:
     page.mouse.down()
     for part_, first, last in ((0.1, "young", "old"), (0.9, "old", "young")):
         drag(page, part_)
-        expect(panel(page).locator(".would-win")).to_contain_text(f"{first} would win")
-        expect(row(page, first).locator(".number")).to_have_text("0.4")
-        expect(row(page, last).locator(".number")).to_have_text("3.6")
+        expect(panel(page)).to_contain_text(f"{first} would win")
+        expect(row(page, first).locator(".shared-number")).to_have_text("0.4")
+        expect(row(page, last).locator(".shared-number")).to_have_text("3.6")
         for agent in AGES:
             expect(row(page, agent)).to_be_in_viewport()
         assert box(row(page, first))["y"] < box(row(page, last))["y"]
@@ -148,7 +148,7 @@ def test_race_sends_last_scene_within_rate(page: Page, previews: PreviewingMarke
     drag(page, *(0.1 + step * 0.02 for step in range(40)), 0.9)
     page.mouse.up()
     expect(slider(page)).to_have_value("4.6")
-    expect(row(page, "old").locator(".number")).to_have_text("0.4")
+    expect(row(page, "old").locator(".shared-number")).to_have_text("0.4")
     page.wait_for_timeout(300)  # no more requests
     assert previews.ages[-1] == 4.6
     assert len(set(previews.ages)) == len(previews.ages)
@@ -167,7 +167,7 @@ def test_waiting_scene_is_asked_after_refusal(page: Page, previews: PreviewingMa
     expect(slider(page)).to_have_value("4.6")
     [first], previews.held = previews.held, None
     first.set_result(refusal())
-    expect(panel(page).locator(".would-win")).to_contain_text("old would win")
+    expect(panel(page)).to_contain_text("old would win")
     page.mouse.up()
     assert previews.ages == [1.4, 4.6]
 
@@ -186,9 +186,9 @@ def test_refusal_replaces_bids_of_other_scene(page: Page, previews: PreviewingMa
 
 def test_button_moves_scene_to_tipping_point(page: Page, previews: PreviewingMarket) -> None:
     slider(page).fill("2")
-    expect(panel(page).locator(".would-win")).to_contain_text("young would win")
+    expect(panel(page)).to_contain_text("young would win")
     panel(page).get_by_role("button", name="Move the scene there").click()
-    expect(panel(page).locator(".would-win")).to_contain_text("old would win")
+    expect(panel(page)).to_contain_text("old would win")
     expect(page.locator("#dry-run-age-value")).to_have_value("3.05")
     assert previews.ages == [2.0, 3.05]
 
@@ -196,7 +196,7 @@ def test_button_moves_scene_to_tipping_point(page: Page, previews: PreviewingMar
 def test_map_of_other_scene_says_so(page: Page) -> None:
     panel(page).get_by_label("up").select_option("age")
     panel(page).get_by_role("button", name="Draw the map").click()
-    expect(panel(page).locator(".map")).to_be_visible()
+    expect(panel(page).locator(".dry_run-map")).to_be_visible()
     slider(page).fill("2")
     expect(row(page, "young")).to_be_visible()
     note = panel(page).get_by_text("Draw the map again")

@@ -78,7 +78,7 @@ def test_operation_is_sent_once_while_it_waits(page: Page, studio: BackgroundStu
     asked[0].set_result(SimpleNamespace(accepted=False, code="NO", message="not today"))
     shown = page.get_by_label("Play the world").locator("output")
     expect(shown).to_have_text("not today")
-    expect(shown).to_have_class("answer failure")
+    expect(shown).to_have_class("operation-answer shared-failure")
     expect(shown).to_be_in_viewport()
     expect(button).to_have_text("Announce the scene")
     expect(button).to_be_enabled()

@@ -39,7 +39,7 @@ def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
 
 
 def row(page: Page, path: str) -> Locator:
-    return page.locator(f'.node[data-path="{path}"]')
+    return page.locator(f'[role=treeitem][data-path="{path}"]')
 
 
 def tree(page: Page) -> Locator:
@@ -57,7 +57,7 @@ def top(found: Locator) -> float:
 
 
 def chosen(page: Page) -> Locator:
-    return page.locator('.node[aria-selected="true"]')
+    return page.locator('[role=treeitem][aria-selected="true"]')
 
 
 def test_root_and_ancestors_stay_on_top(page: Page) -> None:
@@ -66,7 +66,7 @@ def test_root_and_ancestors_stay_on_top(page: Page) -> None:
     expect(group).to_be_in_viewport(ratio=1)
     frame = top(tree(page))
     assert [top(row(page, "tree")), top(group)] == [frame, frame + ROW_PX]
-    hit = "([x, y]) => document.elementFromPoint(x, y).closest('.node').dataset.path"
+    hit = "([x, y]) => document.elementFromPoint(x, y).closest('[role=treeitem]').dataset.path"
     box = tree(page).bounding_box()
     assert box is not None
     seen = [page.evaluate(hit, [box["x"] + 200, frame + 12 + ROW_PX * one]) for one in range(3)]
@@ -80,8 +80,8 @@ def test_only_visible_rows_are_in_document(page: Page) -> None:
             tree(page).focus()
             page.keyboard.press("End" if path == LAST else "Home")
         expect(row(page, path)).to_be_in_viewport(ratio=1)
-        assert 15 < page.locator(".node").count() < 60
-    rows = page.locator(".outline .rows").bounding_box()
+        assert 15 < page.locator("[role=treeitem]").count() < 60
+    rows = page.locator(".outline-rows").bounding_box()
     assert rows is not None
     assert rows["height"] == (1 + GROUPS * (LEAVES + 1)) * ROW_PX
 
@@ -155,8 +155,8 @@ def test_rows_tell_their_place_in_tree(page: Page) -> None:
     ] == ["3", "19", "19", "true", None]
     active = tree(page).get_attribute("aria-activedescendant")
     assert active == last.get_attribute("id")
-    for one in page.locator(".node").all():
-        title = one.locator(".title").inner_text()
+    for one in page.locator("[role=treeitem]").all():
+        title = one.locator(".outline-title").inner_text()
         expect(one).to_have_role("treeitem")
         expect(one).to_have_accessible_name(f"{title} , has not run")
 
@@ -172,7 +172,7 @@ def test_search_unfolds_and_shows_row(page: Page) -> None:
     search.fill("sentence 50 3")
     search.press("Enter")
     expect(row(page, "tree/50.sequence/3.say")).to_be_in_viewport(ratio=1)
-    expect(row(page, "tree/50.sequence/3.say")).to_have_class(re.compile("found"))
+    expect(row(page, "tree/50.sequence/3.say")).to_have_attribute("data-found", "true")
 
 
 def test_chosen_drawing_is_kept(page: Page) -> None:

@@ -95,19 +95,19 @@ def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path:
     panel.get_by_label("Bookmark").fill("they laughed")
     panel.get_by_role("button", name="Mark this moment").click()
     expect(panel).to_contain_text("Bookmarks: 1")
-    expect(page.locator(".marks rect")).to_have_count(1)
+    expect(page.locator(".timeline-marks rect")).to_have_count(1)
     page.wait_for_timeout(3000)  # the journal writes once a second
     seen = box(page.get_by_label("Shown moment"))
     page.mouse.click(seen["x"] + seen["width"] - 60, seen["y"] + 5)
-    page.locator("details.menu summary", has_text="Bookmark").click()
+    page.locator(".timeline_menu-menu summary", has_text="Bookmark").click()
     page.get_by_label("Note on this moment").fill("they asked")
     page.get_by_role("button", name="Set it").click()
-    expect(page.locator(".marks rect")).to_have_count(2)
+    expect(page.locator(".timeline-marks rect")).to_have_count(2)
     page.get_by_role("button", name="Back to now").click()
-    expect(page.locator(".block[data-kind=RECORDED]")).to_have_count(1)
-    expect(page.locator(".block[data-kind=RECORDING]")).to_have_count(1)
+    expect(page.locator(".timeline-block[data-kind=RECORDED]")).to_have_count(1)
+    expect(page.locator(".timeline-block[data-kind=RECORDING]")).to_have_count(1)
 
-    page.locator("details.menu summary", has_text="Export").click()
+    page.locator(".timeline_menu-menu summary", has_text="Export").click()
     with page.expect_download() as download:
         page.get_by_role("button", name="Messages (MCAP)").click()
     download.value.save_as(tmp_path / "window.mcap")
@@ -131,7 +131,7 @@ def test_recording_is_started_marked_listed_and_downloaded(page: Page, tmp_path:
     expect(bookmarks.locator("option")).to_have_count(3)
     expect(bookmarks).to_contain_text("they asked")
     bookmarks.select_option(index=1)
-    expect(page.locator(".time")).to_contain_text(".mcap")
+    expect(page.locator(".timeline")).to_contain_text(".mcap")
     page.get_by_role("button", name="Back to now").click()
 
 
@@ -210,7 +210,7 @@ def test_person_switch_updates_immediately(page: Page) -> None:
 def test_current_values_are_given_by_checkbox_or_keyboard(page: Page) -> None:
     open_page(page, "World")
     panel = page.get_by_label("Play the world")
-    given = panel.locator(".give").get_by_role("checkbox")
+    given = panel.locator(".fields-give").get_by_role("checkbox")
     every = panel.get_by_label("Give all values")
     for one in given.all():
         expect(one).not_to_be_checked()
@@ -241,14 +241,14 @@ def test_dry_run_names_winner_and_its_tipping_point(page: Page) -> None:
     open_page(page, "Market")
     panel = page.get_by_label("Who would win?")
     panel.locator("#dry-run-age").fill("1")
-    expect(panel.locator(".would-win")).to_contain_text("asker would win")
+    expect(panel).to_contain_text("asker would win")
     panel.get_by_role("button", name="Draw the map").click()
     expect(panel).to_contain_text("Computed from these bids")
-    expect(panel.locator(".map title", has_text="listener").first).to_be_attached()
+    expect(panel.locator(".dry_run-map title", has_text="listener").first).to_be_attached()
     panel.locator("#dry-run-age").fill("5")
-    expect(panel.locator(".would-win")).to_contain_text("listener would win")
+    expect(panel).to_contain_text("listener would win")
     panel.get_by_role("button", name="Move the scene there").click()
-    expect(panel.locator(".would-win")).to_contain_text("asker would win")
+    expect(panel).to_contain_text("asker would win")
 
 
 def test_page_switches_strategy_as_command_does(page: Page, system: System) -> None:
@@ -275,7 +275,7 @@ def test_profile_history_shows_causes_of_changes(page: Page) -> None:
     open_page(page, "Market")
     page.get_by_role("button", name="Bad").click()
     panel = page.get_by_label("Feedback", exact=True)
-    newest = panel.locator(".feedback li").first
+    newest = panel.locator(".shared-lines li").first
     expect(newest).to_contain_text("learning rate 0.5 · weight")
     panel.get_by_label("Profiles over time").select_option("asker|")
     expect(panel.locator(".course circle title").first).to_contain_text("negative, button")
@@ -336,7 +336,7 @@ def test_stale_page_cannot_undo_unseen_change(
     expect(page.get_by_label("Changes")).to_contain_text("1 min → 40 s")
     late.locator(name).fill("30")
     late.locator(name).press("Enter")
-    expect(late.locator(".control", has=late.locator(name)).locator("output")).to_contain_text(
+    expect(late.locator(".fields-row", has=late.locator(name)).locator("output")).to_contain_text(
         "asker.patience was changed from 1 min to 40 s by studio"
     )
     expect(late.locator(name)).to_have_value("30")

@@ -78,7 +78,7 @@ def test_quick_clicks_ask_for_one_moment_at_once(
     page.route_web_socket("**/api/socket", held.route)
     page.goto(studio.address)
     page.wait_for_function(
-        "() => { const lanes = document.querySelector('.lanes'); "
+        "() => { const lanes = document.querySelector('.timeline-lanes'); "
         "return Number(lanes?.ariaValueMax) - Number(lanes?.ariaValueMin) > 2; }"
     )
     first, last = (click_along(page) for _ in range(2))

@@ -76,7 +76,7 @@ def test_operator_moves_between_person_and_other_pages(
         page.get_by_role("region", name="How was the robot?").get_by_role(
             "button", name="Good"
         ).click()
-        expect(page.locator(".told")).to_have_text("Thank you.")
+        expect(page.locator(".person-told")).to_have_text("Thank you.")
         links.get_by_role("link", name="Tune").click()
         expect(page.get_by_label("Keep in the files")).to_be_in_viewport()
         page.go_back()

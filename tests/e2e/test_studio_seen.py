@@ -93,8 +93,11 @@ def fill(studio: BackgroundStudio) -> None:
 
 
 @contextmanager
-def opened_at(browser: Browser, studio: BackgroundStudio, name: str) -> Iterator[Page]:
-    with opened_page(browser, studio.address.replace("/#", f"/{name}#")) as page:
+def opened_at(
+    browser: Browser, studio: BackgroundStudio, name: str, *, has_touch: bool = False
+) -> Iterator[Page]:
+    address = studio.address.replace("/#", f"/{name}#")
+    with opened_page(browser, address, has_touch=has_touch) as page:
         expect(page.locator(".phase")).to_have_text("connected")
         expect(page.locator("main section").first).to_be_visible()
         yield page
@@ -115,16 +118,27 @@ def test_page_fits_its_window(
         page.set_viewport_size(size)  # type: ignore[arg-type]
         # The timeline is redrawn when its width changes.
         page.wait_for_function(
-            "[...document.querySelectorAll('.lanes svg')]"
+            "[...document.querySelectorAll('.timeline-lanes svg')]"
             ".every((one) => one.getBoundingClientRect().right <= innerWidth)"
         )
         unfold(page)
         wide = page.evaluate("""() => [...document.querySelectorAll("header *, main *")]
             .filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
-            .filter((one) => !one.closest("pre, .rounds, .tree, .hidden"))
+            .filter((one) => !one.closest("pre, .market-rounds, .tree, .shared-hidden"))
             .map((one) => one.outerHTML.slice(0, 120))""")
         assert wide == []
         assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_fingers_find_large_targets(browser: Browser, studio: BackgroundStudio, name: str) -> None:
+    with opened_at(browser, studio, name, has_touch=True) as page:
+        unfold(page)
+        small = page.evaluate("""() => [...document.querySelectorAll("button, input, select, a")]
+            .filter((one) => one.type !== "checkbox" && one.checkVisibility())
+            .filter((one) => one.getBoundingClientRect().height < 44)
+            .map((one) => one.outerHTML.slice(0, 120))""")
+        assert small == []
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -278,7 +278,7 @@ def test_column_keeps_the_width_that_somebody_gave_it(page: Page) -> None:
     edge = page.get_by_role("separator", name="Width of the right column")
 
     def width() -> float:
-        return box(page.locator(".side"))["width"]
+        return box(page.locator(".shared-side"))["width"]
 
     usual, place = width(), box(edge)
     page.mouse.move(place["x"] + 6, place["y"] + 40)
@@ -351,16 +351,16 @@ def test_hung_studio_is_shown_as_stale_within_three_seconds(
     with opened_page(browser, process.until("http").strip()) as page:
         phase = page.locator(".phase")
         expect(strip(page)).to_contain_text("the marketplace is silent since")
-        expect(page.locator(".live .side")).to_have_css("opacity", "1")
+        expect(page.locator(".shared-side")).to_have_css("opacity", "1")
         os.kill(process.process.pid, signal.SIGSTOP)
         page.evaluate(LOOK)
         expect(phase).to_have_text(STALE)
         assert page.evaluate("looks") <= MOST_LOOKS
         expect(phase).to_be_in_viewport()
-        expect(page.locator(".live .side")).to_have_css("opacity", "0.5")
+        expect(page.locator(".shared-side")).to_have_css("opacity", "0.5")
         os.kill(process.process.pid, signal.SIGCONT)
         expect(phase).to_have_text("connected")
-        expect(page.locator(".live .side")).to_have_css("opacity", "1")
+        expect(page.locator(".shared-side")).to_have_css("opacity", "1")
 
 
 class SwallowedSocket:
@@ -488,7 +488,7 @@ def test_unanswered_probe_does_not_end_the_retries(
 
 def test_reload_shows_chosen_agent_and_node(page: Page) -> None:
     page.get_by_label("Agent").select_option("carrier")
-    node = page.locator(f'.node[data-path="{TIP}"]')
+    node = page.locator(f'[role=treeitem][data-path="{TIP}"]')
     node.click()
     expect(page).to_have_url(re.compile(r"/live\?agent=carrier&node=tree%2F0\.say$"))
     page.reload()
@@ -541,9 +541,9 @@ def test_link_shows_the_same_moment(page: Page) -> None:
 
 def test_link_to_missing_recording_shows_the_present(page: Page) -> None:
     page.goto(page.url.partition("?")[0] + "live?from=missing.mcap")
-    expect(page.locator(".time .failure")).to_contain_text("missing.mcap")
+    expect(page.locator(".timeline .shared-failure")).to_contain_text("missing.mcap")
     expect(page).to_have_url(re.compile(r"/live$"))
-    expect(page.locator(".node").first).to_be_visible()
+    expect(page.locator("[role=treeitem]").first).to_be_visible()
 
 
 def test_unknown_path_leads_to_live(page: Page) -> None:
@@ -552,19 +552,19 @@ def test_unknown_path_leads_to_live(page: Page) -> None:
     expect(page).to_have_title("There is no such page · The greeter · bt-agents studio")
     expect(strip(page)).to_contain_text("The greeter")
     page.get_by_role("link", name="Go to Live").click()
-    expect(page.locator(".node").first).to_be_visible()
+    expect(page.locator("[role=treeitem]").first).to_be_visible()
 
 
 def test_overlong_address_is_left_out(page: Page) -> None:
     page.goto(page.url.partition("?")[0] + f"live?from={'x' * 5000}&agent=carrier")
     expect(page.locator(".phase")).to_have_text("connected")
     expect(page.get_by_label("Agent")).to_have_value("carrier")
-    expect(page.locator(".time")).to_contain_text("Now")
+    expect(page.locator(".timeline")).to_contain_text("Now")
 
 
 def test_question_mark_lists_keys_and_stops_nothing(page: Page, running: BackgroundStudio) -> None:
     page.keyboard.press("?")
-    shown = page.get_by_role("dialog", name="Keys and colours")
+    shown = page.get_by_role("dialog", name="Keys, colours, density")
     expect(shown).to_be_in_viewport()
     expect(shown).to_contain_text("stop the running agent, from any page")
     page.keyboard.press("Escape")
@@ -581,14 +581,27 @@ def test_chosen_colours_are_kept_by_the_browser(page: Page) -> None:
     page.emulate_media(color_scheme="light")
     body, dark, light = page.locator("html"), "rgb(20, 23, 28)", "rgb(244, 245, 247)"
     expect(body).to_have_css("background-color", light)
-    page.get_by_role("button", name="Keys and colours").click()
+    page.get_by_role("button", name="Keys, colours, density").click()
     page.get_by_role("button", name="Dark").click()
     expect(body).to_have_css("background-color", dark)
     page.reload()
     expect(body).to_have_css("background-color", dark)
     page.emulate_media(color_scheme="dark")
-    page.get_by_role("button", name="Keys and colours").click()
+    page.get_by_role("button", name="Keys, colours, density").click()
     page.get_by_role("button", name="Light").click()
     expect(body).to_have_css("background-color", light)
     page.get_by_role("button", name="As the system").click()
     expect(body).to_have_css("background-color", dark)
+
+
+def test_compact_pages_show_more(page: Page) -> None:
+    def heights() -> list[float]:
+        return [box(one)["height"] for one in (page.locator("header"), page.locator("main > *"))]
+
+    usual = heights()
+    page.get_by_role("button", name="Keys, colours, density").click()
+    page.get_by_role("button", name="Compact").click()
+    page.reload()
+    expect(page.locator(".phase")).to_have_text("connected")
+    expect(page.locator("html")).to_have_attribute("data-density", "compact")
+    assert all(less < more for less, more in zip(heights(), usual, strict=True))

@@ -35,15 +35,15 @@ pytestmark = pytest.mark.e2e
 FILE = "journal-2026-03-01_001.mcap"
 DAY_S, BEGAN_S, RUNS = 8 * 3600.0, 1_000_000.0, 120
 SEEN = """() => {
-  const lanes = document.querySelector(".lanes");
+  const lanes = document.querySelector(".timeline-lanes");
   const edge = lanes.querySelector("svg").getBoundingClientRect();
   const of = (name) => Number(lanes.getAttribute(`aria-value${name}`));
   return {
     first: of("min"), last: of("max"), now: of("now"), left: edge.left + 64, right: edge.right,
-    cursor: lanes.querySelector(".cursor")?.getBoundingClientRect().left ?? null,
-    marks: [...lanes.querySelectorAll(".marks rect")]
+    cursor: lanes.querySelector(".timeline-cursor")?.getBoundingClientRect().left ?? null,
+    marks: [...lanes.querySelectorAll(".timeline-marks rect")]
       .map((one) => one.getBoundingClientRect().left),
-    blocks: [...lanes.querySelectorAll(".block")].map((one) => {
+    blocks: [...lanes.querySelectorAll(".timeline-block")].map((one) => {
       const { left, right, top, bottom } = one.querySelector("rect").getBoundingClientRect();
       return { ...one.dataset, left, right, top, bottom };
     }),
@@ -107,7 +107,7 @@ def studio(began_s: float) -> Iterator[BackgroundStudio]:
 @pytest.fixture
 def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
     with opened_page(browser, studio.address) as opened:
-        expect(opened.locator(".block")).to_have_count(6)
+        expect(opened.locator(".timeline-block")).to_have_count(6)
         yield opened
 
 
@@ -116,7 +116,7 @@ def timeline(page: Page) -> Locator:
 
 
 def test_events_are_drawn_where_they_happened(page: Page, began_s: float) -> None:
-    expect(page.locator(".lanes svg")).to_be_in_viewport(ratio=1)
+    expect(page.locator(".timeline-lanes svg")).to_be_in_viewport(ratio=1)
     seen = Seen(page)
     assert seen.first == pytest.approx(began_s, abs=0.01)
     said = seen.block("ROBOT", "SAY")
@@ -178,7 +178,7 @@ def test_wheel_zooms_at_the_pointer(page: Page, began_s: float) -> None:
     for _ in range(4):
         page.mouse.wheel(0, -100)
     page.wait_for_function(
-        "wide => document.querySelector('.block[data-lane=ROBOT] rect')"
+        "wide => document.querySelector('.timeline-block[data-lane=ROBOT] rect')"
         ".getBoundingClientRect().width > 2 * wide",
         arg=said["right"] - said["left"],
     )
@@ -187,14 +187,14 @@ def test_wheel_zooms_at_the_pointer(page: Page, began_s: float) -> None:
     assert middles[1] == pytest.approx(middles[0], abs=15)
     assert page.evaluate("scrollY") == 0
     timeline(page).press("0")
-    expect(page.locator(".block")).to_have_count(6)
+    expect(page.locator(".timeline-block")).to_have_count(6)
 
 
 def test_drag_pans_without_leaving_now(page: Page) -> None:
     bar = timeline(page)
     for _ in range(2):
         bar.press("+")
-    expect(page.locator(".block[data-lane=FAULT]")).to_have_count(1)
+    expect(page.locator(".timeline-block[data-lane=FAULT]")).to_have_count(1)
     before = Seen(page).block("FAULT", "ERROR")
     seen = box(bar)
     page.mouse.move(seen["x"] + 300, seen["y"] + 20)
@@ -213,19 +213,19 @@ def test_live_timeline_follows_now(page: Page, studio: BackgroundStudio) -> None
     for _ in range(8):
         bar.press("+")
     studio.put("events", "new", event("FAULT", "STALE", time.time(), time.time(), "door"))
-    fault = page.locator(".block[data-kind=STALE] rect")
+    fault = page.locator(".timeline-block[data-kind=STALE] rect")
     expect(fault).to_be_in_viewport(ratio=1)
     first = box(fault)["x"]
     assert first > Seen(page).right - 300
     page.wait_for_function(
-        "from => document.querySelector('.block[data-kind=STALE] rect')"
+        "from => document.querySelector('.timeline-block[data-kind=STALE] rect')"
         ".getBoundingClientRect().left < from - 40",
         arg=first,
         timeout=LIMIT_MS,
     )
     seen = Seen(page)
     assert seen.cursor == pytest.approx(seen.right, abs=4)
-    expect(page.locator(".moment")).to_contain_text("Now")
+    expect(page.locator(".timeline-moment")).to_contain_text("Now")
 
 
 def test_mood_lane_shows_where_rules_act(
@@ -240,18 +240,21 @@ def test_mood_lane_shows_where_rules_act(
     studio.put("scene", "", scene())
     for number, mood in enumerate((3.0, 3.5, 2.0)):
         studio.put("moods", str(number), MoodRecord(at_s=began_s + 61 + 10 * number, mood=mood))
-    positive, negative = (page.locator(f".threshold.{one}") for one in ("positive", "negative"))
+    positive, negative = (
+        page.locator(f".timeline-threshold[data-give={one}]") for one in ("POSITIVE", "NEGATIVE")
+    )
     for line in (positive, negative):
         expect(line).to_be_in_viewport()
-    page.wait_for_function("document.querySelector('.mood-line').points.length === 3")
+    page.wait_for_function("document.querySelector('.timeline-mood').points.length === 3")
     assert style(positive, "stroke") != style(negative, "stroke")
     left, ups, levels = page.evaluate(
         """() => {
           const of = (name) => document.querySelector(name);
-          const lines = [of(".threshold.positive"), of(".threshold.negative")];
+          const line = (give) => of(`.timeline-threshold[data-give=${give}]`);
+          const lines = [line("POSITIVE"), line("NEGATIVE")];
           return [
             lines.map((one) => one.getBoundingClientRect().left),
-            [...of(".mood-line").points].map((one) => one.y),
+            [...of(".timeline-mood").points].map((one) => one.y),
             lines.map((one) => one.y1.baseVal.value),
           ];
         }"""
@@ -262,7 +265,7 @@ def test_mood_lane_shows_where_rules_act(
 
 
 PLAYED = """async (ms) => {
-  const bar = document.querySelector(".lanes");
+  const bar = document.querySelector(".timeline-lanes");
   const look = () => [performance.now() / 1000, Number(bar.getAttribute("aria-valuenow"))];
   const [beganS, fromS] = look();
   await new Promise((done) => setTimeout(done, ms));
@@ -309,7 +312,7 @@ def test_play_ends_where_now_is(page: Page) -> None:
     bar.focus()
     page.keyboard.press("Space")
     expect(hold(page)).to_be_in_viewport(ratio=1)
-    expect(page.locator(".moment")).to_contain_text("Now")
+    expect(page.locator(".timeline-moment")).to_contain_text("Now")
     expect(hold(page)).to_have_count(0)
     assert "at=" not in page.url
 
@@ -318,7 +321,7 @@ def test_play_without_motion_jumps_to_events(page: Page, began_s: float) -> None
     page.emulate_media(reduced_motion="reduce")
     page.evaluate(
         """() => {
-          const bar = document.querySelector(".lanes");
+          const bar = document.querySelector(".timeline-lanes");
           window.shown = [];
           new MutationObserver(() => window.shown.push(Number(bar.getAttribute("aria-valuenow"))))
             .observe(bar, {attributeFilter: ["aria-valuenow"]});
@@ -344,8 +347,8 @@ def test_events_of_window_are_saved_as_table(
     formula = event("FAULT", "ERROR", began_s + 45, began_s + 45, '=1+1, "quoted"')
     studio.put("events", "formula", formula)
     studio.put("bookmarks", "1", bookmark(began_s + 47, "odd"))
-    expect(page.locator(".block")).to_have_count(7)
-    expect(page.locator(".marks rect")).to_have_count(1)
+    expect(page.locator(".timeline-block")).to_have_count(7)
+    expect(page.locator(".timeline-marks rect")).to_have_count(1)
     expect(menu(page, "Export")).to_be_in_viewport(ratio=1)
     rows = saved_table(page, tmp_path)
     assert rows[0] == ["began", "ended", "lane", "kind", "agent", "text"]
@@ -361,12 +364,12 @@ def test_events_of_window_are_saved_as_table(
     # Only events in the window.
     for _ in range(12):
         timeline(page).press("+")
-    expect(page.locator(".block")).to_have_count(1)
+    expect(page.locator(".timeline-block")).to_have_count(1)
     assert [row[2] for row in saved_table(page, tmp_path)[1:]] == ["AGENT"]
 
 
 def menu(page: Page, name: str) -> Locator:
-    return page.locator("details.menu").filter(has=page.get_by_text(name, exact=True))
+    return page.locator(".timeline_menu-menu").filter(has=page.get_by_text(name, exact=True))
 
 
 def export(page: Page, form: str) -> None:
@@ -435,11 +438,11 @@ def test_bookmark_goes_into_the_recording(
     assert past["age_s"] == pytest.approx(seen.last - seen.now, abs=5)
     # It is shown at once, even on pages at an earlier moment.
     studio.put("bookmarks", "1", bookmark(began_s + 45, "it went wrong"))
-    expect(page.locator(".marks rect")).to_be_in_viewport(ratio=1)
+    expect(page.locator(".timeline-marks rect")).to_be_in_viewport(ratio=1)
     seen = Seen(page)
     assert seen.marks == [pytest.approx(seen.place(began_s + 45), abs=2)]
     page.mouse.move(seen.marks[0] + 1, box(timeline(page))["y"] + 40)
-    expect(page.locator(".hover")).to_have_text(re.compile("Bookmark: it went wrong$"))
+    expect(page.locator(".timeline-hover")).to_have_text(re.compile("Bookmark: it went wrong$"))
 
 
 def test_recording_is_started_and_stopped_from_timeline(
@@ -467,13 +470,13 @@ def test_recording_is_started_and_stopped_from_timeline(
     asked = [fields for _, service, fields in studio.caller.calls if service == "journal/record"]
     assert [(one["action"], one.get("label")) for one in asked] == [(0, "a class"), (1, None)]
     # Its span is a line of the timeline until it is stopped.
-    expect(page.locator(".block[data-lane=RECORDING] rect")).to_be_in_viewport(ratio=1)
+    expect(page.locator(".timeline-block[data-lane=RECORDING] rect")).to_be_in_viewport(ratio=1)
     seen = Seen(page)
     shown = seen.block("RECORDING", "RECORDING")
     assert shown["left"] == pytest.approx(seen.place(began_s + 20), abs=2)
     assert shown["right"] == pytest.approx(seen.right, abs=3)
     studio.put("events", "recording", replace(going_on, kind="RECORDED", ended_s=began_s + 70))
-    ended = page.locator(".block[data-kind=RECORDED]")
+    ended = page.locator(".timeline-block[data-kind=RECORDED]")
     expect(ended).to_contain_text("a class")
     seen = Seen(page)
     shown = seen.block("RECORDING", "RECORDED")
@@ -481,7 +484,7 @@ def test_recording_is_started_and_stopped_from_timeline(
     menu(page, "Record").locator("summary").click()
     expect(panel).not_to_be_visible()
     page.mouse.move((shown["left"] + shown["right"]) / 2, shown["top"] + 3)
-    expect(page.locator(".hover")).to_have_text(re.compile("Recording: .*a class$"))
+    expect(page.locator(".timeline-hover")).to_have_text(re.compile("Recording: .*a class$"))
 
 
 def test_viewer_cannot_record_from_timeline(browser: Browser, studio: BackgroundStudio) -> None:
@@ -500,7 +503,7 @@ def test_bookmark_without_journal_survives_a_reload(page: Page, began_s: float) 
     shown = Seen(page).now
     page.get_by_role("button", name="Back to now").click()
     page.reload()
-    line = page.locator(".marks rect")
+    line = page.locator(".timeline-marks rect")
     expect(line).to_be_in_viewport(ratio=1)
     seen = Seen(page)
     assert seen.marks == [pytest.approx(seen.place(shown), abs=2)]
@@ -537,9 +540,9 @@ def test_timeline_is_saved_as_picture(page: Page, tmp_path: Path) -> None:
           const canvas = new OffscreenCanvas(image.width, image.height);
           const context = canvas.getContext("2d");
           context.drawImage(image, 0, 0);
-          const svg = document.querySelector(".lanes svg").getBoundingClientRect();
+          const svg = document.querySelector(".timeline-lanes svg").getBoundingClientRect();
           const at = (value, edge) => Math.round((value - edge + 8) * 2);
-          const rect = document.querySelector(".block.failed rect");
+          const rect = document.querySelector(".timeline-block[data-failed] rect");
           const [r, g, b] = context.getImageData(at(x, svg.x), at(y, svg.y), 1, 1).data;
           return [getComputedStyle(rect).fill, `rgb(${r}, ${g}, ${b})`];
         }""",
@@ -555,7 +558,7 @@ def test_timeline_is_saved_as_picture(page: Page, tmp_path: Path) -> None:
 def test_hover_says_what_and_when(page: Page) -> None:
     failed = Seen(page).block("AGENT", "FAILED")
     page.mouse.move((failed["left"] + failed["right"]) / 2, failed["top"] + 3)
-    hover = page.locator(".hover")
+    hover = page.locator(".timeline-hover")
     expect(hover).to_have_text(
         re.compile(r"^\d\d:\d\d:\d\d, 20 s · Agent: The guide · failed · no answer$")
     )
@@ -571,9 +574,9 @@ def test_timeline_leaves_room_for_the_page(
     page: Page, width: int, height: int, lanes: int
 ) -> None:
     page.set_viewport_size({"width": width, "height": height})
-    expect(page.locator(".lane text")).to_have_count(lanes)
-    expect(page.locator(".lane text").first).to_have_text("Agent")
-    expect(page.locator(".lanes svg")).to_be_in_viewport(ratio=1)
+    expect(page.locator(".timeline-lane text")).to_have_count(lanes)
+    expect(page.locator(".timeline-lane text").first).to_have_text("Agent")
+    expect(page.locator(".timeline-lanes svg")).to_be_in_viewport(ratio=1)
     expect(strip(page)).to_be_in_viewport(ratio=1)
     assert box(page.locator("header"))["height"] < 0.4 * height
     seen = Seen(page)
@@ -614,8 +617,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BackgroundStu
 def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: BackgroundStudio) -> None:
     address = recorded.address.replace("/#", f"/live?from={FILE}#")
     with opened_page(browser, address) as page:
-        expect(page.locator(".block")).to_have_count(RUNS)
-        expect(page.locator(".block.failed")).to_have_count(RUNS // 10)
+        expect(page.locator(".timeline-block")).to_have_count(RUNS)
+        expect(page.locator(".timeline-block[data-failed]")).to_have_count(RUNS // 10)
         assert page.evaluate(READ) == 1
         seen = Seen(page)
         assert (seen.first, seen.now) == (pytest.approx(BEGAN_S), pytest.approx(seen.last))
@@ -629,7 +632,7 @@ def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: Backgro
         bar.press("ArrowRight")
         expect(bar).to_have_attribute("aria-valuetext", re.compile("guide · succeeded"))
         assert Seen(page).now == pytest.approx(BEGAN_S + 60 * DAY_S / RUNS, abs=0.2)
-        expect(page.locator(".moment")).to_contain_text(FILE)
+        expect(page.locator(".timeline-moment")).to_contain_text(FILE)
 
 
 def test_messages_of_window_are_saved_as_recording(
@@ -637,13 +640,13 @@ def test_messages_of_window_are_saved_as_recording(
 ) -> None:
     address = recorded.address_for(SessionRole.VIEW, f"live?from={FILE}")
     with opened_page(browser, address) as page:
-        expect(page.locator(".block")).to_have_count(RUNS)
+        expect(page.locator(".timeline-block")).to_have_count(RUNS)
         assert len(saved_messages(page, tmp_path)) == 2 * RUNS
         timeline(page).press("Home")
         expect(page.get_by_label("Speed")).to_be_visible()
         for _ in range(6):
             timeline(page).press("+")
-        expect(page.locator(".block")).not_to_have_count(RUNS)
+        expect(page.locator(".timeline-block")).not_to_have_count(RUNS)
         seen = Seen(page)
         began = [one.decode() for one in saved_messages(page, tmp_path)]
         began = [one.round for one in began if one.event == Run.STARTED]
@@ -684,7 +687,7 @@ def test_running_system_is_saved_from_its_journal(
                     found = saved_messages(page, tmp_path)
                     continue
                 export(page, "Messages (MCAP)")
-                failure = menu(page, "Export").locator(".failure")
+                failure = menu(page, "Export").locator(".shared-failure")
                 expect(failure).to_contain_text(why)
                 expect(failure).to_be_in_viewport(ratio=1)
     assert [one.decode().round for one in found] == [2, 3]
@@ -694,7 +697,7 @@ def test_running_system_is_saved_from_its_journal(
 def test_recording_plays_to_its_end(browser: Browser, recorded: BackgroundStudio) -> None:
     address = recorded.address.replace("/#", f"/live?from={FILE}&at={BEGAN_S + DAY_S - 180}#")
     with opened_page(browser, address) as page:
-        expect(page.locator(".block")).to_have_count(RUNS)
+        expect(page.locator(".timeline-block")).to_have_count(RUNS)
         page.get_by_label("Speed").select_option("8×")
         play(page).click()
         expect(hold(page)).to_be_in_viewport(ratio=1)
@@ -702,15 +705,15 @@ def test_recording_plays_to_its_end(browser: Browser, recorded: BackgroundStudio
         seen = Seen(page)
         assert seen.now == pytest.approx(seen.last)
         assert seen.cursor == pytest.approx(seen.right, abs=4)
-        expect(page.locator(".moment")).to_contain_text(FILE)
+        expect(page.locator(".timeline-moment")).to_contain_text(FILE)
         # After the end, playback starts from the beginning.
         play(page).click()
         expect(hold(page)).to_be_in_viewport(ratio=1)
         page.wait_for_function(
-            "end => Number(document.querySelector('.lanes').ariaValueNow) < end",
+            "end => Number(document.querySelector('.timeline-lanes').ariaValueNow) < end",
             arg=BEGAN_S + DAY_S / 2,
         )
         page.wait_for_function(
-            "end => document.querySelector('.cursor').getBoundingClientRect().left < end",
+            "end => document.querySelector('.timeline-cursor').getBoundingClientRect().left < end",
             arg=seen.left + 20,
         )

@@ -36,7 +36,7 @@ def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
 
 
 def shown(page: Page, path: str) -> Locator:
-    return page.locator(f'.node[data-path="{path}"]')
+    return page.locator(f'[role=treeitem][data-path="{path}"]')
 
 
 def middle(found: Locator) -> tuple[float, float]:
@@ -46,15 +46,15 @@ def middle(found: Locator) -> tuple[float, float]:
 
 
 def test_only_nodes_near_viewport_are_drawn(page: Page) -> None:
-    assert page.locator(".node").count() < 200
+    assert page.locator("[role=treeitem]").count() < 200
     page.get_by_role("tree").focus()
     page.keyboard.press("Home")
     expect(shown(page, "tree")).to_be_in_viewport()
     expect(shown(page, TIP)).to_have_count(0)
     page.get_by_role("button", name="Jump to the tip").click()
     expect(shown(page, TIP)).to_be_in_viewport()
-    expect(shown(page, TIP)).to_have_class("node invalid tip")
-    assert page.locator(".node").count() < 200
+    expect(shown(page, TIP)).to_have_attribute("data-tip", "true")
+    assert page.locator("[role=treeitem]").count() < 200
 
 
 def test_search_results_are_stepped_forwards_and_backwards(page: Page) -> None:
@@ -123,10 +123,10 @@ def test_keyboard_zooms_fits_searches_and_finds_tip(page: Page) -> None:
     page.keyboard.press("t")
     expect(shown(page, TIP)).to_be_in_viewport()
     page.keyboard.press("0")
-    expect(page.locator(".node .name")).to_have_count(0)
+    expect(page.locator(".tree-name")).to_have_count(0)
     for _ in range(8):
         page.keyboard.press("+")
-    expect(page.locator(".node .name").first).to_be_visible()
+    expect(page.locator(".tree-name").first).to_be_visible()
     page.keyboard.press("/")
     expect(page.get_by_role("searchbox")).to_be_focused()
 
@@ -135,7 +135,7 @@ def test_tooltip_shows_full_names_and_reasons(page: Page, studio: BackgroundStud
     path = "tree/80.sequence/3.say"
     reason = "the robot does not speak, as its server has not answered for ten seconds"
     studio.put("nodes", f"{AGENT}|{path}", status("FAILURE", reason))
-    expect(shown(page, path)).to_have_class("node failure")
+    expect(shown(page, path)).to_have_attribute("data-status", "FAILURE")
     said = shown(page, path).locator("> title").text_content() or ""
     assert "sentence 80 3 to somebody" in said
     assert reason in said
@@ -143,7 +143,7 @@ def test_tooltip_shows_full_names_and_reasons(page: Page, studio: BackgroundStud
 
 
 def test_click_on_map_scrolls_tree_there(page: Page) -> None:
-    strip = page.locator(".tree-map")
+    strip = page.locator(".tree_map-map")
     box = strip.bounding_box()
     assert box is not None
     strip.click(position={"x": box["width"] / 2, "y": box["height"] - 2})

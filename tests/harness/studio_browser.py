@@ -62,9 +62,13 @@ class System:
 
 
 @contextmanager
-def opened_page(browser: Browser, address: str, locale: str = "en-US") -> Iterator[Page]:
+def opened_page(
+    browser: Browser, address: str, locale: str = "en-US", *, has_touch: bool = False
+) -> Iterator[Page]:
     """Open an address in a new context; an error that the page reports fails the test."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale=locale)
+    context = browser.new_context(
+        viewport={"width": 1280, "height": 800}, locale=locale, has_touch=has_touch
+    )
     page = context.new_page()
     page.set_default_timeout(LIMIT_MS)
     errors: list[str] = []
@@ -95,7 +99,7 @@ def announce(page: Page, label: str, **values: float) -> None:
     for name, value in values.items():
         slider = page.locator(f"#world-{name}")
         slider.fill(str(value))
-        page.locator(".control", has=slider).get_by_role("checkbox").check()
+        page.locator(".fields-row", has=slider).get_by_role("checkbox").check()
     page.get_by_label("Label", exact=True).fill(label)
     page.get_by_role("button", name="Announce the scene").click()
 

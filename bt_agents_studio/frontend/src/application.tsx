@@ -3,23 +3,25 @@
 
 import { lazy, StrictMode, Suspense, useEffect } from "react";
 import { createRoot } from "react-dom/client";
-import "./shell.css";
-import { connect, useConnection } from "./connection";
 import { PAGES, writeAddress, type Page } from "./address";
+import { startAppearance } from "./appearance";
+import css from "./application.module.css";
+import { connect, useConnection } from "./connection";
 import { Keys } from "./keys";
 import { Live } from "./live";
 import { go, startNavigation, useAddress, useMomentInAddress } from "./navigation";
 import { Palette } from "./palette";
 import { PanelBoundary } from "./panel_boundary";
 import { Phase } from "./phase";
+import shared from "./shared.module.css";
 import { StatusStrip } from "./status_strip";
 import { usePresent } from "./store";
 import { texts } from "./texts";
-import { startTheme } from "./theme";
 import { Timeline } from "./timeline";
+import { loadMap } from "./tree_panel";
 import { Undo } from "./undo";
 
-/** Pages that load when they are opened. */
+/** Pages that load when somebody opens them. */
 const LATER = {
   market: () => import("./market").then((one) => ({ default: one.Market })),
   tune: () => import("./tune").then((one) => ({ default: one.Tune })),
@@ -33,7 +35,7 @@ const SHOWN = {
   world: lazy(LATER.world),
   system: lazy(LATER.system),
 };
-/** Delay before they load anyway [ms], so that they open even without a studio. */
+/** Delay before these and the map load anyway [ms], so that they open even without a studio. */
 const LATER_MS = 3000;
 
 function App() {
@@ -46,53 +48,59 @@ function App() {
   useMomentInAddress();
   useEffect(() => {
     if (phase !== "open") return;
-    const timer = window.setTimeout(() => Object.values(LATER).forEach((load) => void load().catch(() => undefined)), LATER_MS);
+    const timer = window.setTimeout(() => {
+      for (const load of [...Object.values(LATER), loadMap]) void load().catch(() => undefined);
+    }, LATER_MS);
     return () => window.clearTimeout(timer);
   }, [phase]);
   useEffect(() => {
     if (isPerson) location.replace("/person");
   }, [isPerson]);
   return (
-    <>
-      <header className={isStale ? "stale" : ""}>
-        <h1>bt-agents</h1>
+    <div className={css.application} data-stale={isStale || undefined}>
+      <header>
+        <div className={css.rail}>
+          <h1>bt-agents</h1>
+          {!isPerson && (
+            <>
+              <nav>
+                {PAGES.map((name) => (
+                  <a
+                    key={name}
+                    href={writeAddress({ ...address, page: name })}
+                    {...(name === page ? { "aria-current": "page" as const } : {})}
+                    onClick={(event) => {
+                      if (event.metaKey || event.ctrlKey) return;
+                      event.preventDefault();
+                      go({ page: name }, true);
+                    }}
+                  >
+                    {texts.pages[name]}
+                  </a>
+                ))}
+                {/* It is a document of its own. */}
+                <a href="/person">{texts.pages.person}</a>
+              </nav>
+              <Keys />
+              <Palette />
+            </>
+          )}
+        </div>
         {!isPerson && (
-          <>
-            <nav>
-              {PAGES.map((name) => (
-                <a
-                  key={name}
-                  href={writeAddress({ ...address, page: name })}
-                  {...(name === page ? { "aria-current": "page" as const } : {})}
-                  onClick={(event) => {
-                    if (event.metaKey || event.ctrlKey) return;
-                    event.preventDefault();
-                    go({ page: name }, true);
-                  }}
-                >
-                  {texts.pages[name]}
-                </a>
-              ))}
-              {/* It is a document of its own. */}
-              <a href="/person">{texts.pages.person}</a>
-            </nav>
-          </>
+          <PanelBoundary label={texts.time.bar}>
+            <Timeline />
+          </PanelBoundary>
         )}
-        <Phase />
-        {!isPerson && (
-          <>
-            <Keys />
-            <Palette />
-            <PanelBoundary label={texts.time.bar}>
-              <Timeline />
-            </PanelBoundary>
+        <div className={css.status}>
+          <Phase />
+          {!isPerson && (
             <PanelBoundary label={texts.strip.label}>
               <StatusStrip />
             </PanelBoundary>
-          </>
-        )}
+          )}
+        </div>
       </header>
-      <main className={isStale ? "stale" : ""}>
+      <main>
         {!isPerson && (
           <PanelBoundary key={page} label={page === null ? texts.address.none : texts.pages[page]}>
             <Suspense>
@@ -103,13 +111,13 @@ function App() {
       </main>
       <Undo />
       <Title page={page} chosen={isPerson ? "" : address.agent} />
-    </>
+    </div>
   );
 }
 
 function NoPage() {
   return (
-    <section className="panel">
+    <section className={shared.panel}>
       <h2>{texts.address.none}</h2>
       <a href="/live">{texts.address.toLive}</a>
     </section>
@@ -136,7 +144,7 @@ export function start(root: HTMLElement): void {
       <App />
     </StrictMode>,
   );
-  startTheme();
+  startAppearance();
   startNavigation();
   connect();
 }

@@ -2,6 +2,7 @@
 // Name of this browser's user, which others see with each change.
 
 import { useState } from "react";
+import shared from "./shared.module.css";
 import { texts } from "./texts";
 
 const KEY = "author";
@@ -18,7 +19,7 @@ export function AuthorField() {
     else localStorage.setItem(KEY, next.trim());
   };
   return (
-    <label className="bar">
+    <label className={shared.bar}>
       {texts.tune.yourName}{" "}
       <input value={name} maxLength={LONGEST} placeholder={texts.tune.author} onChange={(event) => change(event.target.value)} />
     </label>

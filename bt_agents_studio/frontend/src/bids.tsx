@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bids of a round, best first, and the change that would make the runner-up win.
 
-import { Legend, total } from "./course";
+import css from "./bids.module.css";
 import { formatNumber } from "./formatting";
 import type { RoundRecord } from "./protocol";
+import { Legend, seriesColour, total } from "./series";
+import shared from "./shared.module.css";
 import { texts } from "./texts";
 
 const words = texts.market;
@@ -14,18 +16,18 @@ export function Bids({ round }: { round: RoundRecord }) {
   return (
     <>
       <Legend names={names} />
-      <table className="bids">
+      <table className={css.bids}>
         <tbody>
           {round.ranking.map((bid) => (
-            <tr key={bid.agent} className={bid.agent === round.winner ? "winner" : ""}>
+            <tr key={bid.agent} data-winner={bid.agent === round.winner || undefined}>
               <th scope="row">{bid.agent}</th>
-              <td className="number">{bid.score === null ? "–" : formatNumber(bid.score)}</td>
-              <td className="stack">
+              <td className={shared.number}>{bid.score === null ? "–" : formatNumber(bid.score)}</td>
+              <td className={css.stack}>
                 <svg viewBox="0 0 100 6" preserveAspectRatio="none" role="img" aria-label={bid.calculation}>
                   {bid.contributions.map((value, index) => (
                     <rect
                       key={names[index]}
-                      className={`series-${index % 6}`}
+                      color={seriesColour(index)}
                       x={(total(bid.contributions.slice(0, index)) / longest) * 100}
                       width={(value / longest) * 100}
                       height={6}

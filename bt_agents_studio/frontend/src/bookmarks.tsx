@@ -7,6 +7,7 @@ import { seek, useConnection } from "./connection";
 import { formatTime } from "./formatting";
 import { OperationButton, Outcome, useOperation } from "./operation";
 import type { BookmarkRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { usePresent, usePresentCollection } from "./store";
 import { texts } from "./texts";
 import type { Span } from "./timeline_lanes";
@@ -104,7 +105,7 @@ function Mark({ of: { own, keep }, moment }: { of: AllBookmarks; moment: number 
         <p>
           <b>{formatTime(markedS)}</b> {isWritten ? words.inJournal : words.inBrowser}
         </p>
-        <div className="bar">
+        <div className={shared.bar}>
           <input
             aria-label={words.note}
             placeholder={words.note}

@@ -4,9 +4,11 @@
 import { memo, useEffect, useState } from "react";
 import { author } from "./author";
 import { useConnection } from "./connection";
+import css from "./control.module.css";
 import { formatNumber, formatSeconds } from "./formatting";
 import { OperationButton, useOperation, type Operation } from "./operation";
 import type { ControlRecord, NodeRecord, Operations, TreeRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { readEntry, useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 
@@ -76,7 +78,7 @@ export function PauseBanner({ host, tree, tip }: { host: string; tree: TreeRecor
     return node ? `${node.name} (${path})` : path;
   };
   return (
-    <div className={isPaused ? "panel paused" : "hidden"} role="status">
+    <div className={isPaused ? `${shared.panel} ${css.paused}` : shared.hidden} role="status">
       {isPaused && <b>{pauseText(control, nameOf, tip)}</b>}
       {isPaused && <span> {texts.control.held}</span>}
     </div>
@@ -100,7 +102,7 @@ interface LeftProps {
 /** Remaining limits of a node and its modifiers, counted down between messages. */
 export const Left = memo(function Left({ agent, host, paths, x, y }: LeftProps) {
   return (
-    <text className="left" aria-hidden="true" x={x} y={y}>
+    <text className={css.left} aria-hidden="true" x={x} y={y}>
       {paths.map((path) => (
         <LeftOf key={path} agent={agent} host={host} path={path} />
       ))}
@@ -126,8 +128,8 @@ export function TimeLeft({ agent, host, path }: { agent: string; host: string; p
   if (left === null || left.text === "") return null;
   const percent = left.countdown.whole_s ? (100 * left.seconds) / left.countdown.whole_s : 0;
   return (
-    <span className="time-left" data-left={path}>
-      <span className="whole">
+    <span className={css.timeLeft} data-left={path}>
+      <span className={css.whole}>
         <span style={{ width: `${percent}%` }} />
       </span>
       {left.text} {texts.live.left}
@@ -181,7 +183,7 @@ export function NodeValues({ agent, path }: { agent: string; path: string }) {
     .sort((one, other) => other.at_s - one.at_s);
   if (shown.length === 0) return null;
   return (
-    <table className="node-values">
+    <table className={css.nodeValues}>
       <caption>{texts.control.values}</caption>
       <tbody>
         {shown.map((one) => (

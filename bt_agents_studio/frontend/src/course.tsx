@@ -3,8 +3,11 @@
 
 import { useState } from "react";
 import { useConnection } from "./connection";
+import css from "./course.module.css";
 import { formatNumber, formatTime } from "./formatting";
 import type { ProfileStepRecord } from "./protocol";
+import { Legend, seriesColour, total } from "./series";
+import shared from "./shared.module.css";
 import { useCollection } from "./store";
 import { texts } from "./texts";
 
@@ -35,7 +38,7 @@ export function ProfileCourse({ agent, layer }: { agent: string; layer: string }
     .filter((one) => one.agent === agent && one.layer === layer);
   const first = steps[0];
   const last = steps.at(-1);
-  if (first === undefined || last === undefined) return <p className="empty">{words.noSteps}</p>;
+  if (first === undefined || last === undefined) return <p className={shared.faint}>{words.noSteps}</p>;
   const span = Math.max(last.at_s - first.at_s, 1);
   const x = (atS: number): number => EDGE * 3 + ((atS - first.at_s) / span) * (WIDTH - EDGE * 6);
   const range = (name: string): [number, number] => {
@@ -49,7 +52,7 @@ export function ProfileCourse({ agent, layer }: { agent: string; layer: string }
   return (
     <>
       <Legend names={first.parameters} />
-      <svg className="course" viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={`${words.course}: ${agent}`}>
+      <svg className={css.course} viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={`${words.course}: ${agent}`}>
         {first.parameters.map((name, index) => {
           const begin = first.before[index];
           let path = typeof begin === "number" ? `M 0 ${y(name, begin)}` : "";
@@ -59,7 +62,7 @@ export function ProfileCourse({ agent, layer }: { agent: string; layer: string }
             path += path === "" ? `M ${x(step.at_s)} ${y(name, value)}` : ` H ${x(step.at_s)} V ${y(name, value)}`;
           }
           return (
-            <g key={name} className={`series-${index % 6}`}>
+            <g key={name} color={seriesColour(index)}>
               <path d={`${path} H ${WIDTH}`} />
               {steps.map((step) => {
                 const value = step.after[index];
@@ -77,7 +80,7 @@ export function ProfileCourse({ agent, layer }: { agent: string; layer: string }
           );
         })}
       </svg>
-      <p className="place">
+      <p className={shared.faint}>
         {formatTime(first.at_s)} – {formatTime(last.at_s)}
       </p>
     </>
@@ -97,7 +100,7 @@ export function Shares() {
   const longest = Math.max(...shown.map((one) => total(one.bid.contributions)), 1e-9);
   const step = WIDTH / Math.max(shown.length, 10);
   return (
-    <section className="panel" aria-label={words.shares}>
+    <section className={shared.panel} aria-label={words.shares}>
       <h2>{words.shares}</h2>
       <label>
         {texts.live.agent}{" "}
@@ -108,9 +111,9 @@ export function Shares() {
         </select>
       </label>
       <Legend names={names} />
-      <svg className="shares" viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={`${words.shares}: ${agent}`}>
+      <svg className={css.shares} viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={`${words.shares}: ${agent}`}>
         {shown.map(({ round, bid }, place) => (
-          <g key={`${round.epoch}/${round.round}`} className={round.winner === agent ? "won" : ""}>
+          <g key={`${round.epoch}/${round.round}`}>
             <title>{`${words.rounds} ${round.round}: ${bid.calculation}${round.winner === agent ? `, ${words.winner}` : ""}`}</title>
             {bid.contributions.map((value, index) => {
               const height = (value / longest) * (HEIGHT - 2 * EDGE);
@@ -118,7 +121,7 @@ export function Shares() {
               return (
                 <rect
                   key={names[index]}
-                  className={`series-${index % 6}`}
+                  color={seriesColour(index)}
                   x={place * step + 1}
                   y={HEIGHT - EDGE - below - height}
                   width={Math.max(step - 2, 1)}
@@ -133,17 +136,3 @@ export function Shares() {
     </section>
   );
 }
-
-export function Legend({ names, colours = 6 }: { names: readonly string[]; colours?: number }) {
-  return (
-    <ul className="legend">
-      {names.map((name, index) => (
-        <li key={name} className={`series-${index % colours}`}>
-          {name}
-        </li>
-      ))}
-    </ul>
-  );
-}
-
-export const total = (values: readonly number[]): number => values.reduce((added, value) => added + value, 0);

@@ -2,6 +2,7 @@
 // Divider between the columns of a page, moved by pointer or keys; each browser keeps its place.
 
 import { useLayoutEffect, useState, type KeyboardEvent, type PointerEvent } from "react";
+import css from "./divider.module.css";
 import { texts } from "./texts";
 
 const KEY = "width of the right column";
@@ -32,7 +33,7 @@ export function Divider() {
   };
   return (
     <div
-      className="divider"
+      className={css.divider}
       role="separator"
       tabIndex={0}
       aria-orientation="vertical"

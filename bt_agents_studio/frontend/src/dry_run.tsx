@@ -4,11 +4,14 @@
 import { useRef, useState } from "react";
 import { Bids, smallestChange } from "./bids";
 import { useConnection, type Answer } from "./connection";
-import { Legend } from "./course";
+import css from "./dry_run.module.css";
 import { NumberPair, scaleOf, useNewest } from "./fields";
+import fieldCss from "./fields.module.css";
 import { formatNumber } from "./formatting";
 import { OperationButton, useOperation, WhyNot } from "./operation";
 import type { DryRunRecord, Operations, ParameterRecord, RoundRecord, SceneMapRecord } from "./protocol";
+import { Legend, seriesColour } from "./series";
+import shared from "./shared.module.css";
 import { useEntry } from "./store";
 import { texts } from "./texts";
 
@@ -83,11 +86,11 @@ export function DryRun() {
     </label>
   );
   return (
-    <section className="panel" aria-label={words.dryRun}>
+    <section className={shared.panel} aria-label={words.dryRun}>
       <h2>{words.dryRun}</h2>
-      <p className="empty">{words.dryRunAbout}</p>
+      <p className={shared.faint}>{words.dryRunAbout}</p>
       {parameters.map(({ name, minimum, maximum }) => (
-        <div className="control" key={name}>
+        <div className={fieldCss.row} key={name}>
           <label htmlFor={`dry-run-${name}`}>{name}</label>
           <NumberPair
             id={`dry-run-${name}`}
@@ -101,14 +104,14 @@ export function DryRun() {
         </div>
       ))}
       <WhyNot of={race} />
-      {refusal && <output className="answer failure">{refusal}</output>}
+      {refusal && <output className={shared.failure}>{refusal}</output>}
       {round && (
         <>
-          <p className="would-win">
+          <p>
             <b>{round.winner || words.nobody}</b> {words.wouldWin}. {round.reason}
           </p>
           <Bids round={round} />
-          <p className="bar">
+          <p className={shared.bar}>
             {smallestChange(round)}
             {Object.keys(round.change).length > 0 && (
               <button type="button" disabled={race.whyNot !== ""} onClick={() => follow(round.change)}>
@@ -118,7 +121,7 @@ export function DryRun() {
           </p>
         </>
       )}
-      <div className="bar">
+      <div className={shared.bar}>
         {choose(words.across, across, "across")}
         {choose(words.up, up, "up")}
         <OperationButton of={drawing} disabled={parameters.length === 0} ask={draw}>
@@ -165,11 +168,11 @@ function SceneMap({ drawn: { map, values: around }, values, parameters }: SceneM
   });
   return (
     <>
-      <svg className="map" viewBox={`-30 -4 ${SIDE + 40} ${SIDE + 40}`} role="img" aria-label={`${map.across}, ${map.up}`}>
+      <svg className={css.map} viewBox={`-30 -4 ${SIDE + 40} ${SIDE + 40}`} role="img" aria-label={`${map.across}, ${map.up}`}>
         {areas.map((one) => (
           <rect
             key={`${one.x} ${one.y}`}
-            className={`series-${one.winner % COLOURS}`}
+            color={seriesColour(one.winner, COLOURS)}
             x={one.x * width}
             y={SIDE - (one.y + 1) * height}
             width={one.count * width + 0.3}
@@ -178,7 +181,7 @@ function SceneMap({ drawn: { map, values: around }, values, parameters }: SceneM
             <title>{map.agents[one.winner] || words.nobody}</title>
           </rect>
         ))}
-        <circle className="here" cx={width / 2 + at(map.across) * (SIDE - width)} cy={SIDE - height / 2 - at(map.up) * (SIDE - height)} r={6} />
+        <circle cx={width / 2 + at(map.across) * (SIDE - width)} cy={SIDE - height / 2 - at(map.up) * (SIDE - height)} r={6} />
         <text x={0} y={SIDE + 16}>{formatNumber(map.xs[0] ?? 0)}</text>
         <text x={SIDE / 2} y={SIDE + 30} textAnchor="middle">{map.across}</text>
         <text x={SIDE} y={SIDE + 16} textAnchor="end">{formatNumber(map.xs.at(-1) ?? 0)}</text>
@@ -187,8 +190,8 @@ function SceneMap({ drawn: { map, values: around }, values, parameters }: SceneM
         <text x={-12} y={SIDE / 2} textAnchor="middle" transform={`rotate(-90 -12 ${SIDE / 2})`}>{map.up}</text>
       </svg>
       <Legend names={map.agents.map((one) => one || words.nobody)} colours={COLOURS} />
-      <p className="place">{map.is_asked ? words.askedMarket : words.computed}</p>
-      {isOther && <p className="why-not">{words.otherMap}</p>}
+      <p className={shared.faint}>{map.is_asked ? words.askedMarket : words.computed}</p>
+      {isOther && <p className={shared.warning}>{words.otherMap}</p>}
     </>
   );
 }

@@ -2,6 +2,7 @@
 // Empty panels: nothing has happened, there is no system, or this tab lacks the rights.
 
 import { useConnection } from "./connection";
+import shared from "./shared.module.css";
 import { useCollection } from "./store";
 import { texts } from "./texts";
 
@@ -17,5 +18,5 @@ export function useMissing(): string {
 
 /** Text of a panel without content. */
 export function Empty({ children }: { children: string }) {
-  return <p className="empty">{useMissing() || children}</p>;
+  return <p className={shared.faint}>{useMissing() || children}</p>;
 }

@@ -2,6 +2,7 @@
 // Fields for numbers: a slider and a text field, each with a draft of its own.
 
 import { useCallback, useEffect, useRef, useState } from "react";
+import css from "./fields.module.css";
 import { exactNumber } from "./formatting";
 import { texts } from "./texts";
 
@@ -100,7 +101,7 @@ export function Slider({ id, label, scale, sliding, disabled, mark, move, set, p
   }, []);
   const place = mark === undefined ? 0 : (mark - low) / Math.max(high - low, Number.MIN_VALUE);
   return (
-    <span className="slider">
+    <span className={css.slider}>
       <input
         ref={box}
         id={id}
@@ -125,7 +126,7 @@ export function Slider({ id, label, scale, sliding, disabled, mark, move, set, p
         onBlur={sliding.end}
       />
       {mark !== undefined && place >= 0 && place <= 1 && (
-        <svg className="file-mark" viewBox="0 0 1000 1" preserveAspectRatio="none" aria-hidden="true">
+        <svg className={css.fileMark} viewBox="0 0 1000 1" preserveAspectRatio="none" aria-hidden="true">
           <rect x={place * 992} width={8} height={1} />
         </svg>
       )}
@@ -176,7 +177,8 @@ export function NumberField(props: NumberFieldProps) {
       type="text"
       inputMode={isNumber ? "decimal" : "text"}
       aria-label={label}
-      className={drafting.draft === null ? "" : "draft"}
+      className={css.number}
+      data-draft={drafting.draft !== null || undefined}
       value={drafting.draft?.text ?? value}
       disabled={disabled}
       onChange={(event) => drafting.write(event.target.value)}
@@ -222,7 +224,7 @@ export function NumberPair({ id, name, scale, value, disabled, mark, move, set, 
   return (
     <>
       {/* The slider is pressed before the field is left. */}
-      <span className="slides" onPointerDown={() => (isSliding.current = true)}>
+      <span className={css.slides} onPointerDown={() => (isSliding.current = true)}>
         <Slider
           id={id}
           scale={scale}

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// List of keys, and the choice of colours; "?" opens it.
+// List of keys, and the choices of colours and density; "?" opens it.
 
 import { useCallback, useRef } from "react";
+import { choose, CHOICES, useChosen, type Choice } from "./appearance";
 import { useKey } from "./keyboard";
+import css from "./keys.module.css";
 import { texts } from "./texts";
-import { chooseTheme, THEMES, useTheme } from "./theme";
 
 const words = texts.keys;
 
 export function Keys() {
   const dialog = useRef<HTMLDialogElement>(null);
-  const theme = useTheme();
   const open = useCallback(() => dialog.current?.showModal(), []);
   useKey("?", open);
   return (
@@ -18,7 +18,7 @@ export function Keys() {
       <button type="button" aria-haspopup="dialog" aria-label={words.title} title={words.title} onClick={open}>
         ?
       </button>
-      <dialog className="keys" ref={dialog} aria-labelledby="keys-title">
+      <dialog className={css.keys} ref={dialog} aria-labelledby="keys-title">
         <h2 id="keys-title">{words.title}</h2>
         <dl>
           {words.list.map(([key, action]) => (
@@ -30,17 +30,26 @@ export function Keys() {
             </div>
           ))}
         </dl>
-        <div className="bar">
-          {THEMES.map((one) => (
-            <button key={one} type="button" aria-pressed={one === theme} onClick={() => chooseTheme(one)}>
-              {words.themes[one]}
-            </button>
-          ))}
-          <button type="button" className="close" onClick={() => dialog.current?.close()}>
-            {words.close}
-          </button>
-        </div>
+        <Choices of="theme" />
+        <Choices of="density" />
+        <button type="button" className={css.close} onClick={() => dialog.current?.close()}>
+          {words.close}
+        </button>
       </dialog>
     </>
+  );
+}
+
+function Choices({ of }: { of: Choice }) {
+  const chosen = useChosen(of);
+  const names: Readonly<Record<string, string>> = words.choices[of];
+  return (
+    <div className={css.choices} role="group" aria-label={words[of]}>
+      {CHOICES[of].map((one) => (
+        <button key={one} type="button" aria-pressed={one === chosen} onClick={() => choose(of, one)}>
+          {names[one]}
+        </button>
+      ))}
+    </div>
   );
 }

@@ -4,19 +4,21 @@
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
+import { watchColours } from "./appearance";
 import { nameWithoutKind } from "./badges";
 import { BusyTime, Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
 import { Divider } from "./divider";
 import { Empty } from "./empty";
 import { formatNumber, formatSeconds } from "./formatting";
+import css from "./live.module.css";
 import { Log, NodeResults } from "./log";
 import { go, useAddress } from "./navigation";
 import { useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { SceneRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
-import { watchColours } from "./theme";
 import { lineOf, TreePanel } from "./tree_panel";
 
 export function Live() {
@@ -46,9 +48,9 @@ export function Live() {
     details.current?.focus({ preventScroll: true });
   }, []);
   return (
-    <div className="live">
-      <div className="main">
-        <div className="bar">
+    <div className={shared.columns}>
+      <div className={shared.main}>
+        <div className={shared.bar}>
           <label>
             {texts.live.agent}{" "}
             <select value={asked} onChange={(event) => go({ agent: event.target.value, node: "" }, true)}>
@@ -62,7 +64,7 @@ export function Live() {
             </select>
           </label>
           {run && (
-            <span className="what">
+            <span className={css.run}>
               {texts.live.round} {run.round} · {run.ended_s === null ? run.event.toLowerCase() : run.outcome.toLowerCase()}{" "}
               · {texts.live.tick} {run.tick}
               {run.message && ` · ${run.message}`}
@@ -95,7 +97,7 @@ export function Live() {
           <NodeDetails agent={agent} path={chosen} panel={details} />
         </PanelBoundary>
       </div>
-      <div className="side">
+      <div className={shared.side}>
         <Divider />
         <PanelBoundary label={texts.live.scene}>
           <ScenePanel />
@@ -135,15 +137,15 @@ function NodeDetails({ agent, path, panel }: NodeDetailsProps) {
       .map((text, index) => ({ number: Math.max(node.line - 2, 0) + index + 1, text }));
   }, [file, node]);
   return (
-    <section className="panel details" aria-label={texts.live.node} ref={panel} tabIndex={-1}>
+    <section className={`${shared.panel} ${css.details}`} aria-label={texts.live.node} ref={panel} tabIndex={-1}>
       {node === undefined ? (
-        <p className="empty">{texts.live.chooseNode}</p>
+        <p className={shared.faint}>{texts.live.chooseNode}</p>
       ) : (
         <>
           <h2>
             {node.kind} <span>{nameWithoutKind(node)}</span>
           </h2>
-          <p className={`status ${(record?.status ?? "invalid").toLowerCase()}`}>
+          <p className={css.status} data-status={record?.status}>
             {texts.live.statuses[record?.status ?? "INVALID"] ?? record?.status}
             {record?.message && `: ${record.message}`}
           </p>
@@ -165,12 +167,12 @@ function NodeDetails({ agent, path, panel }: NodeDetailsProps) {
           )}
           <NodeValues agent={agent} path={path} />
           <NodeResults agent={agent} path={path} />
-          <p className="place">
+          <p className={shared.faint}>
             {node.file}:{node.line} · {node.path}
           </p>
           <pre tabIndex={0}>
             {lines.map((line) => (
-              <span key={line.number} className={line.number === node.line ? "here" : ""}>
+              <span key={line.number} className={line.number === node.line ? css.here : undefined}>
                 {String(line.number).padStart(4)} {line.text}
                 {"\n"}
               </span>
@@ -187,7 +189,7 @@ function ScenePanel() {
   const live = useEntry("live");
   const names = (scene ?? live)?.values.map((one) => one.name) ?? [];
   return (
-    <section className="panel" aria-label={texts.live.scene}>
+    <section className={shared.panel} aria-label={texts.live.scene}>
       <h2>
         {texts.live.scene} <span>{scene?.label}</span>
       </h2>
@@ -195,7 +197,7 @@ function ScenePanel() {
         <thead>
           <tr>
             <th scope="col">
-              <span className="hidden">{texts.live.scene}</span>
+              <span className={shared.hidden}>{texts.live.scene}</span>
             </th>
             <th scope="col">{texts.live.awarded}</th>
             <th scope="col">{texts.live.liveScene}</th>
@@ -218,7 +220,7 @@ function ScenePanel() {
 function Value({ scene, name }: { scene: SceneRecord | undefined; name: string }) {
   const value = scene?.values.find((one) => one.name === name);
   if (value === undefined) return <td>–</td>;
-  if (value.value === null) return <td className="missing">{texts.live.missing}</td>;
+  if (value.value === null) return <td className={shared.warning}>{texts.live.missing}</td>;
   const deviation = value.std ? ` ± ${formatNumber(value.std)}` : "";
   return (
     <td title={value.source}>
@@ -260,10 +262,10 @@ function MoodPanel({ agent }: { agent: string }) {
     plot.current?.setData([moods.map(([, one]) => one.at_s), moods.map(([, one]) => one.mood)]);
   }, [moods]);
   return (
-    <section className="panel" aria-label={texts.live.mood}>
+    <section className={shared.panel} aria-label={texts.live.mood}>
       <h2>{texts.live.mood}</h2>
-      <div className="plot" ref={box} />
-      <ul className="rules">
+      <div className={css.plot} ref={box} />
+      <ul className={css.rules}>
         {card?.rules.map((rule) => (
           <li key={rule.when}>
             <code>{rule.when}</code> {rule.hold_s > 0 && `for ${formatSeconds(rule.hold_s)}`} → {rule.give.toLowerCase()}
@@ -279,7 +281,7 @@ function Questions() {
   const record = useEntry("questions");
   if (record === undefined || record.questions.length === 0) return null;
   return (
-    <section className="panel" aria-label={texts.live.questions}>
+    <section className={shared.panel} aria-label={texts.live.questions}>
       <h2>{texts.live.questions}</h2>
       {record.questions.map((one) => (
         <p key={one.at_s}>

@@ -4,7 +4,9 @@
 import { memo, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import { useConnection } from "./connection";
 import { formatTime } from "./formatting";
+import css from "./log.module.css";
 import type { LogRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useCollection } from "./store";
 import { texts } from "./texts";
 
@@ -40,8 +42,8 @@ export function Log() {
     setHeld((before) => (isAtEnd ? null : (before ?? newest)));
   };
   return (
-    <section className="panel log" aria-label={texts.live.log}>
-      <div className="bar">
+    <section className={`${shared.panel} ${css.log}`} aria-label={texts.live.log}>
+      <div className={shared.bar}>
         <h2>{texts.live.log}</h2>
         {held !== null && (
           <button type="button" onClick={() => setHeld(null)}>
@@ -69,7 +71,7 @@ export function NodeResults({ agent, path }: { agent: string; path: string }) {
   return (
     <>
       <h3>{texts.live.results}</h3>
-      <ol className="feedback" tabIndex={0} aria-label={texts.live.results}>
+      <ol className={shared.lines} tabIndex={0} aria-label={texts.live.results}>
         {shown.map(([key, { at_s, text }]) => (
           <li key={key}>
             <time>{formatTime(at_s)}</time> {text}

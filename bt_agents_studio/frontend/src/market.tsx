@@ -10,10 +10,12 @@ import { Divider } from "./divider";
 import { DryRun } from "./dry_run";
 import { Empty } from "./empty";
 import { formatNumber, formatTime } from "./formatting";
+import css from "./market.module.css";
 import { go, useAddress } from "./navigation";
 import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { RoundRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useCollection, useEntry } from "./store";
 import { Strategy } from "./strategy";
 import { texts } from "./texts";
@@ -27,8 +29,8 @@ export function Market() {
   const key = asked || rounds.at(-1)?.[0] || "";
   const round = useEntry("rounds", key);
   return (
-    <div className="columns">
-      <div className="main">
+    <div className={shared.columns}>
+      <div className={shared.main}>
         <PanelBoundary label={words.rounds}>
           <Rounds shown={key} show={(name) => go({ round: name }, true)} />
         </PanelBoundary>
@@ -47,7 +49,7 @@ export function Market() {
           <Shares />
         </PanelBoundary>
       </div>
-      <div className="side">
+      <div className={shared.side}>
         <Divider />
         <PanelBoundary label={words.profiles}>
           <Agents />
@@ -64,12 +66,12 @@ function Rounds({ shown, show }: { shown: string; show: (key: string) => void })
   const rounds = useCollection("rounds");
   const market = useEntry("market");
   return (
-    <section className="panel" aria-label={words.rounds}>
+    <section className={shared.panel} aria-label={words.rounds}>
       <h2>
         {words.rounds} <span>{market?.message}</span>
       </h2>
       {rounds.length === 0 && <Empty>{words.none}</Empty>}
-      <div className="rounds">
+      <div className={css.rounds}>
         {[...rounds].reverse().map(([name, one]) => (
           <button key={name} type="button" aria-pressed={name === shown} onClick={() => show(name)}>
             <b>{one.round}</b> {one.scene.label || formatTime(one.at_s)}
@@ -84,7 +86,7 @@ function Rounds({ shown, show }: { shown: string; show: (key: string) => void })
 
 function Round({ round }: { round: RoundRecord }) {
   return (
-    <section className="panel" aria-label={words.bids}>
+    <section className={shared.panel} aria-label={words.bids}>
       <h2>
         {words.bids}{" "}
         <span>
@@ -139,14 +141,14 @@ function Agents() {
     });
   };
   return (
-    <section className="panel" aria-label={words.profiles}>
+    <section className={shared.panel} aria-label={words.profiles}>
       <h2>
         {words.profiles} <span>{market && `${words.strategy} ${market.strategy}`}</span>
       </h2>
       <WhyNot of={order} />
       <Outcome of={[order]} />
       {agents.length === 0 && <Empty>{words.noAgents}</Empty>}
-      <ul className="agents">
+      <ul className={css.agents}>
         {agents.map(([name, agent]) => {
           const pinned = market?.pinned === name;
           const vetoed = market?.vetoed.includes(name) ?? false;
@@ -155,14 +157,14 @@ function Agents() {
               <b title={agent.description}>{agent.title || name}</b>
               {pinned && <em> {words.pinned}</em>}
               {vetoed && <em> {words.vetoed}</em>}
-              <div className="values">
+              <div className={shared.values}>
                 {Object.entries(agent.current).map(([parameter, value]) => (
                   <span key={parameter}>
                     {parameter} {value === null ? "–" : formatNumber(value)}
                   </span>
                 ))}
               </div>
-              <div className="bar">
+              <div className={shared.bar}>
                 <OperationButton of={order} ask={() => toggle(pinned ? "UNPIN" : "PIN", name)}>
                   {pinned ? words.unpin : words.pin}
                 </OperationButton>
@@ -194,9 +196,9 @@ function FeedbackList() {
   const [agent = "", layer = ""] = asked.split("|");
   const newest = new Map(feedback.map(([, one]) => [`${one.agent}|${one.layer}`, one.revision]));
   return (
-    <section className="panel" aria-label={words.feedback}>
+    <section className={shared.panel} aria-label={words.feedback}>
       <h2>{words.feedback}</h2>
-      <div className="bar">
+      <div className={shared.bar}>
         <OperationButton of={judge} ask={() => give("POSITIVE")}>
           <span aria-hidden="true">☺</span> {words.good}
         </OperationButton>
@@ -206,7 +208,7 @@ function FeedbackList() {
       </div>
       <WhyNot of={judge} />
       <Outcome of={[judge, manage]} />
-      <label className="bar">
+      <label className={shared.bar}>
         {words.course}{" "}
         <select value={asked} onChange={(event) => setAsked(event.target.value)}>
           <option value="">{words.allAgents}</option>
@@ -218,12 +220,12 @@ function FeedbackList() {
         </select>
       </label>
       {asked && <ProfileCourse agent={agent} layer={layer} />}
-      <ol className="feedback" tabIndex={0}>
+      <ol className={shared.lines} tabIndex={0}>
         {[...feedback].reverse().filter(([, one]) => asked === "" || `${one.agent}|${one.layer}` === asked).map(([key, one]) => (
           <li key={key}>
             <time>{formatTime(one.at_s)}</time> <b>{one.agent}</b> {one.layer} {one.kind.toLowerCase()} · {one.source}
             {one.reason && `: ${one.reason}`}
-            <div className="values">
+            <div className={shared.values}>
               {one.parameters.map((name, index) => (
                 <span key={name}>
                   {name} {format(one.before[index])} → {format(one.after[index])}

@@ -3,7 +3,9 @@
 
 import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
 import { isSignedIn, operate, useConnection, type Answer } from "./connection";
+import css from "./operation.module.css";
 import { OPERATION_ROLES, type Operations } from "./protocol";
+import shared from "./shared.module.css";
 import { texts } from "./texts";
 
 interface Numbered extends Answer {
@@ -102,7 +104,7 @@ export function OperationButton({ of, ask, disabled = false, className, title, c
 
 /** Why the controls of a panel are disabled; nothing if they are enabled. */
 export function WhyNot({ of }: { of: Asked }) {
-  return of.whyNot === "" ? null : <p className="why-not">{of.whyNot}</p>;
+  return of.whyNot === "" ? null : <p className={shared.warning}>{of.whyNot}</p>;
 }
 
 /** Result of the newest of some operations; a failure scrolls into view. */
@@ -113,7 +115,7 @@ export function Outcome({ of }: { of: readonly Asked[] }) {
     if (newest?.accepted === false) box.current?.scrollIntoView({ block: "nearest" });
   }, [newest]);
   return (
-    <output ref={box} className={newest?.accepted === false ? "answer failure" : "answer"}>
+    <output ref={box} className={newest?.accepted === false ? `${css.answer} ${shared.failure}` : css.answer}>
       {newest?.message}
     </output>
   );

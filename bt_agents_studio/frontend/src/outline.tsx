@@ -4,12 +4,15 @@
 import { memo, useCallback, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import { badgeText, nameWithoutKind } from "./badges";
 import { BusyTime, TimeLeft } from "./control";
+import css from "./outline.module.css";
 import { drawnAt, heldPx, ROW_PX, rowsOf, type Row } from "./outline_rows";
 import type { TreeNodeRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useEntry } from "./store";
 import { texts } from "./texts";
-import { branchOf, type Shown } from "./tree_layout";
-import { statusClass, statusOf, statusWords, type DrawingProps } from "./tree_drawing";
+import drawing from "./tree_drawing.module.css";
+import { branchOf, type Shown } from "./tree_nesting";
+import { statusOf, statusWords, type DrawingProps } from "./tree_drawing";
 
 const INDENT_PX = 16;
 const DEEPEST_INDENT = 16;
@@ -128,15 +131,15 @@ export function Outline(props: DrawingProps) {
   };
   return (
     <>
-      <div className="bar">
+      <div className={shared.bar}>
         {props.tools}
         <button type="button" aria-pressed={isFollowing} onClick={() => setFollowing(!isFollowing)}>
           {texts.live.following}
         </button>
       </div>
-      <div className="tree-frame">
+      <div className={drawing.frame}>
         <div
-          className="outline"
+          className={css.outline}
           ref={box}
           role="tree"
           aria-label={record.agent}
@@ -145,8 +148,8 @@ export function Outline(props: DrawingProps) {
           onScroll={onScroll}
           onKeyDown={onKeyDown}
         >
-          <div className="held">{drawn.held.map((one, index) => draw(one, index * ROW_PX))}</div>
-          <div className="rows" style={{ height: rows.length * ROW_PX }}>
+          <div className={css.held}>{drawn.held.map((one, index) => draw(one, index * ROW_PX))}</div>
+          <div className={css.rows} style={{ height: rows.length * ROW_PX }}>
             {drawn.rows.map((one) => draw(one, one.index * ROW_PX))}
             {!isDrawn && draw(active, active.index * ROW_PX)}
           </div>
@@ -184,7 +187,6 @@ const OutlineRow = memo(function OutlineRow(props: OutlineRowProps) {
   const note = isCut ? statusWords(record) : message;
   const stop = isStop ? `, ${texts.control.breakpoint}` : "";
   const label = `${branch}${node.kind}${name}, ${statusWords(record)}${message && `: ${message}`}${stop}`;
-  const classes = ["node", statusClass(record), isTip && "tip", isChosen && "chosen", isFound && "found"];
   const without = (act: (path: string) => void) => (event: React.MouseEvent) => {
     event.stopPropagation();
     act(node.path);
@@ -192,7 +194,7 @@ const OutlineRow = memo(function OutlineRow(props: OutlineRowProps) {
   return (
     <div
       id={rowId(node.path)}
-      className={classes.filter(Boolean).join(" ")}
+      className={css.node}
       style={{ top: y }}
       role="treeitem"
       aria-level={depth + 1}
@@ -202,41 +204,45 @@ const OutlineRow = memo(function OutlineRow(props: OutlineRowProps) {
       {...(children.length > 0 ? { "aria-expanded": !isFolded } : {})}
       title={`${label}\n${node.path}`}
       data-path={node.path}
+      data-status={status}
+      data-tip={isTip || undefined}
+      data-found={isFound || undefined}
       onClick={() => choose(node.path)}
       onDoubleClick={() => children.length > 0 && fold(node.path)}
     >
       <span
-        className={isStop ? "breakpoint set" : "breakpoint"}
+        className={css.breakpoint}
+        data-set={isStop || undefined}
         title={texts.control.hint}
         aria-hidden="true"
         onClick={without(toggleStop)}
         onDoubleClick={(event) => event.stopPropagation()}
       />
       <span
-        className={children.length === 0 ? "fold" : isFolded ? "fold closed" : "fold open"}
+        className={css.fold}
         style={{ marginLeft: Math.min(depth, DEEPEST_INDENT) * INDENT_PX }}
         aria-hidden="true"
         onClick={children.length > 0 ? without(fold) : undefined}
         onDoubleClick={(event) => event.stopPropagation()}
       />
-      <span className="mark" aria-hidden="true" />
-      <span className="title">
+      <span className={css.mark} aria-hidden="true" />
+      <span className={css.title}>
         {branch && <i>{branch}</i>}
         <b>{node.kind}</b>
         {name}
       </span>
-      <span className="hidden">
+      <span className={shared.hidden}>
         {!isCut && `, ${statusWords(record)}`}
         {stop}
       </span>
-      <span className="more">
+      <span className={css.more}>
         {isFolded && <small>+{children.length}</small>}
         {[...modifiers, node].map((one) => (
           <RowLimit key={one.path} agent={agent} host={host} node={one} isBadge={one !== node} />
         ))}
-        {note && <span className="message">{note}</span>}
+        {note && <span className={css.message}>{note}</span>}
       </span>
-      <span className="busy">
+      <span className={css.busy}>
         {record && (record.status === "RUNNING" || record.busy_s > 0) && <BusyTime record={record} />}
       </span>
     </div>
@@ -258,7 +264,7 @@ const RowLimit = memo(function RowLimit({ agent, host, node, isBadge }: RowLimit
   return (
     <>
       {isBadge && (
-        <span className={`badge ${statusClass(record)}`} data-badge={node.path}>
+        <span className={drawing.badge} data-status={statusOf(record)} data-badge={node.path}>
           {badgeText(node, remaining)}
         </span>
       )}

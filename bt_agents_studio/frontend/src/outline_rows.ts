@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rows of a tree's outline, and the rows to draw at a scroll offset; no drawing here.
 
-import type { Shown } from "./tree_layout";
+import type { Shown } from "./tree_nesting";
 
 export const ROW_PX = 24;
 /** Rows drawn above and below the frame, so that scrolling shows no gap. */

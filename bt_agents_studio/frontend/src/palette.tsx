@@ -4,6 +4,8 @@
 import { useEffect, useId, useMemo, useRef, useState, type KeyboardEvent as PressedKey } from "react";
 import { PAGES, type Address } from "./address";
 import { go } from "./navigation";
+import css from "./palette.module.css";
+import shared from "./shared.module.css";
 import { useCollection } from "./store";
 import { texts } from "./texts";
 
@@ -35,7 +37,7 @@ export function Palette() {
     return () => window.removeEventListener("keydown", pressed);
   }, []);
   return (
-    <dialog className="keys palette" ref={dialog} aria-label={words.title} onClose={() => setOpen(false)}>
+    <dialog className={css.palette} ref={dialog} aria-label={words.title} onClose={() => setOpen(false)}>
       {isOpen && <Search close={() => dialog.current?.close()} />}
     </dialog>
   );
@@ -81,11 +83,11 @@ function Search({ close }: { close: () => void }) {
       <ul role="listbox" id={list} aria-label={words.title}>
         {found.map((place, index) => (
           <li key={index} id={`${list}-${index}`} role="option" aria-selected={index === at} onClick={() => goTo(place)}>
-            {place.name} <span className="what">{[words.kinds[place.kind], place.where].filter(Boolean).join(" · ")}</span>
+            {place.name} <span className={shared.faint}>{[words.kinds[place.kind], place.where].filter(Boolean).join(" · ")}</span>
           </li>
         ))}
       </ul>
-      {found.length === 0 && <p className="empty">{words.none}</p>}
+      {found.length === 0 && <p className={shared.faint}>{words.none}</p>}
     </>
   );
 }

@@ -2,6 +2,7 @@
 // Error boundary of one panel: an exception in it leaves the rest of the page intact.
 
 import { Component, type ReactNode } from "react";
+import shared from "./shared.module.css";
 import { texts } from "./texts";
 
 interface Properties {
@@ -20,9 +21,9 @@ export class PanelBoundary extends Component<Properties, { error: unknown }> {
   override render(): ReactNode {
     if (this.state.error === null) return this.props.children;
     return (
-      <section className="panel" role="alert" aria-label={this.props.label}>
+      <section className={shared.panel} role="alert" aria-label={this.props.label}>
         <h2>{this.props.label}</h2>
-        <p className="failure">{texts.failure.panel}</p>
+        <p className={shared.failure}>{texts.failure.panel}</p>
         <pre tabIndex={0}>{String(this.state.error)}</pre>
         <button type="button" onClick={() => this.setState({ error: null })}>
           {texts.failure.again}

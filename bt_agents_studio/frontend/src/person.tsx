@@ -8,8 +8,10 @@ import { formatNumber } from "./formatting";
 import { useEscapeTwice } from "./keyboard";
 import { OperationButton, useOperation, WhyNot } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
+import css from "./person.module.css";
 import { words } from "./person_texts";
 import type { ParameterRecord, RobotActRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useStop } from "./stop";
 import { useEntry } from "./store";
 
@@ -39,10 +41,10 @@ export function Person() {
   const mood = hello?.parameters.find((one) => one.is_mood);
   const there = phase === "open" && part?.alive === true;
   return (
-    <div className="person" ref={box}>
-      <div className="bar">
+    <div className={css.person} ref={box}>
+      <div className={shared.bar}>
         <Light colour={robot?.light ?? "off"} blinks={robot?.light_blinks ?? false} />
-        <span className="what">{there ? "" : words.away}</span>
+        <span className={css.away}>{there ? "" : words.away}</span>
         {"speechSynthesis" in window && (
           <Toggle on={speaks} set={setSpeaks}>
             {words.speak}
@@ -57,16 +59,16 @@ export function Person() {
         <Subtitles speech={speech} />
         <Shown acts={acts} sound={robot?.sounds ? robot.sound : ""} />
       </PanelBoundary>
-      <div className="person">
+      <div className={css.stack}>
         {question && (
           <PanelBoundary key={question.number} label={words.answer}>
             <Question question={question} report={report} />
           </PanelBoundary>
         )}
-        <p role="status" className="told">
+        <p role="status" className={css.told}>
           {answer}
         </p>
-        <div className="panels">
+        <div className={css.panels}>
           <PanelBoundary label={words.who}>
             <WhoYouAre
               parameters={hello?.parameters ?? []}
@@ -74,7 +76,7 @@ export function Person() {
               begun={() => setEncounter((before) => before + 1)}
             />
           </PanelBoundary>
-          <div className="person">
+          <div className={css.stack}>
             {mood && (
               <PanelBoundary key={encounter} label={words.mood}>
                 <Mood parameter={mood} report={report} />
@@ -108,7 +110,9 @@ function Toggle({ on, set, children }: ToggleProps) {
 function Light({ colour, blinks }: { colour: string; blinks: boolean }) {
   const known = Object.hasOwn(words.colours, colour) ? colour : "off";
   const label = `${words.light}: ${words.colours[known]}${blinks ? `, ${words.blinking}` : ""}`;
-  return <span className={`light ${known} ${blinks ? "blinks" : ""}`} role="img" aria-label={label} title={label} />;
+  return (
+    <span className={css.light} data-colour={known} data-blinks={blinks || undefined} role="img" aria-label={label} title={label} />
+  );
 }
 
 function Stop() {
@@ -119,11 +123,11 @@ function Stop() {
   }, [stopRun]);
   useEscapeTwice(stop, true);
   return (
-    <div className="stop-bar">
-      <span role="alert" className="alert">
+    <div className={css.stopBar} data-live>
+      <span role="alert" className={css.alert}>
         {answer.text}
       </span>
-      <button type="button" className="stop" onClick={stop}>
+      <button type="button" className={shared.stop} onClick={stop}>
         {words.stop}
       </button>
     </div>
@@ -136,7 +140,7 @@ function Subtitles({ speech }: { speech: RobotActRecord | undefined }) {
     if (speech) setLast(speech.text);
   }, [speech]);
   return (
-    <p className={speech ? "subtitles" : "subtitles past"} aria-live="polite" aria-label={words.says}>
+    <p className={css.subtitles} data-past={speech === undefined || undefined} aria-live="polite" aria-label={words.says}>
       {speech?.text ?? (last || words.quiet)}
     </p>
   );
@@ -144,7 +148,7 @@ function Subtitles({ speech }: { speech: RobotActRecord | undefined }) {
 
 function Shown({ acts, sound }: { acts: readonly RobotActRecord[]; sound: string }) {
   return (
-    <div className="shown">
+    <div className={css.shown}>
       {acts.map((act) => {
         if (act.kind === "DRIVE") return <p key={act.number}>{`${words.drives} ${act.text}`}</p>;
         if (act.kind !== "SHOW") return null;
@@ -155,7 +159,7 @@ function Shown({ acts, sound }: { acts: readonly RobotActRecord[]; sound: string
           </figure>
         );
       })}
-      {sound && <p className="sound">{`${words.sound} ${sound}`}</p>}
+      {sound && <p className={css.sound}>{`${words.sound} ${sound}`}</p>}
     </div>
   );
 }
@@ -189,7 +193,7 @@ function Question({ question, report }: QuestionProps) {
     return () => window.removeEventListener("keydown", pressed);
   }, [choices, give]);
   return (
-    <section className="question" aria-label={words.answer}>
+    <section className={css.question} aria-label={words.answer}>
       {choices.length === 0 ? (
         <form
           onSubmit={(event) => {
@@ -246,9 +250,9 @@ function Mood({ parameter, report }: MoodProps) {
     newest.push(parameter.name, () => sense(bounded));
   };
   return (
-    <section className="panel mood" aria-label={words.mood}>
+    <section className={shared.panel} aria-label={words.mood}>
       <h2 id="mood-question">{words.mood}</h2>
-      <div className="bar">
+      <div className={css.scale}>
         <button type="button" disabled={disabled} onClick={() => move(value - 1)}>
           <Face smile={-1} /> {words.worse}
         </button>
@@ -263,7 +267,7 @@ function Mood({ parameter, report }: MoodProps) {
           <Face smile={1} /> {words.better}
         </button>
       </div>
-      <p className="label">{labelOf(parameter, value)}</p>
+      <p className={css.label}>{labelOf(parameter, value)}</p>
     </section>
   );
 }
@@ -301,10 +305,10 @@ function labelOf(parameter: ParameterRecord, value: number): string {
 
 function Face({ smile }: { smile: 1 | -1 }) {
   return (
-    <svg className="face" viewBox="0 0 24 24" aria-hidden="true">
+    <svg className={css.face} viewBox="0 0 24 24" aria-hidden="true">
       <circle cx="12" cy="12" r="10" />
-      <circle className="eye" cx="8.5" cy="9.5" r="1.3" />
-      <circle className="eye" cx="15.5" cy="9.5" r="1.3" />
+      <circle className={css.eye} cx="8.5" cy="9.5" r="1.3" />
+      <circle className={css.eye} cx="15.5" cy="9.5" r="1.3" />
       <path d={`M7 15.5 Q12 ${15.5 + 4 * smile} 17 15.5`} />
     </svg>
   );
@@ -323,9 +327,9 @@ function Judge({ parameters, report }: ParametersProps) {
     if (done !== null) report(done);
   };
   return (
-    <section className="panel judge" aria-label={words.judge}>
+    <section className={shared.panel} aria-label={words.judge}>
       <h2>{words.judge}</h2>
-      <div className="bar">
+      <div className={shared.bar}>
         <OperationButton of={feedback} ask={() => judge("POSITIVE")}>
           <Face smile={1} /> {words.good}
         </OperationButton>
@@ -360,11 +364,11 @@ function Opinion({ parameters, report, end }: ParametersProps & { end: () => voi
     if (done !== null) report(done);
   };
   return (
-    <div className="opinion">
+    <div>
       <h3 id="opinion">{`${words.suits} (${given.length + 1}/${parameters.length}): ${parameter.description || parameter.name}`}</h3>
       <Slider parameter={parameter} value={shown} choose={setValue} aria-labelledby="opinion" />
-      <p className="label">{labelOf(parameter, shown)}</p>
-      <div className="bar">
+      <p className={css.label}>{labelOf(parameter, shown)}</p>
+      <div className={shared.bar}>
         <OperationButton of={feedback} ask={() => next(shown)}>
           {words.next}
         </OperationButton>
@@ -397,7 +401,7 @@ function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () 
   const leave = async (): Promise<void> =>
     tell(await scene.ask({ person: "ABSENT", announce: false }), words.gone);
   return (
-    <section className="panel who" aria-label={words.who}>
+    <section className={`${shared.panel} ${css.who}`} aria-label={words.who}>
       <h2>{words.who}</h2>
       {parameters.map((one) => (
         <Choice
@@ -407,8 +411,8 @@ function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () 
           choose={(value) => setChosen((before) => ({ ...before, [one.name]: value }))}
         />
       ))}
-      <div className="bar">
-        <OperationButton of={scene} className="begin" ask={begin}>
+      <div className={shared.bar}>
+        <OperationButton of={scene} className={css.begin} ask={begin}>
           {words.begin}
         </OperationButton>
         <OperationButton of={scene} ask={leave}>
@@ -476,7 +480,7 @@ function useScan(box: React.RefObject<HTMLDivElement | null>, scans: boolean, qu
       const all = buttons();
       all[(focused() + 1) % all.length]?.focus();
     };
-    const isStop = (event: Event): boolean => event.target instanceof Element && event.target.closest(".stop") !== null;
+    const isStop = (event: Event): boolean => event.target instanceof Element && event.target.closest(`.${css.stopBar} button`) !== null;
     const press = (event: PointerEvent): void => {
       if (isStop(event)) return;
       event.preventDefault();
@@ -490,7 +494,7 @@ function useScan(box: React.RefObject<HTMLDivElement | null>, scans: boolean, qu
         event.stopPropagation();
       }
     };
-    if (question !== undefined) element.querySelector<HTMLButtonElement>(".question button")?.focus();
+    if (question !== undefined) element.querySelector<HTMLButtonElement>(`.${css.question} button`)?.focus();
     const timer = window.setInterval(move, SCAN_MS);
     window.addEventListener("pointerdown", press, true);
     window.addEventListener("click", swallow, true);

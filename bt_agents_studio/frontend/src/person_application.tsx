@@ -3,21 +3,20 @@
 
 import { StrictMode } from "react";
 import { createRoot } from "react-dom/client";
+import { startAppearance } from "./appearance";
 import { connect, useConnection } from "./connection";
 import { PanelBoundary } from "./panel_boundary";
-import "./person.css";
 import { Person } from "./person";
 import { language } from "./person_texts";
 import { Phase } from "./phase";
 import { texts } from "./texts";
-import { startTheme } from "./theme";
 
 function PersonApplication() {
   const { hello, phase } = useConnection();
   const isStale = phase !== "open" && phase !== "connecting";
   return (
-    <>
-      <header className={isStale ? "stale" : ""}>
+    <div data-stale={isStale || undefined}>
+      <header>
         <h1>bt-agents</h1>
         {hello !== null && hello.role !== "person" && (
           <nav>
@@ -30,12 +29,12 @@ function PersonApplication() {
         )}
         <Phase />
       </header>
-      <main className={isStale ? "stale" : ""}>
+      <main>
         <PanelBoundary label={texts.pages.person}>
           <Person />
         </PanelBoundary>
       </main>
-    </>
+    </div>
   );
 }
 
@@ -47,6 +46,6 @@ export function start(root: HTMLElement): void {
       <PersonApplication />
     </StrictMode>,
   );
-  startTheme();
+  startAppearance();
   connect("person");
 }

@@ -3,7 +3,9 @@
 
 import { encode } from "uqr";
 import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
+import css from "./person_link.module.css";
 import type { PersonLinkRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { texts } from "./texts";
 
 const words = texts.world;
@@ -14,9 +16,9 @@ export function PersonLink() {
   const link = useOperation("person_link", true);
   const found = link.answer?.accepted ? (link.answer.record as PersonLinkRecord) : null;
   return (
-    <section className="panel" aria-label={words.visitor}>
+    <section className={shared.panel} aria-label={words.visitor}>
       <h2>{words.visitor}</h2>
-      <p className="empty">{words.visitorExplain}</p>
+      <p className={shared.faint}>{words.visitorExplain}</p>
       <WhyNot of={link} />
       {found === null && (
         <OperationButton of={link} ask={() => link.ask({})}>
@@ -40,7 +42,7 @@ function QrCode({ text }: { text: string }) {
   const { data, size } = encode(text, { border: BORDER });
   const path = data.flatMap((row, y) => row.map((dark, x) => (dark ? `M${x} ${y}h1v1h-1z` : ""))).join("");
   return (
-    <svg className="qr" role="img" aria-label={words.code} viewBox={`0 0 ${size} ${size}`}>
+    <svg className={css.code} role="img" aria-label={words.code} viewBox={`0 0 ${size} ${size}`}>
       <rect width={size} height={size} fill="#fff" />
       <path d={path} fill="#000" />
     </svg>

@@ -3,13 +3,14 @@
 
 import { useConnection } from "./connection";
 import { formatTime } from "./formatting";
+import css from "./phase.module.css";
 import { texts } from "./texts";
 
 export function Phase() {
   const { phase, heardS } = useConnection();
   return (
     <>
-      <p className={`phase ${phase}`} role="status">
+      <p className={css.phase} data-phase={phase} role="status">
         {phase === "lost" && heardS !== null
           ? `${texts.connection.stale} ${formatTime(heardS)}, ${texts.connection.again}`
           : texts.connection[phase]}

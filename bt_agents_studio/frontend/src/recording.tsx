@@ -5,6 +5,7 @@ import { useState } from "react";
 import { author } from "./author";
 import { Empty } from "./empty";
 import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
+import shared from "./shared.module.css";
 import { useEntry } from "./store";
 import { texts } from "./texts";
 
@@ -22,7 +23,7 @@ export function Recording() {
     return done?.accepted === true;
   };
   return (
-    <section className="panel" aria-label={words.recording}>
+    <section className={shared.panel} aria-label={words.recording}>
       <h2>{words.recording}</h2>
       {record === undefined && <Empty>{words.noJournal}</Empty>}
       {record?.recording === true && (
@@ -31,7 +32,7 @@ export function Recording() {
             <b>{record.label || record.file}</b> {words.recorded} · {texts.time.bookmarks}: {record.bookmarks}
           </p>
           <form
-            className="bar"
+            className={shared.bar}
             onSubmit={(event) => {
               event.preventDefault();
               void ask("BOOKMARK", { label: bookmark }).then((accepted) => accepted && setBookmark(""));
@@ -41,7 +42,7 @@ export function Recording() {
               {words.bookmark} <input value={bookmark} maxLength={200} onChange={(event) => setBookmark(event.target.value)} />
             </label>
             <OperationButton of={write}>{words.mark}</OperationButton>
-            <OperationButton of={write} className="stop" ask={() => ask("STOP", {})}>
+            <OperationButton of={write} className={shared.stop} ask={() => ask("STOP", {})}>
               {words.stop}
             </OperationButton>
           </form>
@@ -49,9 +50,9 @@ export function Recording() {
       )}
       {record?.recording === false && (
         <>
-          <p className="empty">{words.notRecorded}</p>
+          <p className={shared.faint}>{words.notRecorded}</p>
           <form
-            className="bar"
+            className={shared.bar}
             onSubmit={(event) => {
               event.preventDefault();
               void ask("START", { label, notes });

@@ -2,7 +2,8 @@
 // Starts a document: loads its part of the page, and shows a text if that fails.
 
 import "./language";
-import "./style.css";
+import "./base.css";
+import shared from "./shared.module.css";
 import { texts } from "./texts";
 
 interface Part {
@@ -16,7 +17,7 @@ export function load(part: () => Promise<Part>): void {
 
 function report(root: HTMLElement, error: unknown): void {
   const panel = document.createElement("section");
-  panel.className = "panel";
+  panel.className = shared.panel ?? "";
   panel.setAttribute("role", "alert");
   for (const [name, text] of [
     ["h1", texts.failure.loading],

@@ -5,10 +5,12 @@ import { useEffect, useMemo } from "react";
 import { useConnection } from "./connection";
 import { formatNumber, formatTime } from "./formatting";
 import { useEscapeTwice } from "./keyboard";
+import shared from "./shared.module.css";
+import css from "./status_strip.module.css";
 import { useStop } from "./stop";
 import { usePresent } from "./store";
 import { texts } from "./texts";
-import { withoutModifier } from "./tree_layout";
+import { withoutModifier } from "./tree_nesting";
 
 const words = texts.strip;
 
@@ -25,17 +27,17 @@ export function StatusStrip() {
   // Forget the answer to Stop when another run begins.
   useEffect(forget, [market?.since_s, forget]);
   return (
-    <section className={`strip ${isSilent ? "silent" : state.toLowerCase()}`} aria-label={words.label} data-state={state}>
+    <section className={css.strip} aria-label={words.label} data-state={state} data-silent={isSilent || undefined}>
       {atS !== null && <span>{words.now}</span>}
-      <span className="dot" aria-hidden="true" />
+      <span className={css.dot} aria-hidden="true" />
       <b>{isSilent ? `${words.silent} ${formatTime(part.seen_s)}` : (words.states[state] ?? words.none)}</b>
       {market?.agent && <Running name={market.agent} />}
       {market && <span>{`${words.since} ${formatTime(market.since_s)}`}</span>}
       <Mood />
-      <span className="alert" role="alert">
+      <span className={css.alert} role="alert">
         {answer.isRefused && answer.text}
       </span>
-      <button type="button" className="stop" title={words.key} disabled={!canStop} onClick={stop}>
+      <button type="button" className={`${shared.stop} ${css.stop}`} title={words.key} disabled={!canStop} onClick={stop}>
         {isStopping ? texts.stop.stopping : texts.stop.stop} <kbd aria-hidden="true">Esc Esc</kbd>
       </button>
     </section>
@@ -50,9 +52,9 @@ function Running({ name }: { name: string }) {
   const node = useMemo(() => tree?.nodes.find((one) => one.path === tip), [tree, tip]);
   return (
     <>
-      <span className="agent">{agent?.title || name}</span>
+      <span className={css.agent}>{agent?.title || name}</span>
       {tip && (
-        <span className="node-name" title={tip}>
+        <span className={css.node} title={tip}>
           {node?.name || tip}
         </span>
       )}

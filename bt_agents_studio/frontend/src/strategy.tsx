@@ -3,8 +3,10 @@
 
 import { useEffect, useState } from "react";
 import { NumberPair, scaleOf } from "./fields";
+import fieldCss from "./fields.module.css";
 import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
 import type { StrategiesRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useEntry } from "./store";
 import { texts } from "./texts";
 
@@ -37,10 +39,10 @@ export function Strategy() {
   };
   const isChanged = name !== inForce || Object.keys(given).length > 0;
   return (
-    <section className="panel" aria-label={words.strategy}>
+    <section className={shared.panel} aria-label={words.strategy}>
       <h2>{words.strategy}</h2>
       <WhyNot of={change} />
-      <label className="bar">
+      <label className={shared.bar}>
         {words.ranks}{" "}
         <select
           value={name}
@@ -58,7 +60,7 @@ export function Strategy() {
       </label>
       <p>{market.strategies.find((one) => one.name === name)?.description}</p>
       {options.map((one) => (
-        <div className="control" key={`${name}.${one.name}`}>
+        <div className={fieldCss.row} key={`${name}.${one.name}`}>
           <label htmlFor={`strategy-${one.name}`}>
             {one.name} <small>{one.description}</small>
           </label>
@@ -73,7 +75,7 @@ export function Strategy() {
         </div>
       ))}
       {isChanged && (
-        <div className="bar">
+        <div className={shared.bar}>
           <OperationButton of={change} ask={set}>
             {words.setStrategy}
           </OperationButton>
@@ -82,7 +84,7 @@ export function Strategy() {
           </button>
         </div>
       )}
-      {read.answer?.accepted === false && <p className="why-not">{read.answer.message}</p>}
+      {read.answer?.accepted === false && <p className={shared.warning}>{read.answer.message}</p>}
       <Outcome of={[change]} />
     </section>
   );

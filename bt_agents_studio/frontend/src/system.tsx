@@ -8,15 +8,17 @@ import { Empty } from "./empty";
 import { formatTime } from "./formatting";
 import { PanelBoundary } from "./panel_boundary";
 import type { HealthRecord, JournalRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useCollection, useEntry } from "./store";
+import css from "./system.module.css";
 import { texts } from "./texts";
 
 const words = texts.system;
 
 export function System() {
   return (
-    <div className="columns">
-      <div className="main">
+    <div className={shared.columns}>
+      <div className={shared.main}>
         <PanelBoundary label={words.processes}>
           <Processes />
         </PanelBoundary>
@@ -30,7 +32,7 @@ export function System() {
           <Hosts />
         </PanelBoundary>
       </div>
-      <div className="side">
+      <div className={shared.side}>
         <Divider />
         <PanelBoundary label={words.parts}>
           <Parts />
@@ -47,7 +49,7 @@ function Hosts() {
   const hosts = useCollection("hosts");
   const agents = useCollection("agents");
   return (
-    <section className="panel" aria-label={words.hosts}>
+    <section className={shared.panel} aria-label={words.hosts}>
       <h2>{words.hosts}</h2>
       {hosts.length === 0 && <Empty>{words.noHosts}</Empty>}
       {hosts.map(([name, host]) => (
@@ -77,7 +79,7 @@ function Problems() {
   const problems = useCollection("hosts").flatMap(([, host]) => host.problems);
   const failures = useEntry("health", "studio: messages");
   return (
-    <section className="panel" aria-label={words.problems}>
+    <section className={shared.panel} aria-label={words.problems}>
       <h2>{words.problems}</h2>
       {problems.length === 0 && failures === undefined && <Empty>{words.noProblems}</Empty>}
       {failures && (
@@ -97,12 +99,12 @@ function Problems() {
 function Parts() {
   const parts = useCollection("parts");
   return (
-    <section className="panel" aria-label={words.parts}>
+    <section className={shared.panel} aria-label={words.parts}>
       <h2>{words.parts}</h2>
       {parts.length === 0 && <Empty>{words.noParts}</Empty>}
-      <ul>
+      <ul className={css.parts}>
         {parts.map(([name, one]) => (
-          <li key={name} className={one.alive ? "alive" : "gone"}>
+          <li key={name} data-alive={one.alive || undefined}>
             <b>{name}</b> {one.alive ? words.alive : `${words.gone} ${formatTime(one.seen_s)}`}
           </li>
         ))}
@@ -128,11 +130,11 @@ function Processes() {
   const found = useCollection("health").filter(([name]) => PROCESS.test(name)).sort(bySeverity);
   const machines = new Set(found.map(([name]) => PROCESS.exec(name)?.[1]));
   return (
-    <section className="panel" aria-label={words.processes}>
+    <section className={shared.panel} aria-label={words.processes}>
       <h2>{words.processes}</h2>
-      <p className="empty">{found.length === 0 ? words.noProcesses : words.onlyOfUp}</p>
+      <p className={shared.faint}>{found.length === 0 ? words.noProcesses : words.onlyOfUp}</p>
       {found.length > 0 && (
-        <div className="processes" tabIndex={0}>
+        <div className={css.processes} tabIndex={0}>
           <table>
             <thead>
               <tr>
@@ -146,18 +148,18 @@ function Processes() {
                 const [, machine, process] = PROCESS.exec(name) ?? [];
                 const { since, pid, restarts, cpu, memory, log, "last exit": exit } = one.values;
                 return (
-                  <tr key={name} className={one.level.toLowerCase()}>
+                  <tr key={name} data-level={one.level}>
                     <th>
                       {process} {machines.size > 1 && <small>{machine}</small>}
                     </th>
-                    <td className="level">{one.message}</td>
+                    <td className={css.level}>{one.message}</td>
                     <td>{formatMoment(one.level === "STALE" ? one.since_s : Date.parse(since ?? "") / 1000)}</td>
                     <td>{pid}</td>
                     <td>{restarts}</td>
                     <td>{exit}</td>
                     <td>{cpu}</td>
                     <td>{memory}</td>
-                    <td className="line">{log}</td>
+                    <td className={css.log}>{log}</td>
                   </tr>
                 );
               })}
@@ -179,16 +181,16 @@ function HealthList() {
   const found = useCollection("health").filter(([name]) => !PROCESS.test(name));
   const sorted = [...found].sort(bySeverity);
   return (
-    <section className="panel" aria-label={words.health}>
+    <section className={shared.panel} aria-label={words.health}>
       <h2>{words.health}</h2>
       {found.length === 0 && <Empty>{words.noHealth}</Empty>}
-      <ul className="health">
+      <ul className={css.health}>
         {sorted.map(([name, one]) => (
-          <li key={name} className={one.level.toLowerCase()}>
+          <li key={name} data-level={one.level}>
             <details>
               <summary>
                 <b>{name}</b>{" "}
-                <span className="level">
+                <span className={css.level}>
                   {words.levels[one.level] ?? one.level} {words.since} {formatTime(one.since_s)}
                 </span>{" "}
                 {one.message}
@@ -219,11 +221,11 @@ function Journals() {
       .then(setFound, () => setFound([]));
   }, [recording?.file, recording?.recording]);
   return (
-    <section className="panel" aria-label={words.journals}>
+    <section className={shared.panel} aria-label={words.journals}>
       <h2>{words.journals}</h2>
       {recording === undefined && <Empty>{texts.world.noJournal}</Empty>}
-      {found.length === 0 && <p className="empty">{phase === "refused" ? texts.connection.refused : words.noJournals}</p>}
-      <ul className="journals">
+      {found.length === 0 && <p className={shared.faint}>{phase === "refused" ? texts.connection.refused : words.noJournals}</p>}
+      <ul>
         {found.map((one) => (
           <li key={one.name}>
             {one.label && <b>{one.label} </b>}

@@ -19,9 +19,14 @@ export const texts = {
     toLive: "Go to Live",
   },
   keys: {
-    title: "Keys and colours",
+    title: "Keys, colours, density",
     close: "Close",
-    themes: { system: "As the system", light: "Light", dark: "Dark" },
+    theme: "Colours",
+    density: "Density",
+    choices: {
+      theme: { system: "As the system", light: "Light", dark: "Dark" },
+      density: { comfortable: "Comfortable", compact: "Compact" },
+    },
     list: [
       ["Esc Esc", "stop the running agent, from any page"],
       ["?", "show this list"],

@@ -6,8 +6,10 @@ import { Bookmarks, useBookmarks } from "./bookmarks";
 import { fetchEvents, follow, seek, useConnection } from "./connection";
 import { formatSeconds, formatTime } from "./formatting";
 import type { BookmarkRecord, EventRecord, ParameterRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useCollection, useEntry, usePresent, usePresentCollection } from "./store";
 import { texts } from "./texts";
+import css from "./timeline.module.css";
 import {
   blockAt,
   blocksOf,
@@ -78,8 +80,8 @@ export function Timeline() {
   const toEnd = (): void => (source ? seek(source, whole.toS) : toNow());
   const player = usePlayer(events, whole, toEnd);
   return (
-    <div className="time">
-      <div className="moment">
+    <div className={css.timeline}>
+      <div className={css.moment}>
         <time>{formatTime(moment)}</time>
         {isAway ? (
           <button type="button" onClick={toNow}>
@@ -98,8 +100,8 @@ export function Timeline() {
           endsNow={source === "" && (view === null || view.endS === null)}
           lanes={box}
         />
-        {source && <span className="source">{source}</span>}
-        {failure && <span className="failure">{failure}</span>}
+        {source && <span className={css.source}>{source}</span>}
+        {failure && <span className={shared.failure}>{failure}</span>}
       </div>
       <Lanes
         box={box}
@@ -171,7 +173,7 @@ function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
   };
   return (
     <Menu box={box} label={words.save} onOpen={() => setFailure("")}>
-      <div className="bar">
+      <div className={shared.bar}>
         <button type="button" onClick={() => void save("CSV")}>
           {words.saveTable}
         </button>
@@ -183,7 +185,7 @@ function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
           {isPending && " …"}
         </button>
       </div>
-      <output className={failure && "failure"}>{failure}</output>
+      <output className={failure && shared.failure}>{failure}</output>
     </Menu>
   );
 }
@@ -338,7 +340,7 @@ function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf,
   return (
     <div
       ref={box}
-      className="lanes"
+      className={css.lanes}
       role="slider"
       tabIndex={0}
       aria-label={words.bar}
@@ -356,7 +358,7 @@ function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf,
     >
       <svg width={width} height={height} aria-hidden="true">
         {lanes.map((lane, place) => (
-          <g key={lane} className="lane">
+          <g key={lane} className={css.lane}>
             <line x1={0} x2={width} y1={(place + 1) * LANE_PX} y2={(place + 1) * LANE_PX} />
             <text x={0} y={(place + 1) * LANE_PX - 2}>
               {words.lanes[lane]}
@@ -364,7 +366,7 @@ function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf,
           </g>
         ))}
         {ticksOf(shown, width).map((tick) => (
-          <text key={tick} className="tick" x={placeOf(tick, shown, width)} y={height - 2}>
+          <text key={tick} className={css.tick} x={placeOf(tick, shown, width)} y={height - 2}>
             {formatTime(tick)}
           </text>
         ))}
@@ -377,7 +379,7 @@ function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf,
             title={titleOf(one.event.agent)}
           />
         ))}
-        <g className="marks">
+        <g className={css.marks}>
           {bookmarks
             .filter((one) => one.at_s >= shown.fromS && one.at_s <= shown.toS)
             .map((one) => (
@@ -385,12 +387,12 @@ function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf,
             ))}
         </g>
         {moment >= shown.fromS && moment <= shown.toS && (
-          <rect className="cursor" x={Math.min(placeOf(moment, shown, width), width - 1) - 1} width={2} height={height} />
+          <rect className={css.cursor} x={Math.min(placeOf(moment, shown, width), width - 1) - 1} width={2} height={height} />
         )}
       </svg>
       {hover !== null && (
         <span
-          className="hover"
+          className={css.hover}
           aria-hidden="true"
           style={{ left: hover.x, top: height, transform: `translateX(-${(hover.x / Math.max(width, 1)) * 100}%)` }}
         >
@@ -421,7 +423,7 @@ function BlockShape({ block, top, title }: { block: Block; top: number; title: s
   const text = lane === "AGENT" ? `${MARKS[event.kind] ?? "✘"} ${title}` : event.text;
   const hasText = width >= (TEXT_PX[lane] ?? Infinity);
   return (
-    <g className={`block ${isFailure(event) ? "failed" : event.kind.toLowerCase()}`} data-lane={lane} data-kind={event.kind}>
+    <g className={css.block} data-lane={lane} data-kind={event.kind} data-failed={isFailure(event) || undefined}>
       <rect x={x} y={top + 1} width={Math.max(width - 1, MARK_PX - 1)} height={LANE_PX - 2} rx={2} />
       {hasText && (
         <text x={x + 3} y={top + LANE_PX - 2}>
@@ -452,14 +454,15 @@ function MoodLine({ shown, width, top }: { shown: Span; width: number; top: numb
       {thresholds.map(({ mood, give, fromS, toS }, place) => (
         <line
           key={place}
-          className={`threshold ${give.toLowerCase()}`}
+          className={css.threshold}
+          data-give={give}
           x1={placeOf(Math.max(fromS, shown.fromS), shown, width)}
           x2={placeOf(Math.max(Math.min(toS, shown.toS), shown.fromS), shown, width)}
           y1={y(mood)}
           y2={y(mood)}
         />
       ))}
-      <polyline className="mood-line" points={points.join(" ")} />
+      <polyline className={css.mood} points={points.join(" ")} />
     </>
   );
 }

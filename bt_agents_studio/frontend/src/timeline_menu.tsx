@@ -2,6 +2,8 @@
 // Buttons of the timeline that open a small panel; only one panel is open at a time.
 
 import type { ReactNode, RefObject } from "react";
+import shared from "./shared.module.css";
+import css from "./timeline_menu.module.css";
 
 type Box = RefObject<HTMLDetailsElement | null>;
 
@@ -16,13 +18,13 @@ export function Menu({ box, label, onOpen, children }: MenuProps) {
   return (
     <details
       ref={box}
-      className="menu"
+      className={css.menu}
       name="timeline"
       onToggle={(event) => event.currentTarget.open && onOpen?.()}
       onKeyDown={(event) => event.key === "Escape" && close(box)}
     >
       <summary>{label}</summary>
-      <div className="panel">{children}</div>
+      <div className={`${shared.panel} ${css.content}`}>{children}</div>
     </details>
   );
 }

@@ -5,11 +5,15 @@ import { memo, useEffect, useMemo } from "react";
 import { badgeText } from "./badges";
 import { Left } from "./control";
 import type { TreeNodeRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useEntry } from "./store";
 import { texts } from "./texts";
-import { statusClass, statusWords, type DrawingProps } from "./tree_drawing";
-import { branchOf, HEIGHT, layOut, WIDTH, type Placed } from "./tree_layout";
+import css from "./tree.module.css";
+import { statusOf, statusWords, type DrawingProps } from "./tree_drawing";
+import drawing from "./tree_drawing.module.css";
+import { HEIGHT, layOut, WIDTH, type Placed } from "./tree_layout";
 import { TreeMap } from "./tree_map";
+import { branchOf } from "./tree_nesting";
 import { READABLE, STEP, useViewport } from "./tree_view";
 
 /** Characters in the first line of a node. */
@@ -26,8 +30,14 @@ const Edge = memo(function Edge({ agent, item }: { agent: string; item: Placed }
   const middle = (x + item.x) / 2;
   const y0 = from.y + HEIGHT / 2;
   const y1 = item.y + HEIGHT / 2;
-  const classes = item.shown.handles ? `edge handler ${statusClass(record)}` : `edge ${statusClass(record)}`;
-  return <path className={classes} d={`M${x},${y0}C${middle},${y0} ${middle},${y1} ${item.x},${y1}`} />;
+  return (
+    <path
+      className={css.edge}
+      data-status={statusOf(record)}
+      data-handler={item.shown.handles !== "" || undefined}
+      d={`M${x},${y0}C${middle},${y0} ${middle},${y1} ${item.x},${y1}`}
+    />
+  );
 });
 
 interface CellProps {
@@ -49,10 +59,9 @@ const Cell = memo(function Cell(props: CellProps) {
   const { agent, item, isTip, isChosen, isFound, isFolded, isReadable, isStop, host, choose, fold, toggleStop } = props;
   const { node, modifiers, children, depth } = item.shown;
   const record = useEntry("nodes", `${agent}|${node.path}`);
-  const state = statusClass(record);
-  const reason = state === "failure" ? (record?.message ?? "") : "";
+  const status = statusOf(record);
+  const reason = status === "FAILURE" ? (record?.message ?? "") : "";
   const words = statusWords(record);
-  const classes = ["node", state, isTip && "tip", isChosen && "chosen", isFound && "found"].filter(Boolean).join(" ");
   const stop = isStop ? `, ${texts.control.breakpoint}` : "";
   const branch = item.shown.handles && `${branchOf(item.shown)}: `;
   const label = `${branch}${node.kind} ${node.name}, ${words}${reason ? `: ${reason}` : ""}${stop}`;
@@ -61,7 +70,7 @@ const Cell = memo(function Cell(props: CellProps) {
   const paths = useMemo(() => [node.path, ...modifiers.map((one) => one.path)], [node, modifiers]);
   return (
     <g
-      className={classes}
+      className={css.node}
       transform={`translate(${item.x},${item.y})`}
       role="treeitem"
       aria-level={depth + 1}
@@ -70,25 +79,28 @@ const Cell = memo(function Cell(props: CellProps) {
       aria-label={label}
       tabIndex={isChosen ? 0 : -1}
       data-path={node.path}
+      data-status={status}
+      data-tip={isTip || undefined}
+      data-found={isFound || undefined}
       onClick={() => choose(node.path)}
       onDoubleClick={() => children.length > 0 && fold(node.path)}
     >
       <rect width={WIDTH} height={HEIGHT} rx={7} />
       {isReadable && (
         <>
-          <text className="kind" x={10} y={14}>
+          <text className={css.kind} x={10} y={14}>
             {kind}
           </text>
-          <text className="kind" x={WIDTH - 8} y={14} textAnchor="end">
+          <text className={css.kind} x={WIDTH - 8} y={14} textAnchor="end">
             {modifiers.map((one, index) => (
               <Badge key={one.path} agent={agent} node={one} dx={index > 0 ? 6 : 0} most={room} />
             ))}
           </text>
-          <text className="name" x={10} y={28}>
+          <text className={css.name} x={10} y={28}>
             {shorten(node.name, 24)}
           </text>
           {reason && (
-            <text className="reason" x={10} y={HEIGHT + 11}>
+            <text className={css.reason} x={10} y={HEIGHT + 11}>
               {shorten(reason, 24)}
             </text>
           )}
@@ -96,7 +108,8 @@ const Cell = memo(function Cell(props: CellProps) {
         </>
       )}
       <g
-        className={isStop ? "breakpoint set" : "breakpoint"}
+        className={css.breakpoint}
+        data-set={isStop || undefined}
         transform={`translate(-9,${HEIGHT / 2})`}
         onClick={(event) => {
           event.stopPropagation();
@@ -109,7 +122,7 @@ const Cell = memo(function Cell(props: CellProps) {
         <title>{texts.control.hint}</title>
       </g>
       {isFolded && (
-        <text className="folded" x={WIDTH + 6} y={HEIGHT / 2 + 4}>
+        <text className={css.folded} x={WIDTH + 6} y={HEIGHT / 2 + 4}>
           +{children.length}
         </text>
       )}
@@ -132,7 +145,7 @@ const Badge = memo(function Badge({ agent, node, dx, most }: BadgeProps) {
   const text = badgeText(node, useEntry("countdowns", key)?.remaining ?? null);
   const words = statusWords(record);
   return (
-    <tspan className={`badge ${statusClass(record)}`} dx={dx} data-badge={node.path}>
+    <tspan className={drawing.badge} data-status={statusOf(record)} dx={dx} data-badge={node.path}>
       {shorten(text, most)}
       <title>{`${node.name}, ${words}${record?.message ? `: ${record.message}` : ""}`}</title>
     </tspan>
@@ -186,12 +199,12 @@ export function Tree(props: DrawingProps) {
 
   useEffect(() => {
     const focused = frame.current?.querySelector<SVGGElement>('[aria-selected="true"]');
-    if (document.activeElement?.closest(".tree") === frame.current) focused?.focus({ preventScroll: true });
+    if (frame.current?.contains(document.activeElement)) focused?.focus({ preventScroll: true });
   }, [chosen]);
 
   return (
     <>
-      <div className="bar">
+      <div className={shared.bar}>
         {props.tools}
         <button type="button" disabled={tip === ""} onClick={() => goTo(tip)}>
           {texts.live.tip}
@@ -206,8 +219,8 @@ export function Tree(props: DrawingProps) {
           {texts.live.fit}
         </button>
       </div>
-      <div className="tree-frame">
-        <div className="tree" ref={frame} onScroll={view.onScroll} onPointerDown={view.onPointerDown}>
+      <div className={drawing.frame}>
+        <div className={css.tree} ref={frame} onScroll={view.onScroll} onPointerDown={view.onPointerDown}>
           <svg
             width={layout.width * zoom}
             height={layout.height * zoom}
@@ -219,7 +232,7 @@ export function Tree(props: DrawingProps) {
             onKeyDown={onKeyDown}
           >
             <pattern id="hatched" width={6} height={6} patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
-              <path d="M0,0V6" />
+              <path className={css.hatched} d="M0,0V6" />
             </pattern>
             <g role="presentation">
               {drawn.map((one) => (

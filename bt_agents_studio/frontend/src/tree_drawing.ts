@@ -4,10 +4,9 @@
 import type { ReactNode } from "react";
 import type { NodeRecord, TreeRecord } from "./protocol";
 import { texts } from "./texts";
-import type { Shown } from "./tree_layout";
+import type { Shown } from "./tree_nesting";
 
 export const statusOf = (record: NodeRecord | undefined): string => record?.status ?? "INVALID";
-export const statusClass = (record: NodeRecord | undefined): string => statusOf(record).toLowerCase();
 export const statusWords = (record: NodeRecord | undefined): string => {
   const status = statusOf(record);
   return texts.live.statuses[status] ?? status;

@@ -2,10 +2,11 @@
 // Map of a whole tree as a strip beside it, with one dot per node, and the visible part.
 
 import { memo, useEffect, useRef } from "react";
+import { watchColours } from "./appearance";
 import { readEntry, watchCollection } from "./store";
-import { watchColours } from "./theme";
 import type { Layout } from "./tree_layout";
 import { HEIGHT, WIDTH } from "./tree_layout";
+import css from "./tree_map.module.css";
 import type { Part, Viewport } from "./tree_view";
 
 const REDRAW_MS = 250;
@@ -67,7 +68,7 @@ export const TreeMap = memo(function TreeMap({ agent, layout, part, watch, centr
     );
   };
   return (
-    <div className="tree-map" aria-hidden="true" onPointerDown={jump} onPointerMove={jump}>
+    <div className={css.map} aria-hidden="true" onPointerDown={jump} onPointerMove={jump}>
       <canvas ref={dots} />
       <div ref={shown} />
     </div>

@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // Panel of a behaviour tree: its search, and its outline or map.
 
-import { memo, useCallback, useMemo, useRef, useState } from "react";
+import { lazy, memo, Suspense, useCallback, useMemo, useRef, useState } from "react";
 import { Outline } from "./outline";
 import type { TreeNodeRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { readEntry } from "./store";
 import { texts } from "./texts";
-import { Tree } from "./tree";
 import type { DrawingProps } from "./tree_drawing";
-import { byPathOf, find, nest, withoutModifier } from "./tree_layout";
+import { byPathOf, find, nest, withoutModifier } from "./tree_nesting";
 
-const DRAWINGS = { outline: Outline, map: Tree };
+/** Load the map, which few open. */
+export const loadMap = () => import("./tree").then(({ Tree }) => ({ default: Tree }));
+
+const DRAWINGS = { outline: Outline, map: lazy(loadMap) };
 type Drawing = keyof typeof DRAWINGS;
 /** Key under which the browser keeps the last chosen drawing. */
 const KEPT = "drawing";
@@ -92,20 +95,22 @@ export const TreePanel = memo(function TreePanel(props: TreePanelProps) {
   );
   const Drawn = DRAWINGS[drawing];
   return (
-    <section className="panel tree-panel" aria-label={texts.live.tree}>
-      <Drawn
-        {...props}
-        tip={withoutModifier(tip)}
-        roots={roots}
-        byPath={byPath}
-        folded={folded}
-        fold={fold}
-        goal={goal}
-        goTo={goTo}
-        found={found}
-        focusSearch={() => searching.current?.focus()}
-        tools={tools}
-      />
+    <section className={shared.panel} aria-label={texts.live.tree}>
+      <Suspense>
+        <Drawn
+          {...props}
+          tip={withoutModifier(tip)}
+          roots={roots}
+          byPath={byPath}
+          folded={folded}
+          fold={fold}
+          goal={goal}
+          goTo={goTo}
+          found={found}
+          focusSearch={() => searching.current?.focus()}
+          tools={tools}
+        />
+      </Suspense>
     </section>
   );
 });

@@ -135,13 +135,13 @@ export function useViewport(layout: Layout): Viewport {
       const y = moved.clientY - from.y;
       isDrag ||= Math.hypot(x, y) > DRAG_PX;
       if (isDrag) box.scrollTo({ left: from.left - x, top: from.top - y });
-      box.classList.toggle("dragged", isDrag);
+      box.toggleAttribute("data-dragged", isDrag);
     };
     const end = (): void => {
       removeEventListener("pointermove", move);
       removeEventListener("pointerup", end);
       removeEventListener("pointercancel", end);
-      box.classList.remove("dragged");
+      box.removeAttribute("data-dragged");
       // The end of a drag is not a click on the node below the pointer.
       const swallow = (click: Event): void => click.stopPropagation();
       if (isDrag) box.addEventListener("click", swallow, { capture: true, once: true });

@@ -7,13 +7,16 @@ import { operate, useConnection, type Answer } from "./connection";
 import { Divider } from "./divider";
 import { Empty } from "./empty";
 import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding } from "./fields";
+import fieldCss from "./fields.module.css";
 import { exactNumber, formatNumber, formatTime } from "./formatting";
 import { go, useAddress } from "./navigation";
 import { isUnheard, OperationButton, Outcome, useOperation, WhyNot, type Operation } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import type { AgentRecord, KeepRecord, PresetRecord, TunableRecord, TuningRecord, TuningsRecord } from "./protocol";
+import shared from "./shared.module.css";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
+import css from "./tune.module.css";
 import { offerUndo } from "./undo";
 
 const words = texts.tune;
@@ -48,9 +51,9 @@ export function Tune() {
   const isFirst = (name: string): number => (name === running ? 0 : 1);
   const sorted = [...groups].sort(([a], [b]) => isFirst(a) - isFirst(b) || a.localeCompare(b));
   return (
-    <div className="columns">
-      <div className="main">
-        <div className="bar">
+    <div className={shared.columns}>
+      <div className={shared.main}>
+        <div className={shared.bar}>
           <input
             type="search"
             aria-label={words.search}
@@ -62,14 +65,14 @@ export function Tune() {
             <input type="checkbox" checked={onlyDifferent} onChange={(event) => setOnlyDifferent(event.target.checked)} />{" "}
             {words.differs}
           </label>
-          <span className="place">
+          <span className={shared.faint}>
             {tunables.filter(([, one]) => isDifferent(one)).length} {words.differences}
           </span>
           <AuthorField />
         </div>
         <WhyNot of={may} />
         {tunables.length === 0 && <Empty>{words.none}</Empty>}
-        {tunables.length > 0 && sorted.length === 0 && <p className="empty">{words.notFound}</p>}
+        {tunables.length > 0 && sorted.length === 0 && <p className={shared.faint}>{words.notFound}</p>}
         {sorted.map(([group, values]) => (
           <PanelBoundary key={group} label={group}>
             <Group
@@ -83,7 +86,7 @@ export function Tune() {
           </PanelBoundary>
         ))}
       </div>
-      <div className="side">
+      <div className={shared.side}>
         <Divider />
         <PanelBoundary label={words.keep}>
           <Keep />
@@ -125,7 +128,7 @@ function Group({ name, isOpen, isRunning, values, latest, revisions }: GroupProp
   const open = asked ?? isOpen;
   const different = values.filter(isDifferent).length;
   return (
-    <section className="panel" aria-label={name}>
+    <section className={shared.panel} aria-label={name}>
       <details open={open}>
         <summary
           onClick={(event) => {
@@ -136,7 +139,7 @@ function Group({ name, isOpen, isRunning, values, latest, revisions }: GroupProp
           <h2>
             {agent?.title || name} {agent?.title && <span>{name}</span>}
           </h2>{" "}
-          <span className="place">
+          <span className={shared.faint}>
             {isRunning && `${words.running} · `}
             {values.length} {values.length === 1 ? words.value : words.values}
             {different > 0 && ` · ${different} ${words.differences}`}
@@ -228,7 +231,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
   const disabled = set.whyNot !== "";
   const isRate = tunable.kind === "LEARNING_RATE";
   return (
-    <div className="control">
+    <div className={fieldCss.row}>
       <label htmlFor={id}>
         {tunable.key} <small>{tunable.description}</small>
       </label>
@@ -264,15 +267,15 @@ function Control({ tunable, latest, revision }: ControlProps) {
             isNumber={hasRange}
             commit={() => void finish()}
           />
-          <span className="unit">{tunable.unit}</span>
+          <span className={fieldCss.unit}>{tunable.unit}</span>
         </>
       )}
-      <small className="range">
+      <small className={fieldCss.range}>
         {hasRange && `${words.range} ${exactNumber(tunable.minimum ?? 0)} – ${exactNumber(tunable.maximum ?? 0)} · `}
         {words.default} {exact(tunable.default)}
         {isRate && tunable.value === 0 && ` · ${words.frozen}`}
       </small>
-      <span className="buttons">
+      <span className={fieldCss.buttons}>
         {draft !== null && !isOvertaken && (
           <OperationButton of={set} ask={finish}>
             {words.set}
@@ -288,7 +291,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
         )}
       </span>
       {isOvertaken && (
-        <p className="overtaken" role="alert">
+        <p className={fieldCss.overtaken} role="alert">
           {words.meanwhile}: {draft.over} → {current}
           {latest && ` ${words.by} ${latest.author}, ${formatTime(latest.at_s)}`}{" "}
           <OperationButton of={set} ask={() => commit(draft.text)}>
@@ -359,7 +362,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
         const id = `profile-${agent.name}-${name}`;
         const inFile = agent.profile[name] ?? null;
         return (
-          <div className="control" key={name}>
+          <div className={fieldCss.row} key={name}>
             <label htmlFor={id}>{name}</label>
             <NumberPair
               id={id}
@@ -370,7 +373,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
               disabled={give.whyNot !== ""}
               set={(next, drop) => newest.push(name, () => set(name, next, drop))}
             />
-            <small className="range">
+            <small className={fieldCss.range}>
               {words.default} {exact(inFile)}
             </small>
           </div>
@@ -396,9 +399,9 @@ function Keep() {
     if ((await keep.ask({ profile, digest })) !== null) setFound(null);
   };
   return (
-    <section className="panel" aria-label={words.keep}>
+    <section className={shared.panel} aria-label={words.keep}>
       <h2>{words.keep}</h2>
-      <div className="bar">
+      <div className={shared.bar}>
         <label>
           <input
             type="checkbox"
@@ -416,12 +419,12 @@ function Keep() {
       </div>
       <WhyNot of={keep} />
       {found === null && <Outcome of={[keep]} />}
-      {found && found.diff === "" && <p className="empty">{words.nothingToKeep}</p>}
+      {found && found.diff === "" && <p className={shared.faint}>{words.nothingToKeep}</p>}
       {found && found.diff !== "" && (
         <>
           <pre tabIndex={0}>{found.diff}</pre>
           {found.tests.map((line) => (
-            <p key={line} className={found.breaks ? "failure" : "place"}>
+            <p key={line} className={found.breaks ? shared.failure : shared.faint}>
               {line}
             </p>
           ))}
@@ -445,11 +448,11 @@ function History({ host, record }: HistoryProps) {
   const ask = (action: "UNDO" | "REDO" | "SAVE", preset = ""): Promise<Answer | null> =>
     tune.ask({ host, action, preset, author: author() });
   return (
-    <section className="panel" aria-label={words.history}>
+    <section className={shared.panel} aria-label={words.history}>
       <h2>
         {words.history} <span>{host}</span>
       </h2>
-      <div className="bar">
+      <div className={shared.bar}>
         <OperationButton of={tune} disabled={record.undo === ""} title={record.undo} ask={() => ask("UNDO")}>
           {words.undo}
         </OperationButton>
@@ -459,12 +462,12 @@ function History({ host, record }: HistoryProps) {
       </div>
       <Outcome of={[tune]} />
       <h3>{words.presets}</h3>
-      {record.presets.length === 0 && <p className="empty">{words.noPresets}</p>}
+      {record.presets.length === 0 && <p className={shared.faint}>{words.noPresets}</p>}
       {record.presets.map((one) => (
         <Preset key={one.name} host={host} preset={one} tune={tune} />
       ))}
       <form
-        className="bar"
+        className={shared.bar}
         onSubmit={(event) => {
           event.preventDefault();
           void ask("SAVE", name).then((done) => done?.accepted && setName(""));
@@ -475,7 +478,7 @@ function History({ host, record }: HistoryProps) {
           {words.save}
         </OperationButton>
       </form>
-      <ol className="feedback" tabIndex={0}>
+      <ol className={shared.lines} tabIndex={0}>
         {[...record.tunings].reverse().map((one) => (
           <li key={`${one.revision} ${one.name}`}>
             <time>{formatTime(one.at_s)}</time> <b>{one.name}</b> {one.before} → {one.after} · {one.author}
@@ -521,10 +524,10 @@ function Preset({ host, preset, tune }: PresetProps) {
     });
   };
   return (
-    <details className="preset">
+    <details className={css.preset}>
       <summary>
         <b>{preset.name}</b>{" "}
-        <span className="place">{changes.length === 0 ? words.inForce : `${words.wouldChange} ${changes.length}`}</span>
+        <span className={shared.faint}>{changes.length === 0 ? words.inForce : `${words.wouldChange} ${changes.length}`}</span>
       </summary>
       {changes.length > 0 && (
         <table>
@@ -541,7 +544,7 @@ function Preset({ host, preset, tune }: PresetProps) {
           </tbody>
         </table>
       )}
-      <div className="bar">
+      <div className={shared.bar}>
         <OperationButton of={tune} ask={apply}>
           {words.apply}
         </OperationButton>

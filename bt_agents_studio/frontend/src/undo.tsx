@@ -4,6 +4,7 @@
 import { useEffect, useState, useSyncExternalStore } from "react";
 import type { Answer } from "./connection";
 import { texts } from "./texts";
+import css from "./undo.module.css";
 
 const words = texts.undo;
 const SHOWN_MS = 10_000;
@@ -56,7 +57,7 @@ export function Undo() {
   };
   return (
     <div
-      className="undo"
+      className={css.undo}
       role="status"
       onPointerEnter={() => setHeld(true)}
       onPointerLeave={() => setHeld(false)}

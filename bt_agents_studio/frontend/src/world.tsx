@@ -6,27 +6,30 @@ import { useConnection } from "./connection";
 import { Divider } from "./divider";
 import { Empty } from "./empty";
 import { NumberPair, scaleOf } from "./fields";
+import fieldCss from "./fields.module.css";
 import { exactNumber } from "./formatting";
 import { OperationButton, Outcome, useOperation, WhyNot, type Operation } from "./operation";
 import { PanelBoundary } from "./panel_boundary";
 import { PersonLink } from "./person_link";
 import type { ListeningRecord, Operations, ParameterRecord, QuestionRecord } from "./protocol";
 import { Recording } from "./recording";
+import shared from "./shared.module.css";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
+import css from "./world.module.css";
 
 const words = texts.world;
 type Person = NonNullable<Operations["scene"]["person"]>;
 
 export function World() {
   return (
-    <div className="columns">
-      <div className="main">
+    <div className={shared.columns}>
+      <div className={shared.main}>
         <PanelBoundary label={words.scene}>
           <Play />
         </PanelBoundary>
       </div>
-      <div className="side">
+      <div className={shared.side}>
         <Divider />
         <PanelBoundary label={words.person}>
           <Presence />
@@ -61,8 +64,8 @@ function Presence() {
     if (done?.accepted) setAsked(person);
   };
   return (
-    <section className="panel" aria-label={words.person}>
-      <label className="bar">
+    <section className={shared.panel} aria-label={words.person}>
+      <label className={shared.bar}>
         <input
           type="checkbox"
           role="switch"
@@ -85,7 +88,7 @@ function Questions() {
   const answer = useOperation("answer");
   const open = record?.questions ?? [];
   return (
-    <section className="panel" aria-label={words.questions}>
+    <section className={shared.panel} aria-label={words.questions}>
       <h2>{words.questions}</h2>
       {open.length === 0 && <Empty>{words.noQuestions}</Empty>}
       {open.map((one) => (
@@ -107,7 +110,7 @@ function Question({ question, answer }: { question: QuestionRecord; answer: Oper
       }}
     >
       <p>{question.text}</p>
-      <div className="bar">
+      <div className={shared.bar}>
         {question.choices.map((one) => (
           <OperationButton key={one} of={answer} ask={() => answer.ask({ text: one })}>
             {one}
@@ -126,7 +129,7 @@ function Topics() {
   const topics = useCollection("listening");
   const publish = useOperation("publish");
   return (
-    <section className="panel" aria-label={words.topics}>
+    <section className={shared.panel} aria-label={words.topics}>
       <h2>{words.topics}</h2>
       {topics.length === 0 && <Empty>{words.noTopics}</Empty>}
       {topics.map(([name, one]) => (
@@ -149,7 +152,7 @@ function Topic({ name, record, publish }: TopicProps) {
   const isButton = record.type === "std_msgs/msg/Bool";
   return (
     <form
-      className="topic"
+      className={css.topic}
       onSubmit={(event) => {
         event.preventDefault();
         const given = Object.entries(values).map(([field, value]) => `${field}=${value}`);
@@ -159,7 +162,7 @@ function Topic({ name, record, publish }: TopicProps) {
       <p>
         <b>{name}</b> <small>{record.type}</small>
       </p>
-      <div className="bar">
+      <div className={shared.bar}>
         {!isButton &&
           Object.entries(record.fields).map(([field, type]) => (
             <label key={field}>
@@ -205,10 +208,10 @@ function Play() {
     if (announce && done?.accepted) setGiven({});
   };
   return (
-    <section className="panel world" aria-label={words.scene}>
+    <section className={`${shared.panel} ${css.play}`} aria-label={words.scene}>
       <h2>{words.scene}</h2>
-      {parameters.length === 0 ? <Empty>{words.noParameters}</Empty> : <p className="empty">{words.explain}</p>}
-      <label className="bar">
+      {parameters.length === 0 ? <Empty>{words.noParameters}</Empty> : <p className={shared.faint}>{words.explain}</p>}
+      <label className={shared.bar}>
         <input
           type="checkbox"
           checked={isAll}
@@ -230,7 +233,7 @@ function Play() {
             return next === null ? others : { ...others, [one.name]: next };
           });
         return (
-          <div className="control" key={one.name}>
+          <div className={fieldCss.row} key={one.name}>
             <label htmlFor={id}>
               {one.name} <small>{one.description}</small>
             </label>
@@ -244,11 +247,11 @@ function Play() {
               set={change}
               press={() => setGiven((before) => ({ [one.name]: shown, ...before }))}
             />
-            <small className="range">
+            <small className={fieldCss.range}>
               {texts.tune.range} {exactNumber(one.minimum)} – {exactNumber(one.maximum)}
               {nearest && ` · ${nearest}`}
             </small>
-            <label className="give">
+            <label className={fieldCss.give}>
               <input
                 type="checkbox"
                 checked={given[one.name] !== undefined}
@@ -260,7 +263,7 @@ function Play() {
           </div>
         );
       })}
-      <div className="bar">
+      <div className={`${shared.bar} ${css.actions}`}>
         <label>
           {words.announcedPerson}{" "}
           <select value={person} onChange={(event) => setPerson(event.target.value as Person)}>
@@ -281,7 +284,7 @@ function Play() {
         </label>
       </div>
       <WhyNot of={scene} />
-      <div className="bar">
+      <div className={`${shared.bar} ${css.actions}`}>
         <OperationButton of={scene} ask={() => give(true)}>
           {words.announce}
         </OperationButton>

@@ -3,7 +3,8 @@ import { describe, expect, test } from "vitest";
 import { badgeText } from "../src/badges";
 import { drawnAt, rowsOf } from "../src/outline_rows";
 import type { TreeNodeRecord, TreeRecord } from "../src/protocol";
-import { byPathOf, find, HEIGHT, layOut, nest, WIDTH, type Layout, type Shown } from "../src/tree_layout";
+import { HEIGHT, layOut, WIDTH, type Layout } from "../src/tree_layout";
+import { byPathOf, find, nest, type Shown } from "../src/tree_nesting";
 
 /** A tree of paths and the indices of their parents. */
 function tree(...nodes: readonly [path: string, parent: number, kind: string, name?: string][]): TreeRecord {
