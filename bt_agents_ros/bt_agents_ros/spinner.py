@@ -28,6 +28,10 @@ from bt_agents_ros.parameters import report_unknown
 from bt_agents_ros.signals import Interrupt, Interrupted
 from bt_agents_ros.workarounds.bounded_end import ending_in_time
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
+from bt_agents_ros.workarounds.skipped_generator import import_type_support
+
+# The first message would import the generator, too.
+import_type_support()
 
 _POLL_S = 0.2
 _CHECK_S = 1.0
