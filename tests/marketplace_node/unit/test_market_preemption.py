@@ -175,7 +175,7 @@ def test_run_continues_without_bids(market: MarketHarness) -> None:
     assert outcome(market) is AuctionOutcome.WAITS
     assert market.auction.decision.winner is None
     assert market.auction.reason == (
-        "nobody bids: attentive_guide, professional_express need scene.person; "
+        "nobody bids: attentive_guide and professional_express need scene.person; "
         "attentive_guide goes on, the scene waits"
     )
 
