@@ -44,6 +44,8 @@ class Program:
     ) -> None:
         self.output = ""
         self._lines: queue.Queue[str] = queue.Queue()
+        self._is_read = threading.Event()
+        self._is_read.set()
         self.process = subprocess.Popen(
             [*before, sys.executable, *program, *arguments],
             stdin=subprocess.DEVNULL,
@@ -63,6 +65,15 @@ class Program:
             # pytest shows it if the test fails.
             print(line, end="")
             self._lines.put(line)
+            self._is_read.wait()
+
+    def leave_unread(self) -> None:
+        """Read no more lines, as a terminal does after Ctrl-S."""
+        self._is_read.clear()
+
+    def read_on(self) -> None:
+        """Read the lines again."""
+        self._is_read.set()
 
     def until(self, pattern: str, limit_s: float = HANG_S) -> str:
         """Read lines until one matches; return it."""
