@@ -479,17 +479,14 @@ class Soak:
             self.turn()
 
     def _take_lines(self) -> None:
-        for name, lines in (("up", self._new_lines()), (OTHER_HOST, self._supervisor.poll())):
+        new = (("up", self._up.new_lines()), (OTHER_HOST, self._supervisor.poll()))
+        for name, lines in new:
             for line in lines:
                 own = "killed by signal 9" in line
                 if (" ended (" in line or "hangs (no" in line or "exit code" in line) and not own:
                     component = line.split()[0] if name == "up" else name
                     text = line.strip()
                     self.events.append(Failed(at=self.now(), component=component, text=text))
-
-    def _new_lines(self) -> list[str]:
-        before = len(self._up.output)
-        return self._up.seen(0.0)[before:].splitlines()
 
     def pids(self) -> dict[str, int]:
         """Return component → process id of the living ones."""
