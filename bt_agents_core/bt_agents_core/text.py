@@ -92,11 +92,11 @@ def join_words(words: Sequence[str], last: str = "and") -> str:
 
 
 def join_first(words: Iterable[str], most: int = 4) -> str:
-    """Return words with commas; of many, the first ones and the number of the others."""
+    """Return words as in :func:`join_words`; of many, the first ones and how many more."""
     every = list(words)
-    if len(every) <= most:
-        return ", ".join(every)
-    return f"{', '.join(every[:most])} and {len(every) - most} more"
+    if len(every) > most:
+        every[most:] = [f"{len(every) - most} more"]
+    return join_words(every)
 
 
 def join_quoted(words: Iterable[str]) -> str:

@@ -28,8 +28,15 @@ from bt_agents_ros.timers import steady_timer
 CANCEL_AGAIN_S = 0.25
 """Time after which a goal is cancelled again [s]: a server on the graph may be dead."""
 
+ANSWERS = 2
+"""Number of "unknown goal" answers after which a server can no longer accept the goal."""
+
 ANSWERS_OF_SEVERAL = 8
-"""Number of "unknown goal" answers after which none of several servers can still accept it."""
+"""Number of them after which none of several servers can.
+
+They are requested as fast as to take no longer: a server that was killed and started again counts
+as several until its lease ends.
+"""
 
 MOST_CANCELLED = 500
 """Maximum number of goals to cancel at a time; others are reported as not confirmed."""
@@ -44,7 +51,8 @@ class CancelledGoal:
     =========================================== ===============================================
     event                                       what follows
     =========================================== ===============================================
-    its server is there                         cancel, again every :data:`CANCEL_AGAIN_S`
+    its server is there                         cancel, again every :data:`CANCEL_AGAIN_S`, more
+                                                often if there may be several
     a list of states with its end               ended
     answer: unknown, twice in a row             ended; once may mean that it is not accepted yet,
                                                 and of several servers one answers for the others
@@ -62,7 +70,8 @@ class CancelledGoal:
 
     def __init__(self, several: bool = False) -> None:
         self.ended = False
-        self._answers = ANSWERS_OF_SEVERAL if several else 2
+        self._answers = ANSWERS_OF_SEVERAL if several else ANSWERS
+        self._again_s = CANCEL_AGAIN_S * ANSWERS / self._answers
         self._gone = 0
         self._is_listed: bool | None = None
         self._cancel_at = 0.0
@@ -71,7 +80,7 @@ class CancelledGoal:
         """Return whether to send a cancel request now, if the server is there; steady time [s]."""
         due = not self.ended and now >= self._cancel_at
         if due:
-            self._cancel_at = now + CANCEL_AGAIN_S
+            self._cancel_at = now + self._again_s
         return due
 
     def on_answer(self, return_code: int) -> None:

@@ -12,7 +12,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -28,6 +28,10 @@ from bt_agents_ros.parameters import report_unknown
 from bt_agents_ros.signals import Interrupt, Interrupted
 from bt_agents_ros.workarounds.bounded_end import ending_in_time
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
+from bt_agents_ros.workarounds.skipped_generator import import_type_support
+
+# The first message would import the generator, too.
+import_type_support()
 
 _POLL_S = 0.2
 _CHECK_S = 1.0
@@ -43,6 +47,7 @@ LAST_RESULTS_S = 0.05
 _PR_SET_PDEATHSIG = 1
 
 
+@runtime_checkable
 class Stopping(Protocol):
     """Node whose executor must keep spinning until its ongoing work has ended."""
 
@@ -183,7 +188,7 @@ def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
         except NodeMustEnd as reason:
             print(f"error: {reason}", file=sys.stderr)
             code = 1
-        stopping = [node for node in spinner.nodes if hasattr(node, "request_stop")]
+        stopping = [node for node in spinner.nodes if isinstance(node, Stopping)]
         for node in stopping:
             if rclpy.ok():
                 node.request_stop()

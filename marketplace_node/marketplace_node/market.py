@@ -69,9 +69,6 @@ class Market:
         settings: Replaceable by :meth:`configure`.
         rules: Rules of the strategy ``rules``.
         secret: Known to no other process; the tokens of hosts depend on it.
-
-    Attributes:
-        late_bids: Number of answers that came after their round was closed.
     """
 
     def __init__(
@@ -84,7 +81,6 @@ class Market:
         secret: bytes,
     ) -> None:
         self.epoch = epoch
-        self.late_bids = 0
         self._market_state = MarketState(space, epoch, settings or Settings(), rules, secret)
         self._hosts = self._market_state.hosts
         self._interaction: Interaction | None = None
@@ -235,7 +231,6 @@ class Market:
             if self._interaction is not None:
                 self._interaction.close_when_due(now)
         elif bids.epoch == self.epoch and self._was_opened(bids.round):
-            self.late_bids += 1
             self._note(f"LATE: bids of {bids.host} for round {bids.round}, which is closed")
         elif real and real[0].takes_bids:
             # An answer that belongs to no open round is recorded in the first one.

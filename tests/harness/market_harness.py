@@ -13,6 +13,7 @@ from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
     AnnounceRun,
+    Note,
     OpenCall,
     PreviewEnded,
     PublishAuction,
@@ -235,6 +236,10 @@ class MarketHarness:
 
     def all(self, kind: type[EffectT]) -> list[EffectT]:
         return [effect for effect in self.effects if isinstance(effect, kind)]
+
+    @property
+    def late_bids(self) -> int:
+        return sum(note.message.startswith("LATE") for note in self.all(Note))
 
     @property
     def status(self) -> StatusChanged:

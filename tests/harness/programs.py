@@ -42,8 +42,10 @@ class Program:
         before: tuple[str, ...] = (),
         program: tuple[str, ...] = BT_AGENTS,
     ) -> None:
-        self.output = ""
+        self._seen: list[str] = []
         self._lines: queue.Queue[str] = queue.Queue()
+        self._is_read = threading.Event()
+        self._is_read.set()
         self.process = subprocess.Popen(
             [*before, sys.executable, *program, *arguments],
             stdin=subprocess.DEVNULL,
@@ -63,16 +65,34 @@ class Program:
             # pytest shows it if the test fails.
             print(line, end="")
             self._lines.put(line)
+            self._is_read.wait()
+
+    def leave_unread(self) -> None:
+        """Read no more lines, as a terminal does after Ctrl-S."""
+        self._is_read.clear()
+
+    def read_on(self) -> None:
+        """Read the lines again."""
+        self._is_read.set()
+
+    @property
+    def output(self) -> str:
+        """All lines so far."""
+        return "".join(self._seen)
+
+    def _next(self, limit_s: float) -> str:
+        line = self._lines.get(timeout=max(0.0, limit_s))
+        self._seen.append(line)
+        return line
 
     def until(self, pattern: str, limit_s: float = HANG_S) -> str:
         """Read lines until one matches; return it."""
         end = time.monotonic() + limit_s
         while True:
             try:
-                line = self._lines.get(timeout=max(0.0, end - time.monotonic()))
+                line = self._next(end - time.monotonic())
             except queue.Empty:
                 pytest.fail(f"no line '{pattern}' within {limit_s} s in:\n{self.output}")
-            self.output += line
             if re.search(pattern, line):
                 return line
 
@@ -81,8 +101,16 @@ class Program:
         end = time.monotonic() + limit_s
         with suppress(queue.Empty):
             while True:
-                self.output += self._lines.get(timeout=max(0.0, end - time.monotonic()))
+                self._next(end - time.monotonic())
         return self.output
+
+    def new_lines(self) -> list[str]:
+        """Return the lines since the last look; all lines so far may be many."""
+        before = len(self._seen)
+        with suppress(queue.Empty):
+            while True:
+                self._next(0.0)
+        return self._seen[before:]
 
     def wait(self, limit_s: float = HANG_S) -> int:
         """Wait for the end; return the exit code."""
@@ -91,8 +119,7 @@ class Program:
         except subprocess.TimeoutExpired:
             pytest.fail(f"still running after {limit_s} s; its output:\n{self.output}")
         self.close()
-        while not self._lines.empty():
-            self.output += self._lines.get()
+        self.new_lines()
         return code
 
     def close(self) -> None:

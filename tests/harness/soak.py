@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import math
 import os
@@ -158,6 +159,12 @@ TRAP_SHARE = 0.5
 TRAP_S = 4.0
 """Longest wait for that [s]."""
 
+UNREAD_SHARE = 0.2
+"""Share of the faults during which nobody reads the output of ``up``."""
+
+PIPE_BYTES = 4096
+"""Capacity of the pipe of ``up``."""
+
 SETTLED_S = 1.5
 """Delay after a request or a start before settings in force are read [s]."""
 
@@ -286,6 +293,8 @@ class Soak:
             ),
             environment,
         )
+        assert self._up.process.stdout is not None
+        fcntl.fcntl(self._up.process.stdout, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         host = components.host(
             self._trees(OTHER_HOST),
             tunings=str(state / "other" / "tunings.json"),
@@ -470,17 +479,14 @@ class Soak:
             self.turn()
 
     def _take_lines(self) -> None:
-        for name, lines in (("up", self._new_lines()), (OTHER_HOST, self._supervisor.poll())):
+        new = (("up", self._up.new_lines()), (OTHER_HOST, self._supervisor.poll()))
+        for name, lines in new:
             for line in lines:
                 own = "killed by signal 9" in line
                 if (" ended (" in line or "hangs (no" in line or "exit code" in line) and not own:
                     component = line.split()[0] if name == "up" else name
                     text = line.strip()
                     self.events.append(Failed(at=self.now(), component=component, text=text))
-
-    def _new_lines(self) -> list[str]:
-        before = len(self._up.output)
-        return self._up.seen(0.0)[before:].splitlines()
 
     def pids(self) -> dict[str, int]:
         """Return component → process id of the living ones."""
@@ -531,6 +537,8 @@ class Soak:
         kind = self._chance.choices(("killed", "hung", "flooded"), (55, 30, 15))[0]
         number = 2 if kind == "killed" and self._chance.random() < 0.25 else 1
         chosen = self._chance.sample(ready, min(number, len(ready)))
+        if self._chance.random() < UNREAD_SHARE:
+            self._leave_unread()
         if kind == "killed" and self._chance.random() < TRAP_SHARE:
             self._trap, self._trap_until = chosen[0], now + TRAP_S
             return
@@ -574,6 +582,12 @@ class Soak:
         os.kill(pid, signal.SIGSTOP)
         self._stopped.add(pid)
         self._due.append((self.now() + lasts, partial(self._go_on, pid)))
+
+    def _leave_unread(self) -> None:
+        """Leave the output of ``up`` unread for a while, which must disturb nothing."""
+        self._pend("up", "unread", self.now())
+        self._up.leave_unread()
+        self._due.append((self.now() + self._chance.uniform(5.0, 20.0), self._up.read_on))
 
     def _go_on(self, pid: int) -> None:
         self._stopped.discard(pid)
@@ -885,6 +899,7 @@ class Soak:
             flood.kill()
             flood.wait()
         at = self.now()
+        self._up.read_on()
         try:
             if self._up.process.poll() is None:
                 code, _ = self._up.stop()

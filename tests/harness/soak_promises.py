@@ -124,7 +124,7 @@ class Acted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Event):
-    """A fault: a component was killed, hung or flooded; it ended at ``over``."""
+    """A fault: a component was killed, hung, flooded or left unread; it ended at ``over``."""
 
     component: str
     kind: str

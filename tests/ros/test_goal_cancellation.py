@@ -167,6 +167,18 @@ def test_cancel_is_resent_until_goal_ends() -> None:
     assert not goal.take_cancel(1e9)
 
 
+@pytest.mark.parametrize(("several", "answers"), [(False, 2), (True, 8)])
+def test_killed_and_restarted_server_delays_no_end(several: bool, answers: int) -> None:
+    goal = CancelledGoal(several)
+    sent = 0
+    for step in range(40):
+        if goal.take_cancel(100.0 + step * CANCEL_AGAIN_S / 20):
+            sent += 1
+            goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
+    assert goal.ended
+    assert sent == answers
+
+
 @pytest.mark.parametrize(
     ("message", "code"),
     [

@@ -120,8 +120,8 @@ def _problems(
     if not missing:
         return ()
     return (
-        f"the bag {folder} names {join_first(map(quote, missing))}, which is not there; copy all "
-        "of its folder",
+        f"the bag {folder} lacks {join_first(map(quote, missing))}, which its metadata names; "
+        "copy the whole folder",
     )
 
 

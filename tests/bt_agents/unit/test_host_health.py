@@ -16,7 +16,7 @@ def test_file_problems_are_an_error_naming_the_files():
     assert files_health(9, ()).message == "agents: 9, all files are in order"
     health = files_health(9, [("agents/a.yaml", "no skill 'sya'"), ("b", "does not bid")])
     assert health.level is Health.ERROR
-    assert health.message == "problems in files: 2, in agents/a.yaml, b"
+    assert health.message == "problems in files: 2, in agents/a.yaml and b"
     assert health.values["agents/a.yaml"] == "no skill 'sya'"
 
 

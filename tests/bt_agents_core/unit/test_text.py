@@ -55,7 +55,7 @@ def test_words_join_as_in_a_sentence(words, text):
 
 
 def test_only_first_of_many_words_are_shown():
-    assert join_first("abcd") == "a, b, c, d"
+    assert join_first("abcd") == "a, b, c and d"
     assert join_first("abcde") == "a, b, c, d and 1 more"
     assert join_quoted("abcde") == "'a', 'b', 'c', 'd', 'e'"
     assert join_quoted("abcdef") == "'a', 'b', 'c', 'd', 'e', …"

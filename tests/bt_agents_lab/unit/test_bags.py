@@ -108,12 +108,12 @@ def test_two_systems_in_one_bag_need_a_namespace(
         for one in system.published
     ]
     bag = write_bag(tmp_path / "both", both)
-    with pytest.raises(Refused, match=r"SEVERAL_SYSTEMS.* /robot1, /robot2 .*ROS_NAMESPACE"):
+    with pytest.raises(Refused, match=r"SEVERAL_SYSTEMS.* /robot1 and /robot2 .*ROS_NAMESPACE"):
         JournalReader([bag]).entries()
     monkeypatch.setenv("ROS_NAMESPACE", "robot1")
     result = CliRunner().invoke(replay, [str(bag), "--json"])
     assert json.loads(result.output)["counts"]["decisions"]["equal"] == 4
-    assert "namespaces /robot1, /robot2, this is the one in /robot1" in result.output
+    assert "namespaces /robot1 and /robot2, this is the one in /robot1" in result.output
     assert len(read([bag], "/robot2").rounds) == 0
     assert read([bag], "/robot2").counts["/robot1/bt_agents/auctions"] == 4
 
@@ -125,7 +125,7 @@ def test_missing_files_and_messages_are_reported(
     (bag / "morning_2.mcap").unlink()
     result = CliRunner().invoke(replay, [str(bag)])
     assert result.exit_code == 2
-    assert "names 'morning_2.mcap', which is not there; copy all of its folder" in result.output
+    assert "lacks 'morning_2.mcap', which its metadata names; copy the whole" in result.output
     assert "is said to hold 32 messages, found 25" in result.output
 
 

@@ -145,7 +145,7 @@ def test_awaited_hosts_are_named_on_change() -> None:
         ("market", waiting),
     ) == [
         "    scene  2 in line wait for /agents to be back",
-        "    scene  3 in line wait for /agents, /others to be back",
+        "    scene  3 in line wait for /agents and /others to be back",
         "    scene  2 in line wait for /agents to be back",
     ]
 

@@ -123,7 +123,7 @@ def test_bids_during_wait_are_late(market: MarketHarness) -> None:
     market.bid("/others", {PLAIN: (5.0, 1.0, 3.0)})
     market.ranked(EXPRESS)
 
-    assert market.market.late_bids == 1
+    assert market.late_bids == 1
     assert {bid.agent for bid in market.auction.decision.ranking} == {GUIDE, EXPRESS}
     assert market.auction.decision.silent_hosts == ("/others",)
 

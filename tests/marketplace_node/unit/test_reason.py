@@ -41,7 +41,7 @@ def test_single_bid_reason_says_it_had_no_rival() -> None:
     ("values", "text"),
     [
         ((5.0, 1.0, NAN), "1.5 = |4−5| + |1.5−1|; mood is missing and left out"),
-        ((NAN, 1.0, NAN), "0.5 = |1.5−1|; age, mood are missing and left out"),
+        ((NAN, 1.0, NAN), "0.5 = |1.5−1|; age and mood are missing and left out"),
         ((NAN, NAN, NAN), "0.0, as every value of the scene is missing"),
         ((-1.0, 1.0, 3.0), "5.5 = |4−(−1)| + |1.5−1| + |3−3|"),
     ],
@@ -94,7 +94,7 @@ def test_decline_reasons_are_grouped() -> None:
     )
 
     assert market.auction.reason == (
-        "nobody bids: attentive_guide, professional_express need scene.person; plain: is tired"
+        "nobody bids: attentive_guide and professional_express need scene.person; plain: is tired"
     )
 
 
