@@ -7,6 +7,7 @@ of its goals; their types are the same for all actions.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -32,10 +33,9 @@ ANSWERS = 2
 """Number of "unknown goal" answers after which a server can no longer accept the goal."""
 
 ANSWERS_OF_SEVERAL = 8
-"""Number of them after which none of several servers can.
+"""Number of them after which none of several servers can, requested in the time of those of one.
 
-They are requested as fast as to take no longer: a server that was killed and started again counts
-as several until its lease ends.
+A server that was killed and started again counts as several until its lease ends.
 """
 
 MOST_CANCELLED = 500
@@ -62,15 +62,17 @@ class CancelledGoal:
     =========================================== ===============================================
 
     Args:
-        several: Whether several servers may exist, so that more answers in a row are needed.
+        accepted_by: When the last of several servers has accepted the goal, if at all, steady time
+            [s]; 0 for one server. Several need more answers in a row, also after that time.
 
     Attributes:
         ended: Whether its server no longer works on it.
     """
 
-    def __init__(self, several: bool = False) -> None:
+    def __init__(self, accepted_by: float = 0.0) -> None:
         self.ended = False
-        self._answers = ANSWERS_OF_SEVERAL if several else ANSWERS
+        self._accepted_by = accepted_by
+        self._answers = ANSWERS_OF_SEVERAL if accepted_by else ANSWERS
         self._again_s = CANCEL_AGAIN_S * ANSWERS / self._answers
         self._gone = 0
         self._is_listed: bool | None = None
@@ -83,14 +85,14 @@ class CancelledGoal:
             self._cancel_at = now + self._again_s
         return due
 
-    def on_answer(self, return_code: int) -> None:
-        """Handle the answer to a cancel request, as in ``CancelGoal.srv``."""
+    def on_answer(self, return_code: int, now: float = math.inf) -> None:
+        """Handle the answer to a cancel request, as in ``CancelGoal.srv``; steady time [s]."""
         terminated = return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
         is_gone = return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID or (
             terminated and self._is_listed is False
         )
         self._gone = self._gone + 1 if is_gone else 0
-        self.ended = self.ended or self._gone >= self._answers
+        self.ended = self.ended or (self._gone >= self._answers and now >= self._accepted_by)
 
     def on_states(self, status: int | None) -> None:
         """Handle a list of states by the state of the goal; None if the list does not have it."""
@@ -138,16 +140,16 @@ class GoalCanceller:
         goals: Sequence[OpenGoal],
         *,
         within_s: float,
-        several: bool = False,
+        accepted_by: float = 0.0,
         on_end: Callable[[tuple[OpenGoal, ...]], None],
     ) -> None:
         """Cancel goals, and call back once.
 
         The callback comes as soon as all have ended, and ``within_s`` seconds from now at the
-        latest. ``on_end`` takes the goals whose end is not confirmed. Each goal may have
-        ``several`` servers.
+        latest. ``on_end`` takes the goals whose end is not confirmed. ``accepted_by`` is that of
+        :class:`CancelledGoal`.
         """
-        tracked = [(goal, CancelledGoal(several)) for goal in goals]
+        tracked = [(goal, CancelledGoal(accepted_by)) for goal in goals]
         room = MOST_CANCELLED - sum(len(one.goals) for one in self._open)
         servers: dict[str, _Server] = {}
         for goal, track in tracked[: max(0, room)]:
@@ -237,7 +239,7 @@ def _on_answer(server: _Server, track: CancelledGoal, future: Any) -> None:
     server.pending.remove(future)
     # An unreadable answer is no answer.
     if not future.cancelled() and future.exception() is None and future.result() is not None:
-        track.on_answer(future.result().return_code)
+        track.on_answer(future.result().return_code, time.monotonic())
 
 
 def _on_states(server: _Server, message: GoalStatusArray) -> None:

@@ -167,16 +167,21 @@ def test_cancel_is_resent_until_goal_ends() -> None:
     assert not goal.take_cancel(1e9)
 
 
-@pytest.mark.parametrize(("several", "answers"), [(False, 2), (True, 8)])
-def test_killed_and_restarted_server_delays_no_end(several: bool, answers: int) -> None:
-    goal = CancelledGoal(several)
-    sent = 0
-    for step in range(40):
-        if goal.take_cancel(100.0 + step * CANCEL_AGAIN_S / 20):
+@pytest.mark.parametrize(
+    ("accepted_by", "answers", "took_s"), [(0.0, 2, 0.25), (99.0, 8, 0.4375), (102.0, 33, 2.0)]
+)
+def test_several_servers_may_accept_goal_until_a_time(
+    accepted_by: float, answers: int, took_s: float
+) -> None:
+    goal = CancelledGoal(accepted_by)
+    now, sent = 100.0, 0
+    while not goal.ended:
+        if goal.take_cancel(now):
             sent += 1
-            goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
-    assert goal.ended
-    assert sent == answers
+            goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID, now)
+            ended_at = now
+        now += CANCEL_AGAIN_S / 16
+    assert (sent, ended_at) == (answers, 100.0 + took_s)
 
 
 @pytest.mark.parametrize(

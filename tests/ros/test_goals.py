@@ -421,7 +421,7 @@ def test_unsendable_goal_is_unreachable(ros: Any) -> None:
         open_goals=OpenGoalList(ros.node, "first", lambda: None),
         servers=Servers,
         earlier_is_ending=lambda: False,
-        pursue=lambda _goal, _several, _on_end: None,
+        pursue=lambda _goal, _accepted_by, _on_end: None,
         feedback=False,
         warn=print,
     )

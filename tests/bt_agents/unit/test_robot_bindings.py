@@ -223,7 +223,7 @@ def test_undeclared_place_fails_leaf_and_lists_known_places(play, skills):
     harness = play("drive: gate 13", "nav2")
     assert harness.outcome == "failed"
     assert harness.environment.goals == []
-    found = "there is no place 'gate 13'; there are gate 12, lounge"
+    found = "there is no place 'gate 13'; there are gate 12 and lounge"
     assert found in harness.root.feedback_message
     (skills / "places.yaml").unlink()
     harness = play("drive: gate 13", "nav2")

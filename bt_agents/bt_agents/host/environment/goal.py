@@ -50,6 +50,9 @@ A server that appears on the graph may not be matched yet, which takes seconds o
 until then a request or its answer is lost.
 """
 
+LATE_S = 2.0
+"""Time within which a second server accepts a goal, if at all [s]."""
+
 TURN_S = 2.0
 """Longest wait for the end of an earlier goal of the same server before the next one is sent [s].
 
@@ -128,6 +131,7 @@ class GoalTrack:
         self._made_at = steady()
         self._waits_since: float | None = None
         self._sent_at: float | None = None
+        self._asked_at = 0.0
         self._accepted_at: float | None = None
         self._seen_at = 0.0
         self._silent_since: float | None = None
@@ -148,6 +152,11 @@ class GoalTrack:
         """True from its cancel, or its end for the leaf, until its server confirms the end."""
         over = self._cancel_asked or self.state.ended
         return over and self._sent_at is not None and not self.confirmed
+
+    @property
+    def accepted_by(self) -> float:
+        """When the last of several servers has accepted it, if at all, steady time [s]."""
+        return self._asked_at + LATE_S
 
     def take_turn(self, earlier: bool) -> bool:
         """Return whether to send it now that its server is available.
@@ -177,7 +186,7 @@ class GoalTrack:
 
         A service accepts every request.
         """
-        self._sent_at = self._steady()
+        self._sent_at = self._asked_at = self._steady()
         self._servers = servers
         if len(servers) > 1:
             self._repeat_at = self._sent_at
@@ -247,6 +256,8 @@ class GoalTrack:
         self._servers |= servers
         if now < self._repeat_at:
             return False
+        if self._accepted_at is None:
+            self._asked_at = now
         self._repeat_at = now + self._repeat_s
         self._repeat_s *= REPEAT_FACTOR
         return True
@@ -501,7 +512,7 @@ class RosGoalRun(SentGoal):
         open_goals: OpenGoalList,
         servers: Callable[[], Servers],
         earlier_is_ending: Callable[[], bool],
-        pursue: Callable[[OpenGoal, bool, Callable[[], None]], None],
+        pursue: Callable[[OpenGoal, float, Callable[[], None]], None],
         feedback: bool,
         warn: Callable[[str], None],
     ) -> None:
@@ -565,7 +576,8 @@ class RosGoalRun(SentGoal):
             self._open_goals.remove(self._identity.goal_id)
         elif self._track.state.ended and not self._is_pursued:
             self._is_pursued = True
-            self._pursue(self._identity, self._found.several, self._is_gone)
+            accepted_by = self._track.accepted_by if self._found.several else 0.0
+            self._pursue(self._identity, accepted_by, self._is_gone)
         if self._track.take_cancel():
             self._expect(self._handle.cancel_goal_async(), self._cancel_answered)
 

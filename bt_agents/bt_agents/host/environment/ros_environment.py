@@ -393,12 +393,12 @@ class RosEnvironment:
             note=self.graph_problems.look(action, nodes),
         )
 
-    def _pursue(self, goal: OpenGoal, several: bool, on_end: Callable[[], None]) -> None:
+    def _pursue(self, goal: OpenGoal, accepted_by: float, on_end: Callable[[], None]) -> None:
         def report(unconfirmed: tuple[OpenGoal, ...]) -> None:
             if not unconfirmed:
                 on_end()
 
-        self._canceller.cancel([goal], within_s=PURSUED_S, several=several, on_end=report)
+        self._canceller.cancel([goal], within_s=PURSUED_S, accepted_by=accepted_by, on_end=report)
 
     def _following(self, goal: SkillGoal, goal_id: bytes, client: Any) -> dict[str, Any]:
         """Return the arguments for tracking a goal of an action to its end."""
