@@ -54,8 +54,11 @@ class CancelledGoal:
     its server is there                         cancel, again every :data:`CANCEL_AGAIN_S`, more
                                                 often if there may be several
     a list of states with its end               ended
-    answer: unknown, twice in a row             ended; once may mean that it is not accepted yet,
-                                                and of several servers one answers for the others
+    answer: unknown, :data:`ANSWERS` in a row   ended; a single one may mean that the server has
+                                                not accepted it yet
+    the same, and there may be several servers  ended, if :data:`ANSWERS_OF_SEVERAL` in a row say
+                                                so, the last of them after ``accepted_by``: each
+                                                answer may come from another server
     answer: terminated, twice in a row, while   ended long ago; without a list it may as well be
     the list of states is without it            told to stop already
     any other answer, or none                   nothing: it may end by itself
@@ -63,16 +66,16 @@ class CancelledGoal:
 
     Args:
         accepted_by: When the last of several servers has accepted the goal, if at all, steady time
-            [s]; 0 for one server. Several need more answers in a row, also after that time.
+            [s]; None if it has one server.
 
     Attributes:
         ended: Whether its server no longer works on it.
     """
 
-    def __init__(self, accepted_by: float = 0.0) -> None:
+    def __init__(self, accepted_by: float | None = None) -> None:
         self.ended = False
-        self._accepted_by = accepted_by
-        self._answers = ANSWERS_OF_SEVERAL if accepted_by else ANSWERS
+        self._accepted_by = -math.inf if accepted_by is None else accepted_by
+        self._answers = ANSWERS if accepted_by is None else ANSWERS_OF_SEVERAL
         self._again_s = CANCEL_AGAIN_S * ANSWERS / self._answers
         self._gone = 0
         self._is_listed: bool | None = None
@@ -85,7 +88,7 @@ class CancelledGoal:
             self._cancel_at = now + self._again_s
         return due
 
-    def on_answer(self, return_code: int, now: float = math.inf) -> None:
+    def on_answer(self, return_code: int, now: float) -> None:
         """Handle the answer to a cancel request, as in ``CancelGoal.srv``; steady time [s]."""
         terminated = return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
         is_gone = return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID or (
@@ -140,7 +143,7 @@ class GoalCanceller:
         goals: Sequence[OpenGoal],
         *,
         within_s: float,
-        accepted_by: float = 0.0,
+        accepted_by: float | None = None,
         on_end: Callable[[tuple[OpenGoal, ...]], None],
     ) -> None:
         """Cancel goals, and call back once.

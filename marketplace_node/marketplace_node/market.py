@@ -231,7 +231,7 @@ class Market:
             if self._interaction is not None:
                 self._interaction.close_when_due(now)
         elif bids.epoch == self.epoch and self._was_opened(bids.round):
-            self._note(f"LATE: bids of {bids.host} for round {bids.round}, which is closed")
+            self._note(f"bids of {bids.host} are late: round {bids.round} is closed")
         elif real and real[0].takes_bids:
             # An answer that belongs to no open round is recorded in the first one.
             real[0].take(bids)
@@ -246,7 +246,7 @@ class Market:
     def ranked(self, round_number: int, external: External, now: float) -> list[Effect]:
         """Take an external ranking, or the reason why there is none; a late one is only logged."""
         if not any(r.number == round_number and r.ranked(external) for r in self._open_rounds()):
-            self._note(f"LATE: a ranking from outside for round {round_number}, which is closed")
+            self._note(f"a ranking from outside is late: round {round_number} is closed")
         elif self._interaction is not None:
             self._interaction.close_when_due(now)
         return self._settle(now)

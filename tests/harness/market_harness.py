@@ -238,8 +238,8 @@ class MarketHarness:
         return [effect for effect in self.effects if isinstance(effect, kind)]
 
     @property
-    def late_bids(self) -> int:
-        return sum(note.message.startswith("LATE") for note in self.all(Note))
+    def notes(self) -> list[str]:
+        return [note.message for note in self.all(Note)]
 
     @property
     def status(self) -> StatusChanged:

@@ -139,11 +139,11 @@ def test_terminal_status_in_status_list_ends_goal() -> None:
 
 def test_two_consecutive_unknown_answers_end_goal() -> None:
     goal = CancelledGoal()
-    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
-    goal.on_answer(ANSWER.ERROR_NONE)
-    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
+    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID, now=0.0)
+    goal.on_answer(ANSWER.ERROR_NONE, now=0.0)
+    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID, now=0.0)
     assert not goal.ended
-    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
+    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID, now=0.0)
     assert goal.ended
 
 
@@ -151,11 +151,11 @@ def test_two_consecutive_unknown_answers_end_goal() -> None:
 def test_terminated_answer_ends_only_unlisted_goal(listed: int | None) -> None:
     goal = CancelledGoal()
     for _ in range(3):
-        goal.on_answer(ANSWER.ERROR_GOAL_TERMINATED)
+        goal.on_answer(ANSWER.ERROR_GOAL_TERMINATED, now=0.0)
     assert not goal.ended, "without a list it may still be stopping"
     goal.on_states(listed)
     for _ in range(3):
-        goal.on_answer(ANSWER.ERROR_GOAL_TERMINATED)
+        goal.on_answer(ANSWER.ERROR_GOAL_TERMINATED, now=0.0)
     assert goal.ended is (listed is None)
 
 
@@ -168,10 +168,10 @@ def test_cancel_is_resent_until_goal_ends() -> None:
 
 
 @pytest.mark.parametrize(
-    ("accepted_by", "answers", "took_s"), [(0.0, 2, 0.25), (99.0, 8, 0.4375), (102.0, 33, 2.0)]
+    ("accepted_by", "answers", "took_s"), [(None, 2, 0.25), (99.0, 8, 0.4375), (102.0, 33, 2.0)]
 )
 def test_several_servers_may_accept_goal_until_a_time(
-    accepted_by: float, answers: int, took_s: float
+    accepted_by: float | None, answers: int, took_s: float
 ) -> None:
     goal = CancelledGoal(accepted_by)
     now, sent = 100.0, 0

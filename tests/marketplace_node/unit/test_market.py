@@ -12,14 +12,7 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, registration, scene
-from marketplace_node.effects import (
-    AnnounceRun,
-    Collect,
-    Note,
-    PublishAuction,
-    State,
-    StatusChanged,
-)
+from marketplace_node.effects import AnnounceRun, Collect, PublishAuction, State, StatusChanged
 from marketplace_node.hosts.host_effects import CancelAll, CancelGoal, Connect
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy
@@ -157,7 +150,7 @@ def test_late_response_is_noted_but_changes_nothing(market: MarketHarness) -> No
     market.run()
     market.bid(vectors={EXPRESS: (5.0, 1.0, 3.0)})
 
-    assert market.late_bids == 1
+    assert market.notes == ["bids of /agents are late: round 1 is closed"]
     assert len(market.all(PublishAuction)) == 1
 
 
@@ -167,7 +160,7 @@ def test_bids_without_an_open_round_are_only_noted(
 ) -> None:
     market.bid(**changes)
 
-    assert "refused" in market.all(Note)[-1].message
+    assert "refused" in market.notes[-1]
     assert market.all(PublishAuction) == []
 
 

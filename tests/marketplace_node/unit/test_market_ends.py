@@ -10,7 +10,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness
 from marketplace_node.effects import AnnounceRun as Announced
-from marketplace_node.effects import Note, SceneEnded, State
+from marketplace_node.effects import SceneEnded, State
 from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.outcomes import RunEventKind
 
@@ -118,9 +118,7 @@ def test_scene_without_id_is_noted_without_end() -> None:
     market.do(market.market.malformed("", Refused("EMPTY", "scene: no scene_id"), market.now))
 
     assert market.all(SceneEnded) == []
-    assert [note.message for note in market.all(Note)] == [
-        "EMPTY: scene: no scene_id; no end is announced"
-    ]
+    assert market.notes == ["EMPTY: scene: no scene_id; no end is announced"]
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness
-from marketplace_node.effects import Note, OpenCall, PublishAuction, SendGoal, State
+from marketplace_node.effects import OpenCall, PublishAuction, SendGoal, State
 from marketplace_node.formatting import shown
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy
@@ -91,7 +91,7 @@ def test_answer_after_time_limit_changes_nothing(market: MarketHarness) -> None:
 
     assert market.goal.agent == GUIDE
     assert len(market.all(PublishAuction)) == 1
-    assert "LATE" in market.all(Note)[-1].message
+    assert "ranking from outside is late" in market.notes[-1]
 
 
 def test_the_first_of_two_answers_counts(market: MarketHarness) -> None:
@@ -123,7 +123,7 @@ def test_bids_during_wait_are_late(market: MarketHarness) -> None:
     market.bid("/others", {PLAIN: (5.0, 1.0, 3.0)})
     market.ranked(EXPRESS)
 
-    assert market.late_bids == 1
+    assert market.notes == ["bids of /others are late: round 1 is closed"]
     assert {bid.agent for bid in market.auction.decision.ranking} == {GUIDE, EXPRESS}
     assert market.auction.decision.silent_hosts == ("/others",)
 

@@ -9,7 +9,7 @@ import pytest
 
 from bt_agents_core.stop_cause import StopCause
 from market_harness import GUIDE, MarketHarness, scene
-from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, SceneEnded, State
+from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, SceneEnded, State
 from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.outcomes import RunOutcome
 
@@ -126,7 +126,7 @@ def test_interrupted_scene_is_auctioned_again_only_once(market: MarketHarness) -
     assert len(market.calls) == 1
     assert market.ends == [("old", "LOST")]
     assert [effect.run.goal.round for effect in market.all(AnnounceEarlierRun)] == [7, 5]
-    assert len([n for n in market.all(Note) if "once more; it is left out" in n.message]) == 3
+    assert len([n for n in market.notes if "once more; it is left out" in n]) == 3
 
 
 def test_last_run_determines_scene_end(market: MarketHarness) -> None:
@@ -154,7 +154,7 @@ def test_runs_unknown_to_host_are_ignored(
 ) -> None:
     tell(market, run(**changes))
 
-    assert words in market.all(Note)[-1].message
+    assert words in market.notes[-1]
     assert market.all(AnnounceEarlierRun) == []
     assert market.ends == []
 

@@ -497,7 +497,8 @@ class RosGoalRun(SentGoal):
         servers: Looks up the servers of the action.
         earlier_is_ending: Returns whether an earlier goal of the client is ending.
         pursue: Cancels a given-up goal until its server (or its next start, or each of several
-            servers) has stopped working on it; then calls back.
+            servers) has stopped working on it; then calls back. Its second argument is when the
+            last of several servers has accepted the goal, steady time [s], or None for one server.
     """
 
     def __init__(
@@ -512,7 +513,7 @@ class RosGoalRun(SentGoal):
         open_goals: OpenGoalList,
         servers: Callable[[], Servers],
         earlier_is_ending: Callable[[], bool],
-        pursue: Callable[[OpenGoal, float, Callable[[], None]], None],
+        pursue: Callable[[OpenGoal, float | None, Callable[[], None]], None],
         feedback: bool,
         warn: Callable[[str], None],
     ) -> None:
@@ -576,7 +577,7 @@ class RosGoalRun(SentGoal):
             self._open_goals.remove(self._identity.goal_id)
         elif self._track.state.ended and not self._is_pursued:
             self._is_pursued = True
-            accepted_by = self._track.accepted_by if self._found.several else 0.0
+            accepted_by = self._track.accepted_by if self._found.several else None
             self._pursue(self._identity, accepted_by, self._is_gone)
         if self._track.take_cancel():
             self._expect(self._handle.cancel_goal_async(), self._cancel_answered)

@@ -393,7 +393,9 @@ class RosEnvironment:
             note=self.graph_problems.look(action, nodes),
         )
 
-    def _pursue(self, goal: OpenGoal, accepted_by: float, on_end: Callable[[], None]) -> None:
+    def _pursue(
+        self, goal: OpenGoal, accepted_by: float | None, on_end: Callable[[], None]
+    ) -> None:
         def report(unconfirmed: tuple[OpenGoal, ...]) -> None:
             if not unconfirmed:
                 on_end()
