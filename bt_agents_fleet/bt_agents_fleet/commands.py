@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import time
 from contextlib import closing
-from pathlib import Path
 
 import click
 
@@ -15,11 +14,9 @@ from bt_agents_core.state_folder import FLEET_SETTINGS, claim_state
 from bt_agents_core.text import printable_line
 from bt_agents_fleet.database import FleetDatabase, FleetError, RobotRow, checked_address
 from bt_agents_fleet.fleet_settings import (
-    PASSWORD_VARIABLE,
     STATUS_FILE,
     FleetSettings,
     checked_robot,
-    password_of,
     read_settings,
     read_status,
     write_settings,
@@ -42,30 +39,14 @@ def fleet() -> None:
 @fleet.command()
 @click.argument("address")
 @click.option("--robot", required=True, help="Unique name of this robot.")
-@click.option(
-    "--password-file",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help=f"File with the password alone, of mode 600; without it {PASSWORD_VARIABLE} or libpq's "
-    "own ways.",
-)
-@click.option(
-    "--certificates",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="CA certificates for the server (sslrootcert).",
-)
 @state_option
-def join(
-    address: str, robot: str, password_file: Path | None, certificates: Path | None, state: str
-) -> None:
+def join(address: str, robot: str, state: str) -> None:
     """Join the fleet of the database at ADDRESS, and create or update its tables.
 
+    ADDRESS is a URI or options of libpq, which reads the password from ~/.pgpass or PGPASSWORD.
     Each agent's file says what it shares: learning: {share: everything}.
     """
-    settings = FleetSettings(
-        robot=checked_robot(robot),
-        address=checked_address(address, str(certificates.resolve()) if certificates else ""),
-        password_file=str(password_file.resolve()) if password_file else "",
-    )
+    settings = FleetSettings(robot=checked_robot(robot), address=checked_address(address))
     with closing(_database(settings)) as database:
         database.join()
     file = write_settings(claim_state(take_trees(), state).path, settings)
@@ -142,7 +123,7 @@ def run(state: str) -> None:
 
 
 def _database(settings: FleetSettings) -> FleetDatabase:
-    return FleetDatabase(settings.address, settings.robot, password=password_of(settings))
+    return FleetDatabase(settings.address, settings.robot)
 
 
 def _status_lines(here: dict[str, object]) -> list[str]:

@@ -7,10 +7,11 @@ import json
 import os
 import re
 import socket
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.resources import files
+from pathlib import Path
 from threading import Timer
 from typing import Any
 
@@ -50,13 +51,13 @@ class PushPosition:
         number: Number of the last covered row; 0 for none.
         checksum: Checksum of that row; 0 if it was forgotten.
         ledger: Identity of the ledger: the checksum of its first row; 0 for none.
-        shares: Agent → its shared layers at the time of writing.
+        shares: What each agent shared at the time of writing, as JSON.
     """
 
     number: int = 0
     checksum: int = 0
     ledger: int = 0
-    shares: Mapping[str, str]
+    shares: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,15 +90,11 @@ class RobotRow:
     seen_s: float
 
 
-def checked_address(address: str, certificates: str = "") -> str:
-    """Return a database address as libpq options, with TLS as strict as possible.
+def checked_address(address: str) -> str:
+    """Return a database address, a URI or options of libpq, as options for any working folder.
 
     The name and certificate of a remote server are verified (``sslmode=verify-full``) unless the
     address specifies another mode.
-
-    Args:
-        address: libpq URI or options.
-        certificates: File of root certificates for the server; empty for libpq's default.
 
     Raises:
         FleetError: ``BAD_ADDRESS``, or ``PASSWORD_IN_ADDRESS``.
@@ -114,10 +111,11 @@ def checked_address(address: str, certificates: str = "") -> str:
         raise FleetError(
             RefusalCode.PASSWORD_IN_ADDRESS,
             "the address has a password in it, which the list of processes shows to everybody; "
-            "take it out, and name a file with it: --password-file",
+            "take it out, and write it into ~/.pgpass",
         )
-    if certificates:
-        options["sslrootcert"] = certificates
+    for option in ("passfile", "sslrootcert"):
+        if option in options and options[option] != "system":
+            options[option] = str(Path(options[option]).resolve())
     host = str(options.get("host", ""))
     if host and not host.startswith("/"):
         options.setdefault("sslmode", "verify-full")
@@ -133,16 +131,12 @@ class FleetDatabase:
     Args:
         address: Address from :func:`checked_address`.
         robot: Name of this robot.
-        password: Password; empty for libpq's own methods.
         limit_s: Longest time of one transaction [s].
     """
 
-    def __init__(
-        self, address: str, robot: str, *, password: str = "", limit_s: float = LIMIT_S
-    ) -> None:
+    def __init__(self, address: str, robot: str, *, limit_s: float = LIMIT_S) -> None:
         self._address = address
         self._robot = robot
-        self._password = password
         self._limit_s = limit_s
         self._connection: psycopg.Connection[Any] | None = None
 
@@ -170,17 +164,13 @@ class FleetDatabase:
         with self._transaction() as connection:
             connection.execute("SELECT pg_advisory_xact_lock(%s)", (_LOCK,))
             found = _version(connection)
-            known = _migrations()
-            if found > len(known):
-                raise _newer(found)
             if not found:
-                connection.execute(
-                    "CREATE TABLE IF NOT EXISTS schema_version "
-                    "(version integer PRIMARY KEY, applied timestamptz NOT NULL DEFAULT now())"
-                )
-            for version in range(found + 1, len(known) + 1):
-                connection.execute(known[version].encode())
-                connection.execute("INSERT INTO schema_version (version) VALUES (%s)", (version,))
+                connection.execute(_CREATE)
+            for version, statements in sorted(_migrations().items()):
+                if version > found:
+                    connection.execute(statements.encode())
+                    connection.execute("INSERT INTO schema_version VALUES (%s)", (version,))
+            _check_version(connection)
             connection.execute(
                 "INSERT INTO robot (robot) VALUES (%s) ON CONFLICT DO NOTHING", (self._robot,)
             )
@@ -195,7 +185,7 @@ class FleetDatabase:
     def position(self) -> PushPosition:
         """Return the covered position in the ledger of this robot."""
         with self._transaction() as connection:
-            return self._position(connection, lock=False)
+            return self._position(connection)
 
     def push(self, before: PushPosition, steps: Sequence[FleetStep], after: PushPosition) -> None:
         """Add steps and the new position, unless another process has done so meanwhile.
@@ -204,7 +194,7 @@ class FleetDatabase:
             FleetError: ``ROBOT_TAKEN`` or ``LEDGER_TAKEN``.
         """
         with self._transaction() as connection:
-            if self._position(connection, lock=True) != before:
+            if self._position(connection) != before:
                 raise FleetError(
                     RefusalCode.ROBOT_TAKEN,
                     f"somebody else pushes as '{self._robot}', too; give each robot a name of its "
@@ -218,8 +208,7 @@ class FleetDatabase:
                 numbers = [one.number for one in steps]
                 connection.execute(_FORGET, (agents, self._robot, numbers))
                 connection.execute("SELECT pg_notify(%s, %s)", (CHANNEL, self._robot))
-            shares = json.dumps(after.shares)
-            values = (after.ledger, after.number, after.checksum, shares, self._robot)
+            values = (after.ledger, after.number, after.checksum, after.shares, self._robot)
             try:
                 connection.execute(_COVER, values)
             except psycopg.errors.UniqueViolation:
@@ -262,20 +251,15 @@ class FleetDatabase:
             for _ in connection.notifies(timeout=seconds, stop_after=1):
                 break
 
-    def _position(self, connection: psycopg.Connection[Any], *, lock: bool) -> PushPosition:
-        query = "SELECT position, checksum, ledger, shares FROM robot WHERE robot = %s"
-        found = connection.execute(
-            f"{query}{' FOR UPDATE' if lock else ''}".encode(), (self._robot,)
-        ).fetchone()
+    def _position(self, connection: psycopg.Connection[Any]) -> PushPosition:
+        found = connection.execute(_POSITION, (self._robot,)).fetchone()
         if found is None:
             raise FleetError(
                 RefusalCode.NOT_JOINED,
                 f"the database knows no robot '{self._robot}'; 'bt-agents fleet join' adds it",
             )
         number, checksum, ledger, shares = found
-        return PushPosition(
-            number=number, checksum=checksum, ledger=ledger or 0, shares=_shares(shares)
-        )
+        return PushPosition(number=number, checksum=checksum, ledger=ledger or 0, shares=shares)
 
     @contextmanager
     def _transaction(self) -> Iterator[psycopg.Connection[Any]]:
@@ -310,7 +294,6 @@ class FleetDatabase:
 
     def _open(self) -> psycopg.Connection[Any]:
         limit_ms = int(self._limit_s * 1000)
-        more: dict[str, Any] = {"password": self._password} if self._password else {}
         return psycopg.connect(
             self._address,
             autocommit=True,
@@ -324,9 +307,13 @@ class FleetDatabase:
             tcp_user_timeout=limit_ms,
             options=f"-c statement_timeout={limit_ms} -c lock_timeout={limit_ms} "
             f"-c idle_in_transaction_session_timeout={2 * limit_ms}",
-            **more,
         )
 
+
+_CREATE = """
+CREATE TABLE IF NOT EXISTS schema_version
+(version integer PRIMARY KEY, applied timestamptz NOT NULL DEFAULT now())
+"""
 
 _INSERT = """
 INSERT INTO step (robot, number, agent, layer, base, event, kind, target, weight, changes, stamp)
@@ -340,6 +327,10 @@ WHERE t.event = 'forget' AND s.event <> 'forget' AND s.agent = t.agent
     AND (s.stamp, s.robot COLLATE "C", s.number) < (t.stamp, t.robot COLLATE "C", t.number)
     AND t.layer = split_part(s.layer, '/', 1) || '/sha256:'
         || encode(sha256(convert_to(s.layer, 'UTF8')), 'hex')
+"""
+
+_POSITION = """
+SELECT position, checksum, ledger, shares FROM robot WHERE robot = %s FOR UPDATE
 """
 
 _COVER = """
@@ -386,16 +377,6 @@ def _columns(wanted: Sequence[Wanted]) -> tuple[list[Any], ...]:
     )
 
 
-def _shares(text: str) -> dict[str, str]:
-    try:
-        found = json.loads(text)
-    except ValueError:
-        found = None
-    if not isinstance(found, dict):
-        return {}
-    return {str(name): str(share) for name, share in found.items()}
-
-
 def _migrations() -> dict[int, str]:
     """Return the statements of each version of the tables, by version number from 1."""
     found = {}
@@ -419,21 +400,17 @@ def _check_version(connection: psycopg.Connection[Any]) -> None:
     found = _version(connection)
     known = len(_migrations())
     if found > known:
-        raise _newer(found)
+        raise FleetError(
+            RefusalCode.SCHEMA_NEWER,
+            f"the tables are of version {found}, this program knows {known}; install the version "
+            "of bt-agents that the rest of the fleet has",
+        )
     if found < known:
         raise FleetError(
             RefusalCode.SCHEMA_OLD,
             f"the tables are of version {found}, expected {known}; 'bt-agents fleet join' brings "
             "them up to date",
         )
-
-
-def _newer(found: int) -> FleetError:
-    return FleetError(
-        RefusalCode.SCHEMA_NEWER,
-        f"the tables are of version {found}, this program knows {len(_migrations())}; install the "
-        "version of bt-agents that the rest of the fleet has",
-    )
 
 
 def _shut(descriptor: int) -> None:

@@ -16,7 +16,7 @@ from bt_agents_core.private_files import open_private
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import printable_line
 from bt_agents_fleet.database import FleetDatabase, FleetError
-from bt_agents_fleet.fleet_settings import STATUS_FILE, password_of, read_settings, write_private
+from bt_agents_fleet.fleet_settings import STATUS_FILE, read_settings, write_private
 from bt_agents_fleet.fleet_sync import FleetSync
 from bt_agents_fleet.shares import Shares
 from bt_agents_language.files.scene_reader import read_scene
@@ -58,7 +58,7 @@ def keep_up(
     with ExitStack() as opened:
         lock = open_private(state / _LOCK_FILE, os.O_RDWR | os.O_NOFOLLOW)
         opened.callback(os.close, lock)
-        database = FleetDatabase(settings.address, settings.robot, password=password_of(settings))
+        database = FleetDatabase(settings.address, settings.robot)
         opened.callback(database.close)
         with turn_to_join(current_domain()):
             client = SystemClient()

@@ -4,9 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
-import stat
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -21,11 +18,7 @@ from feedback_node.learning.fleet_steps import ROBOT_NAME
 STATUS_FILE = "fleet-status.json"
 """File of a state folder with the progress of the robot, as last written by its process."""
 
-PASSWORD_VARIABLE = "BT_AGENTS_FLEET_PASSWORD"
-"""Environment variable with the password, if no file is named."""
-
 _LONGEST = 20_000
-_LONGEST_PASSWORD = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +27,10 @@ class FleetSettings:
 
     Attributes:
         address: Address of the database, from :func:`database.checked_address`.
-        password_file: Absolute path; empty for none.
     """
 
     robot: str
     address: str
-    password_file: str = ""
 
 
 def checked_robot(name: str) -> str:
@@ -90,6 +81,8 @@ def read_settings(folder: Path) -> FleetSettings:
         with file.open(encoding="utf-8") as opened:
             found = json.loads(opened.read(_LONGEST))
         settings = FleetSettings(**found)
+        if not all(isinstance(value, str) for value in vars(settings).values()):
+            raise TypeError("expected texts")
     except FileNotFoundError:
         raise Refused(
             RefusalCode.NOT_JOINED,
@@ -99,36 +92,8 @@ def read_settings(folder: Path) -> FleetSettings:
         raise Refused(
             RefusalCode.BAD_SETTINGS, f"{file}: {error}; 'bt-agents fleet join' writes it anew"
         ) from None
-    if not all(isinstance(value, str) for value in vars(settings).values()):
-        raise Refused(
-            RefusalCode.BAD_SETTINGS, f"{file}: expected texts; 'bt-agents fleet join' writes it"
-        )
     checked_robot(settings.robot)
     return settings
-
-
-def password_of(settings: FleetSettings, environment: Mapping[str, str] = os.environ) -> str:
-    """Return the password from its file or the environment; empty for libpq's own methods.
-
-    Raises:
-        Refused: ``PASSWORD_READABLE`` or ``PASSWORD_UNREADABLE``.
-    """
-    if not settings.password_file:
-        return environment.get(PASSWORD_VARIABLE, "")
-    file = settings.password_file
-    try:
-        with open(file, encoding="utf-8") as opened:
-            if stat.S_IMODE(os.fstat(opened.fileno()).st_mode) & 0o077:
-                raise Refused(
-                    RefusalCode.PASSWORD_READABLE,
-                    f"{file}: others may read the password; 'chmod 600 {file}' mends it",
-                )
-            return opened.read(_LONGEST_PASSWORD).strip()
-    except (OSError, UnicodeDecodeError) as error:
-        raise Refused(
-            RefusalCode.PASSWORD_UNREADABLE,
-            f"{file}: {error}; expected a file with the password alone",
-        ) from None
 
 
 def read_status(folder: Path) -> dict[str, Any]:

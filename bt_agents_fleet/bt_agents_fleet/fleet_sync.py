@@ -244,7 +244,7 @@ class FleetSync:
     # To the database
 
     def _push(self, ledger: LedgerReader, shares: Mapping[str, Share]) -> None:
-        declared = {agent: share.value for agent, share in sorted(shares.items())}
+        declared = json.dumps({agent: share.value for agent, share in sorted(shares.items())})
         before = self._database.position()
         # Layers shared now may not have been shared before; existing steps are not added again.
         start = before.number if before.shares == declared else 0

@@ -423,9 +423,9 @@ def test_remote_server_is_verified_by_certificate_and_name(tmp_path):
         server.kill()
         server.start(port)
 
-        def join(host: str, certificates: Path) -> None:
+        def join(host: str, certificate: Path) -> None:
             address = checked_address(
-                f"postgresql://fleet@{host}:{port}/postgres", f"{certificates}"
+                f"postgresql://fleet@{host}:{port}/postgres?sslrootcert={certificate}"
             )
             with closing(FleetDatabase(address, "anna", limit_s=LIMIT_S)) as database:
                 database.join()
@@ -464,12 +464,16 @@ def test_robot_joins_server_from_compose_file(tmp_path):
         server.kill()
         server.start(port, settings)
         user, name = of_image["POSTGRES_USER"], of_image["POSTGRES_DB"]
-        address = checked_address(f"postgresql://{user}@localhost:{port}/{name}", f"{authority}")
+        passwords = tmp_path / "passwords"
+        address = checked_address(
+            f"postgresql://{user}@localhost:{port}/{name}"
+            f"?sslrootcert={authority}&passfile={passwords}"
+        )
 
         def join(password: str) -> None:
-            with closing(
-                FleetDatabase(address, "anna", password=password, limit_s=LIMIT_S)
-            ) as opened:
+            passwords.write_text(f"localhost:*:*:*:{password}\n")
+            passwords.chmod(0o600)
+            with closing(FleetDatabase(address, "anna", limit_s=LIMIT_S)) as opened:
                 opened.join()
 
         join("secret")
@@ -731,8 +735,12 @@ def test_remote_server_certificate_is_checked_by_default(address, says):
     assert says in checked_address(address)
 
 
-def test_certificate_path_is_passed_to_connection():
-    assert "sslrootcert=/etc/fleet.crt" in checked_address("host=a", "/etc/fleet.crt")
+def test_files_in_address_become_absolute_paths(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    address = checked_address("host=a sslrootcert=fleet.crt passfile=/etc/passwords")
+    assert f"sslrootcert={tmp_path}/fleet.crt" in address
+    assert "passfile=/etc/passwords" in address
+    assert "sslrootcert=system" in checked_address("host=a sslrootcert=system")
 
 
 def test_a_socket_needs_no_certificate():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of a robot in a fleet, its password, and the layers that it shares."""
+"""Settings of a robot in a fleet, and the layers that it shares."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from bt_agents_core.state_folder import FLEET_SETTINGS
 from bt_agents_fleet.fleet_settings import (
     FleetSettings,
     checked_robot,
-    password_of,
     read_settings,
     read_status,
     write_settings,
@@ -55,28 +54,6 @@ def test_invalid_settings_are_refused(tmp_path, text):
 def test_invalid_robot_name_is_refused(name):
     with pytest.raises(Refused, match="BAD_ROBOT"):
         checked_robot(name)
-
-
-def test_password_comes_from_its_file_or_environment(tmp_path):
-    file = tmp_path / "password"
-    file.write_text("secret\n")
-    file.chmod(0o600)
-    with_file = FleetSettings(robot="anna", address="", password_file=str(file))
-    assert password_of(with_file, {"BT_AGENTS_FLEET_PASSWORD": "other"}) == "secret"
-    assert password_of(ANNA, {"BT_AGENTS_FLEET_PASSWORD": "other"}) == "other"
-    assert password_of(ANNA, {}) == ""
-
-
-def test_password_file_readable_by_others_is_refused(tmp_path):
-    file = tmp_path / "password"
-    file.write_text("secret\n")
-    file.chmod(0o640)
-    settings = FleetSettings(robot="anna", address="", password_file=str(file))
-    with pytest.raises(Refused, match=r"PASSWORD_READABLE.*chmod 600"):
-        password_of(settings)
-    file.unlink()
-    with pytest.raises(Refused, match="PASSWORD_UNREADABLE"):
-        password_of(settings)
 
 
 def test_missing_or_damaged_status_reads_as_empty(tmp_path):
