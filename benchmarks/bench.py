@@ -69,7 +69,7 @@ COMPARED = (
     "--json",
     "file",
     type=click.Path(path_type=Path, dir_okay=False),
-    help=f"Where the figures go; those of other benchmarks in it stay. [default: {FIGURES.name} "
+    help=f"Where the figures go; figures of other benchmarks in it stay. [default: {FIGURES.name} "
     "in build/, nowhere with --short]",
 )
 @click.option("--seed", default=1, show_default=True, help="Of the order of measurements.")

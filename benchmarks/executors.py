@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the executor of our nodes and those of rclpy, all with the same bare nodes."""
+"""Measures our executor and rclpy's executors, all with the same bare nodes."""
 
 from __future__ import annotations
 

@@ -336,7 +336,7 @@ def _joining(effort: Effort) -> Iterator[Row]:
 
 
 def _environments() -> dict[str, dict[str, str]]:
-    """Return the settings of our processes, and those of plain ROS, on a domain each."""
+    """Return the settings of our processes and of plain ROS, each on its own domain."""
     found = {}
     for name in ("ours", "default"):
         environment = {key: v for key, v in os.environ.items() if "PROFILES_FILE" not in key}

@@ -21,7 +21,7 @@ TRACED = 1.15
 """Goal: ratio of a tick with collected changes to a bare one."""
 
 LARGE = 3.0
-"""Goal: ratio of a tick of a large tree to that of a small one."""
+"""Goal: ratio between a tick of a large tree and a tick of a small one."""
 
 EACH_S = 0.005
 """Approximate time of each measurement [s]."""

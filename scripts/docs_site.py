@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of the documentation site: those of docs/, and pages generated from the code."""
+"""Pages of the documentation site: from docs/, and generated from the code."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ PAGES: Mapping[str, Callable[[], str]] = {
 
 
 def write_pages(folder: Path) -> None:
-    """Write all pages, including those of docs/."""
+    """Write all pages, including docs/."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(ROOT / "docs", folder)
     for name, make in PAGES.items():

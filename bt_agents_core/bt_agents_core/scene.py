@@ -87,7 +87,7 @@ class SceneParameter:
     def ignorance(self) -> float:
         """Standard deviation of a value if only its range is known.
 
-        It is that of the uniform distribution, (max − min) / √12.
+        It belongs to the uniform distribution: (max − min) / √12.
         """
         return (self.maximum - self.minimum) / math.sqrt(12.0)
 

@@ -45,7 +45,7 @@ def is_trees(folder: Path) -> bool:
 def find_trees(explicit: str = "") -> Path:
     """Return the trees folder: ``explicit``, else this one or ``./trees``.
 
-    :data:`SHIPPED` names that of the installation, which is never the default.
+    :data:`SHIPPED` names the installation's folder, which is never the default.
 
     Raises:
         NoTreesFolderError: None is named, and none is here.
@@ -58,7 +58,7 @@ def find_trees(explicit: str = "") -> Path:
         if is_trees(folder):
             return folder
         near = next(filter(is_trees, (folder / _TREES, *folder.absolute().parents)), None)
-        hint = f"did you mean '{near}'?" if near else f"'{SHIPPED}' names that of the installation"
+        hint = f"did you mean '{near}'?" if near else f"'{SHIPPED}' names the installed one"
         raise BtAgentsError(f"'{folder}' is no trees folder: it has no {_SCENE}; {hint}")
     for folder in (Path(), Path(_TREES)):
         if is_trees(folder):

@@ -19,7 +19,7 @@ _T = TypeVar("_T")
 class WorkerThread(Executor):
     """Executor with one daemon thread.
 
-    A process does not wait for this thread at its end, unlike for those of
+    A process does not wait for this thread at its end, unlike for threads of
     :mod:`concurrent.futures`, however long a disk or a network folder takes.
     """
 

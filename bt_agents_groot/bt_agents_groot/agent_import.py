@@ -148,7 +148,7 @@ class _Import:
     def _head(self, remarks: tuple[Remark, ...]) -> Iterator[str]:
         yield from comment_lines(
             f"Made from {self._file_name} by 'bt-agents import groot'. Write the profile of the "
-            "scenes that the\nagent suits; these values are those of an ordinary scene."
+            "scenes that the\nagent suits; these values describe an ordinary scene."
         )
         lost = [remark for remark in remarks if remark.level is RemarkLevel.LOST]
         if lost:

@@ -37,7 +37,9 @@ def export() -> None:
 @click.argument("files", nargs=-1, required=True)
 @_OUT
 @click.option(
-    "--agent", default="", help="Name of the agent; without it, that of --tree or the first file."
+    "--agent",
+    default="",
+    help="Name of the agent; by default the name of --tree or the first file.",
 )
 @click.option(
     "--tree",

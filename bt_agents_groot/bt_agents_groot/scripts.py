@@ -71,7 +71,7 @@ def parse_script(text: str, rename: Callable[[str], str]) -> list[Statement]:
     """Return the statements of a script.
 
     From weak to strong: ``? :``, ``||``, ``&&``, comparisons (``a < b < c`` compares twice),
-    ``| ^``, ``&``, ``+ - ..``, ``* /``, signs. The rules are those of ``script_parser.cpp`` in
+    ``| ^``, ``&``, ``+ - ..``, ``* /``, signs. The rules are as in ``script_parser.cpp`` of
     BehaviorTree.CPP 4.7, but without names of enums, because only a program knows its enums.
 
     Raises:

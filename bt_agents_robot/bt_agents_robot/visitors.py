@@ -315,7 +315,7 @@ class VisitorsNode(BaseNode):
 
     @property
     def _sensors_in_use(self) -> list[_Sensor]:
-        """Sensors of everybody, and those of the visitor while it is a person."""
+        """Sensors of everybody, and of the visitor while it is a person."""
         return self._sensors + (self._personal if self._person else [])
 
     def _readings(self) -> dict[SourceSpec, float | str]:

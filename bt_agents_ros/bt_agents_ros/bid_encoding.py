@@ -55,7 +55,7 @@ class BidEncoder:
 def round_of(data: bytes, like: bytes, epoch: str) -> int | None:
     """Return the round of a serialized message; None if more than the round differs from ``like``.
 
-    It is also None if the encoding rules differ from those of this process.
+    It is also None if this process has other encoding rules.
     """
     start = len(_before(epoch))
     end = start + _NUMBER_BYTES

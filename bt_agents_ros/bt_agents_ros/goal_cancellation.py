@@ -33,7 +33,7 @@ ANSWERS = 2
 """Number of "unknown goal" answers after which a server can no longer accept the goal."""
 
 ANSWERS_OF_SEVERAL = 8
-"""Number of them after which none of several servers can, requested in the time of those of one.
+"""Number of such answers after which none of several servers can, requested in the same time.
 
 A server that was killed and started again counts as several until its lease ends.
 """

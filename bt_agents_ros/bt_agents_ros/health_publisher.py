@@ -31,7 +31,7 @@ class HealthPublisher:
     Args:
         node: Owner of the parts, whose names begin with its name.
         judge: Returns the health of all parts.
-        name: Name in front of those of the parts, if it is not that of the node.
+        name: Prefix of the names of the parts, by default the name of the node.
     """
 
     def __init__(

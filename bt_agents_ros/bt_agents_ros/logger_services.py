@@ -24,7 +24,7 @@ class LoggerServices:
     """``~/get_logger_levels`` and ``~/set_logger_levels`` of a node.
 
     rcutils keeps a name forever once it has a level, so these services set levels only for the
-    logger of the node, those below it, and those of ROS itself.
+    logger of the node, the loggers below it, and the loggers of ROS itself.
     """
 
     def __init__(self, node: Node) -> None:

@@ -40,7 +40,9 @@ def main(args: Sequence[str] | None = None) -> int:
     words = list(sys.argv if args is None else args)
     names = list(takewhile(lambda word: word != _ROS_ARGUMENTS, words[1:]))
     if not names:
-        print("error: no module is named, expected those of the nodes to run", file=sys.stderr)
+        print(
+            "error: no module is named, expected the modules of the nodes to run", file=sys.stderr
+        )
         return 1
     with gc_paused():
         modules = [importlib.import_module(name) for name in names]

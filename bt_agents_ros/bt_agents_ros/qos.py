@@ -38,7 +38,7 @@ SENSOR = _profile(10, DurabilityPolicy.VOLATILE, ReliabilityPolicy.BEST_EFFORT)
 """Readings that newer ones soon replace."""
 
 HEARTBEATS = _profile(QUEUE, DurabilityPolicy.VOLATILE, ReliabilityPolicy.BEST_EFFORT)
-"""Heartbeats of one sender, with room for those of others on the same topic."""
+"""Heartbeats of one sender, with room for other senders on the same topic."""
 
 SERVICE = _profile(QUEUE, DurabilityPolicy.VOLATILE, ReliabilityPolicy.RELIABLE)
 """Services and actions, both ends."""

@@ -38,7 +38,7 @@ _PAST_S = 1.0
 @click.option(
     "--certificate",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Certificate for TLS, which another address than that of this machine needs.",
+    help="Certificate for TLS, which any address other than this machine's needs.",
 )
 @click.option(
     "--key",
@@ -48,7 +48,7 @@ _PAST_S = 1.0
 @click.option(
     "--journal",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="Folder of journals to look back into; without it that of the trees folder.",
+    help="Folder of journals to look back into; by default the folder of the trees folder.",
 )
 @click.option("--open", "opens", is_flag=True, help="Open it in a browser.")
 def studio(

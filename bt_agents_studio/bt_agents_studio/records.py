@@ -236,7 +236,7 @@ class ControlRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord:
-    """The last run of an agent; names are those of the constants of ``Run``.
+    """The last run of an agent; names are the constants of ``Run``.
 
     Attributes:
         ended_s: When its end was announced; None while it runs.
@@ -325,7 +325,7 @@ class RefusedBidRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class RoundRecord:
-    """The outcome of one round; names are those of the constants of ``Auction``."""
+    """The outcome of one round; names are the constants of ``Auction``."""
 
     at_s: Stamp
     epoch: str
@@ -376,7 +376,7 @@ class ProfileStepRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class ProfileRecord:
-    """Current profile of an agent: the one for everybody, or that of a layer."""
+    """Current profile of an agent, for everybody or of a layer."""
 
     agent: str
     layer: str

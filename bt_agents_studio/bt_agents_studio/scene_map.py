@@ -77,7 +77,7 @@ def computed_map(
     Args:
         strategy: A strategy for which :func:`is_computed` is true.
         bids: At least one.
-        scene: All scene parameters in order, those of the map known; NaN if missing.
+        scene: All scene parameters in order, with values for the map's axes; NaN if missing.
         across: Parameter from left to right.
         up: Parameter from bottom to top.
         tie_break: Decides between equally good bids.

@@ -463,7 +463,7 @@ class Server:
         return encoded_s
 
     def _text_of(self, message: ServerMessage) -> str:
-        """Return the text of a message; clients that read equally fast share that of changes."""
+        """Return the text of a message; clients that read equally fast share it."""
         if not isinstance(message, Delta):
             return encode(message)
         if message != self._encoded[0]:

@@ -31,7 +31,7 @@ _NUMBER, _OBJECT = 32, 100
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
-    """New value of one entry; None if removed. ``size`` is that of key and value [bytes]."""
+    """New value of one entry; None if removed. ``size`` includes key and value [bytes]."""
 
     collection: str
     key: str

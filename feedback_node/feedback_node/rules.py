@@ -87,7 +87,7 @@ class Watch:
 
     Between two live scenes the last one counts, so a hold can complete while nothing arrives. A
     silence longer than the lease means that nothing is known: conditions must then hold again for
-    their whole time. A live scene about another person than that of the run counts as a scene
+    their whole time. A live scene about another person than in the run counts as a scene
     without a person.
 
     Args:

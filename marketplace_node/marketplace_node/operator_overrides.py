@@ -79,7 +79,7 @@ class OperatorOverrides:
         return {"pinned": pin, "vetoed": dict(self._vetoes)}
 
     def restore(self, stored: Mapping[str, Any]) -> None:
-        """Replace the pins and vetoes in force by those of an earlier market.
+        """Replace the pins and vetoes in force by an earlier market's.
 
         Raises:
             KeyError, TypeError, AttributeError: ``stored`` has not the form of :meth:`to_dict`;

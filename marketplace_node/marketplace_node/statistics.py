@@ -11,7 +11,7 @@ from marketplace_node.round.decision import Decision
 
 
 class MarketStatistics:
-    """Counters over the rounds of a market, and over its runs including those of earlier starts.
+    """Counters over the rounds of a market, and over its runs including earlier starts.
 
     Attributes:
         shadow_rounds: Awarded rounds that both the strategy and the shadow in force have ranked.

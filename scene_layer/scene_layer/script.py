@@ -19,7 +19,7 @@ AGAIN_WITHIN_S = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class MarketView:
-    """State of the market that a play needs; the fields are those of ``MarketStatus.msg``."""
+    """State of the market that a play needs; the fields are as in ``MarketStatus.msg``."""
 
     epoch: str
     idle: bool

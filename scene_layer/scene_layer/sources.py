@@ -135,7 +135,7 @@ class Sources:
 
         Returns:
             The fusion of the readings that are not stale; if all are stale, the newest reading
-            unchanged; None if there never was one. The deviation is at most that of any value of
+            unchanged; None if there never was one. The deviation is at most the deviation of any value of
             the range.
         """
         own = self._readings(self._own.get(parameter, ()), person)

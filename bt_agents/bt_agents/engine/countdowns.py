@@ -33,7 +33,7 @@ class Countdown:
 
 
 class Countdowns:
-    """The countdowns of one tree, without those of its clean-up."""
+    """The countdowns of one tree, without its clean-up."""
 
     def __init__(self, root: Behaviour) -> None:
         nodes: list[Any] = list(root.iterate())
@@ -42,7 +42,7 @@ class Countdowns:
         self._cooldowns = [node for node in nodes if isinstance(node, Cooldown)]
 
     def running(self, deadlines: Mapping[str, float], now: float) -> list[Countdown]:
-        """Return the active ones; ``deadlines`` are those of the last tick, see :class:`Run`."""
+        """Return the active ones; ``deadlines`` are from the last tick, see :class:`Run`."""
         ends = {one.spec.path: one.over_at for one in self._cooldowns if one.over_at}
         ends.update(deadlines)
         times = [

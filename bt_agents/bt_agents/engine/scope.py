@@ -158,7 +158,7 @@ class RunScope:
 
 @dataclass(frozen=True, kw_only=True)
 class BindingNames:
-    """The names inside the binding of a skill: its inputs, its place, then those of the tree."""
+    """The names inside the binding of a skill: its inputs, its place, then the tree's names."""
 
     inputs: Mapping[str, Plain]
     around: ValueSource
@@ -202,7 +202,7 @@ class SubtreeScope:
         return self.run.read_only_value(name)
 
     def declare(self, names: Iterable[str]) -> None:
-        """Declare names that a node of the subtree writes; they hide those of the run."""
+        """Declare names that a node of the subtree writes; they hide names of the run."""
         self.own.update(names)
 
     def write(self, name: str, value: Plain) -> bool:
@@ -218,7 +218,7 @@ def _assign(values: dict[str, Plain], name: str, value: Plain) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class MessageNames:
-    """Names of a message (``msg.data``, ``result.answer``) over those of the tree."""
+    """Names of a message (``msg.data``, ``result.answer``), before the names of the tree."""
 
     prefix: str
     message: Mapping[str, Plain]

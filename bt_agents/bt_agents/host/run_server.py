@@ -264,7 +264,7 @@ class RunServer:
     ) -> None:
         """Stop the running tree; the first reason and cause count.
 
-        Without clean-up the agent's ``on_cancel`` is skipped, even that of an earlier order.
+        Without clean-up the agent's ``on_cancel`` is skipped, even if an earlier order began it.
         """
         if not self.busy:
             return

@@ -76,7 +76,7 @@ def run(
 ) -> None:
     """Run experiment NAME and compare every profile with the closed form of the learning rule.
 
-    NAME is 1, 2 or 3, as in the paper, or a folder. OPTIONS are those of the strategy, such as
+    NAME is 1, 2 or 3, as in the paper, or a folder. OPTIONS are options of the strategy, such as
     temperature=0.3.
     """
     from bt_agents_lab.experiments.core import through_core
@@ -145,7 +145,7 @@ def plot(name: str, output: Path, seeds: int) -> None:
         from bt_agents_lab.experiments import claims, paper_figures, verdicts
 
     if name not in ("all", "1", "2", "3"):
-        raise BtAgentsError(f"no figures of '{name}'; there are those of 1, 2, 3 and all")
+        raise BtAgentsError(f"no figures of '{name}'; there are figures of 1, 2, 3 and all")
 
     def paper(folder: str) -> claims.Paper:
         trees, spec = opened(experiments_folder() / folder)

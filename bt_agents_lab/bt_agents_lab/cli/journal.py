@@ -40,7 +40,7 @@ files_argument = click.argument("files", nargs=-1, type=click.Path(path_type=Pat
 def journal(files: tuple[Path, ...], out: Path | None) -> None:
     """Show what the FILES of a journal hold: topics, time, rounds and who won them.
 
-    Without FILES it takes those of the newest day of the trees folder here. A bag of 'ros2 bag
+    Without FILES it takes the newest day of the trees folder here. A bag of 'ros2 bag
     record' is one, too.
     """
     results = ResultFile(out) if out is not None else None

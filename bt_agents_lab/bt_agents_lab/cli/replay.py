@@ -39,7 +39,7 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
     """Decide and learn again what the FILES of a journal hold.
 
     The exit code is 1 if something differs, else 2 if a part could not be read or is lost.
-    Without FILES it takes those of the newest day of the trees folder here.
+    Without FILES it takes the newest day of the trees folder here.
     """
     recording = read_files(files)
     with damage_reported():

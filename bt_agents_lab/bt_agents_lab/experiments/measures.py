@@ -41,7 +41,7 @@ class PerRun:
         served: Whether every agent that suits a scene best ran for one in the last rounds, if
             one occurred, [R].
         ran: Whether every agent ran at all, [R].
-        regret: Sum of the misfits of the selected agents beyond those of the best, [R].
+        regret: Sum over the misfit of the selected agent minus the misfit of the best one, [R].
         cycles: Rounds until a run stays right, [R]; infinite if it never does.
         cancelled: Share of scenes for which a run was cancelled, [R].
         error: Mean Manhattan distance at the end of a profile to the scene of its agent, [R].

@@ -56,7 +56,7 @@ def is_bag(folder: Path) -> bool:
 
 
 def recorded_files(path: Path) -> RecordedFiles:
-    """Return the files for a path: itself, those of a bag, or all in a folder.
+    """Return the files for a path: itself, the files of a bag, or all in a folder.
 
     Raises:
         Refused: ``SQLITE_BAG`` or ``NO_RECORDING``.

@@ -46,7 +46,7 @@ class RecordedTopic:
 
     Attributes:
         type: ``package/msg/Name``.
-        definition: Definition of the type, followed by those of types in it.
+        definition: Definition of the type, followed by the types in it.
         qos: QoS of its publishers, as ``ros2 bag`` reads it; empty for its default.
     """
 
@@ -175,7 +175,7 @@ class _Unwritten(BytesIO):
 
 
 def definition(type_name: str, lookup: Lookup) -> str:
-    """Return the definition of a type, followed by those of the types in it.
+    """Return the definition of a type, followed by the types in it.
 
     They are separated as rosbag2 and Foxglove expect: a line of 80 ``=``, ``MSG: pkg/Name``.
 

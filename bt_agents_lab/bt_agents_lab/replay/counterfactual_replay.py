@@ -54,9 +54,9 @@ class Changes:
     """Changes to the recorded system.
 
     Attributes:
-        strategy: Strategy for ranking bids; empty keeps that of each round.
+        strategy: Strategy for ranking bids; empty keeps the strategy of each round.
         rate: Learning rate of every agent; None keeps its own.
-        update: How profiles follow feedback; None keeps that of each agent.
+        update: How profiles follow feedback; None keeps the rule of each agent.
         agents: Agents that bid, with the profile, learning and requirement of their files; None
             keeps the recorded bidders.
     """
@@ -103,7 +103,7 @@ class RoundComparison:
         label: Name of the scene, for people.
         was: The winner; empty for none.
         now: The winner with the changes; empty for none.
-        margin_was: Score of the runner-up minus that of the winner; NaN without a runner-up.
+        margin_was: Score of the runner-up minus the winner's score; NaN without a runner-up.
         margin_now: The same with the changes.
         problem: Why the round could not be decided; empty if it could.
     """

@@ -25,7 +25,7 @@ class ProfileState:
     """Revision of a profile, with the feedback that led to it.
 
     Attributes:
-        revision: Its number, or that of the revision that it restores.
+        revision: Its number, or the number of the revision that it restores.
         recent: Targets of the feedbacks that led to it, oldest first.
         known: False if some of these may not be recorded.
     """

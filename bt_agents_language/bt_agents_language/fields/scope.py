@@ -380,7 +380,7 @@ def mood_names(space: SceneSpace) -> dict[str, FieldType]:
 
 
 def tree_names(space: SceneSpace) -> dict[str, FieldType]:
-    """Return the names that have a value from the start of a tree, without those of its file."""
+    """Return the names that have a value from the start of a tree, except names of its file."""
     return {
         **scene_names(space, ("scene", "live", "profile")),
         **mood_names(space),

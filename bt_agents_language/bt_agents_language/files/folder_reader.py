@@ -120,7 +120,7 @@ def read_trees(
             ``agents/*.yaml``.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         robot: Robots whose bindings of skills are preferred; see :func:`read_skills`.
-        language: Language of the texts; empty takes that of ``scene.yaml``.
+        language: Language of the texts; empty takes the language of ``scene.yaml``.
 
     Raises:
         ReadError: ``scene.yaml`` or a skills file is broken, so that no agent can be read.

@@ -125,7 +125,7 @@ def read_skills(
     file may bind skills of another file.
 
     Raises:
-        ReadError: There is a problem; it lists those of all files.
+        ReadError: There is a problem; it lists the problems of all files.
     """
     reader = SkillsReader(interfaces, robot)
     errors: list[ReadError] = []

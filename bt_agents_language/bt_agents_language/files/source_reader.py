@@ -151,7 +151,7 @@ class SourceContext:
     Attributes:
         name: Name of the parameter, or of the other purpose.
         what: The source in words, for messages.
-        keys: Keys in addition to those of the topic.
+        keys: Keys in addition to the keys of the topic.
         parameter: The scene parameter that it feeds; None for any value.
         may_be_per_person: Whether its topic may name a person, or ``from`` their list.
         must_be_per_person: Whether it must do so.

@@ -135,7 +135,7 @@ class FolderTexts:
 
     @property
     def spoken(self) -> tuple[FolderTexts, ...]:
-        """These texts, and those of all other requested languages."""
+        """These texts, and the texts of all other requested languages."""
         return tuple(self._of_languages.values())
 
     @property

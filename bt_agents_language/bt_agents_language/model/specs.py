@@ -322,7 +322,7 @@ class SubtreeSpec:
     Attributes:
         inputs: Typed inputs, set with ``with``.
         outputs: Names that the caller may use afterwards.
-        body: Its tree with its own subtrees expanded; None while those of its file are being read.
+        body: Its tree with its own subtrees expanded; None while its file is being read.
         complete: False if its declaration has errors, so that calls cannot be checked.
     """
 

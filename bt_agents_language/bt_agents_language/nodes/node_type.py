@@ -282,7 +282,7 @@ class NodeReader(Protocol):
         """Return a leaf according to its fields.
 
         It reads the written fields unless they are given as ``nodes``; the value in the label is
-        that of the main field unless it is given.
+        by default the type of the main field.
         """
 
     def composite(
@@ -409,7 +409,7 @@ def wrapped(
 ) -> NodeSpec | None:
     """Return a node of a kind around another one; None if there is no other.
 
-    Its path is that of both with a suffix, which is its kind unless another is given.
+    Its path is the path of both with a suffix, by default its kind.
     """
     if spec is None:
         return None

@@ -6,4 +6,4 @@ from __future__ import annotations
 from bt_agents_language.nodes.node_type import NodeType
 
 PLUGIN = NodeType(key="plugin", takes_time=True)
-"""Type of every checked node of a plug-in; its fields are those of its class."""
+"""Type of every checked node of a plug-in; its class defines the fields."""

@@ -75,7 +75,7 @@ def called_fields(kind: BindingKind, outputs: str, timeouts: str) -> tuple[NodeF
 def read_ros_leaf(
     reader: NodeReader, raw: RawNode, path: str, names: NameScope
 ) -> NodeSpec | None:
-    """Return the node of a leaf as that of an unnamed skill; None if it is wrong."""
+    """Return the node of a leaf, as for an unnamed skill; None if it is wrong."""
     assert raw.type is not None
     assert raw.type.interface is not None
     reading, kind = reader.reading, raw.type.interface

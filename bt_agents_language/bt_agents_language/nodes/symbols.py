@@ -81,7 +81,7 @@ class SymbolTable:
 
     @cached_property
     def node_types(self) -> Mapping[str, NodeType]:
-        """All node types by key, including those of plug-ins."""
+        """All node types by key, including plug-ins."""
         return {**NODE_TYPES, **self.plugins}
 
     def speaking(self, language: str) -> SymbolTable:

@@ -49,7 +49,7 @@ class FilePage:
 
 
 def file_pages(word: str, kinds: Mapping[str, FileKind] = FILE_KINDS) -> list[FilePage]:
-    """Return the page of a kind of file, if it is one, and those of keys with this name."""
+    """Return the pages of the kind of file and of the keys with this name."""
     keys = [page for page in _key_pages(kinds) if page.key == word]
     kind = kinds.get(word)
     if kind is None:
@@ -78,7 +78,7 @@ def _key_pages(kinds: Mapping[str, FileKind]) -> tuple[FilePage, ...]:
 
 
 def key_pages(kind: FileKind) -> Iterator[FilePage]:
-    """Yield the pages of all keys of a kind of file, those of a mapping after its own key."""
+    """Yield the pages of all keys of a kind of file, each mapping before its keys."""
     return _pages(kind, kind, "")
 
 

@@ -22,7 +22,7 @@ from bt_agents_language.nodes.catalogue import type_of
 def names_read(spec: NodeSpec) -> Iterator[str]:
     """Yield the names in the values and conditions of a node, as often as they occur."""
     values: list[Value | Expression] = [*spec.fields.values()]
-    # The interface of a ROS leaf is in the tree; that of a skill names the skill's inputs.
+    # The interface of a ROS leaf is in the tree; a skill's interface names its inputs.
     binding = spec.skill.binding if spec.skill is not None else None
     if binding is not None and type_of(spec).interface is not None:
         values.append(binding.fields)

@@ -39,7 +39,7 @@ _SUBTREE = KeyTable(
         FieldDecl("tree", NODE, "What it does.", required=True),
     )
 )
-# The name of a subtree may look like that of a node; the reader checks it.
+# The name of a subtree may look like a node; the reader checks it.
 SUBTREES = FieldDecl(
     "subtrees",
     Entries(_SUBTREE, "names and subtrees", keys=Key.ANY),

@@ -61,7 +61,7 @@ class Edit:
 
 
 class PatchedSource(Source):
-    """Text with one edit applied; positions are still those of the unchanged file."""
+    """Text with one edit applied; positions still refer to the unchanged file."""
 
     def __init__(self, source: Source, edit: Edit) -> None:
         before, after = source.text[: edit.start], source.text[edit.stop :]

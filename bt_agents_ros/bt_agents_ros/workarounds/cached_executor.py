@@ -75,7 +75,7 @@ class CachedExecutor(Executor):
     (:class:`~bt_agents_ros.workarounds.cached_wait_set.PolledGroup`) do not wake it.
 
     Args:
-        bus: Bus between its nodes. Its items reach callbacks in turn with those of the middleware.
+        bus: Bus between its nodes. Its items and the middleware's take turns.
     """
 
     # rclpy's __del__ reads this, even if an interrupt ends __init__ before rclpy sets it.

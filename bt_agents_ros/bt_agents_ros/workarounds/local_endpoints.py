@@ -270,7 +270,7 @@ _REQUESTS = {
 }
 """Part of an action, as in the data of its ends → its service, and the attribute with its type.
 
-The order is that in which rclpy passes their profiles, before those of feedback and status.
+rclpy passes their profiles in this order, before the profiles of feedback and status.
 """
 
 

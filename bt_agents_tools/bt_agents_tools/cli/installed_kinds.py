@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of files that the installed packages read, including those of the lab."""
+"""Kinds of files that the installed packages read, including the lab."""
 
 from __future__ import annotations
 

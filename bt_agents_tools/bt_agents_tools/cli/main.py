@@ -124,7 +124,7 @@ GROUP = "bt_agents.commands"
 
 @cache
 def all_commands() -> Mapping[str, EntryPoint]:
-    """Return all commands by name, with those of other packages."""
+    """Return all commands by name, including commands of other packages."""
     own = {
         name: EntryPoint(
             name, f"bt_agents_tools.cli.commands.{module}:{name.replace('-', '_')}", GROUP

@@ -91,7 +91,7 @@ def named_parts(text: str) -> frozenset[str]:
 
 
 def host_name(named: str) -> str:
-    """Return the name of a host, which by default is made from that of its machine.
+    """Return the name of a host, which by default is made from its machine's name.
 
     Raises:
         click.UsageError: ROS does not accept it as the name of a node.

@@ -151,7 +151,7 @@ def _wrapped(text: str, width: int, indent: str) -> list[str]:
 
 
 def _terminal_width() -> int:
-    """Return the width in COLUMNS, at most that of the terminal."""
+    """Return the width in COLUMNS, at most the terminal's."""
     asked = shutil.get_terminal_size().columns
     try:
         return min(asked, os.get_terminal_size(sys.stdout.fileno()).columns or asked)

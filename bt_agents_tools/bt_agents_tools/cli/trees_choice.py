@@ -48,7 +48,7 @@ def take_trees(named: str = "") -> Path:
         folder = find_trees(named)
     except NoTreesFolderError as error:
         near = error.near or SHIPPED
-        what = " for that of the installation" if near == SHIPPED else ""
+        what = " for the installation's folder" if near == SHIPPED else ""
         raise BtAgentsError(
             f"{error}; name one, as in '{_named_as(near)}'{what}, or make one with "
             "'bt-agents new NAME'"

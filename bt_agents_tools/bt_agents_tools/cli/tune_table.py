@@ -22,7 +22,7 @@ _INDENT = " " * 6
 
 
 def table(states: Iterable[ParameterState], width: int) -> Iterator[str]:
-    """Yield the lines of the table: the parameters of the host, then those of each agent."""
+    """Yield the lines of the table: the parameters of the host, then of each agent."""
     ordered = sorted(
         states, key=lambda one: (one.parameter.agent, one.parameter.kind is TunableKind.PROFILE)
     )

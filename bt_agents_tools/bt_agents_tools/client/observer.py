@@ -234,7 +234,7 @@ class Observer(SystemClient):
                 self._listener.agents_changed(one.text, one.is_error)
 
     def _has_room(self, host: str) -> bool:
-        """Return whether a host has a place; a new one may take that of a host that is gone."""
+        """Return whether a host has a place; a new one may take the place of one that is gone."""
         if host in self.cards or len(self.cards) < MOST_HOSTS:
             return True
         for other in self.cards:

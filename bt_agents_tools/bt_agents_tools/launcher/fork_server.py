@@ -233,7 +233,7 @@ def _become(
 def _run(module: str, arguments: Sequence[str]) -> NoReturn:
     """Run a node, and end this process as ``multiprocessing`` ends its forks.
 
-    It skips destructors of C libraries: that of LTTng's tracing waits for a thread that does not
+    It skips destructors of C libraries: LTTng's tracing waits there for a thread that does not
     exist in a fork, and crashes.
     """
     sys.argv = [str(node_main.__file__), *arguments]

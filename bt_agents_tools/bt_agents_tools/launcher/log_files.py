@@ -21,7 +21,7 @@ MOST_BYTES = 8_000_000
 """Size at which a log file is rotated [bytes]."""
 
 MOST_FOLDERS = 20
-"""Number of log folders to keep, in addition to those of running systems."""
+"""Number of log folders to keep, in addition to running systems."""
 
 _FOLDER = re.compile(r"\d{4}-\d\d-\d\d-\d{6}-(\d+)")
 _TAIL_BYTES = 16_384
@@ -111,7 +111,7 @@ def log_home(state: str = "") -> Path:
 
 
 def make_log_folder(folder: Path) -> None:
-    """Make the log folder of a start; delete those of the oldest ended starts.
+    """Make the log folder of a start; delete the folders of the oldest ended starts.
 
     Raises:
         OSError: It cannot be made.

@@ -14,7 +14,7 @@ from bt_agents_core.text import ellipsize
 from bt_agents_tools.launcher.supervisor import ProcessState, SupervisedProcess
 
 UP_ON = "up on "
-"""Start of the name in front of those of the parts; the name of the machine follows."""
+"""First part of the prefix of the parts' names; the name of the machine follows."""
 
 PARAMETERS = "parameters"
 """Name of the part with the parameters that no node has."""
@@ -71,7 +71,7 @@ class ProcessReport:
     Args:
         processes: Returns the current processes.
         unknown_parameters: Returns sentences about parameters that no node has, by name.
-        clock: Steady time, as that of the supervisor [s].
+        clock: Steady time, the same as the supervisor's [s].
         wall_clock: Time of day [s since 1970].
         usage: Returns what the process with an id uses.
     """

@@ -65,11 +65,11 @@ class Component:
         name: Name for people and for its log file.
         node: Name of its node; empty for the node's default name.
         module: Python module that runs the node.
-        parameters: ROS parameters by name; they override those of the file.
+        parameters: ROS parameters by name; they override the file.
         stops_first: True if it stops before the others, because it needs them for a clean end.
         restarts: True if it is restarted when it ends after it was up.
         needed: False if the system continues without it, even if it was never up.
-        arguments: Arguments of the module, before those of ROS.
+        arguments: Arguments of the module, before ROS arguments.
         descriptors: Open files of this process that it inherits under the same numbers.
         environment: Variables that only this process gets, such as a key.
         parts: Nodes that share the process, with their modules; empty for one node of its name.
@@ -193,7 +193,7 @@ class SupervisedProcess:
 
     Attributes:
         name: Name of the component.
-        pid: Its id; that of the last start if it has ended.
+        pid: Its id; the id of the last start if it has ended.
         since: Time since which it is in this state, on the supervisor's clock [s].
         restarts: How often it was started again.
         last_exit: How it ended last, in words; empty if it never has.

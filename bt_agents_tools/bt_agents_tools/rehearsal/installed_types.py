@@ -21,7 +21,7 @@ def installed_types() -> Interfaces | None:
 def with_installed_types(symbols: SymbolTable) -> SymbolTable:
     """Return symbols for a rehearsal that checks messages against their types.
 
-    Types of packages that are not installed, such as those of a robot elsewhere, stay unchecked.
+    Types of packages that are not installed, such as types of a robot elsewhere, stay unchecked.
     """
     types = installed_types()
     return replace(symbols, interfaces=None if types is None else OfInstalledPackages(types))

@@ -53,7 +53,7 @@ class FileResult:
 
 
 class TreesFolders:
-    """Trees folders of tests, each read once, in a given language or that of its scene."""
+    """Trees folders of tests, each read once, in a given language or in the scene's."""
 
     def __init__(self, language: str = "") -> None:
         self._language = language

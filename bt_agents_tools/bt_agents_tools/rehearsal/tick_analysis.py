@@ -27,7 +27,7 @@ def spec_of(node: Behaviour) -> NodeSpec | None:
 
 
 def add_marks(ticked: Ticked, marks: dict[str, set[Mark]]) -> None:
-    """Add the marks of a tick to those of earlier ones."""
+    """Add the marks of a tick to the marks of earlier ones."""
     answers = {id(node): status for node, status in ticked}
     for node, status in ticked:
         spec = spec_of(node)

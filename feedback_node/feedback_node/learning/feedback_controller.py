@@ -372,7 +372,9 @@ class FeedbackController:
                 problem += "; it is tried again until there is room"
                 if len(self._pending) == MOST_PENDING:
                     lost = self._pending[0]
-                    problem += f"; lost is that of {lost.run.agent} in round {lost.run.round}"
+                    problem += (
+                        f"; the feedback on {lost.run.agent} in round {lost.run.round} is lost"
+                    )
                 self._pending.append(pending)
             return RuleOutcome(problem=problem, stop=stop)
 

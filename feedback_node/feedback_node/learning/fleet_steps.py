@@ -128,7 +128,7 @@ def base_of(authored: Mapping[str, float]) -> str:
 def own_steps(
     entries: Iterable[tuple[int, ProfileRevision]], robot: str, bases: MutableMapping[str, str]
 ) -> Iterator[FleetStep]:
-    """Yield the steps of the revisions in a robot's ledger, without those of other robots.
+    """Yield the steps of the revisions in a robot's ledger, without other robots' steps.
 
     Args:
         entries: Entries from :meth:`LedgerReader.entries`.

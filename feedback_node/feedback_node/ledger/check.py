@@ -110,7 +110,7 @@ def check(database: sqlite3.Connection) -> LedgerCheck:
         for _ in found.good_rows():
             pass
         if not has_tables(database):
-            found.problems.append("its tables are not those of a ledger")
+            found.problems.append("its tables are not the tables of a ledger")
         pages = [str(row[0]) for row in database.execute(f"PRAGMA integrity_check({_MOST_PAGES})")]
         if pages != ["ok"]:
             text = "; ".join(pages).replace("\n", "; ")

@@ -266,7 +266,7 @@ class FleetDocuments:
                     cause=FLEET,
                     kind=FeedbackKind.SET,
                     source=FLEET_SOURCE,
-                    reason="its own steps in their place among those of the other robots",
+                    reason="its own steps in their place among the steps of the other robots",
                 )
                 entries.append(self._entry(name, layer, state, cause))
         return entries
@@ -346,7 +346,7 @@ def to_fleet_document(robot: str, agents: Iterable[str], steps: Iterable[FleetSt
 
     Args:
         robot: Name of the robot.
-        agents: Agents to update in addition to those of the steps.
+        agents: Agents to update in addition to the agents of the steps.
         steps: Steps of other robots.
     """
     return json.dumps(

@@ -217,7 +217,7 @@ class Management:
             raise Refused(
                 RefusalCode.BAD_LAYER,
                 "name the person or the place, such as person/anna; the profile for everybody is "
-                "not forgotten, 'bt-agents profile reset' brings back that of the file",
+                "not forgotten, 'bt-agents profile reset' brings back the profile of the file",
             )
         found = [
             one for one in self._documents.layers_of(command.agent) if one.layer == command.layer

@@ -405,7 +405,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             card.set_result(None)
 
     async def _answer(self, change: ProfileChange, response: Any) -> None:
-        """Deliver and publish a change; complete the answer after those of the hosts."""
+        """Deliver and publish a change; complete the answer after the hosts' answers."""
         answers: list[Future] = []
         for delivery in self._profiles.deliveries(change.all):
             # No wait at a stop: a stopping host gets the profile after its next start.

@@ -44,7 +44,7 @@ class _Start:
 
 @dataclass(eq=False)
 class GoalTakeover:
-    """State machine of the open goals of all hosts; no run starts before those of dead hosts end.
+    """State machine of all hosts' open goals; no run starts before dead hosts' goals end.
 
     It ignores a start that never registered with this market: that start may be finishing a run
     of an earlier market. A start that was registered with the earlier market has some time to

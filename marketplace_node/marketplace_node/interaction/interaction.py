@@ -64,7 +64,7 @@ class Interaction:
         silent: Hosts that did not answer, so they might still run the scene.
         round: Number of its open round, else of its last one.
         open_round: The open round; None between rounds.
-        due: Its deadline, not counting that of the open round, steady time [s].
+        due: Its deadline, apart from the open round's, steady time [s].
         over: The end of the scene; None before.
     """
 
@@ -208,7 +208,7 @@ class Interaction:
             award.silent_since = now
 
     def extend_after_stall(self, lasted_s: float) -> None:
-        """Move all deadlines except that of its round by the duration of a stall [s]."""
+        """Move all deadlines except its round's by the duration of a stall [s]."""
         self.due += lasted_s
         if self._award is not None and self._award.silent_since is not None:
             self._award.silent_since += lasted_s

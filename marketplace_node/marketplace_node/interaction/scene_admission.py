@@ -112,7 +112,7 @@ class SceneAdmission:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """The remembered ids: those of the latest scenes."""
+        """The remembered ids, of the latest scenes."""
         return tuple(self._known)
 
     @property

@@ -211,7 +211,7 @@ class HostConnections:
             self._refuse(goal, f"{sending.link.entry.run_action} is not there")
 
     def cancel_all(self, host: str) -> None:
-        """Cancel all goals of the action of a host, including those of other clients."""
+        """Cancel all goals of the action of a host, including goals of other clients."""
         link = self._links.get(host)
         if link is not None:
             # A request without an id and a stamp cancels all goals of an action.

@@ -112,7 +112,7 @@ class External:
 
 @dataclass(frozen=True, kw_only=True)
 class Terms:
-    """Terms of a round, fixed when it opens; most fields are those of ``Auction.msg``.
+    """Terms of a round, fixed when it opens; most fields are as in ``Auction.msg``.
 
     Attributes:
         excluded: Agents that may not bid because they were stopped earlier in the interaction,
@@ -264,7 +264,7 @@ class Decision:
 
     @property
     def margin(self) -> float:
-        """Score of the runner-up minus that of the winner; NaN without a runner-up."""
+        """Score of the runner-up minus the winner's score; NaN without a runner-up."""
         if self.winner is None or len(self.ranking) < 2:
             return math.nan
         return self.ranking[1].score - self.ranking[0].score

@@ -203,13 +203,13 @@ class SourceSubscriptions:
         self._receive_ids(_raw(message, tracked.field, ()))
 
     def _on_items(self, tracked: TrackedSpec, message: Any) -> None:
-        """Handle a list with one item per person; only those of tracked persons are read."""
+        """Handle a list with one item per person; only items of tracked persons are read."""
         items: dict[str, Any] = {}
         ids = []
         for item in _raw(message, tracked.field, ()):
             person = _raw(item, tracked.id, "")
             ids.append(person)
-            # Bad ids are refused and counted like those of a list of ids.
+            # Bad ids are refused and counted like in a list of ids.
             with suppress(Refused):
                 items.setdefault(check_id(person), item)
         self._receive_ids(ids)

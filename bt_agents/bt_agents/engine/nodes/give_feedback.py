@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Give_feedback: feedback on the running agent, like that of a person who presses a button."""
+"""Give_feedback: feedback on the running agent, as if a person had pressed a button."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from bt_agents.engine.nodes.selector import LightSelector
 class OnFailure(LightSelector):
     """A selector with memory and two children: the node, and the handler for its FAILURE.
 
-    The failure is handled: the status is that of the handler.
+    The failure is handled: the node has the status of the handler.
     """
 
 

@@ -466,7 +466,7 @@ class RosEnvironment:
 
 
 def _prolonged(goal: SkillGoal, factor: float) -> SkillGoal:
-    """Return a goal with longer limits for a slow network, except that of its result."""
+    """Return a goal with longer limits for a slow network, except for its result."""
     heartbeat, timeouts = goal.heartbeat, goal.timeouts
     if heartbeat is not None:
         heartbeat = replace(heartbeat, within_s=heartbeat.within_s * factor)

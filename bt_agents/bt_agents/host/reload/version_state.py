@@ -37,7 +37,7 @@ class FileProblem:
     """Reason why a file is not in force or an agent does not take part.
 
     Attributes:
-        message: Description for people; that of an error includes its place.
+        message: Description for people; for an error, with its place.
         agent: The affected agent; empty if it affects no single one.
         file: File with the error; empty if the error is in no line of a file.
         line: Line of the error, from 1; 0 without a file.

@@ -42,7 +42,7 @@ _FEW = 8
 class ParameterStore:
     """Tunable parameters; checks and logs each change before it takes effect.
 
-    The values of an agent are those of its :class:`HostedAgent`, from which its tree reads them.
+    The :class:`HostedAgent` holds the values of an agent, and its tree reads them there.
 
     Args:
         members: The agents of the host by name.
@@ -94,7 +94,7 @@ class ParameterStore:
         return name in self._parameters
 
     def of(self, agent: str) -> Sequence[TunableParameter]:
-        """Return the parameters of an agent; an empty name means those of the whole host."""
+        """Return the parameters of an agent; an empty name means the whole host."""
         return tuple(self._of_agents.get(agent, {}).values())
 
     def _put(self, parameter: TunableParameter) -> None:

@@ -22,9 +22,9 @@ _WITH_TREES = (AGENT, LIBRARY)
 
 
 def folder_symbols(folder: Path, plugins: Mapping[str, NodeType] | None = None) -> SymbolTable:
-    """Return all words that files of a trees folder may use, including those of libraries.
+    """Return all words that files of a trees folder may use, including words of libraries.
 
-    Nodes of plug-ins are those of the installed packages unless others are given.
+    Plug-ins are by default those that are installed.
 
     Raises:
         ReadError: ``scene.yaml`` or a skills file is broken.

@@ -45,7 +45,9 @@ def step(author: str) -> None:
 @click.command()
 @click.argument("agent", default="")
 @click.argument("nodes", nargs=-1)
-@click.option("--remove", is_flag=True, help="Remove those of NODES; without any, all of AGENT.")
+@click.option(
+    "--remove", is_flag=True, help="Remove the breakpoints of NODES; without any, all of AGENT."
+)
 @_author
 @table_options
 def breakpoint(
@@ -54,7 +56,7 @@ def breakpoint(
     """Pause the run of AGENT whenever one of NODES is about to start.
 
     For example: bt-agents breakpoint attentive_guide 1.ask. A node is named by its path or the
-    end of it. Without NODES it shows those of AGENT, and without AGENT all that have a breakpoint.
+    end of it. Without NODES it shows the breakpoints of AGENT, and without AGENT all.
     """
     if remove and not agent:
         raise click.UsageError("--remove needs an AGENT")
@@ -130,7 +132,7 @@ def _breakpoints(observer: Observer, host: str) -> dict[str, list[str]]:
 
 
 def _nodes(observer: Observer, hosts: Iterable[str]) -> dict[str, list[Any]]:
-    """Return the tree nodes of some hosts by agent, without those of the clean-up."""
+    """Return the tree nodes of some hosts by agent, without the clean-up."""
     received = [observer.received(f"{host}/trees") for host in hosts]
     observer.spin_until(lambda: all(received), BUSY_LIMIT_S)
     return {

@@ -91,7 +91,7 @@ def _has_display() -> bool:
 
 
 def _folder(script: Path | None) -> Path:
-    """Return the trees folder here if it has the needed files, else that of the installation."""
+    """Return the trees folder here if it has the needed files, else the installation's."""
     try:
         here = find_trees()
     except NoTreesFolderError:

@@ -154,7 +154,7 @@ def _subtrees(symbols: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
 
 
 def _symbols(directory: str) -> SymbolTable:
-    """Return the symbols of a trees folder, or without one, those of the language itself."""
+    """Return the symbols of a trees folder, or without one, of the language itself."""
     try:
         return folder_symbols(take_trees(directory))
     except BtAgentsError as error:

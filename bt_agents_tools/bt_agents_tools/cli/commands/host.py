@@ -22,7 +22,9 @@ from bt_agents_tools.launcher.parameter_file import ParameterFile
 @click.argument("directory", required=False, default="")
 @click.option("--name", default="", help="Name of the host; default: the name of the machine.")
 @click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
-@click.option("--language", default="", help="Language of the texts; else that of scene.yaml.")
+@click.option(
+    "--language", default="", help="Language of the texts; by default the language of scene.yaml."
+)
 @click.option(
     "--bindings", default="", help="Robots whose bindings of skills are preferred: ros4hri,nav2."
 )

@@ -80,7 +80,7 @@ def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
     whose = f" of {agent}" if agent else ""
     where = f" in round {round_number}" if round_number else ""
     kept = ", ".join(f"{trace.agent} (round {trace.round})" for trace in traces)
-    hint = f"kept are those of {kept}" if kept else "a run has to end first"
+    hint = f"moods are kept of {kept}" if kept else "a run has to end first"
     return f"no run{whose}{where} is known; {hint}"
 
 

@@ -126,8 +126,7 @@ _OTHERS: Mapping[str, Callable[[str, Path], _FirstFiles]] = {
     "--dir",
     "directory",
     type=click.Path(path_type=Path),
-    help="The trees folder, or that of experiments; created if missing.  "
-    "[default: trees, experiments]",
+    help="The folder of trees or experiments; created if missing.  [default: trees, experiments]",
 )
 @click.option(
     "--kind",
@@ -188,7 +187,7 @@ def new(name: str, directory: Path | None, kind: str, like: str, of_pattern: str
     _next_steps(name, directory, kind)
     if like:
         click.echo(
-            f"\nIts title and its profile are still those of {like}: both suit the same scenes."
+            f"\nIt still has the title and the profile of {like}: both suit the same scenes."
         )
 
 

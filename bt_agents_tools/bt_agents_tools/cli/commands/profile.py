@@ -69,7 +69,7 @@ def profile(ctx: click.Context) -> None:
 @table_options
 @state_option
 def show(agent: str, form: TableForm, state: str) -> None:
-    """Show the profiles of an AGENT, or of all: everybody's, and those of persons and places.
+    """Show the profiles of an AGENT, or of all: for everybody, persons and places.
 
     Without a running system they are read from the ledger, as with --state.
     """
@@ -248,7 +248,7 @@ def forget(layer: str, yes: bool, author: str) -> None:
 @click.argument("file", required=False, type=click.Path(path_type=Path))
 @state_option
 def check(file: Path | None, state: str) -> None:
-    """Check a ledger FILE, or that of the trees folder: every revision, and that none is missing.
+    """Check a ledger FILE, or the trees folder's: every revision, and that none is missing.
 
     A feedback node may have it open. The exit code is 1 when something is wrong.
     """

@@ -45,7 +45,7 @@ _HEALTH_S = 5.0  # `up` publishes the health of its processes within a second of
 _ENDS_SHOWN = 3
 _AGENTS_SHOWN = 50
 _DIFFERS = (
-    "its host bids with another profile than that of the ledger, and has not taken that one so "
+    "its host bids with another profile than the ledger has, and has not taken that one so "
     "far; the log of the feedback node says why"
 )
 

@@ -118,7 +118,7 @@ def _split(arguments: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
 def _set(
     observer: Observer, agent: str, values: Iterable[tuple[str, str]], *, author: str, reason: str
 ) -> None:
-    """Set values, first those of the hosts, then those of profiles."""
+    """Set values, first the values of hosts, then of profiles."""
     named = [(f"{agent}.{name}" if agent else name, text) for name, text in values]
     profiles = _profiles(named)
     on_hosts = [(name, text) for name, text in named if not _PROFILE.fullmatch(name)]
@@ -136,7 +136,7 @@ def _set(
 
 
 def _profiles(named: Iterable[tuple[str, str]]) -> dict[str, dict[str, float]]:
-    """Return those of some values that belong to profiles, by agent and scene parameter."""
+    """Return the values that belong to profiles, by agent and scene parameter."""
     found: dict[str, dict[str, float]] = {}
     for name, text in named:
         match = _PROFILE.fullmatch(name)

@@ -38,7 +38,9 @@ from bt_agents_tools.launcher.parameter_file import ParameterFile
 @click.option("--no-robot", is_flag=True, help="Start no robot, because one runs already.")
 @click.option("--studio/--no-studio", default=True, help="Show the system in a browser.")
 @click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
-@click.option("--language", default="", help="Language of the texts; else that of scene.yaml.")
+@click.option(
+    "--language", default="", help="Language of the texts; by default the language of scene.yaml."
+)
 @click.option(
     "--bindings", default="", help="Robots whose bindings of skills are preferred: ros4hri,nav2."
 )
