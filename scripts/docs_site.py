@@ -72,8 +72,8 @@ def files_page() -> str:
 
     parts = [
         "# Keys of every file",
-        "Made from the tables by which the files are read. `bt-agents explain KEY` says the same, "
-        "and an [editor](../folders.md#writing-in-an-editor) shows it. Trees contain "
+        "Made from the tables that the readers of the files use. `bt-agents explain KEY` says the "
+        "same, and an [editor](../folders.md#writing-in-an-editor) shows it. Trees contain "
         "[nodes](../nodes.md).",
     ]
     for kind in installed_kinds().values():

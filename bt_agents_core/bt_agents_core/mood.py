@@ -26,7 +26,7 @@ class Addressee:
 
 
 class MoodStart:
-    """Mood from which the changes in a run are counted.
+    """Mood that the changes in a run start from.
 
     It is the mood of the scene as awarded. A given mood may be wrong, and a camera that measures
     another one has seen no change: the first measured mood replaces a given one.

@@ -14,7 +14,7 @@ PERSON = "person"
 PLACE = "place"
 
 MOST_LAYERS = 1000
-"""Maximum number of persons and places for which one agent has profiles."""
+"""Maximum number of persons and places with own profiles for one agent."""
 
 LONGEST_LAYER = 256
 

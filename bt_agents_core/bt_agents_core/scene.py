@@ -419,7 +419,7 @@ class SceneSpace:
         if absent:
             raise Refused(
                 RefusalCode.WRONG_LENGTH,
-                f"scene: no entry for {', '.join(absent)}; mark what is not known as missing",
+                f"scene: no entry for {', '.join(absent)}; mark unknown values as missing",
             )
         return tuple(found[name] for name in self.names)
 

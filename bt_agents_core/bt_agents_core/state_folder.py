@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State folder of one trees folder: what was learned, tuned and ordered for it.
+"""State folder of one trees folder: everything that was learned, tuned and ordered for it.
 
 The id in the file :data:`ID_FILE` identifies a trees folder even after a move; the state folder
 notes its last path. Together they distinguish a copy from the original.
@@ -161,7 +161,7 @@ def claim_state(trees: Path, explicit: str = "", home: Path | None = None) -> St
             owner.write_text(f"{found.trees}\n", encoding="utf-8", errors="surrogateescape")
     except OSError as error:
         raise BtAgentsError(
-            f"no place for what is learned: {found.path} ({error.strerror}); name another folder "
+            f"no place for learning: {found.path} ({error.strerror}); name another folder "
             "with --state, or set XDG_STATE_HOME to a folder that can be written"
         ) from None
     if not explicit and not is_installed(found.trees) and _id_of(found.trees) != found.path.name:

@@ -57,7 +57,7 @@ class PortError(BtAgentsError):
 
 
 def pointed_at(text: str) -> str | None:
-    """Return the entry in ``{entry}``; None if the text is not such a pointer."""
+    """Return the entry in ``{entry}``; None if the text is no pointer."""
     text = text.strip(" ")
     return text[1:-1] if len(text) > 2 and text[0] == "{" and text[-1] == "}" else None
 

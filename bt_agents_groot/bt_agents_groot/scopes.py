@@ -148,11 +148,11 @@ class TreeNames:
         return needed + sorted(self._tried - self._first.keys())
 
     def default(self, name: str) -> bool | int | float | str:
-        """Return a default value of the type for which a name is used."""
+        """Return a default value of the type that a name is used as."""
         return usual_value(self.type_of(name))
 
     def type_of(self, name: str) -> FieldType:
-        """Return the type for which a name is used; any if unknown."""
+        """Return the type that a name is used as; any if unknown."""
         return self._types.get(self._alike(name), FieldType.ANY)
 
     def is_text(self, formula: Formula) -> bool:

@@ -41,7 +41,7 @@ def declared_port(model: Model, names: TreeNames, name: str) -> ModelPort:
 
 
 def type_of_port(declared: ModelPort, names: TreeNames, name: str) -> FieldType:
-    """Return the declared type of a port, else the type for which its tree uses the name."""
+    """Return the declared type of a port, else the type that its tree uses the name as."""
     field_type = field_type_of(declared.type)
     return field_type if field_type is not FieldType.ANY else names.type_of(name)
 

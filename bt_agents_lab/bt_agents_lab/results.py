@@ -232,9 +232,7 @@ class ResultFile:
         self._path = path
         write = {".csv": _write_csv, ".parquet": _write_parquet}.get(path.suffix)
         if write is None:
-            raise BtAgentsError(
-                f"{path} ends in '{path.suffix}', expected .csv or .parquet; name such a file"
-            )
+            raise BtAgentsError(f"{path} ends in '{path.suffix}', expected .csv or .parquet")
         self._write = write
         if write is _write_parquet:
             _import_pyarrow()

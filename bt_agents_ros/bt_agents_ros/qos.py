@@ -8,7 +8,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from bt_agents_ros.system_topics import SystemTopic
 
 QUEUE = 1000
-"""Queue depth at which no request of a burst of 10,000 was lost; the default of 10 loses half."""
+"""At this queue depth no request of a burst of 10,000 was lost; the default of 10 loses half."""
 
 
 def _profile(

@@ -27,7 +27,7 @@ SESSION_S = 7 * 24 * 3600.0
 """Time after which an unused session ends [s]."""
 
 TOKEN_S = 30 * 24 * 3600.0
-"""Age from which a start of the studio replaces the start tokens [s]."""
+"""A start of the studio replaces start tokens of this age [s]."""
 
 LARGEST_STATE = 256 * 1024
 """Maximum length of the text that stores tokens and sessions [characters]."""

@@ -27,7 +27,7 @@ from bt_agents_tools.launcher.supervisor import set_discovery
 _PERIOD_S = 0.05
 _FIND_S = 3.0
 _PAST_S = 1.0
-"""Time in which what has happened before is received, each topic for itself [s]."""
+"""Time for receiving the past of each topic [s]."""
 
 
 @click.command()

@@ -16,7 +16,7 @@ MOST_CONNECTIONS = 256
 """Maximum number of open connections; less if the process may open few files."""
 
 WAIT_S = 15.0
-"""Time in which a client must send the header or the body of a request [s]."""
+"""A client must send the header and the body of a request within this time each [s]."""
 
 HANDSHAKE_S = 5.0
 """Time for the TLS handshake [s]."""

@@ -27,7 +27,7 @@ _CHANGE = 200
 
 
 class History:
-    """Changes of a store by time, from which it restores the store at any moment.
+    """Changes of a store by time; restores the store at any moment.
 
     Args:
         span_s: Maximum age of changes [s]; infinite for recordings.

@@ -73,7 +73,7 @@ _MOST_ABSENT = 50
 """Maximum number of hosts without a place whose card is kept."""
 
 _LARGEST_ABSENT = 256 * KIB
-"""Maximum size of such a card [characters and entries]."""
+"""Maximum size of such a host's card [characters and entries]."""
 
 _TOLD_S = 60.0
 

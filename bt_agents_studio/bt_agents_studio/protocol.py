@@ -31,7 +31,7 @@ class Hello:
     Attributes:
         version: :data:`VERSION`.
         studio: Identifier of this start of the studio; sequence numbers of others are invalid.
-        now_s: Clock of the studio [s since 1970], to which all times refer.
+        now_s: Clock of the studio [s since 1970]; all times refer to it.
         role: Role of the client: ``view`` or ``operate``.
         parameters: The scene parameters of the trees folder.
         namespace: Namespace of the system.

@@ -156,7 +156,7 @@ class NodeRecord:
             was running, :data:`UNKNOWN` if its run was lost meanwhile.
         message: Reason for the status.
         since_s: When it got the status.
-        tick: Number of the tick in which it got the status.
+        tick: Number of the tick that gave it the status.
         starts: Number of its starts.
         successes: Number of its successes.
         failures: Number of its failures.
@@ -389,7 +389,7 @@ class MoodRuleRecord:
     """Feedback of an agent's mood rule for a change of mood during a run.
 
     Attributes:
-        changes: Changes of the mood, downwards and upwards, from which ``when`` is true; empty
+        changes: Smallest changes of the mood, down and up, that make ``when`` true; empty
             if it depends on anything else.
     """
 

@@ -75,7 +75,7 @@ def computed_map(
     The same agents bid everywhere: reasons not to bid elsewhere are not known here.
 
     Args:
-        strategy: A strategy for which :func:`is_computed` is true.
+        strategy: A strategy that :func:`is_computed` accepts.
         bids: At least one.
         scene: All scene parameters in order, with values for the map's axes; NaN if missing.
         across: Parameter from left to right.

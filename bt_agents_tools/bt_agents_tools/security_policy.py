@@ -62,7 +62,7 @@ _TREE_STREAMS: Rights = {
 
 
 def policy_xml(trees: Trees, hosts: Sequence[str], namespace: str = "/") -> str:
-    """Return the policy file from which ``ros2 security`` makes the permissions of a keystore."""
+    """Return the policy file that ``ros2 security`` makes the permissions of a keystore from."""
     root = Xml.Element("policy", version="0.2.0")
     enclaves = Xml.SubElement(root, "enclaves")
     for name, rights in rights_of(trees, hosts).items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Current and last runs, to which unnamed feedback refers."""
+"""Current and last runs, which unnamed feedback refers to."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class LeafMood:
     Attributes:
         leaf: Path of the node.
         seconds: How long it ran [s].
-        mean: Mean mood over the time in which it was known; NaN if it never was.
+        mean: Mean mood over the time when it was known; NaN if it never was.
         change: Sum over its turns of the last minus the first known mood; NaN if never known.
     """
 
@@ -122,7 +122,7 @@ class MoodTrace:
         return self._changes[index - 1][1] if index else ""
 
     def so_far(self) -> tuple[LeafMood, ...]:
-        """Return the moods of the nodes so far, in the order in which they began."""
+        """Return the moods of the nodes so far, in the order of their starts."""
         self._count()
         return tuple(
             LeafMood(

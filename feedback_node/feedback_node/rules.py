@@ -92,7 +92,7 @@ class Watch:
 
     Args:
         clock: Steady time [s].
-        settle_s: Time in which no rule holds, so that a replayed run can turn out to be over [s].
+        settle_s: No rule holds for this time, so that a replayed run can turn out to be over [s].
 
     Attributes:
         lease_s: How long a live scene counts after its arrival [s].
@@ -133,7 +133,7 @@ class Watch:
 
     @property
     def due(self) -> float:
-        """Time at which a rule fires or is ready if nothing changes [s]; infinite for none."""
+        """Time when a rule fires or is ready if nothing changes [s]; infinite for none."""
         now = self._clock()
         due = min((one.due(now) for one in self._rules), default=math.inf)
         return max(due, self._not_before)

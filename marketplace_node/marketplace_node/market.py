@@ -430,7 +430,7 @@ class Market:
         self._market_state.effects.append(Note(message=message))
 
     def _settle(self, now: float, *, confirms: bool = False) -> list[Effect]:
-        """End what is over, begin what waits, report a changed state, return the effects.
+        """End finished scenes, begin waiting ones, report a changed state, return the effects.
 
         Args:
             now: Steady time [s].

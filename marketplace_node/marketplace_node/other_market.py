@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 LISTEN_S = 0.3
-"""Time for which a starting market listens for another one: three heartbeats [s]."""
+"""A starting market listens this long for another one: three heartbeats [s]."""
 
 LEAVE_S = 1.5
 """Time that another market has to fall silent, because it may just be ending [s]."""

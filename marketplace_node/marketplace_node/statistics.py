@@ -15,7 +15,7 @@ class MarketStatistics:
 
     Attributes:
         shadow_rounds: Awarded rounds that both the strategy and the shadow in force have ranked.
-        shadow_disagreements: Those of them in which the two had different winners.
+        shadow_disagreements: Number of them with different winners.
         runs: Number of runs of each agent that has run.
         last_run: Number of the last run of each, from 1.
         earlier_runs: Number of runs before this start.
@@ -58,7 +58,7 @@ class MarketStatistics:
 
 
 class Starvation:
-    """Counter of the awarded rounds in which each agent bid since its last run.
+    """Counter of each agent's bids in awarded rounds since its last run.
 
     Rounds without its bid neither count nor reset the count. ``in_vain`` has the counts by agent.
     """

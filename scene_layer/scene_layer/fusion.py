@@ -15,7 +15,7 @@ class Reading:
     Attributes:
         value: The value; finite.
         at: Steady time of its arrival [s].
-        stale_at: Steady time at which it expires [s]; infinite for never.
+        stale_at: Steady time when it expires [s]; infinite for never.
         std: Standard deviation in the unit of the parameter; 0 if none is stated.
         confidence: Confidence above 0, up to 1; 1 if none is stated.
         source: Its origin, in words; may be empty.

@@ -24,7 +24,7 @@ FADES = 0.99
 """Factor of all previous weights at each measurement: about the last hundred count."""
 
 DRIFT_S = 3600.0
-"""Time constant with which an estimate loses its certainty [s]."""
+"""An estimate loses its certainty with this time constant [s]."""
 
 FORMAT = 1
 MOST_BYTES = 16 * 2**20

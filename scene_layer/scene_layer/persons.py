@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Persons: who is tracked, whom the scene is about, and what is remembered after they leave."""
+"""Persons: who is tracked, whom the scene is about, and their values after they leave."""
 
 from __future__ import annotations
 
@@ -333,7 +333,7 @@ class Encounters:
         return came, gone
 
     def _ranks(self, spec: PersonsSpec, now: float) -> dict[str, float]:
-        """Return the known ranks of persons, by which the addressee is chosen."""
+        """Return the known ranks of persons, which decide on the addressee."""
         source = spec.addressee.source
         if source is None:
             return {}
@@ -371,7 +371,7 @@ class Encounters:
 
 @dataclass(frozen=True, kw_only=True)
 class _Departure:
-    """Steady and unix time [s] and place at which a person was lost."""
+    """Steady and unix time [s] and place where a person was lost."""
 
     at: float
     wall: float

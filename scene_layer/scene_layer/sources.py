@@ -135,8 +135,8 @@ class Sources:
 
         Returns:
             The fusion of the readings that are not stale; if all are stale, the newest reading
-            unchanged; None if there never was one. The deviation is at most the deviation of any value of
-            the range.
+            unchanged; None if there never was one. The deviation is at most that of a
+            value anywhere in the range.
         """
         own = self._readings(self._own.get(parameter, ()), person)
         fresh = [reading for reading in own if now <= reading.stale_at]
@@ -262,7 +262,7 @@ def _evaluated(source: SourceSpec, expression: Expression, message: Message) -> 
         try:
             return expression.evaluate(known)
         except _NanFieldError:
-            # Without an 'else', the NaN itself is used, and its use reports what is wrong with it.
+            # Without an 'else', the NaN itself is used, and its use reports the problem.
             return expression.evaluate(lambda name: message(name[skip:]))
     except MissingValue:
         raise _NotMeasuredError from None

@@ -72,7 +72,7 @@ class ValueTrace:
                 node.scope = fields.names
 
     def take(self) -> list[TracedValue]:
-        """Return what was noted since the last call, in order."""
+        """Return the notes since the last call, in order."""
         news = list(self._news.values())
         self._news.clear()
         return news

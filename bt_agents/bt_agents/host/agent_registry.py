@@ -22,7 +22,7 @@ from bt_agents_language.model.specs import AgentSpec
 
 @dataclass(kw_only=True, slots=True)
 class HostedAgent:
-    """One agent, with what has changed since its file was read.
+    """One agent, with all changes since its file was read.
 
     Attributes:
         on_change: Called after an attribute was set.

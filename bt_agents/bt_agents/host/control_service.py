@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Service with which people pause, step and resume the run of a host and set breakpoints."""
+"""Service that pauses, steps and resumes the run of a host and sets breakpoints."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ MARKET = StartParameter(
 
 @dataclass(frozen=True, kw_only=True)
 class HostConfiguration:
-    """Inputs from which a host is built.
+    """Inputs of a host.
 
     Attributes:
         folder: The trees folder with its agents.

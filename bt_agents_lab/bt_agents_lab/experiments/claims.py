@@ -22,10 +22,10 @@ from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors
 
 RATES = {"conservative": 0.05, "moderate": 0.2, "aggressive": 0.5}
 REACHED = 0.05
-"""Manhattan distance at which a profile counts as arrived, in the units of the parameters."""
+"""A profile has arrived within this Manhattan distance, in the units of the parameters."""
 
 LATE = 100
-"""Number of rounds at the end of a run in which a profile should be stable."""
+"""A profile should be stable for this number of rounds at the end of a run."""
 
 JUDGED = 300
 """Minimum number of rounds for judging Experiment 3."""

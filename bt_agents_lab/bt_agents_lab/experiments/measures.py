@@ -43,7 +43,7 @@ class PerRun:
         ran: Whether every agent ran at all, [R].
         regret: Sum over the misfit of the selected agent minus the misfit of the best one, [R].
         cycles: Rounds until a run stays right, [R]; infinite if it never does.
-        cancelled: Share of scenes for which a run was cancelled, [R].
+        cancelled: Share of scenes with a cancelled run, [R].
         error: Mean Manhattan distance at the end of a profile to the scene of its agent, [R].
         right: Number of runs that were right in each round, [T].
     """
@@ -66,7 +66,7 @@ class Measures:
         accuracy: Mean of ``late``.
         worst: The ``late`` of the worst run.
         starved: Share of runs that are not ``served``.
-        never: Share of runs in which an agent never ran at all.
+        never: Share of runs where an agent never ran.
         cycles: Median number of rounds until convergence; infinite if less than half converged.
     """
 

@@ -69,7 +69,7 @@ def second(folder: Path, arms: Mapping[str, Paper], seeds: Sequence[int]) -> Non
 def third(folder: Path, many: Replicas, rounds: int) -> None:
     """Draw Figure 9, and the share of right selections over many runs of Experiment 3."""
     world = many.world
-    # Use the first run in which every agent runs, else the first of all.
+    # Use the first run where every agent runs, else the first of all.
     shown = int(np.argmax(many.course.all_ran))
     with sheet(folder, figure_name(9), (6.6, 7.4), rows=3) as (figure, (top, middle, bottom)):
         _three(top, many, shown, rounds)
@@ -79,8 +79,8 @@ def third(folder: Path, many: Replicas, rounds: int) -> None:
         all_run, one_not = percent(float(whole.mean())), percent(float((~whole).mean()))
         for runs, colour, label in (
             (correct, COLOURS[0], "all runs"),
-            (correct[whole], COLOURS[2], f"runs in which all agents run ({all_run})"),
-            (correct[~whole], COLOURS[1], f"runs in which one never runs ({one_not})"),
+            (correct[whole], COLOURS[2], f"runs where all agents run ({all_run})"),
+            (correct[~whole], COLOURS[1], f"runs where one never runs ({one_not})"),
         ):
             if len(runs):
                 share_band(bottom, smooth(runs.astype(np.float64), SMOOTHED), colour, label)

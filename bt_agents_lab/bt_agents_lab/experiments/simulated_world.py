@@ -80,7 +80,7 @@ class SimulatedWorld:
         person: Person whose mood reacts during the run; with None, each agent gets the scene that
             it is made for as feedback after its run, as in the paper.
         change: Change of the person's wishes during a run; None for none.
-        absent: Number of rounds at the start in which an agent is absent, by its name.
+        absent: Number of rounds at the start without an agent, by its name.
     """
 
     space: SceneSpace

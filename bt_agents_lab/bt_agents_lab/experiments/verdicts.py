@@ -37,7 +37,7 @@ class ClaimVerdict:
 
     Attributes:
         runs: Number of judged runs; 1 if nothing is random.
-        held: Number of runs in which it holds.
+        held: Number of runs where it holds.
         unit: Name of the counted items, in the plural.
         interval: Share of runs, with its 95 % interval (Wilson).
         found: The measurements, for people.

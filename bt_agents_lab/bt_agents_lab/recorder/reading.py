@@ -203,7 +203,7 @@ class JournalReader:
         return self.further_entries(types)
 
     def further_entries(self, types: Collection[str] | None = None) -> list[JournalEntry]:
-        """Return what was written into growing files since the last call, as :meth:`entries` does.
+        """Return the new entries of growing files since the last call, as :meth:`entries` does.
 
         A message that was sent before those of the last call, and written after them, is among
         the further ones.
@@ -504,7 +504,7 @@ def _decoded(factory: DecoderFactory, channel: Channel, schema: Schema, data: by
 
 
 def recording_label(path: Path) -> str:
-    """Return the label with which a file was started; empty for none.
+    """Return the label of a file's start; empty for none.
 
     It directly follows the facts at the beginning of a file, so no more is read.
     """

@@ -136,7 +136,7 @@ def _difference(one: Round, ranked: Ranked, scene: Scene) -> str:
     names = list(ranked.change.names) if ranked.change else []
     values = list(ranked.change.values) if ranked.change else []
     if list(auction.change_names) != names or list(auction.change_values) != values:
-        return "the change by which the runner-up would have won is another"
+        return "another change would have made the runner-up win"
     return ""
 
 

@@ -21,7 +21,7 @@ _LONGEST_WORD = 64
 _MANY_WORDS = 200
 _LIST_COLUMNS = 140
 _LEAST_ALIKE = 0.65
-"""Smallest ratio of matching letters at which a word may be meant as another one."""
+"""A word may be meant as another one if at least this ratio of their letters match."""
 
 _SAME = (
     ("answers", "choices", "options", "replies"),

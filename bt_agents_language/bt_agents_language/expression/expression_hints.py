@@ -23,7 +23,7 @@ NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
 """Words of other languages for a missing value."""
 
 ABSENT = (*NO_VALUES, "missing", "unknown", "known", "nothing", "unset")
-"""Words with which people ask whether a value exists."""
+"""Words that people use to ask whether a value exists."""
 
 ABSENT_HINT = "ask whether a name has a value with known(x), or give it one with 'else': x else 1"
 

@@ -60,7 +60,7 @@ class MisfitError(ExpressionError):
     """Values in an expression do not fit their operators.
 
     Attributes:
-        errors: All errors, perhaps with the word at which reading ended; this one comes first.
+        errors: All errors, perhaps with the word that ended the reading; this one comes first.
         mentions: Names in the expression; none if reading ended early.
     """
 

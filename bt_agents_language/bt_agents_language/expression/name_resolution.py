@@ -38,7 +38,7 @@ SceneT = TypeVar("SceneT", bound=SceneLike)
 
 @dataclass(frozen=True, kw_only=True)
 class SceneFacts:
-    """Scene as conditions name it, in which some values may count as unknown."""
+    """Scene as conditions name it; some of its values may count as unknown."""
 
     person: bool
     values: Mapping[str, float]

@@ -135,7 +135,7 @@ def _read_text(
 
 
 def warn_of_comment(reading: TypedReader, node: Scalar) -> None:
-    """Report what is meant as a comment, but is part of a text without quotes."""
+    """Report comments that are part of a text without quotes."""
     match = (COMMENT if node.plain else _COMMENT_IN_BLOCK).search(node.text)
     if match is None or node.style in ("'", '"'):
         return

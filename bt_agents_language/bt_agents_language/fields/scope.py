@@ -50,7 +50,7 @@ KINDS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Assigned:
-    """Name to which nodes assign a value while a tree runs.
+    """Name that nodes assign a value to while a tree runs.
 
     Attributes:
         type: Type of the value, if all nodes agree.
@@ -88,7 +88,7 @@ class NameScope:
 
     Args:
         types: Type of each name that always has a value, or never gets one.
-        written: Names to which nodes assign values.
+        written: Names that nodes assign values to.
         messages: Name of a message (``msg``, ``result``) → its fields.
         hidden: Names that exist elsewhere in the file → how to access them from here.
         lenient: True accepts unknown names, because an unreadable declaration may hold them.
@@ -98,7 +98,7 @@ class NameScope:
 
     Attributes:
         used: Names that were used.
-        given: Names in ``written`` to which an earlier node may have assigned a value.
+        given: Names in ``written`` that an earlier node may have assigned a value to.
     """
 
     def __init__(

@@ -80,7 +80,7 @@ class Trees:
         """Return the folder with only those agents that have one of the tags ``a, b``, if any.
 
         Raises:
-            BtAgentsError: No agent has such a tag.
+            BtAgentsError: No agent has the tag.
         """
         wanted = tuple(tag.strip() for tag in tags.split(",") if tag.strip())
         known = sorted({tag for agent in self.agents for tag in agent.tags})

@@ -23,7 +23,7 @@ LOST_AFTER_S = 1.0
 """Default time after which a person missing in the list is gone [s]."""
 
 HOLD_S = 1.0
-"""Default time for which another person must be better [s]."""
+"""Default time that another person must stay better [s]."""
 
 LARGEST_STD = 1e100
 """Largest standard deviation of a reading; larger ones count as missing."""
@@ -166,7 +166,7 @@ class AddresseeSpec:
         source: Engagement of a person, where more is better, or distance, where less is better;
             None for the one who came first.
         better_by: By how much another must be better than the addressee, in the source's unit.
-        hold_s: Time for which the other must be better [s].
+        hold_s: Time that the other must stay better [s].
     """
 
     rule: AddresseeRule

@@ -37,7 +37,7 @@ NODE_TYPES = find_node_types(Role.COMPOSITE, Role.LEAF)
 top of these."""
 
 DECORATORS = find_node_types(Role.DECORATOR)
-"""Decorators by key, in the order in which they wrap a node: the first one is the outermost."""
+"""Decorators by key, in the order that they wrap a node: the first one is the outermost."""
 
 BRANCHES = find_node_types(Role.BRANCH)
 """Wrappers of the children of some composites, by the kind of their nodes."""

@@ -310,7 +310,7 @@ class NodeType:
         handler: For a decorator, whether its value is a node.
         example: Part of an agent file; empty makes one from the fields.
         plugin: Class of a node from a plug-in; None for nodes of the language itself.
-        gives: Blackboard keys from which a plug-in's node assigns values to names.
+        gives: Blackboard keys whose values a plug-in's node assigns to names.
         siblings: Sibling keys that it may have.
         child_siblings: Sibling keys that its children may have.
         child_keys: Keys that each of its children must have, with hints for missing ones; a

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``weight``: wraps each child of a ``random``, next to which its key is written."""
+"""``weight``: wraps a child of a ``random``; its key is written next to the child."""
 
 from __future__ import annotations
 

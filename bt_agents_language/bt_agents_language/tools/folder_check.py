@@ -59,7 +59,7 @@ def check_folder(
         folder: Holds ``scene.yaml``, ``market.yaml``, ``skills``, ``libraries``, ``agents``,
             ``scripts``, ``texts``, ``presets`` and, in ``scenes``, scene files of other robots.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
-        only: Files or folders to which the result is limited; broken scenes and skills are always
+        only: Files or folders that the result is limited to; broken scenes and skills are always
             reported, because everything needs them.
     """
     return _FolderCheck(folder, interfaces, only).run()

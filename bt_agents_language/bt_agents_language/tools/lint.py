@@ -242,7 +242,7 @@ def _two_voices(tree: _Tree) -> Found:
                 "two-voices",
                 f"this '{other.kind}' and the one in line {first.position.line} are in different "
                 "branches of a 'parallel': the robot may say both at the same time",
-                "put what is said into one branch, as a sequence",
+                "put everything that is said into one branch, as a sequence",
             )
 
 
@@ -258,7 +258,7 @@ def _not_offered(tree: _Tree) -> Found:
 
 
 def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
-    """Find ``$place`` and ``{place}`` in texts in which ``${place}`` is meant."""
+    """Find ``$place`` and ``{place}`` in texts that mean ``${place}``."""
     candidates = [
         (node, match)
         for node in nodes

@@ -64,7 +64,7 @@ class AssignedNames:
         types: Mapping[str, FieldType],
         declared: Mapping[str, FieldType] = NOTHING,
     ) -> dict[str, Assigned]:
-        """Return all names to which nodes of the trees assign values.
+        """Return all names that nodes of the trees assign values to.
 
         It reports reserved and ``taken`` names (name → by what), and values that do not fit the
         ``declared`` type or other values of the same name; ``types`` are those of names that have

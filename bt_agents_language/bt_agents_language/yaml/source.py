@@ -82,7 +82,7 @@ class PatchedSource(Source):
 
 
 def without_section(source: Source, index: int) -> PatchedSource | None:
-    """Return a text without the top-level key, and all below it, to which a character belongs.
+    """Return a text without the top-level key of a character, and all below it.
 
     Returns:
         The text; None if nothing would be left.

@@ -243,7 +243,7 @@ def _inserted(text: str, begun: int, at: int, closing: str) -> Edit | None:
 
 
 def _no_deeper(source: Source, index: int, begun: int) -> bool:
-    """Return whether a place is indented no deeper than the line in which something began."""
+    """Return whether a place is indented no deeper than the line where something began."""
     line = line_at(source, line_start(source, begun))
     return source.position(index).column <= indentation(line) + 1
 

@@ -688,7 +688,7 @@ def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> s
 
 
 def _place_of(traceback: TracebackType | None) -> Position | None:
-    """Return the place in the file at which the innermost function with a place was working."""
+    """Return the place in the file where the innermost function with a place was working."""
     for frame, _ in reversed(list(walk_tb(traceback))):
         for value in frame.f_locals.values():
             if isinstance(value, Scalar | Sequence | Mapping):

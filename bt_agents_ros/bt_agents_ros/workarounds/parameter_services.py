@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter services of rclpy whose setters refuse requests at which rclpy 7.1 ends the node."""
+"""Parameter services of rclpy whose setters refuse requests that end the node in rclpy 7.1."""
 
 from __future__ import annotations
 

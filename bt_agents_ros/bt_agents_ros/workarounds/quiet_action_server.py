@@ -17,7 +17,7 @@ from bt_agents_core.errors import Refused
 
 
 class QuietActionServer(ActionServer):
-    """rclpy action server in which goal ids are arrays that format fast."""
+    """rclpy action server with goal ids as arrays that format fast."""
 
     def take_data(self) -> dict[str, Any]:
         data: dict[str, Any] = super().take_data()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mood thresholds: the change at which a mood rule applies."""
+"""Mood thresholds: the change that makes a mood rule apply."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HALVINGS = 32
 
 @lru_cache(maxsize=_MOST_CONDITIONS)
 def thresholds(when: str) -> tuple[float, ...]:
-    """Return the changes, downwards and upwards, from which a condition is true.
+    """Return the smallest changes, downwards and upwards, that make a condition true.
 
     The result is empty if the condition depends on anything but the change.
     """

@@ -136,7 +136,7 @@ def admission_text(observer: Observer) -> tuple[str, str]:
 
 
 def disagreements(auction: Any) -> str:
-    """Return as text the number of rounds in which the shadow strategy had another winner."""
+    """Return as text the number of rounds where the shadow strategy had another winner."""
     return f"another winner in {auction.shadow_disagreements} of {auction.shadow_rounds} rounds"
 
 

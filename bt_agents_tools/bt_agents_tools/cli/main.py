@@ -101,8 +101,8 @@ COMMANDS: Mapping[str, str] = {
 """Command of this package → its module."""
 
 _MEANT: Mapping[str, str] = {
-    "undo": "'tune --undo' for what was tuned, 'profile undo AGENT' for what was learned",
-    "redo": "'tune --redo' for what was tuned",
+    "undo": "'tune --undo' for tuning, 'profile undo AGENT' for learning",
+    "redo": "'tune --redo' for tuning",
     "history": "'tune --history' or 'profile history AGENT'",
     "start": "'up' for a system, 'trigger' for a scene",
     "run": "'up' for a system, 'rehearse AGENT' without a robot",
@@ -119,7 +119,7 @@ _MEANT: Mapping[str, str] = {
 """Word that is not a command → the commands that do what it says."""
 
 GROUP = "bt_agents.commands"
-"""Group of the entry points by which other packages add commands."""
+"""Entry point group for commands of other packages."""
 
 
 @cache

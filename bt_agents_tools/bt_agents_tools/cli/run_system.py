@@ -71,7 +71,7 @@ class StudioPlan:
 
     Attributes:
         component: Its process.
-        addresses: File in which the process stores the addresses of its roles.
+        addresses: The process stores the addresses of its roles in this file.
         listening: Socket that it serves; the socket outlives the process.
         asks_person: Whether to print the address for the person, too.
         opens: Whether to open it in a browser.

@@ -121,7 +121,7 @@ class SupervisedSystem:
         self.observer.spin_until(lambda: bool(self.interrupt) or done(), limit_s)
 
     def print_ready(self, what: str, begun_s: float) -> None:
-        """Print what is ready, and how long that took since a steady time [s]."""
+        """Print that the system is ready, and the time since a steady time [s]."""
         text = (
             f"after {time.monotonic() - begun_s:.1f} s: {what}, ROS domain {current_domain()}, "
             f"{discovery_text(os.environ)}"

@@ -28,7 +28,7 @@ _BETWEEN = " · "
 
 
 class TableForm(Enum):
-    """Form in which a command prints a table."""
+    """Output form of a table."""
 
     FITTED = auto()
     WIDE = auto()

@@ -32,7 +32,7 @@ JOIN_LIMIT_S = 30.0
 """Longest wait of a command for its turn to join a domain [s]."""
 
 LOGINS = Path("/run/user")
-"""Folder in which the login of a user makes a runtime folder."""
+"""The login of a user makes a runtime folder in this one."""
 
 _LONGEST_NAME = 300
 _TURN_POLL_S = 0.2

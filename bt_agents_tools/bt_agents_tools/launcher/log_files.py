@@ -18,7 +18,7 @@ from bt_agents_core.state_folder import state_home
 from bt_agents_core.text import printable
 
 MOST_BYTES = 8_000_000
-"""Size at which a log file is rotated [bytes]."""
+"""A log file of this size is rotated [bytes]."""
 
 MOST_FOLDERS = 20
 """Number of log folders to keep, in addition to running systems."""
@@ -29,7 +29,7 @@ _LONGEST_LINE = 500
 
 
 class LogFile:
-    """Log file of a component, to which every start appends; only its end is read.
+    """Log file of a component; every start appends to it, and only its end is read.
 
     Lines older than the last :data:`MOST_BYTES` are in one file next to it, ``….log.1``.
     """

@@ -214,13 +214,13 @@ class _Supervised:
     """Component with its process over all of its starts; times are on the supervisor's clock [s].
 
     Attributes:
-        ready: Pipe on which the process reports that it is up; -1 after the report.
+        ready: The process reports on this pipe that it is up; -1 after the report.
         since: Time of the last change of its state.
-        up_at: Time at which the last start was up; None while it is not.
+        up_at: Time when the last start was up; None while it is not.
         been_up: True once any of its starts was up.
         last_heartbeat: Time of the last heartbeat of this start; None before the first.
         inactive: Its nodes that were told to leave the system temporarily.
-        ended_at: Time at which the supervisor noticed its end; None while it runs.
+        ended_at: Time when the supervisor noticed its end; None while it runs.
         restart_at: Time of the next start; None if none is planned.
         last_exit: How it ended last, in words; empty if it never has.
         unknown: What its nodes reported of their parameters; None before the first report.
@@ -512,7 +512,7 @@ class Supervisor:
 def spawn(
     component: Component, log: LogFile, start: int, fork_server: ForkServer | None = None
 ) -> tuple[subprocess.Popen[bytes] | ForkedProcess, int]:
-    """Start a process; return it and the pipe on which it reports that it is up."""
+    """Start a process; return it and its pipe for reporting that it is up."""
     ready, write_end = os.pipe()
     os.set_blocking(ready, False)
     environment = {

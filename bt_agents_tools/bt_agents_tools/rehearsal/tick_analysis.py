@@ -15,7 +15,7 @@ from bt_agents_language.nodes.catalogue import DECORATORS, type_of
 from bt_agents_language.nodes.node_type import Mark
 
 Ticked = Sequence[tuple[Behaviour, Status]]
-"""Nodes of one tick with their statuses, in the order in which they answered."""
+"""Nodes of one tick with their statuses, in the order of their answers."""
 
 _LIMITS = tuple(f"@{one.key}" for one in DECORATORS.values() if one.limits)
 

@@ -127,7 +127,7 @@ def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
         if one.name in inputs
         and one.name != skill.main
         and inputs[one.name] != one.default
-        # The manner of speaking is left out, but not what is shown with a text.
+        # The manner of speaking is left out, but not a picture that is shown with a text.
         and (not quoted or one.type is FieldType.TEXT)
     )
     given = ", ".join(filter(None, (f'"{main}"' if quoted else main, *others)))

@@ -138,7 +138,7 @@ class FeedbackController:
 
     @property
     def due(self) -> float:
-        """Steady time at which a rule acts if nothing arrives [s]; infinite for never."""
+        """Steady time when a rule acts if nothing arrives [s]; infinite for never."""
         return math.inf if self._watch is None else self._watch.due
 
     def wants(self, scene_id: str) -> bool:

@@ -110,7 +110,7 @@ class FleetStep:
 
     @property
     def feedback_id(self) -> str:
-        """Id by which a ledger records the step only once."""
+        """Id that makes a ledger record the step only once."""
         return f"fleet/{self.robot}/{self.number}"
 
     def fields(self) -> dict[str, Any]:
@@ -223,7 +223,7 @@ def read_step(fields: Any, space: SceneSpace, *, now: float) -> FleetStep:
     if not isinstance(target, Mapping) or not least <= len(target) <= MOST_PARAMETERS:
         raise _invalid(what, f"expected {least} to {MOST_PARAMETERS} values")
     if event is StepEvent.FORGET and not is_hidden(layer.partition("/")[2]):
-        raise _invalid(what, "what is forgotten is named openly, expected a hash")
+        raise _invalid(what, "a forgotten layer is named openly, expected a hash")
     weight, stamp, changes = fields["weight"], fields["stamp"], fields["changes"]
     if not all(map(_is_number, (weight, stamp, *target.values()))):
         raise _invalid(what, "a value, its weight or its stamp is no finite number")
@@ -296,7 +296,7 @@ class Replay:
     """Profile of an agent or one of its layers after the steps of a fleet.
 
     Steps take effect in the order of their keys, so the profile depends only on the set of steps,
-    not on the order in which they were added. The result after each step is kept, so a late step
+    not on the order of their arrival. The result after each step is kept, so a late step
     costs only the replay of the steps after it.
     """
 
@@ -358,7 +358,7 @@ class Replay:
         return ReplayState(profile=after, changes=state.changes + 1, recent=recent)
 
     def _recent_of(self, profile: Vector, changes: int) -> tuple[Vector, ...]:
-        """Return the targets that led to a profile to which an undo goes back; empty for none."""
+        """Return the targets that led to the profile that an undo restores; empty for none."""
         if changes == 0:
             return ()
         for state in reversed(self._states):

@@ -14,7 +14,7 @@ from feedback_node.ledger.reading import LedgerReader
 from feedback_node.ledger.rows import RevisionCause, hidden
 
 _RECENT = 30
-"""Number of feedbacks from which the share of wrong ones is estimated."""
+"""The share of wrong feedback is estimated from this number of feedbacks."""
 
 _IN_PART = "taught by somebody, or at a place, that has a profile of its own"
 

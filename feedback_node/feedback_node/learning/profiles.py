@@ -186,7 +186,7 @@ class Profiles:
         )
 
     def check_expected(self, name: str, layer: str, expected: Vector) -> None:
-        """Check that a profile still has the values on which a request rests.
+        """Check that a profile still has the values that a request relies on.
 
         Args:
             name: Name of the agent.

@@ -61,7 +61,7 @@ class LedgerCheck:
         if not row.is_intact:
             # A damaged row still fills its place, so that its successor is not reported, too.
             self._next[profile] = expected + (row.revision == expected)
-            return f"row {row.number} ({row.name}) is not what was written"
+            return f"row {row.number} ({row.name}) is damaged"
         self._next[profile] = row.revision + 1
         if row.revision != expected:
             return f"revision {expected} of {name_of(*profile)} is missing before row {row.number}"

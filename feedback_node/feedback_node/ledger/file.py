@@ -260,7 +260,7 @@ def repair_of_cut_off(path: str) -> str:
     """Return in words how to repair a ledger that has lost its end."""
     return (
         "The end of its log (-wal) is damaged or gone, or an older copy is in its place: put the "
-        f"newer files back, if there are any; to go on with what is there, remove {path}.lock"
+        f"newer files back, if there are any; to go on with this one, remove {path}.lock"
     )
 
 

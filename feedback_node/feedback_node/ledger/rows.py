@@ -161,7 +161,7 @@ class Row(NamedTuple):
 
 
 class Damaged(ValueError):
-    """A row differs from what was written."""
+    """A row is damaged: its checksum does not fit."""
 
 
 _DEFAULTS = vars(RevisionCause())
@@ -220,10 +220,10 @@ def read_row(row: Row) -> ProfileRevision:
     """Return the revision of a row; a forgotten one without its content.
 
     Raises:
-        Damaged: The row differs from what was written.
+        Damaged: The checksum of the row does not fit.
     """
     if not row.is_intact:
-        raise Damaged(f"{row.name} (row {row.number}) is not what was written")
+        raise Damaged(f"{row.name} (row {row.number}) is damaged")
     number, agent, layer, revision, feedback_id, content, _ = row
     if content is None:
         cause = RevisionCause(cause=FORGOTTEN, feedback_id=feedback_id)

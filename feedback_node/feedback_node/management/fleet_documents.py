@@ -342,7 +342,7 @@ def read_document(text: str) -> Mapping[str, Any] | None:
 
 
 def to_fleet_document(robot: str, agents: Iterable[str], steps: Iterable[FleetStep]) -> str:
-    """Return the document with which a robot takes in steps of others.
+    """Return the document that makes a robot take in steps of others.
 
     Args:
         robot: Name of the robot.

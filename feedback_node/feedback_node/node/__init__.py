@@ -62,7 +62,7 @@ from feedback_node.node.messages import (
 from feedback_node.simulated_feedback import SimulatedFeedback
 
 CARDS_S = 10.0
-"""Time after its start in which the node waits for the card of a requested agent [s]."""
+"""After its start, the node waits this long for the card of a requested agent [s]."""
 
 _REST_S = 0.025
 """Shortest time between two evaluations of live scenes [s]."""
@@ -95,7 +95,7 @@ _START = (
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackConfiguration:
-    """Inputs from which a feedback node is built.
+    """Inputs of a feedback node.
 
     Attributes:
         space: The scene parameters of the system.

@@ -36,7 +36,7 @@ _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
 
 def set_profile_name(host: str) -> str:
-    """Return the name of the service with which a host accepts profiles."""
+    """Return the name of the service that sets profiles of a host."""
     return f"{host}/set_profile"
 
 

@@ -23,7 +23,7 @@ MOST_AGENTS = 10_000
 """Most agents of one host; more would delay the heartbeats of the market."""
 
 SILENCE_S = 0.3
-"""Time in which a host sends more than one heartbeat [s]."""
+"""A host sends more than one heartbeat in this time [s]."""
 
 FIRST_HEARTBEAT_S = 3.0
 """Extra lease of a start of a host until its first heartbeat [s].

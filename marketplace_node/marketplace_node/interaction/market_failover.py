@@ -19,7 +19,7 @@ ASK_AGAIN_S = 10.0
 """How long a person waits for a robot that stopped in the middle, roughly [s]."""
 
 GATHER_S = 1.5
-"""Time in which the hosts of a restarted market register and connect to its calls [s]."""
+"""The hosts of a restarted market register and connect to its calls within this time [s]."""
 
 _REMEMBERED = 400
 

@@ -40,7 +40,7 @@ class PreemptionRound:
         Args:
             by: What closes the round.
             now: Steady time [s].
-            cooldown_left_s: Time in which only urgent scenes may stop a run [s].
+            cooldown_left_s: Only urgent scenes may stop a run for this time [s].
             no_room: Why the scene cannot wait; empty when it can.
         """
         settings = self._market_state.settings

@@ -121,7 +121,7 @@ class SceneAdmission:
         return [waiting.scene for waiting in self._queue]
 
     def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:
-        """End a scene for which no tree has run."""
+        """End a scene that no tree has run for."""
         self._market_state.effects.append(
             SceneEnded(scene_id=scene_id, code=code, message=message, round=round_number)
         )

@@ -116,7 +116,7 @@ _CALL_WAITS = 0.5  # longest wait for hosts that are just connecting, as a part 
 
 @dataclass(frozen=True, kw_only=True)
 class MarketConfiguration:
-    """Inputs from which a market is built.
+    """Inputs of a market.
 
     Attributes:
         space: The scene parameters of the system.
@@ -338,7 +338,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
 
     def _tick(self) -> None:
         now = time.monotonic()
-        # Heartbeats of the time in which this process ran nothing are still unread.
+        # Heartbeats of the time when this process was stalled are still unread.
         self._execute(self._market.extend_leases(self._ticked, now))
         self._ticked = now
         self._publish_calls(now)

@@ -40,7 +40,7 @@ _MEANINGS = {
     "preempt_cooldown": "time after a preemption during which the market stops no other run for a "
     "scene [s]",
     "tie_break": "which of equally good bids wins",
-    "starvation_rounds": "number of rounds in which an agent bids without a run before it counts "
+    "starvation_rounds": "number of rounds that an agent bids without a run before it counts "
     "as starved; 0 for never",
 }
 

@@ -15,7 +15,7 @@ from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import Score, winners
 
 FINEST = 80
-"""Most steps in which the range of a parameter is tried."""
+"""Maximum number of steps that divide the range of a parameter."""
 
 COARSEST = 8
 """Fewest steps; where bids are too many for them, nothing is tried."""

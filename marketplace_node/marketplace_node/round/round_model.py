@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Model of a round in which everything but the scene is fixed, to score other scenes."""
+"""Model of a round that scores other scenes; everything but the scene is fixed."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class RoundModel:
         return order([one.score for one in scores], self.given.bids, self.terms.tie_break)
 
     def with_value(self, index: int, value: float) -> RoundModel:
-        """Return the same round for a scene in which one parameter has another value."""
+        """Return the same round for a scene with another value of one parameter."""
         vector = list(self.given.scene)
         vector[index] = value
         given = replace(self.given, scene=tuple(vector))
@@ -147,7 +147,7 @@ def scored(
 
 
 def _problem(scores: Sequence[Score], given: RoundBids) -> str:
-    """Return what is wrong with the scores; empty for nothing."""
+    """Return the problem of the scores; empty for none."""
     if len(scores) != len(given.bids):
         return f"it returns {len(scores)} scores for {len(given.bids)} bids"
     for bid, score in zip(given.bids, scores, strict=True):

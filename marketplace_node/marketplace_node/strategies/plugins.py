@@ -79,7 +79,7 @@ def _spec(point: EntryPoint) -> StrategySpec:
 
 
 def _problem(name: str, spec: object) -> str:
-    """Return what is wrong with the object of an entry point, as the rest of a sentence."""
+    """Return the problem of the object of an entry point, as the rest of a sentence."""
     if not isinstance(spec, StrategySpec):
         return f" is a {type(spec).__name__}, expected a marketplace_node.strategies.StrategySpec"
     if spec.name != name:

@@ -201,7 +201,7 @@ def winners(
     profiles = np.array([bids[column].profile for column in columns])
     weights = np.array([bids[column].weights for column in columns])
     distances = np.zeros((len(scenes), len(columns)))
-    # In the order in which a strategy adds: the last digit decides ties.
+    # In the order of a strategy's sum: the last digit decides ties.
     for values, profile, weight in zip(scenes.T, profiles.T, weights.T, strict=True):
         given = values[:, np.newaxis]
         distances += np.where(np.isnan(given), 0.0, difference(profile, given, weight))

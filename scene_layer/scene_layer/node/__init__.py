@@ -69,14 +69,14 @@ _SCRIPT = StartParameter(
 )
 _MEMORY = StartParameter(
     name="memory",
-    description="file that keeps what was measured of known persons and at places across "
+    description="file that keeps the measured values of known persons and places across "
     "restarts; empty keeps it until the node ends",
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneLayerConfiguration:
-    """Inputs from which a scene layer is built.
+    """Inputs of a scene layer.
 
     Attributes:
         spec: Content of ``scene.yaml``.
@@ -315,7 +315,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         if not self._store.lasts:
             response.message += "; the memory ends with the scene layer"
             self.get_logger().warning(
-                "what is remembered ends with this scene layer; its parameter 'memory', or "
+                "this scene layer forgets all values when it ends; its parameter 'memory', or "
                 "bt-agents up --memory, keeps it",
                 once=True,
             )

@@ -75,7 +75,7 @@ class ScriptPlayer:
         self.play()
 
     def play(self) -> None:
-        """Execute what is due in the script; called at every event and by a timer."""
+        """Execute the due steps of the script; called at every event and by a timer."""
         performance = self._performance
         if performance.done:
             return

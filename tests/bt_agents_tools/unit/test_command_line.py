@@ -95,7 +95,7 @@ def test_misspelt_command_suggests_nearest() -> None:
 def test_common_verb_suggests_matching_command() -> None:
     result = CliRunner().invoke(bt_agents, ["undo"])
     assert result.exit_code == 2
-    assert "no command 'undo'; there is 'tune --undo' for what was tuned" in result.output
+    assert "no command 'undo'; there is 'tune --undo' for tuning" in result.output
 
 
 def test_suggested_commands_exist_and_hide_no_command() -> None:

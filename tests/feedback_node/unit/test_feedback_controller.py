@@ -679,7 +679,10 @@ def test_pending_lessons_during_full_disk_are_bounded():
         problems += [outcome.problem for outcome in harness.controller.tick()]
         harness.controller.on_run_ended(run(number))
     assert len(problems) == MOST_PENDING + 1
-    assert ["the feedback on guide in round 1 is lost" in one for one in problems[-2:]] == [False, True]
+    assert ["the feedback on guide in round 1 is lost" in one for one in problems[-2:]] == [
+        False,
+        True,
+    ]
     full(harness, on=False)
     assert len(harness.controller.retry()) == MOST_PENDING
 

@@ -309,7 +309,7 @@ def test_row_with_damaged_profile_is_reported(tmp_path):
     database.execute(trigger)
     database.commit()
     database.close()
-    with pytest.raises(LedgerError, match=r"row 1 \(revision 0 of guide\) is not what was"):
+    with pytest.raises(LedgerError, match=r"row 1 \(revision 0 of guide\) is damaged"):
         Ledger(path)
 
 

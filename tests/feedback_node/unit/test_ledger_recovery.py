@@ -60,15 +60,12 @@ def test_check_of_open_ledger_counts_its_rows(tmp_path):
         (
             "UPDATE revision SET content = replace(content, '3.0', '3.5') WHERE number = 7",
             7,
-            ["row 7 (revision 4 of guide) is not what was written"],
+            ["row 7 (revision 4 of guide) is damaged"],
         ),
         (
             "UPDATE revision SET content = '' WHERE number IN (7, 9)",
             7,
-            [
-                "row 7 (revision 4 of guide) is not what was written",
-                "row 9 (revision 6 of guide) is not what was written",
-            ],
+            ["row 7 (revision 4 of guide) is damaged", "row 9 (revision 6 of guide) is damaged"],
         ),
         (
             "DELETE FROM revision WHERE number = 7",
@@ -78,40 +75,40 @@ def test_check_of_open_ledger_counts_its_rows(tmp_path):
         (
             "UPDATE revision SET checksum = checksum + 1 WHERE number = 7",
             7,
-            ["row 7 (revision 4 of guide) is not what was written"],
+            ["row 7 (revision 4 of guide) is damaged"],
         ),
         (
             "UPDATE revision SET feedback_id = 'f99' WHERE number = 7",
             7,
-            ["row 7 (revision 4 of guide) is not what was written"],
+            ["row 7 (revision 4 of guide) is damaged"],
         ),
         (
             "UPDATE revision SET agent = 'other' WHERE number = 7",
             7,
             [
-                "row 7 (revision 4 of other) is not what was written",
+                "row 7 (revision 4 of other) is damaged",
                 "revision 4 of guide is missing before row 8",
             ],
         ),
         (
             "UPDATE revision SET content = CAST(x'ff' || content AS TEXT) WHERE number = 7",
             7,
-            ["row 7 (revision 4 of guide) is not what was written"],
+            ["row 7 (revision 4 of guide) is damaged"],
         ),
         (
             "UPDATE revision SET content = CAST(content AS BLOB) WHERE number = 7",
             7,
-            ["row 7 (revision 4 of guide) is not what was written"],
+            ["row 7 (revision 4 of guide) is damaged"],
         ),
         (
             "UPDATE revision SET feedback_id = 'sha256:0' WHERE number = 3",
             11,
-            ["row 3 (revision 1 of guide for forgotten/2) is not what was written"],
+            ["row 3 (revision 1 of guide for forgotten/2) is damaged"],
         ),
         (
             "UPDATE revision SET content = NULL WHERE number = 13",
             12,
-            ["row 13 (revision 2 of guide for forgotten/2) is not what was written"],
+            ["row 13 (revision 2 of guide for forgotten/2) is damaged"],
         ),
         ("DROP INDEX revision_of_feedback", 13, ["its tables are not those of a ledger"]),
         ("DROP TABLE pending", 13, ["its tables are not those of a ledger"]),
@@ -219,7 +216,7 @@ def test_check_and_recover_commands_report_their_findings(tmp_path):
     spoil(path, "UPDATE revision SET checksum = 0 WHERE number = 7")
     bad = run(bt_agents, ["profile", "check", str(path)])
     assert bad.exit_code == 1
-    assert "LEDGER_CORRUPT: row 7 (revision 4 of guide) is not what was written\n" in bad.output
+    assert "LEDGER_CORRUPT: row 7 (revision 4 of guide) is damaged\n" in bad.output
     saved = run(bt_agents, ["profile", "recover", str(path), str(tmp_path / "new.sqlite")])
     assert saved.output == f"7 revisions copied to {tmp_path / 'new.sqlite'}\n"
 

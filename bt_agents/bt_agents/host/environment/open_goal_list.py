@@ -18,7 +18,7 @@ _LOG_PERIOD_S = 30.0
 
 
 class OpenGoalList:
-    """Topic ``bt_agents/open_goals`` of a host, and the file in which the list outlives the host.
+    """Topic ``bt_agents/open_goals`` of a host, and the file that keeps the list if the host dies.
 
     A goal is added before it is sent, so a kill of the host in between leaves at worst the id of
     a goal that no server knows.

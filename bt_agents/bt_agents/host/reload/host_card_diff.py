@@ -35,7 +35,7 @@ class CardDiff:
         self._last: dict[str, HostCard] = {}
 
     def update(self, card: HostCard) -> list[CardDifference]:
-        """Return what has changed on a card; after a restart of its host, only new problems."""
+        """Return the changes of a card; after a restart of its host, only new problems."""
         before = self._last.get(card.host)
         self._last[card.host] = card
         if before is None:

@@ -164,7 +164,7 @@ class ReloadService:
         known = {broken.error.lines for broken in before.broken}
         for broken in trees.broken:
             if broken.error.lines not in known:
-                log.error(f"broken, what was good before stays:\n{broken.error.report}")
+                log.error(f"broken, the last good version stays:\n{broken.error.report}")
         for problem in trees.problems:
             if problem not in before.problems:
                 log.error(problem)

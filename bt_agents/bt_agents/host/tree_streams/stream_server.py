@@ -306,7 +306,7 @@ class TreeStreams:
         declared(
             "default_snapshot_blackboard_activity",
             False,
-            "whether they have what was read and written",
+            "whether they have the values that were read and written",
         )
         self._set_default_stream(values)
 

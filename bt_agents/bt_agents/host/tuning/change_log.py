@@ -98,7 +98,7 @@ class ChangeLog:
         """Write a history, which then survives the process.
 
         Raises:
-            Refused: ``STORAGE_FULL`` or ``CANNOT_WRITE``; what was written before is still there.
+            Refused: ``STORAGE_FULL`` or ``CANNOT_WRITE``; earlier entries are still there.
         """
         text = _text(history)
         try:
@@ -156,7 +156,7 @@ def read_history(path: Path) -> TuningHistory:
     try:
         return _history(_beside(path))
     except (FileNotFoundError, ValueError):
-        pass  # A power cut may have torn what was not flushed.
+        pass  # A power cut may have torn the last, unflushed entries.
     try:
         return _history(path)
     except FileNotFoundError:

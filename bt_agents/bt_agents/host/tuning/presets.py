@@ -41,7 +41,7 @@ class Presets:
 
     Attributes:
         by_name: The presets in alphabetical order.
-        problems: File → what is wrong with it, so that it is left out.
+        problems: File → the reason for leaving it out.
     """
 
     def __init__(self, folder: Path) -> None:

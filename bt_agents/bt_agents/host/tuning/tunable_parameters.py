@@ -99,7 +99,7 @@ class TunableParameters:
             try:
                 changes = ChangeLog(Path(tunings), self._disk)
             except BtAgentsError as error:
-                log.error(f"what is tuned now is lost with this host: {error}")
+                log.error(f"changes from now on are lost when this host ends: {error}")
             else:
                 if changes.problem:
                     log.warning(changes.problem)
@@ -292,7 +292,7 @@ class TunableParameters:
     def _report_flush(self, error: str) -> None:
         if error:
             self._node.get_logger().error(
-                f"what was tuned is in force, but a power cut may undo it: {error}"
+                f"the change is in force, but a power cut may undo it: {error}"
             )
 
 

@@ -586,7 +586,7 @@ class ScenarioReader:
         return topic, message
 
     def _refuse_misfit(self, node: Node, topic: str, message: Mapping[str, Plain]) -> None:
-        """Report a message that does not fit the type with which the agent waits on a topic."""
+        """Report a message that does not fit the type that the agent expects on a topic."""
         known = self._interfaces
         if known is None:
             return

@@ -80,7 +80,7 @@ class ScriptedEvent:
         at: Path of a node; empty counts from the start of the run.
         person: Whether the person is present from now on; None for unchanged.
         silent: Whether the scene layer is silent from now on; None for unchanged.
-        topic: Topic on which a message arrives; empty for none.
+        topic: Topic of a message that arrives; empty for none.
         cancel: Who cancels the run and why; None for no cancellation.
     """
 

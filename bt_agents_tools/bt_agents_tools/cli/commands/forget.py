@@ -29,7 +29,7 @@ from bt_agents_tools.launcher.log_files import erase_lines, log_home
 @click.argument("person")
 @state_option
 @click.option("--ledger", default="", help="File of the learned profiles.")
-@click.option("--memory", default="", help="File of what is remembered of persons.")
+@click.option("--memory", default="", help="File of remembered values of persons.")
 @click.option("--journal", default="", metavar="FOLDER", help="Folder of the journal.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.option("--author", default=user, show_default="you", help="Who makes the request.")
@@ -64,7 +64,7 @@ def forget(
 
 
 def _ask_system(layer: str, author: str) -> tuple[bool, bool]:
-    """Make the nodes of a running system forget; return whether there is one, and what is left."""
+    """Make the nodes of a running system forget; return whether there is one, and what remains."""
     try:
         with connect() as observer:
             asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}

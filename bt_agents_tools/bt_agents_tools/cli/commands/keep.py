@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("agents", nargs=-1, metavar="[AGENT]...")
-@click.option("--profile", is_flag=True, help="Keep the profiles too, with what was learned.")
+@click.option("--profile", is_flag=True, help="Keep the learned profiles too.")
 @click.option("--dry-run", is_flag=True, help="Show the changes without making them.")
 @click.option("--yes", is_flag=True, help="Write without asking, even if tests then fail.")
 def keep(agents: tuple[str, ...], profile: bool, dry_run: bool, yes: bool) -> None:

@@ -155,7 +155,7 @@ def reset(agent: str, layer: str, author: str, reason: str) -> None:
 @click.option("--layer", default="", help="Of one person or place only, such as person/anna.")
 @state_option
 def export(file: Path, layer: str, state: str) -> None:
-    """Write what was learned into a FILE, as JSON.
+    """Write the learned profiles into a FILE, as JSON.
 
     Without a running system it is read from the ledger, as with --state.
     """

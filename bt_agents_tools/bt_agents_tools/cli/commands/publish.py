@@ -42,7 +42,7 @@ def publish(topic: str, values: tuple[str, ...]) -> None:
     """Publish a message that a tree waits for, or that a sensor would send; or show the topics.
 
     VALUES are fields, or the value of the only one: bt-agents publish person/age 70, bt-agents
-    publish buttons/confirm data=true. Without TOPIC: what is listened to now.
+    publish buttons/confirm data=true. Without TOPIC, list the topics that are listened to now.
     """
     with connect() as observer:
         heard = _heard(observer, topic, sensors=True)

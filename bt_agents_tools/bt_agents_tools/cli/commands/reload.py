@@ -17,8 +17,8 @@ from bt_agents_tools.cli.connection import accepted, connect, find_hosts
 def reload(now: bool) -> None:
     """Look at the agents' files at once.
 
-    Files that have changed are taken over by themselves; this says what has changed, what waits
-    for the end of a run, and what is broken: then the exit code is 1.
+    Changed files are taken over by themselves. This command lists changes, changes that wait for
+    the end of a run, and broken files; with a broken file, the exit code is 1.
     """
     is_accepted = True
     with connect() as observer:
