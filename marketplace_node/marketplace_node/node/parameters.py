@@ -40,8 +40,8 @@ _MEANINGS = {
     "preempt_cooldown": "time after a preemption during which the market stops no other run for a "
     "scene [s]",
     "tie_break": "which of equally good bids wins",
-    "starvation_rounds": "number of rounds that an agent bids without a run before it counts "
-    "as starved; 0 for never",
+    "starvation_rounds": "an agent that bids in this number of rounds without a run counts as "
+    "starved; 0 for never",
 }
 
 
