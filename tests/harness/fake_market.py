@@ -39,7 +39,7 @@ class Market:
         requests: Number of registrations so far.
         refuse: Names of agents that it refuses → reason.
         refuses_host: Reason to refuse every host; empty to accept them.
-        award: Round and agent in its heartbeat: those of the last goal.
+        award: Round and agent in its heartbeat, from the last goal.
         on_register: Called before a registration is answered.
         bids: Answers to its calls for bids so far.
     """

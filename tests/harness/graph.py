@@ -90,5 +90,5 @@ def fresh_graph() -> Iterator[Ros]:
             graph.close()
     finally:
         rclpy.try_shutdown()
-        # Reference cycles keep nodes alive, and those of earlier tests would answer each other.
+        # Reference cycles keep nodes alive, and nodes of earlier tests would answer each other.
         gc.collect()

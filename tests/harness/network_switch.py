@@ -34,7 +34,7 @@ _QUEUE = 10_000
 _MULTICAST = b"\x01\x00\x5e"
 """Prefix of multicast addresses; broadcast, which ARP uses, has another."""
 _MOST_FRAMES = 64
-"""Most frames of one machine that are read before those of the next."""
+"""Maximum number of frames to read from one machine before the next."""
 
 
 def cable(pid: int, address: str) -> int:

@@ -148,7 +148,7 @@ class Robot:
         return refused
 
     def current(self) -> dict[str, tuple[float, ...]]:
-        """Return the current profiles by layer, except those of persons."""
+        """Return the current profiles by layer, except profiles of persons."""
         return {
             layer: vector
             for _, layer, _, vector in self.profiles.table()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Entries of a studio, like those of a system with two agents."""
+"""Entries of a studio, as of a system with two agents."""
 
 from __future__ import annotations
 

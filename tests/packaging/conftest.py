@@ -19,7 +19,7 @@ NOT_OPTIMIZED = [
     f"--config-setting=cmake.define.CMAKE_{language}_FLAGS_RELEASE=-O0"
     for language in ("C", "CXX")
 ]
-"""The speed of the interfaces is measured with those of the checkout."""
+"""The speed of the interfaces is measured in the checkout."""
 
 
 class Installation:

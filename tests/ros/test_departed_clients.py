@@ -194,5 +194,5 @@ def test_goals_of_departed_client_are_not_started(ros: Ros, stranger: Stranger) 
     other = stranger.client(kind, "/say/_action/send_goal")
     stranger.answer(other.call_async(kind.Request()))
 
-    assert len(asked) == 2, "the first one, and that of the next client"
+    assert len(asked) == 2, "the first one, and the next client's"
     server.destroy()

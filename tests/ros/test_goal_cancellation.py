@@ -31,7 +31,7 @@ LONG_S, SHORT_S = 30.0, 0.6
 
 
 class Client:
-    """Sends goals, and cancels those of others only by their ids."""
+    """Sends goals, and cancels goals of others only by their ids."""
 
     def __init__(self, ros: Any) -> None:
         self.ros = ros

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bookmarks: those of the journal, and those of this browser if no journal is written.
+// Bookmarks of the journal, or of this browser if no journal is written.
 
 import { useMemo, useRef, useState, type FormEvent } from "react";
 import { author } from "./author";

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of the ticker: our nodes behave like those of py_trees, and report every change."""
+"""Laws of the ticker: our nodes behave like py_trees', and report every change."""
 
 from __future__ import annotations
 

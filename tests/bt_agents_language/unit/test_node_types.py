@@ -51,7 +51,7 @@ HERE = Position(file="a.yaml", line=1, column=1)
 
 
 def modules() -> Iterator[Path]:
-    """Yield the product's modules, except those of one node type or behaviour each."""
+    """Yield the product's modules, except modules of a single node type or behaviour."""
     for manifest in sorted(ROOT.glob("*/package.xml")):
         for path in sorted(manifest.parent.rglob("*.py")):
             if NODES_FOLDER not in path.parents and ENGINE_FOLDER not in path.parents:
@@ -74,7 +74,7 @@ def names_kind(node: ast.AST) -> bool:
 
 
 def compared(tree: ast.Module) -> Iterator[tuple[int, set[str]]]:
-    """Yield the lines that compare a kind or key with that of a node type."""
+    """Yield the lines that compare a kind or key with a node type's."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of other packages: found, checked, read and ticked like those of the language."""
+"""Nodes of other packages: found, checked, read and ticked like nodes of the language."""
 
 from __future__ import annotations
 

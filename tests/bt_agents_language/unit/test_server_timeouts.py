@@ -25,7 +25,7 @@ CORPUS = Path(__file__).parents[2] / "corpus"
 
 
 def skills(text: str) -> dict[str, SkillSpec]:
-    """Return the skills of a text whose types are those of ``FakeInterfaces``."""
+    """Return the skills of a text, with the types of ``FakeInterfaces``."""
     return dict(
         read_skills_text(f"format: 1\n{textwrap.dedent(text)}", "s.yaml", FakeInterfaces())
     )

@@ -204,7 +204,7 @@ async def _open(client: ClientSession) -> ClientWebSocketResponse:
 
 
 async def _until(condition: Callable[[], object]) -> None:
-    """Wait until a condition holds; the limit is that of the whole test."""
+    """Wait until a condition holds; only the whole test has a time limit."""
     while not condition():
         await asyncio.sleep(0.01)
 
@@ -711,7 +711,7 @@ _VIEWER: dict[str, str | None] = {
     "Authorization": "Bearer {viewer_key}",
 }
 _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
-    # Name, request line, headers that replace those of a signed-in page, body.
+    # Name, request line, headers that replace a signed-in page's, body.
     ("rebound name", "POST /api/do/cancel", {"Host": "evil.example"}, _STOP),
     ("rebound name and port", "POST /api/do/cancel", {"Host": "evil.example:{port}"}, _STOP),
     (

@@ -41,7 +41,7 @@ def test_copy_gets_new_name_tests_and_imports(here: Path) -> None:
     assert (here / "trees/libraries/manners.yaml").exists()
     other = run("new", "other", "--like", "carrier")
     assert other.exit_code == 0
-    assert "profile are still those of carrier" in other.stdout
+    assert "still has the title and the profile of carrier" in other.stdout
     assert run("new", "third", "--like", "trees/agents/other.yaml").exit_code == 0
     for name in ("carrier", "other", "third"):
         agent = (here / f"trees/agents/{name}.yaml").read_text()

@@ -110,8 +110,8 @@ def test_check_of_open_ledger_counts_its_rows(tmp_path):
             12,
             ["row 13 (revision 2 of guide for forgotten/2) is damaged"],
         ),
-        ("DROP INDEX revision_of_feedback", 13, ["its tables are not those of a ledger"]),
-        ("DROP TABLE pending", 13, ["its tables are not those of a ledger"]),
+        ("DROP INDEX revision_of_feedback", 13, ["its tables are not the tables of a ledger"]),
+        ("DROP TABLE pending", 13, ["its tables are not the tables of a ledger"]),
     ],
 )
 def test_altered_ledger_content_is_reported(tmp_path, statement, good, problems):

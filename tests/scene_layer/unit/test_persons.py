@@ -175,7 +175,7 @@ Step = tuple[float, str | None, dict[str, float], str]
                 (3.1, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "a"),
                 (4.1, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "c"),
             ],
-            id="the lead of one is not that of another",
+            id="one person's lead is not another's",
         ),
     ],
 )
