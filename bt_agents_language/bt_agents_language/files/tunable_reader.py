@@ -186,6 +186,15 @@ def _range(
     field_type: FieldType,
 ) -> tuple[float | None, float | None, float] | None:
     """Return minimum, maximum and step, 0 for none; report wrong ones and return None."""
+    lowest = fields.get("min")
+    if isinstance(lowest, Scalar) and (ends := quantities.ends_of(lowest.text)):
+        reading.error(
+            "bad-number",
+            lowest,
+            f"'min' of {what}: expected a number, found {found(lowest)}",
+            f"write min: {ends[0]}, max: {ends[1]}",
+        )
+        return None
     before = len(reading.problems)
     needed = [key for key in ("min", "max") if fields.get(key) is None]
     limits = {

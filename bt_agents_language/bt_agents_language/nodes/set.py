@@ -51,6 +51,8 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
         name = entry.key.text
         if "." in name:
             value = _scene_value(reading, entry, names)
+        elif "=" in name:
+            continue  # The reader of names reports it, with the line to type.
         else:
             value = read_value(reading, entry.value, names.declared_type(name), names, f"'{name}'")
         if value is not None:

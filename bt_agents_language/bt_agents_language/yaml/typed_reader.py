@@ -609,7 +609,8 @@ def _shown(value: float, field_type: FieldType) -> str:
 
 def adding(keys: Iterable[str]) -> str:
     """Return a hint that names every missing key."""
-    return "add " + " and ".join(f"'{key}: …'" for key in keys)
+    lines = (f"'{key}: {FORMAT if key == 'format' else '…'}'" for key in keys)
+    return "add " + " and ".join(lines)
 
 
 def found(node: Node) -> str:
@@ -659,6 +660,8 @@ def _as_quantity(entry: MappingEntry) -> str:
     """Return a hint for a unit that is written as a key, as in {minutes: 5}; empty for others."""
     amount = entry.value.text if isinstance(entry.value, Scalar) else ""
     found = quantities.quantity_type(f"{amount} {entry.key.text}", strict=False)
+    if found and entry.key.text == "m":
+        return f"write {amount} min for minutes, or {amount} m for metres"
     return f"write {amount} {DIMENSIONS[found].meant(entry.key.text)}" if found else ""
 
 

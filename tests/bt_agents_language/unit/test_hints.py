@@ -223,6 +223,7 @@ SUM = "write one number with one unit, "
         (RANGE.format("range: [0, 9 s]"), "write min: 0 s, max: 9 s"),
         (RANGE.format("range: 0..9"), "write min: 0, max: 9"),
         (RANGE.format("limits: 1 s to 2 min"), "write min: 1 s, max: 2 min"),
+        (RANGE.format("min: 0..9"), "write min: 0, max: 9"),
         (RANGE.format("range: {min: 0}"), "write min: …, max: …"),
         (RANGE.format("minimum: 0 s, max: 9 s"), "did you mean 'min'?"),
         *[
@@ -249,6 +250,7 @@ SUM = "write one number with one unit, "
         ),
         ("tree: {wait: {minutes: 5}}", "write 5 min"),
         ("tree: {wait: {seconds: 1.5}}", "write 1.5 s"),
+        ("tree: {wait: {m: 5}}", "write 5 min for minutes, or 5 m for metres"),
         ("tree: {wait: {minutes: a few}}", "did you mean 'duration'? That is missing"),
         ("tree: {wait: 1 min 30 s}", f"{SUM}here 90 s"),
         ("tree: {wait: 1h 30min}", f"{SUM}here 5400 s"),
@@ -260,6 +262,17 @@ SUM = "write one number with one unit, "
 )
 def test_slip_gets_line_to_write(text, wanted):
     assert hints(text)[0] == wanted
+
+
+def test_missing_format_hint_gives_its_number():
+    with pytest.raises(ReadError) as caught:
+        read_agent_text(HEAD.replace("format: 1\n", "") + "tree: {say: Hello.}", "a.yaml", SYMBOLS)
+    assert caught.value.diagnostics[0].hint == "add 'format: 1'"
+
+
+@pytest.mark.parametrize("text", [RANGE.format("min: 0..9"), "tree: {set: {x = 3}}"])
+def test_slip_is_one_problem(text):
+    assert len(hints(text)) == 1
 
 
 @pytest.mark.parametrize("tree", ["{cancel: true}", "{return: success}"])
