@@ -47,7 +47,7 @@ def port(name: str) -> str:
 
 
 def output_name(name: str, inputs: Collection[str]) -> str:
-    """Return the port name of an output, which differs from all port names of inputs."""
+    """Return the port name of an output, which differs from an input's."""
     return f"{name}{_OUT}" if name in inputs else name
 
 

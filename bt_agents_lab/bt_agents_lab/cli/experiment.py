@@ -76,7 +76,7 @@ def run(
 ) -> None:
     """Run experiment NAME and compare every profile with the closed form of the learning rule.
 
-    NAME is 1, 2 or 3, as in the paper, or a folder. OPTIONS are options of the strategy, such as
+    NAME is 1, 2 or 3, as in the paper, or a folder. OPTIONS belong to the strategy, such as
     temperature=0.3.
     """
     from bt_agents_lab.experiments.core import through_core

@@ -61,7 +61,7 @@ def what_if(
 ) -> None:
     """Show what the FILES of a journal would hold if something had been different.
 
-    OPTIONS are options of the strategy: bt-agents what-if --strategy softmax temperature=0.3
+    OPTIONS belong to the strategy: bt-agents what-if --strategy softmax temperature=0.3
     """
     files = tuple(Path(word) for word in words if "=" not in word or Path(word).exists())
     options = [word for word in words if Path(word) not in files]
