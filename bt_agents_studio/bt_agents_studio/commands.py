@@ -48,7 +48,7 @@ _PAST_S = 1.0
 @click.option(
     "--journal",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="Folder of journals to look back into; by default the folder of the trees folder.",
+    help="Folder of journals to look back into; by default the trees folder's own.",
 )
 @click.option("--open", "opens", is_flag=True, help="Open it in a browser.")
 def studio(

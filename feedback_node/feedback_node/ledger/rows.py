@@ -181,7 +181,7 @@ def create_tables(database: sqlite3.Connection) -> None:
 
 
 def has_tables(database: sqlite3.Connection) -> bool:
-    """Return whether a ledger has these tables, indexes and triggers."""
+    """Return whether a file has the tables, indexes and triggers of a ledger."""
     found = database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")
     return sorted(str(sql) for (sql,) in found) == sorted(_SCHEMA)
 
