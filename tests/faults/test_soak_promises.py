@@ -34,6 +34,7 @@ from soak_promises import (
     SettingRead,
     SettingRequested,
     check,
+    longest_wait,
     slope,
 )
 
@@ -186,6 +187,32 @@ def test_short_lifetime_and_single_peak_are_no_growth() -> None:
         at=300.5, component="marketplace", pid=1, memory_mb=900.0, descriptors=400, threads=90
     )
     assert broken(*life(), peak) == {}
+
+
+def test_growth_of_filling_caches_does_not_count() -> None:
+    filled = [
+        replace(one, memory_mb=min(one.memory_mb, 85.0))
+        for one in life(grows_by=2.0)
+        if isinstance(one, Measured)
+    ]
+    assert broken(*filled) == {}
+
+
+@pytest.mark.parametrize(
+    ("wanted", "waited_s"),
+    [
+        ([], 0.0),
+        ([(0.0, 20.0)], 4.0),
+        ([(0.0, 10.0)], 0.0),
+        ([(17.0, 17.5)], 0.5),
+        ([(17.0, 30.0)], 3.0),
+        ([(9.0, 12.0), (11.0, 13.0), (13.5, 15.0)], 3.0),
+    ],
+)
+def test_wait_begins_with_request_or_act(
+    wanted: list[tuple[float, float]], waited_s: float
+) -> None:
+    assert longest_wait(10.0, 20.0, [8.0, 14.0, 16.0, 22.0], wanted) == waited_s
 
 
 def test_accumulating_state_files_are_reported() -> None:

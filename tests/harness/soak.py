@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +77,7 @@ from soak_promises import (
     check,
     died_unsent,
     growths,
+    longest_wait,
 )
 
 OTHER_HOST = "other_agents"
@@ -149,6 +149,9 @@ SERVED_S = 30.0
 
 PROBE_S = 0.3
 """Time between two scenes after a fault while no scene is waiting [s]."""
+
+ACTED = ("SUCCEEDED", "FAILED", "CANCELLED", "STOPPED", "PREEMPTED")
+"""Codes of scenes that end after an act, or that an operator drops; others end in vain."""
 
 STEADY_S = 11.0
 """Least life of a process before the next kill [s]; otherwise its supervisor would wait longer."""
@@ -253,6 +256,7 @@ class Soak:
         self._presets: dict[str, float] = {}
         self._values: dict[str, float] = {}
         self._numbers = 0
+        self._scene_requests: list[tuple[float, float]] = []
         self.done: dict[str, int] = {}
 
     def now(self) -> float:
@@ -379,11 +383,19 @@ class Soak:
             self._next_fault = self.now() + self._chance.uniform(2.0, 7.0)
 
     def _silence_s(self, fault: Fault, until: float) -> float:
-        """Return the longest time without an act between a fault and the next run."""
-        signs = [fault.over, max(fault.over, until)]
-        for act in self._acts.values():
-            signs += [one for one in (act.at, act.until) if fault.over < one < until]
-        return max(b - a for a, b in pairwise(sorted(signs)))
+        """Return the longest wait for an act between a fault and the next run."""
+        acts = [moment for act in self._acts.values() for moment in (act.at, act.until)]
+        ended = dict.fromkeys(self._waiting(), math.inf)
+        for end in self.events:
+            if isinstance(end, SceneEnded):
+                in_vain = end.code not in ACTED and end.at > fault.over
+                ended[end.scene] = until if in_vain else end.at
+        wanted = [
+            (one.at, ended.get(one.scene, one.at))
+            for one in self.events
+            if isinstance(one, SceneAcknowledged)
+        ]
+        return longest_wait(fault.over, until, acts, [*wanted, *self._scene_requests])
 
     def _on_market(self, message: Any) -> None:
         if self._market is None or self._market.epoch != message.epoch:
@@ -537,13 +549,14 @@ class Soak:
         kind = self._chance.choices(("killed", "hung", "flooded"), (55, 30, 15))[0]
         number = 2 if kind == "killed" and self._chance.random() < 0.25 else 1
         chosen = self._chance.sample(ready, min(number, len(ready)))
-        if self._chance.random() < UNREAD_SHARE:
-            self._leave_unread()
+        is_unread = self._chance.random() < UNREAD_SHARE
         if kind == "killed" and self._chance.random() < TRAP_SHARE:
             self._trap, self._trap_until = chosen[0], now + TRAP_S
-            return
-        for component in chosen:
-            getattr(self, f"_{kind}")(component, pids[component])
+        else:
+            for component in chosen:
+                getattr(self, f"_{kind}")(component, pids[component])
+        if is_unread:
+            self._leave_unread()
 
     def _spring(self, component: str) -> None:
         """Kill a component just after it has answered or announced something."""
@@ -584,8 +597,11 @@ class Soak:
         self._due.append((self.now() + lasts, partial(self._go_on, pid)))
 
     def _leave_unread(self) -> None:
-        """Leave the output of ``up`` unread for a while, which must disturb nothing."""
-        self._pend("up", "unread", self.now())
+        """Leave the output of ``up`` unread for a while, which must disturb nothing.
+
+        An act may have to wait until another fault of this moment is over.
+        """
+        self._pend("up", "unread", max([self.now(), *(one.fault.over for one in self._pending)]))
         self._up.leave_unread()
         self._due.append((self.now() + self._chance.uniform(5.0, 20.0), self._up.read_on))
 
@@ -681,7 +697,10 @@ class Soak:
 
     def do_scene(self) -> None:
         for _ in range(self._chance.choice([1, 1, 1, 1, 4])):
-            if self.ask("analyze", self._scene(), self._take_scene) is None:
+            asked_at = self.now()
+            answer = self.ask("analyze", self._scene(), self._take_scene)
+            self._scene_requests.append((asked_at, self.now()))
+            if answer is None:
                 break
 
     def _scene(self) -> Any:

@@ -7,7 +7,7 @@ import statistics
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 
 ONE_END = "a scene that was acknowledged ends exactly once"
 FEEDBACK_STORED = "feedback that was acknowledged is in the ledger"
@@ -34,8 +34,8 @@ RESTART_S = 6.0
 LATE_S = 10.0
 """Longest time after which an unanswered request may still be carried out [s]."""
 
-WARM_UP_S = 60.0
-"""Age of a process from which its growth counts [s]; caches and histories fill until then."""
+WARM_UP_SHARE = 0.5
+"""First part of a life in which growth does not count; caches and histories fill."""
 
 SHORTEST_LIFE_S = 240.0
 """Least age for a meaningful slope [s]."""
@@ -361,9 +361,9 @@ def growths(events: Iterable[Event]) -> list[Growth]:
         lives[one.component, one.pid].append(one)
     found = []
     for (component, pid), life in lives.items():
-        begin = life[0].at
-        grown = [one for one in life if one.at - begin >= WARM_UP_S]
-        if life[-1].at - begin < SHORTEST_LIFE_S or len(grown) < 2:
+        begin, age_s = life[0].at, life[-1].at - life[0].at
+        grown = [one for one in life if one.at - begin >= WARM_UP_SHARE * age_s]
+        if age_s < SHORTEST_LIFE_S or len(grown) < 2:
             continue
         per_minute = {
             name: 60.0 * slope([(one.at, float(getattr(one, name))) for one in grown])
@@ -374,6 +374,31 @@ def growths(events: Iterable[Event]) -> list[Growth]:
         )
         found.append(growth)
     return found
+
+
+def longest_wait(
+    begin: float, until: float, acts: Iterable[float], wanted: Iterable[tuple[float, float]]
+) -> float:
+    """Return the longest time without an act in which somebody waits for one [s].
+
+    Args:
+        begin: When to begin.
+        until: When an act begins, at the latest.
+        acts: Moments when an act begins or ends.
+        wanted: Since when, and until when, a scene waits.
+    """
+    signs = sorted({begin, *(one for one in acts if begin < one < until), max(begin, until)})
+    scenes = sorted(wanted)
+    longest = 0.0
+    for last, following in pairwise(signs):
+        since = over = last
+        for one_since, one_over in scenes:
+            if one_over <= last or one_since >= following:
+                continue
+            since = since if one_since <= over else one_since
+            over = max(over, min(one_over, following))
+            longest = max(longest, over - since)
+    return longest
 
 
 def slope(points: Sequence[tuple[float, float]]) -> float:
@@ -400,7 +425,7 @@ def _check_growth(events: Sequence[Event]) -> _Findings:
         yield (growth.until, f"{text}: {'; '.join(bad)}") if bad else None
     files = [(one.at, float(one.files)) for one in _of(FilesCounted, events)]
     if files and files[-1][0] - files[0][0] >= SHORTEST_LIFE_S:
-        begin = files[0][0] + WARM_UP_S
+        begin = files[0][0] + WARM_UP_SHARE * (files[-1][0] - files[0][0])
         per_minute = 60.0 * slope([one for one in files if one[0] >= begin])
         bad_files = per_minute > MOST_FILES_PER_MINUTE
         yield (files[-1][0], f"files {per_minute:+.2f} a minute") if bad_files else None
