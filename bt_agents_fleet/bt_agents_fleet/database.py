@@ -194,6 +194,7 @@ class FleetDatabase:
             FleetError: ``ROBOT_TAKEN`` or ``LEDGER_TAKEN``.
         """
         with self._transaction() as connection:
+            connection.execute("SELECT pg_advisory_xact_lock(%s)", (_LOCK + 1,))
             if self._position(connection) != before:
                 raise FleetError(
                     RefusalCode.ROBOT_TAKEN,
@@ -201,7 +202,6 @@ class FleetDatabase:
                     "own, and run 'bt-agents fleet run' once",
                 )
             if steps:
-                connection.execute("SELECT pg_advisory_xact_lock(%s)", (_LOCK + 1,))
                 with connection.cursor() as cursor:
                     cursor.executemany(_INSERT, [_row(step) for step in steps])
                 agents = [one.agent for one in steps if one.event is StepEvent.FORGET]
@@ -329,9 +329,7 @@ WHERE t.event = 'forget' AND s.event <> 'forget' AND s.agent = t.agent
         || encode(sha256(convert_to(s.layer, 'UTF8')), 'hex')
 """
 
-_POSITION = """
-SELECT position, checksum, ledger, shares FROM robot WHERE robot = %s FOR UPDATE
-"""
+_POSITION = "SELECT position, checksum, ledger, shares FROM robot WHERE robot = %s"
 
 _COVER = """
 UPDATE robot SET ledger = %s, position = %s, checksum = %s, shares = %s, seen = now()
