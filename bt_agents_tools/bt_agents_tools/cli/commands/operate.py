@@ -70,8 +70,8 @@ def allow(agent: str, reason: str) -> None:
 def award(agent: str, values: Assignments, label: str, person: bool | None, reason: str) -> None:
     """Give AGENT the run for a scene, even if another agent is nearer.
 
-    Without values it is the last scene. With values, all others are as in the last scene,
-    or as scene.yaml sets missing ones.
+    Without values it is the last scene. With values, all others come from the last scene; if
+    it lacks one, it is missing, as scene.yaml says.
     """
     with connect() as observer:
         given, names = {}, names_of_scenes(last_decisions(observer))
