@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _COLLECT_S = 0.3
-_HEALTH_S = 1.2  # the scene layer publishes the health of its sources once a second
+_HEALTH_S = 5.0  # the scene layer publishes the health of its sources once a second
 _PERIOD_S = 0.5
 
 _STYLES = {
