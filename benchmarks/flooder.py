@@ -7,6 +7,7 @@ like any process on the same ROS domain.
 
 from __future__ import annotations
 
+import faulthandler
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -95,6 +96,9 @@ _UNDER_WAY_BYTES = 32 * limits.MIB
 _MOST_PARAMETERS = limits.ENTRIES_OF["SetParameters_Request.parameters"]
 
 _LATE_S = 1.0
+_HANG_S = 60.0
+"""Time after which a flood that does not end prints where it hangs, and ends the process [s]."""
+
 _OVER = 1.5
 """Ratio of an oversized message to the limit."""
 
@@ -388,9 +392,11 @@ def main() -> None:
     rclpy.init()
     for line in sys.stdin:
         name, target, seconds = line.strip().split(", ")
+        faulthandler.dump_traceback_later(float(seconds) + _HANG_S, exit=True)
         flood = Flood(target, float(seconds))
         FLOODS[name][0](flood)
         flood.node.destroy_node()
+        faulthandler.cancel_dump_traceback_later()
         print(f"sent {flood.sent}", flush=True)
     rclpy.try_shutdown()
 
