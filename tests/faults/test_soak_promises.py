@@ -27,6 +27,7 @@ from soak_promises import (
     LedgerRead,
     Measured,
     Replayed,
+    RobotGoals,
     SceneAcknowledged,
     SceneEnded,
     SceneShown,
@@ -254,3 +255,35 @@ def test_slope_follows_majority_of_points() -> None:
 def test_different_replay_is_reported() -> None:
     event = Replayed(at=9.0, item="round 3", difference="the winner is alma, not bruno")
     assert broken(event) == {REPLAY: ["round 3: the winner is alma, not bruno"]}
+
+
+def spans(goals: RobotGoals) -> list[tuple[float, float, bool]]:
+    return [(goal.at, goal.until, goal.over) for goal in goals.all.values()]
+
+
+def test_goals_end_with_their_robot() -> None:
+    goals = RobotGoals()
+    goals.take("say", 1.0, {b"1": True})
+    goals.end(3.0)
+    goals.take("say", 5.0, {})
+    goals.take("say", 6.0, {b"1": False})
+    assert spans(goals) == [(1.0, 3.0, True)]
+
+
+def test_late_messages_of_dead_robot_still_count() -> None:
+    goals = RobotGoals()
+    goals.take("say", 1.0, {b"1": True})
+    goals.end(3.0)
+    goals.take("say", 2.0, {b"1": False})
+    goals.take("say", 2.5, {b"1": False, b"2": True})
+    goals.take("say", 5.0, {})
+    assert spans(goals) == [(1.0, 2.0, True), (2.5, 3.0, True)]
+
+
+def test_restarted_robot_does_not_know_earlier_goals() -> None:
+    goals = RobotGoals()
+    goals.take("say", 1.0, {b"0": False, b"1": True})
+    goals.take("show", 2.0, {})
+    assert spans(goals) == [(1.0, 1.0, False)]
+    goals.take("say", 4.0, {b"2": True})
+    assert spans(goals) == [(1.0, 1.0, True), (4.0, 4.0, False)]

@@ -67,6 +67,7 @@ from soak_promises import (
     LedgerRead,
     Measured,
     Replayed,
+    RobotGoals,
     SceneAcknowledged,
     SceneEnded,
     SceneShown,
@@ -188,16 +189,6 @@ class HostComponent(Component):
 
 
 @dataclass(eq=False, kw_only=True)
-class _Act:
-    """Goal at the robot: when it began, and when it ended or was last seen."""
-
-    at: float
-    until: float
-    action: str
-    over: bool = False
-
-
-@dataclass(eq=False, kw_only=True)
 class _Pending:
     """Fault after which no run has started yet, and the CPU times at the fault."""
 
@@ -239,7 +230,7 @@ class Soak:
         self._ended: set[str] = set()
         self._not_shown: dict[str, float] = {}
         self._scene_layer_killed = -math.inf
-        self._acts: dict[tuple[str, bytes], _Act] = {}
+        self._robot_goals = RobotGoals()
         self._runs: dict[bytes, str] = {}
         self._pending: list[_Pending] = []
         self._due: list[tuple[float, Callable[[], None]]] = []
@@ -384,7 +375,8 @@ class Soak:
 
     def _silence_s(self, fault: Fault, until: float) -> float:
         """Return the longest wait for an act between a fault and the next run."""
-        acts = [moment for act in self._acts.values() for moment in (act.at, act.until)]
+        goals = self._robot_goals.all.values()
+        acts = [moment for goal in goals for moment in (goal.at, goal.until)]
         ended = dict.fromkeys(self._waiting(), math.inf)
         for end in self.events:
             if isinstance(end, SceneEnded):
@@ -417,27 +409,13 @@ class Soak:
     def _states(self, action: str) -> Callable[[Any, Any], None]:
         def take(message: Any, info: Any) -> None:
             at = self._at(int(info["source_timestamp"]) * 1e-9)
-            listed = {bytes(one.goal_info.goal_id.uuid): one.status for one in message.status_list}
-            for goal, status in listed.items():
-                act = self._acts.get((action, goal))
-                if act is None and status not in UNDER_WAY:
-                    continue  # it ended before anybody saw it begin
-                if act is None:
-                    act = self._acts[action, goal] = _Act(at=at, until=at, action=action)
-                if not act.over:
-                    act.until, act.over = at, status not in UNDER_WAY
-            for (other, goal), act in self._acts.items():
-                if other == action and goal not in listed and not act.over:
-                    act.over = True  # a restarted robot does not know it
+            listed = {
+                bytes(one.goal_info.goal_id.uuid): one.status in UNDER_WAY
+                for one in message.status_list
+            }
+            self._robot_goals.take(action, at, listed)
 
         return take
-
-    def _end_acts(self) -> None:
-        """End all acts, because the robot was killed."""
-        now = self.now()
-        for act in self._acts.values():
-            if not act.over:
-                act.until, act.over = now, True
 
     # Turning
 
@@ -579,7 +557,7 @@ class Soak:
     def _note_end(self, component: str) -> None:
         """Record the ends that the death of a component implies."""
         if component == "robot":
-            self._end_acts()
+            self._robot_goals.end(self.now())
         elif component == "scene_layer":
             self._scene_layer_killed = self.now()
 
@@ -904,9 +882,9 @@ class Soak:
     def _all(self) -> list[Event]:
         """Return all events, including the acts of the robot."""
         acts = [
-            Acted(at=act.at, until=act.until, run=self._runs[goal], what=act.action)
-            for (_, goal), act in self._acts.items()
-            if goal in self._runs
+            Acted(at=goal.at, until=goal.until, run=self._runs[goal_id], what=action)
+            for (action, goal_id), goal in self._robot_goals.all.items()
+            if goal_id in self._runs
         ]
         return [*self.events, *acts]
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -120,6 +121,58 @@ class Acted(Event):
     until: float
     run: str
     what: str
+
+
+@dataclass
+class RobotGoal:
+    """Goal at the robot: when it began, and when it ended or was last seen [s]."""
+
+    at: float
+    until: float
+    over: bool = False
+
+
+class RobotGoals:
+    """Goals at the robot, as its status messages show them.
+
+    Attributes:
+        all: Action and goal id → goal.
+    """
+
+    def __init__(self) -> None:
+        self.all: dict[tuple[str, bytes], RobotGoal] = {}
+        self._died = -math.inf
+
+    def take(self, action: str, at: float, listed: Mapping[bytes, bool]) -> None:
+        """Handle a status message of an action.
+
+        Args:
+            action: Name of the action.
+            at: When the message was sent [s].
+            listed: Goal id → whether the goal is under way.
+        """
+        for goal_id, is_under_way in listed.items():
+            goal = self.all.get((action, goal_id))
+            if goal is None:
+                if not is_under_way:
+                    continue  # it ended before anybody saw it begin
+                goal = self.all[action, goal_id] = RobotGoal(at=at, until=at)
+            if goal.over and at >= goal.until:
+                continue
+            # A message may arrive after the death of the robot that sent it.
+            died = is_under_way and at < self._died
+            goal.until = self._died if died else at
+            goal.over = died or not is_under_way
+        for (other, goal_id), goal in self.all.items():
+            if other == action and goal_id not in listed and not goal.over:
+                goal.over = True  # a restarted robot does not know it
+
+    def end(self, at: float) -> None:
+        """End all goals, because the robot dies."""
+        self._died = at
+        for goal in self.all.values():
+            if not goal.over:
+                goal.until, goal.over = at, True
 
 
 @dataclass(frozen=True, kw_only=True)
