@@ -37,7 +37,7 @@ from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.messages import header_at, scene_to_msg, to_time
-from feedback_node.learning.learning_step import PLAIN, Evidence, step
+from feedback_node.learning.learning_step import step
 from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
@@ -227,8 +227,8 @@ class JournaledSystem:
     def give_feedback(self, agent: str, kind: FeedbackKind, target: tuple[float, ...]) -> None:
         """Give feedback about the last run."""
         before = self.profiles[agent]
-        evidence = Evidence(changes=self._asked[agent], authored=before)
-        done = step(kind, before, target, rate=0.2, space=SPACE, rule=PLAIN, evidence=evidence)
+        changes = self._asked[agent]
+        done = step(kind, before, target, rate=0.2, space=SPACE, changes=changes, authored=before)
         self.profiles[agent] = done.after
         self._asked[agent] += 1
         self._revisions[agent] += 1
