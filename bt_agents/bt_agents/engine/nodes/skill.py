@@ -19,7 +19,6 @@ from bt_agents.engine.scope import (
     explain_false,
     field_of,
     format_value,
-    is_true,
 )
 from bt_agents.engine.variant_picker import VariantPicker
 from bt_agents_core.errors import Refused
@@ -122,7 +121,7 @@ class SkillLeaf(GoalLeaf):
             return Status.FAILURE
         if binding.succeed_when is not None:
             names = MessageNames(prefix="result", message=result, around=self.scope)
-            if not is_true(binding.succeed_when, names):
+            if not binding.succeed_when.is_true(names.lookup):
                 reason = explain_false(binding.succeed_when, names)
                 self.feedback_message = _result_message(result) or (
                     f"{binding.name} answered, but {reason}"
