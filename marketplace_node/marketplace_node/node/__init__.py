@@ -82,7 +82,6 @@ from marketplace_node.node.messages import (
     selection_to_msg,
     status_to_msg,
 )
-from marketplace_node.node.open_goals import OpenGoalsSubscription
 from marketplace_node.node.operator_services import OperatorServices
 from marketplace_node.node.parameters import declare_settings, watch_settings
 from marketplace_node.node.second_market import (
@@ -180,7 +179,6 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         self._hosts = HostConnections(self, self._market, space, self._execute)
         # Destroys the clients of the hosts, which rclpy would leave behind.
         closing.callback(self._hosts.close)
-        self._open_goals = OpenGoalsSubscription(self, self._market, self._execute)
         watch_settings(self, lambda: self._market.settings, self._apply_settings)
         self._calls = self.create_publisher(CallForBids, "bt_agents/calls", qos.EVENTS)
         self._auctions = self.create_publisher(AuctionMsg, "bt_agents/auctions", qos.HISTORY)
@@ -415,7 +413,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
                 self._hosts.cancel_all(effect.host)
             case CancelOpenGoals():
                 log.warning(f"{effect.host} has left open: {name_goals(effect.goals)}")
-                self._open_goals.cancel(effect)
+                self._hosts.cancel_open_goals(effect)
             case AnnounceRun():
                 self._runs.publish(run_to_msg(effect, self._market.epoch, self._now()))
                 event = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
