@@ -16,7 +16,6 @@ from rclpy.serialization import serialize_message
 
 from bt_agents.engine.run import Run as TreeRun
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
-from bt_agents.host.reload.texts_in_force import texts_in_force
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
 from bt_agents_core.feedback import FeedbackKind
@@ -118,7 +117,7 @@ class JournaledSystem:
         self._runs: list[str] = []
         self._revisions = dict.fromkeys(self.profiles, 0)
         self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
-        texts = texts_in_force(AgentVersions(self._trees))
+        texts = AgentVersions(self._trees).texts_in_force()
         self.publish(
             "/agents/files",
             AgentFiles(
