@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.control_service import ControlService
@@ -108,11 +107,9 @@ class HostNode(ManagedNode[HostConfiguration]):
     instance = ""
     _registration: MarketRegistration | None = None
 
+    node_name = "agents"
     may_be_infinite = frozenset((DEFAULT_PERIOD,))
     start_parameters = (TREES, TAGS, ROBOT, LANGUAGE, TUNINGS, OPEN_GOALS, MARKET)
-
-    def __init__(self, configuration: HostConfiguration | None = None, **node_kwargs: Any) -> None:
-        super().__init__("agents", configuration, **node_kwargs)
 
     def configure(self, values: Mapping[str, str]) -> HostConfiguration:
         if values["market"] not in ("", "none"):

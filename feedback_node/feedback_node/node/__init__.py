@@ -113,14 +113,10 @@ class FeedbackConfiguration:
 class FeedbackNode(ManagedNode[FeedbackConfiguration]):
     """Learns from moods, people and prepared lists, and delivers profiles to the hosts."""
 
+    node_name = "feedback"
     start_parameters = _START
     stop_limit_s = 2.6
     """Longest wait for the market to ask for feedback on the last run [s]."""
-
-    def __init__(
-        self, configuration: FeedbackConfiguration | None = None, **node_kwargs: Any
-    ) -> None:
-        super().__init__("feedback", configuration, **node_kwargs)
 
     def configure(self, values: Mapping[str, str]) -> FeedbackConfiguration:
         trees = find_trees(values["trees"])

@@ -142,14 +142,10 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         selector: Client of ``bt_agents/select``, which ranks for the strategy ``external``.
     """
 
+    node_name = "marketplace"
     start_parameters = (TREES, OVERRIDES_FILE, SCENES_FILE)
     stop_limit_s = 1.8
     """Longest wait for the end of the last run and the answer of the feedback node [s]."""
-
-    def __init__(
-        self, configuration: MarketConfiguration | None = None, **node_kwargs: Any
-    ) -> None:
-        super().__init__("marketplace", configuration, **node_kwargs)
 
     def configure(self, values: Mapping[str, str]) -> MarketConfiguration:
         for problem in add_installed():
