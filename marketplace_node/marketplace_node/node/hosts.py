@@ -36,7 +36,6 @@ from marketplace_node.node.messages import (
     earlier_run_from_msg,
     goal_to_msg,
     heartbeat_of,
-    names_start,
     registration_from_msg,
     run_end_from_msg,
 )
@@ -292,8 +291,8 @@ class HostConnections:
         try:
             message = heartbeat_of(link.entry, data)
         except Refused as refused:
-            # One of another start is from a host that has not registered yet.
-            if link.heard and names_start(link.entry, data):
+            # One that does not name this start is from a host that has not registered yet.
+            if link.heard and link.entry.instance.encode() in data:
                 self._log_refused(link.entry.heartbeat, refused)
             return
         link.heard = True
