@@ -102,8 +102,11 @@ def find_experiments(name: str) -> tuple[Path, ...]:
     Raises:
         BtAgentsError: There is no such experiment.
     """
-    if "/" in name or (Path(name) / "experiment.yaml").exists():
-        return (_find("", name, "", "experiment.yaml"),)
+    named = Path(name)
+    if (named / "experiment.yaml").exists():
+        return (named,)
+    if "/" in name:
+        raise BtAgentsError(f"'{named}' is no such folder: it has no experiment.yaml")
     root = experiments_folder()
     known = sorted(path.parent for path in root.glob("*/experiment.yaml"))
     found = tuple(folder for folder in known if folder.name == name)
@@ -138,18 +141,8 @@ def experiments_folder() -> Path:
     Raises:
         BtAgentsError: There is none.
     """
-    return _find("experiments", "", "bt_agents_experiments", "")
-
-
-def _find(local: str, explicit: str, package: str, proof: str) -> Path:
-    if explicit:
-        folder = Path(explicit)
-        if not (folder / proof).exists():
-            raise BtAgentsError(f"'{folder}' is no such folder: it has no {proof}")
-        return folder
-    if (Path(local) / proof).exists():
-        return Path(local)
-    return _installed(local, package, proof)
+    local = Path("experiments")
+    return local if local.exists() else _installed(str(local), "bt_agents_experiments", "")
 
 
 def _installed(local: str, package: str, proof: str) -> Path:

@@ -48,24 +48,23 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
     is deactivated or its activation fails.
 
     Args:
-        name: Name of the node.
         configuration: Configuration with which it starts active; None leaves it unconfigured.
         node_kwargs: Arguments for :class:`rclpy.node.Node`.
 
     Attributes:
+        node_name: Name of the node.
         start_parameters: Parameters whose values :meth:`configure` gets.
         stop_limit_s: How long its process waits for :meth:`has_stopped` when it ends [s].
         process_ends: Whether its process ends, so that work has ``stop_limit_s`` to end instead
             of :data:`DEACTIVATION_S`.
     """
 
+    node_name: ClassVar[str]
     start_parameters: ClassVar[tuple[StartParameter, ...]] = ()
     stop_limit_s: ClassVar[float] = STOP_LIMIT_S
 
-    def __init__(
-        self, name: str, configuration: ConfigurationT | None = None, **node_kwargs: Any
-    ) -> None:
-        super().__init__(name, **node_kwargs)
+    def __init__(self, configuration: ConfigurationT | None = None, **node_kwargs: Any) -> None:
+        super().__init__(self.node_name, **node_kwargs)
         for parameter in self.start_parameters:
             declare_start(self, parameter)
         self._configuration: ConfigurationT | None = None

@@ -11,6 +11,7 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.task import Future
 from rclpy.timer import Timer
 
 LIMIT_S = 5.0
@@ -65,6 +66,7 @@ class FuturePoller:
     """Polls the futures of other threads, because those must not call into rclpy."""
 
     def __init__(self, node: Node) -> None:
+        self._node = node
         self._watched: list[tuple[ThreadFuture[Any], float, Callable[[str], None]]] = []
         self._timer = steady_timer(node, _FUTURES_S, self._poll, running=False)
 
@@ -76,6 +78,13 @@ class FuturePoller:
         self._watched.append((future, time.monotonic() + LIMIT_S, done))
         if self._timer.is_canceled():
             self._timer.reset()
+
+    async def error_of(self, future: ThreadFuture[Any]) -> str:
+        """Wait for a future as :meth:`watch` does; return its error message, empty on success."""
+        ended = Future(executor=self._node.executor)
+        self.watch(future, ended.set_result)
+        error: str = await ended
+        return error
 
     def _poll(self) -> None:
         now = time.monotonic()

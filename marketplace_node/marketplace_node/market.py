@@ -30,21 +30,11 @@ from marketplace_node.hosts.goal_takeover import StoredGoals
 from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.registry import Registration, RegistrationAnswer
 from marketplace_node.interaction.award import RunEnd, StopRequest
-from marketplace_node.interaction.interaction import (
-    FEEDBACK_DEFERRED,
-    NO_BIDS,
-    NOT_TAKEN,
-    Interaction,
-)
+from marketplace_node.interaction.interaction import NO_BIDS, NOT_TAKEN, Interaction
 from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S, InheritedRuns
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
-from marketplace_node.interaction.stored_scenes import (
-    StoredAward,
-    StoredScene,
-    StoreScenes,
-    read_scenes,
-)
+from marketplace_node.interaction.stored_scenes import StoredScene, StoreScenes, read_scenes
 from marketplace_node.market_state import PREVIEWS, MarketState
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators import OperatorCommands, Previews
@@ -321,9 +311,7 @@ class Market:
         else:
             self._admission.restore(scene)
             if stored.award is not None:
-                self._market_state.overrides.restore_award(
-                    scene.scene_id, stored.award.agent, stored.award.text
-                )
+                self._market_state.overrides.restore_award(scene.scene_id, stored.award)
 
     def preview(self, scene: Scene | None, strategy: str, now: float) -> tuple[int, list[Effect]]:
         """Open a preview of who would win; ``PreviewEnded`` with the returned number follows.
@@ -362,10 +350,6 @@ class Market:
         if self._interaction is not None and round_number == self._interaction.round:
             self._interaction.collected(message)
         return self._settle(now)
-
-    def feedback_deferred(self, round_number: int, now: float) -> list[Effect]:
-        """Stop waiting for the feedback service, which is away and is asked until it answers."""
-        return self.collected(round_number, FEEDBACK_DEFERRED, now)
 
     def cancel(
         self, epoch: str, round_number: int, stop: StopRequest, now: float
@@ -495,15 +479,12 @@ class Market:
         interaction = self._interaction
         under_way = [(interaction.origin, interaction.last_run)] if interaction else []
         queued = [(scene, None) for scene in self._admission.scenes]
+        award_of = self._market_state.overrides.award_of
         scenes = [
-            StoredScene(scene=scene, award=self._award_of(scene), run=run)
+            StoredScene(scene=scene, award=award_of(scene.scene_id), run=run)
             for scene, run in [*under_way, *queued]
         ]
         return (*self._inherited.stored, *scenes), self._admission.taken
-
-    def _award_of(self, scene: Scene) -> StoredAward | None:
-        award = self._market_state.overrides.award_of(scene.scene_id)
-        return StoredAward(agent=award[0], text=award[1]) if award is not None else None
 
     def _finish(self, now: float) -> None:
         interaction = self._interaction

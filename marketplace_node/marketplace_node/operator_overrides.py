@@ -50,7 +50,9 @@ class OperatorCommand:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ActiveOverride:
+class ActiveOverride:
+    """Operator's pin or award: the agent, and the order in words."""
+
     agent: str
     text: str
 
@@ -59,9 +61,9 @@ class OperatorOverrides:
     """The operator overrides in force."""
 
     def __init__(self) -> None:
-        self._pin: _ActiveOverride | None = None
+        self._pin: ActiveOverride | None = None
         self._vetoes: dict[str, str] = {}
-        self._awards: dict[str, _ActiveOverride] = {}
+        self._awards: dict[str, ActiveOverride] = {}
 
     @property
     def pinned(self) -> str:
@@ -88,7 +90,7 @@ class OperatorOverrides:
         pin, vetoes = stored["pinned"], stored["vetoed"]
         active = None
         if pin is not None:
-            active = _ActiveOverride(
+            active = ActiveOverride(
                 agent=_checked_text(pin["agent"]), text=_checked_text(pin["words"])
             )
         texts = {_checked_text(agent): _checked_text(text) for agent, text in vetoes.items()}
@@ -105,7 +107,7 @@ class OperatorOverrides:
             Refused: ``VETOED``.
         """
         self._check_not_vetoed(command.agent)
-        self._pin = _ActiveOverride(
+        self._pin = ActiveOverride(
             agent=command.agent, text=f"{command.who} pins {command.agent}{command.because}"
         )
         return f"only {command.agent} may bid from the next round on, until it is unpinned"
@@ -155,19 +157,18 @@ class OperatorOverrides:
 
     def award(self, command: OperatorCommand, scene_id: str) -> None:
         """Award the run for a queued scene to one agent."""
-        self._awards[scene_id] = _ActiveOverride(
+        self._awards[scene_id] = ActiveOverride(
             agent=command.agent,
             text=f"{command.who} gives the run to {command.agent}{command.because}",
         )
 
-    def award_of(self, scene_id: str) -> tuple[str, str] | None:
-        """Return the agent that a scene is awarded to, and the order in words; None for none."""
-        award = self._awards.get(scene_id)
-        return (award.agent, award.text) if award is not None else None
+    def award_of(self, scene_id: str) -> ActiveOverride | None:
+        """Return the award of a scene; None for none."""
+        return self._awards.get(scene_id)
 
-    def restore_award(self, scene_id: str, agent: str, text: str) -> None:
+    def restore_award(self, scene_id: str, award: ActiveOverride) -> None:
         """Restore the award of a scene from an earlier market."""
-        self._awards[scene_id] = _ActiveOverride(agent=agent, text=text)
+        self._awards[scene_id] = award
 
     def forget(self, scene_id: str) -> None:
         """Forget the award of a scene that is over."""
@@ -197,7 +198,7 @@ class OperatorOverrides:
             for code, reason in self._exclusions(agent, award)
         )
 
-    def _exclusions(self, agent: str, award: _ActiveOverride | None) -> Iterator[tuple[str, str]]:
+    def _exclusions(self, agent: str, award: ActiveOverride | None) -> Iterator[tuple[str, str]]:
         if agent in self._vetoes:
             yield RefusalCode.VETOED, self._vetoes[agent]
         elif award is not None and award.agent != agent:

@@ -16,7 +16,6 @@ from rclpy.serialization import serialize_message
 
 from bt_agents.engine.run import Run as TreeRun
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
-from bt_agents.host.reload.texts_in_force import texts_in_force
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
 from bt_agents_core.feedback import FeedbackKind
@@ -37,7 +36,7 @@ from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.messages import header_at, scene_to_msg, to_time
-from feedback_node.learning.learning_step import PLAIN, Evidence, step
+from feedback_node.learning.learning_step import step
 from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
@@ -118,7 +117,7 @@ class JournaledSystem:
         self._runs: list[str] = []
         self._revisions = dict.fromkeys(self.profiles, 0)
         self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
-        texts = texts_in_force(AgentVersions(self._trees))
+        texts = AgentVersions(self._trees).texts_in_force()
         self.publish(
             "/agents/files",
             AgentFiles(
@@ -227,8 +226,8 @@ class JournaledSystem:
     def give_feedback(self, agent: str, kind: FeedbackKind, target: tuple[float, ...]) -> None:
         """Give feedback about the last run."""
         before = self.profiles[agent]
-        evidence = Evidence(changes=self._asked[agent], authored=before)
-        done = step(kind, before, target, rate=0.2, space=SPACE, rule=PLAIN, evidence=evidence)
+        changes = self._asked[agent]
+        done = step(kind, before, target, rate=0.2, space=SPACE, changes=changes, authored=before)
         self.profiles[agent] = done.after
         self._asked[agent] += 1
         self._revisions[agent] += 1

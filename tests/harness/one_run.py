@@ -12,7 +12,6 @@ from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorl
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodAction, MoodRule
 from feedback_node.learning import learning_step
-from feedback_node.learning.learning_step import Evidence
 from feedback_node.rules import Watch
 from marketplace_node.round.decision import AcceptedBid, Terms
 from marketplace_node.round.ranking import decide
@@ -51,11 +50,9 @@ def live(
             space=space,
             rule=arm.rule,
             weight=weight,
-            evidence=Evidence(
-                recent=tuple(recent[agent][-arm.rule.window :]),
-                changes=changes[agent],
-                authored=authored[agent],
-            ),
+            recent=tuple(recent[agent][-arm.rule.window :]),
+            changes=changes[agent],
+            authored=authored[agent],
         )
         recent[agent].append(
             learning_step.requested(kind, profiles[agent], target, space=space, rule=arm.rule)

@@ -300,7 +300,7 @@ def test_unreadable_folder_is_problem_until_mended(
 ) -> None:
     host = Host(ros, tmp_path, bob=agent("bob"))
 
-    def broken(_watch: FolderWatch) -> None:
+    def broken(_watch: FolderWatch, **_options: Any) -> None:
         raise RuntimeError("cogwheel")
 
     with monkeypatch.context() as patch:

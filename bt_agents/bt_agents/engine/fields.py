@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bt_agents.engine.scope import ValueSource, evaluate, explain_false, is_true
+from bt_agents.engine.scope import ValueSource, evaluate, explain_false
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_core.refusal_codes import RefusalCode
@@ -46,7 +46,7 @@ class NodeFields:
 
     def is_true(self, name: str) -> bool:
         """Return whether a condition is true now; see :meth:`Expression.is_true`."""
-        return is_true(self.condition(name), self.names)
+        return self.condition(name).is_true(self.names.lookup)
 
     def explain_false(self, name: str, *, verb: str = "not so") -> str:
         """Return a text that a condition is not true, with the values of its names."""

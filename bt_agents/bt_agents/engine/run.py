@@ -76,11 +76,11 @@ class RunResult:
 
     outcome: TreeOutcome
     message: str
-    tip: str
-    orphans: tuple[str, ...]
-    ticks: int
-    overruns: int
-    duration_s: float
+    tip: str = ""
+    orphans: tuple[str, ...] = ()
+    ticks: int = 0
+    overruns: int = 0
+    duration_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -292,11 +292,6 @@ def evaluate(value: Value, names: ValueSource) -> Plain:
             return {key: evaluate(item, names) for key, item in value.items.items()}
 
 
-def is_true(condition: Expression, names: ValueSource) -> bool:
-    """Return whether a condition is true now; see :meth:`Expression.is_true` for its errors."""
-    return condition.is_true(names.lookup)
-
-
 def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:
     """Return a text that a condition is not true, with the current values of its names.
 

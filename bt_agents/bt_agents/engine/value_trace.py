@@ -65,11 +65,10 @@ class ValueTrace:
         self._news: dict[tuple[str, str, bool], TracedValue] = {}
         self._nodes: list[Any] = list(root.iterate())
         for node in self._nodes:
-            fields = node.fields = replace(
-                node.fields, names=self._traced(node.spec.path, node.fields.names)
-            )
+            names = _TracedNames(path=node.spec.path, names=node.fields.names, note=self._note)
+            node.fields = replace(node.fields, names=names)
             if hasattr(node, "scope"):
-                node.scope = fields.names
+                node.scope = names
 
     def take(self) -> list[TracedValue]:
         """Return the notes since the last call, in order."""
@@ -85,9 +84,6 @@ class ValueTrace:
             if hasattr(node, "scope"):
                 node.scope = names
         self._nodes.clear()
-
-    def _traced(self, path: str, names: Scope) -> _TracedNames:
-        return _TracedNames(path=path, names=names, note=self._note)
 
     def _untraced(self, names: _TracedNames) -> Scope:
         """Return the names without this trace; other traces of the tree continue."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from bt_agents.engine.scope import RunScope, is_true
+from bt_agents.engine.scope import RunScope
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_core.local_time import LocalTime
@@ -342,7 +342,7 @@ def unmet(
         clock=clock,
     )
     try:
-        if is_true(requires, scope):
+        if requires.is_true(scope.lookup):
             return None
         lacking = requires.unmet(scope.lookup)
     except MissingValue as missing:

@@ -10,7 +10,6 @@ from dataclasses import asdict
 from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
-from bt_agents.host.reload.texts_in_force import texts_in_force
 from bt_agents.host.reload.version_state import FileProblem
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_core.feedback import WEIGHTS, LearningRule
@@ -121,7 +120,7 @@ class HostCardPublisher:
 
     def files(self) -> None:
         """Publish the texts of the agents in force, if they have changed."""
-        found = texts_in_force(self._versions)
+        found = self._versions.texts_in_force()
         if found == self._texts:
             return
         self._texts = found

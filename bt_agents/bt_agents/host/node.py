@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.control_service import ControlService
@@ -16,7 +15,7 @@ from bt_agents.host.detail_publisher import DetailPublisher
 from bt_agents.host.earlier_goals import EarlierGoals
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.subscriptions import LiveScene
-from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
+from bt_agents.host.health import files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.market_registration import NO_TOKEN, MarketRegistration
 from bt_agents.host.reload.reload_service import ReloadService
@@ -108,11 +107,9 @@ class HostNode(ManagedNode[HostConfiguration]):
     instance = ""
     _registration: MarketRegistration | None = None
 
+    node_name = "agents"
     may_be_infinite = frozenset((DEFAULT_PERIOD,))
     start_parameters = (TREES, TAGS, ROBOT, LANGUAGE, TUNINGS, OPEN_GOALS, MARKET)
-
-    def __init__(self, configuration: HostConfiguration | None = None, **node_kwargs: Any) -> None:
-        super().__init__("agents", configuration, **node_kwargs)
 
     def configure(self, values: Mapping[str, str]) -> HostConfiguration:
         if values["market"] not in ("", "none"):
@@ -214,7 +211,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         self._host_card.trees()
         self._host_card.files()
         self._host_card.card()
-        self._tick_counts = TickCounts()
+        self._agent_and_overruns = ("", 0)
         self._health = HealthPublisher(self, self._judge)
         self._runs.on_end.append(self._count_ticks)
         names = list(self.registry.members)
@@ -256,7 +253,7 @@ class HostNode(ManagedNode[HostConfiguration]):
     def _judge(self) -> tuple[PartHealth, ...]:
         run = self._runs.run
         if run is not None:
-            self._tick_counts = TickCounts(agent=run.spec.name, overruns=run.overruns)
+            self._agent_and_overruns = (run.spec.name, run.overruns)
         problems = [
             (one.file or one.agent, one.message)
             for one in self._host_card.problems
@@ -265,12 +262,12 @@ class HostNode(ManagedNode[HostConfiguration]):
         servers = self._runs.environment
         return (
             files_health(len(self.registry.members), problems),
-            ticks_health(self._tick_counts),
+            ticks_health(*self._agent_and_overruns),
             servers_health(servers.silent_servers.reasons, servers.graph_problems.messages),
         )
 
     def _count_ticks(self, goal: RunAgent.Goal, result: RunAgent.Result) -> None:
-        self._tick_counts = TickCounts(agent=goal.agent, overruns=result.overruns)
+        self._agent_and_overruns = (goal.agent, result.overruns)
         self._health.update()
 
     def _is_ready(self) -> bool:

@@ -88,7 +88,8 @@ class RunControl:
             Refused: ``ALREADY_PAUSED``.
         """
         if self.paused:
-            raise Refused(RefusalCode.ALREADY_PAUSED, f"it is {self.pause_text} already")
+            paused = pause_text(self.paused_at, self.author)
+            raise Refused(RefusalCode.ALREADY_PAUSED, f"it is {paused} already")
         self.paused, self.paused_at, self.author = True, "", author
         self._changed()
 
@@ -146,11 +147,6 @@ class RunControl:
             others[agent] = tuple(dict.fromkeys(paths))
         self.breakpoints, self.author = dict(sorted(others.items())), author
         self._changed()
-
-    @property
-    def pause_text(self) -> str:
-        """Description of the pause."""
-        return pause_text(self.paused_at, self.author)
 
 
 def pause_text(paused_at: str, author: str) -> str:

@@ -64,17 +64,4 @@ def cancellation_from_msg(message: RunMsg) -> Cancellation:
 def not_begun(error: Exception) -> RunResult:
     """Return the result of a run whose tree could not be built."""
     reason = error.reason if isinstance(error, Refused) else f"{type(error).__name__}: {error}"
-    return failed(f"it could not begin: {reason}")
-
-
-def failed(reason: str) -> RunResult:
-    """Return the result of a failed run that has nothing but a reason."""
-    return RunResult(
-        outcome=TreeOutcome.FAILED,
-        message=reason,
-        tip="",
-        orphans=(),
-        ticks=0,
-        overruns=0,
-        duration_s=0.0,
-    )
+    return RunResult(outcome=TreeOutcome.FAILED, message=f"it could not begin: {reason}")

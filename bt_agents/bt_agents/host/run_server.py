@@ -24,7 +24,7 @@ from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.run_control import RunControl
-from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
+from bt_agents.host.run_messages import not_begun, run_result_to_msg, tree_status
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.run_key import RunKey
@@ -554,7 +554,7 @@ class RunServer:
             return run.give_up(reason)
         except Exception:
             self._node.get_logger().error(traceback.format_exc())
-            return failed(reason)
+            return RunResult(outcome=TreeOutcome.FAILED, message=reason)
 
     def _advance(self, run: Run) -> None:
         self._ticked = self._node.get_clock().now()

@@ -26,7 +26,7 @@ from bt_agents_lab.replay.replay_learning import ProfileHistory, is_managed, rul
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
-from feedback_node.learning.learning_step import Evidence, requested, step
+from feedback_node.learning.learning_step import requested, step
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import AcceptedBid, ClosedBy, Terms
 from marketplace_node.round.ranking import decide
@@ -345,11 +345,9 @@ class _Counterfactual:
                 space=space,
                 rule=rule,
                 weight=feedback.weight,
-                evidence=Evidence(
-                    recent=now.recent,
-                    changes=now.changes,
-                    authored=spec.profile if spec is not None else tuple(recorded.card.profile),
-                ),
+                recent=now.recent,
+                changes=now.changes,
+                authored=spec.profile if spec is not None else tuple(recorded.card.profile),
             ).after
         if kind is FeedbackKind.SET:
             return replace(now, profile=profile)
@@ -381,7 +379,7 @@ class _Counterfactual:
 
 @dataclass(frozen=True, kw_only=True)
 class _Taught:
-    """Profile as it would have been, with its feedback as in :class:`Evidence`."""
+    """Profile as it would have been, with its feedback as in :func:`learning_step.step`."""
 
     profile: Vector
     recent: tuple[Vector, ...] = ()

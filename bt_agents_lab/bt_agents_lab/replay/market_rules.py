@@ -6,10 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from bt_agents.host.reload.texts_in_force import MARKET
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.files.market_reader import MarketRule, read_market
+from bt_agents_language.files.market_reader import MARKET_FILE, MarketRule, read_market
 from bt_agents_language.yaml.source import Source
 from marketplace_node.round.precedence import apply_rules
 from marketplace_node.settings import RULES
@@ -41,7 +40,7 @@ def rules_of_market(
 def _rules(text: str, space: SceneSpace) -> Rules:
     """Return the rules of a text; none if it is invalid, because then no rule counts."""
     try:
-        return read_market(Source(MARKET, text), space)
+        return read_market(Source(MARKET_FILE, text), space)
     except BtAgentsError:
         return ()
 

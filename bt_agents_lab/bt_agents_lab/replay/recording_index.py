@@ -9,17 +9,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bt_agents.host.reload.texts_in_force import MARKET, SCENE
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.scene import SceneSpace, scene_name
 from bt_agents_core.stop_cause import StopCause
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_lab.replay.market_rules import Rules, rules_of_market
+from bt_agents_language.files.market_reader import MARKET_FILE
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.yaml.source import Source
 from marketplace_node.outcomes import RunEventKind, RunOutcome
 
 _TYPES = "bt_agents_interfaces/msg/"
+_SCENE = "scene.yaml"
 
 NO_TEXTS = "there is no scene.yaml, as no host has sent its texts before"
 """Why a round with an unknown ``space`` cannot be decided again."""
@@ -233,16 +234,16 @@ class _Indexer:
 
     def _files(self, message: Any) -> None:
         texts = dict(zip(message.files, message.texts, strict=True))
-        if (market := texts.get(MARKET)) is not None and market not in self._markets:
+        if (market := texts.get(MARKET_FILE)) is not None and market not in self._markets:
             self._markets.append(market)
-        self._unread = texts.get(SCENE)
+        self._unread = texts.get(_SCENE)
 
     def _known_space(self) -> SceneSpace | None:
         """Return the parameters in the newest ``scene.yaml`` that can be read here."""
         text, self._unread = self._unread, None
         if text is not None:
             try:
-                self._space = read_scene(Source(SCENE, text)).space
+                self._space = read_scene(Source(_SCENE, text)).space
             except BtAgentsError:
                 if self._space is None:
                     raise

@@ -15,7 +15,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RecordedFeedback
-from feedback_node.learning.learning_step import Evidence, Step, requested, step
+from feedback_node.learning.learning_step import Step, requested, step
 
 KIND = "profile change"
 
@@ -158,11 +158,9 @@ def _again(
         space=space,
         rule=rule,
         weight=feedback.weight,
-        evidence=Evidence(
-            recent=before.recent,
-            changes=_changes(feedback, rule, space),
-            authored=tuple(recorded.card.profile),
-        ),
+        recent=before.recent,
+        changes=_changes(feedback, rule, space),
+        authored=tuple(recorded.card.profile),
     )
     difference = _difference(feedback, again, space)
     if difference and rule.update is Update.MEDIAN and not before.known:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scope import MessageNames, explain_false, is_true
+from bt_agents.engine.scope import MessageNames, explain_false
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.choices import counted_answer
 from bt_agents_core.field_types import Plain
@@ -155,7 +155,7 @@ def _rejection(use: Use, answer: _Answer | None, result: Mapping[str, Plain]) ->
 
     names = MessageNames(prefix="result", message=result, around=_NoNames())
     try:
-        if is_true(binding.succeed_when, names):
+        if binding.succeed_when.is_true(names.lookup):
             return ""
     except MissingValue:
         return ""

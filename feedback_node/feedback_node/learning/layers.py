@@ -93,9 +93,9 @@ def layer_step(
         space=space,
         rule=rule,
         weight=rule.weight(cause.source) * share,
-        evidence=learning_step.Evidence(
-            recent=recent[-rule.window :], changes=changes, authored=agent.authored
-        ),
+        recent=recent[-rule.window :],
+        changes=changes,
+        authored=agent.authored,
     )
     requested = (
         ()

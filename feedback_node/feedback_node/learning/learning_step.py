@@ -34,26 +34,6 @@ PLAIN = LearningRule()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence:
-    """Earlier feedback of an agent; vectors in the order of the space.
-
-    Attributes:
-        recent: Results of :func:`requested` for the last feedbacks except ``SET``, newest last; as
-            many as the rule's ``window`` are enough.
-        changes: Number of feedbacks that moved the profile, without ``SET``.
-        authored: Profile in the agent's file; empty if it bounds nothing.
-    """
-
-    recent: tuple[Vector, ...] = ()
-    changes: int = 0
-    authored: Vector = ()
-
-
-UNTAUGHT = Evidence()
-"""Evidence of an agent without feedback."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Step:
     """Move of a profile; all vectors in the order of the space.
 
@@ -86,13 +66,20 @@ def step(
     space: SceneSpace,
     rule: LearningRule = PLAIN,
     weight: float = 1.0,
-    evidence: Evidence = UNTAUGHT,
+    recent: tuple[Vector, ...] = (),
+    changes: int = 0,
+    authored: Vector = (),
 ) -> Step:
     """Move a profile by one feedback; see :meth:`updates.ParameterRule.apply` for the formulas.
 
     The target f is a wanted profile, or the scene that the profile p moves towards or away from;
     NaN leaves its parameter alone. ``SET`` means ``p ← f`` at once, whatever the learning rate η,
     the weight of the source (0 or more) and the drift.
+
+    ``recent`` are the results of :func:`requested` for the last feedbacks except ``SET``, newest
+    last; as many as the rule's ``window`` are enough. ``changes`` is the number of feedbacks that
+    moved the profile, without ``SET``, and ``authored`` the profile in the agent's file; empty if
+    it bounds nothing.
 
     Raises:
         Refused: ``NO_OPINION`` or ``NO_SCENE`` if all of ``target`` is NaN, ``OUT_OF_RANGE``,
@@ -108,12 +95,8 @@ def step(
         )
     of_rule = updates.in_order(rule, space)
     at_once = kind is FeedbackKind.SET
-    rates = (
-        (1.0,) * len(space) if at_once else updates.rates(of_rule, rate, weight, evidence.changes)
-    )
-    after = updates.apply_update(
-        of_rule, kind, before, wanted, rates, evidence.recent, evidence.authored or before
-    )
+    rates = (1.0,) * len(space) if at_once else updates.rates(of_rule, rate, weight, changes)
+    after = updates.apply_update(of_rule, kind, before, wanted, rates, recent, authored or before)
     moves = [
         f"{name} {old:.4g} → {new:.4g}"
         for name, old, new in zip(space.names, before, after, strict=True)
@@ -123,7 +106,7 @@ def step(
         one.retreat if one.retreats(kind, p, f) else MISSING
         for one, p, f in zip(of_rule, before, wanted, strict=True)
     )
-    why_not = _why_not(kind, before, wanted, rates, of_rule, evidence, space)
+    why_not = _why_not(kind, before, wanted, rates, of_rule, authored, space)
     return Step(
         before=before,
         target=wanted,
@@ -212,7 +195,7 @@ def _why_not(
     target: Vector,
     rates: Vector,
     rule: Sequence[updates.ParameterRule],
-    evidence: Evidence,
+    authored: Vector,
     space: SceneSpace,
 ) -> str:
     opinions = [i for i, value in enumerate(target) if not math.isnan(value)]
@@ -232,9 +215,7 @@ def _why_not(
         return "it is there already"
     if rule[0].update is Update.MEDIAN:
         return "it is where most of the last feedbacks want it"
-    if evidence.authored and any(
-        abs(before[i] - evidence.authored[i]) >= rule[i].drift for i in opinions
-    ):
+    if authored and any(abs(before[i] - authored[i]) >= rule[i].drift for i in opinions):
         return "it may not get farther from its file"
     if kind is FeedbackKind.NEGATIVE:
         return "it is at the edge of the ranges"

@@ -43,15 +43,14 @@ def to_document(
 
 
 def from_document(
-    text: str, space: SceneSpace, *, source: str, reason: str
+    document: Any, space: SceneSpace, *, source: str, reason: str
 ) -> tuple[LedgerEntry, ...]:
-    """Read a document from outside; return the revisions to record.
+    """Check a document from :func:`read_json`; return the revisions to record.
 
     Raises:
-        Refused: ``TOO_LONG``, ``BAD_DOCUMENT``, ``BAD_LAYER``, ``UNKNOWN_PARAMETER``, or as in
+        Refused: ``BAD_DOCUMENT``, ``BAD_LAYER``, ``UNKNOWN_PARAMETER``, or as in
             :meth:`SceneSpace.vector`.
     """
-    document = read_json(text)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise _invalid(f"expected what 'bt-agents profile export' writes, with format {FORMAT}")
     document_id, profiles = document.get("id"), document.get("profiles")

@@ -37,7 +37,6 @@ from feedback_node.ledger.rows import (
     RevisionCause,
     hidden_layer,
 )
-from feedback_node.management.documents import read_json
 
 KIND = "fleet"
 """Kind of the documents with steps."""
@@ -331,14 +330,6 @@ class FleetDocuments:
         if layer not in replays.layers:
             replays.layers[layer] = Replay(replays.agent, self._profiles.space, replays.robot)
         return replays.layers[layer]
-
-
-def read_document(text: str) -> Mapping[str, Any] | None:
-    """Return a document with steps; None if the text is no JSON or of another kind."""
-    document = read_json(text)
-    if isinstance(document, dict) and document.get("kind") == KIND:
-        return document
-    return None
 
 
 def to_fleet_document(robot: str, agents: Iterable[str], steps: Iterable[FleetStep]) -> str:

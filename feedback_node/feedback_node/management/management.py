@@ -16,8 +16,8 @@ from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import FLEET, IMPORT, ProfileRevision, check_texts
-from feedback_node.management.documents import from_document
-from feedback_node.management.fleet_documents import FleetDocuments, read_document
+from feedback_node.management.documents import from_document, read_json
+from feedback_node.management.fleet_documents import KIND, FleetDocuments
 from feedback_node.management.profile_documents import ProfileDocument, ProfileDocuments
 
 _MOST_NAMED = 3
@@ -90,8 +90,8 @@ class Management:
         Raises:
             Refused: ``UNKNOWN_ACTION``, ``TOO_LONG``, ``BAD_LAYER``, ``UNKNOWN_AGENT``,
                 ``UNKNOWN_LAYER``, ``NOTHING_TO_UNDO``, ``BAD_AGE``, ``TOO_MANY_LAYERS``, or as in
-                :meth:`Profiles.check_expected`, :func:`from_document` and :class:`Ledger`; nothing
-                has changed.
+                :meth:`Profiles.check_expected`, :func:`read_json`, :func:`from_document` and
+                :class:`Ledger`; nothing has changed.
         """
         try:
             action = ManagementAction(command.action)
@@ -135,12 +135,11 @@ class Management:
         return self._changed((revision,))
 
     def _import(self, command: ManagementCommand) -> ManagementResult:
-        if (of_fleet := read_document(command.document)) is not None:
-            return self._take_steps(of_fleet)
+        document = read_json(command.document)
+        if isinstance(document, dict) and document.get("kind") == KIND:
+            return self._take_steps(document)
         reason = command.reason or "taken in from a document"
-        found = from_document(
-            command.document, self._profiles.space, source=command.author, reason=reason
-        )
+        found = from_document(document, self._profiles.space, source=command.author, reason=reason)
         unknown = sorted({one.agent for one in found} - set(self._ledger.agents()))
         if unknown:
             raise Refused(

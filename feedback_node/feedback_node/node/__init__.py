@@ -113,14 +113,10 @@ class FeedbackConfiguration:
 class FeedbackNode(ManagedNode[FeedbackConfiguration]):
     """Learns from moods, people and prepared lists, and delivers profiles to the hosts."""
 
+    node_name = "feedback"
     start_parameters = _START
     stop_limit_s = 2.6
     """Longest wait for the market to ask for feedback on the last run [s]."""
-
-    def __init__(
-        self, configuration: FeedbackConfiguration | None = None, **node_kwargs: Any
-    ) -> None:
-        super().__init__("feedback", configuration, **node_kwargs)
 
     def configure(self, values: Mapping[str, str]) -> FeedbackConfiguration:
         trees = find_trees(values["trees"])
@@ -336,46 +332,36 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self, request: CollectFeedback.Request, response: CollectFeedback.Response
     ) -> CollectFeedback.Response:
         with self._request():
-            return await self._collect(request, response)
-
-    async def _collect(
-        self, request: CollectFeedback.Request, response: CollectFeedback.Response
-    ) -> CollectFeedback.Response:
-        try:
-            ended = collected_from_msg(request, self._space)
-            change = await self._once_known(lambda: self._controller.collect(ended))
-        except Refused as refusal:
-            response.code, response.message = refusal.code, refusal.reason
+            try:
+                ended = collected_from_msg(request, self._space)
+                change = await self._once_known(lambda: self._controller.collect(ended))
+            except Refused as refusal:
+                response.code, response.message = refusal.code, refusal.reason
+                return response
+            response.accepted = True
+            response.applied = change is not None
+            if change is None:
+                response.message = taught_text(request.agent, self._controller.taught(ended))
+            else:
+                await self._answer(change, response)
             return response
-        response.accepted = True
-        response.applied = change is not None
-        if change is None:
-            response.message = taught_text(request.agent, self._controller.taught(ended))
-        else:
-            await self._answer(change, response)
-        return response
 
     async def _on_give(
         self, request: GiveFeedback.Request, response: GiveFeedback.Response
     ) -> GiveFeedback.Response:
         with self._request():
-            return await self._give(request, response)
-
-    async def _give(
-        self, request: GiveFeedback.Request, response: GiveFeedback.Response
-    ) -> GiveFeedback.Response:
-        try:
-            given = given_from_msg(request, self._space)
-            if given.feedback_id:
-                change = await self._once_known(lambda: self._controller.give(given))
-            else:
-                change = self._controller.give(given)
-        except Refused as refusal:
-            response.code, response.message = refusal.code, refusal.reason
+            try:
+                given = given_from_msg(request, self._space)
+                if given.feedback_id:
+                    change = await self._once_known(lambda: self._controller.give(given))
+                else:
+                    change = self._controller.give(given)
+            except Refused as refusal:
+                response.code, response.message = refusal.code, refusal.reason
+                return response
+            response.accepted = True
+            await self._answer(change, response)
             return response
-        response.accepted = True
-        await self._answer(change, response)
-        return response
 
     @contextmanager
     def _request(self) -> Iterator[None]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene
@@ -77,14 +77,6 @@ class Award:
     beside: str = ""
 
     @property
-    def _stopped_by(self) -> StoppedBy:
-        return StoppedBy.NOT_SAID if self.stop is None else self.stop.by
-
-    @property
-    def _stop_reason(self) -> str:
-        return "" if self.stop is None else self.stop.reason
-
-    @property
     def unfinished(self) -> str:
         """Why its host is not free."""
         return f"its run of round {self.goal.round} has not ended"
@@ -104,21 +96,16 @@ class Award:
             goal=self.goal,
             scene=self.scene,
             message=message,
-            stopped_by=self._stopped_by,
-            stop_reason=self._stop_reason,
+            stopped_by=StoppedBy.NOT_SAID if self.stop is None else self.stop.by,
+            stop_reason="" if self.stop is None else self.stop.reason,
         )
 
     def end(self, outcome: RunOutcome, end: RunEnd, now: float) -> AnnounceRun:
         """Return the announcement of the end."""
-        return AnnounceRun(
-            event=RunEventKind.ENDED,
+        return replace(
+            self.event(RunEventKind.ENDED, end.message),
             outcome=outcome,
-            goal=self.goal,
-            scene=self.scene,
-            message=end.message,
             stop_cause=end.stop_cause,
-            stopped_by=self._stopped_by,
-            stop_reason=self._stop_reason,
             orphans=end.orphans,
             ticks=end.ticks,
             overruns=end.overruns,

@@ -21,6 +21,7 @@ from marketplace_node.outcomes import AuctionOutcome, RunEventKind, RunOutcome
 from marketplace_node.round.decision import ClosedBy, Decision
 
 FEEDBACK_DEFERRED = "feedback is kept until the feedback node is back"
+"""For :meth:`Interaction.collected`: the feedback node is away and is asked until it answers."""
 
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 NO_BIDS = "NO_BIDS"
@@ -125,16 +126,8 @@ class Interaction:
         return self._stored_run(self._last_goal, code=self._last_run[0], message=self._last_text)
 
     def _stored_run(self, goal: RunGoal, *, code: str = "", message: str = "") -> StoredRun:
-        return StoredRun(
-            epoch=self._market_state.epoch,
-            round=goal.round,
-            agent=goal.agent,
-            agent_id=goal.agent_id,
-            host=goal.host,
-            instance=goal.instance,
-            code=code,
-            message=message,
-        )
+        epoch = self._market_state.epoch
+        return StoredRun(**vars(goal), epoch=epoch, code=code, message=message)
 
     def state_text(self) -> str:
         """Return the state as a text for people."""

@@ -21,6 +21,7 @@ from bt_agents_core.stop_cause import StoppedBy
 from marketplace_node.effects import EarlierRun, SceneEnded
 from marketplace_node.hosts.goal_takeover import StoredGoals
 from marketplace_node.hosts.host_effects import Effect, RunGoal
+from marketplace_node.operator_overrides import ActiveOverride
 from marketplace_node.outcomes import RunOutcome
 
 _PLAIN: Mapping[str, type] = {
@@ -62,15 +63,7 @@ class StoredRun:
     message: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class StoredAward:
-    """Operator's award for a stored scene: the agent, and the order in words."""
-
-    agent: str
-    text: str
-
-
-_Stored = TypeVar("_Stored", StoredAward, StoredRun, SceneEnded, RunGoal)
+_Stored = TypeVar("_Stored", ActiveOverride, StoredRun, SceneEnded, RunGoal)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +71,7 @@ class StoredScene:
     """Scene without an end; without a run it is still queued."""
 
     scene: Scene
-    award: StoredAward | None = None
+    award: ActiveOverride | None = None
     run: StoredRun | None = None
 
 
@@ -146,7 +139,7 @@ def read_scenes(text: str, space: SceneSpace) -> StoreScenes:
             scenes=tuple(
                 StoredScene(
                     scene=_scene_from_dict(one["scene"], space),
-                    award=_checked(StoredAward, one["award"]),
+                    award=_checked(ActiveOverride, one["award"]),
                     run=_checked(StoredRun, one["run"]),
                 )
                 for one in stored["scenes"]

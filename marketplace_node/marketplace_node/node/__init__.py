@@ -68,6 +68,7 @@ from marketplace_node.hosts.host_effects import (
 )
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.interaction.award import StopRequest
+from marketplace_node.interaction.interaction import FEEDBACK_DEFERRED
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
 from marketplace_node.node.hosts import HostConnections
@@ -81,7 +82,6 @@ from marketplace_node.node.messages import (
     selection_to_msg,
     status_to_msg,
 )
-from marketplace_node.node.open_goals import OpenGoalsSubscription
 from marketplace_node.node.operator_services import OperatorServices
 from marketplace_node.node.parameters import declare_settings, watch_settings
 from marketplace_node.node.second_market import (
@@ -142,14 +142,10 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         selector: Client of ``bt_agents/select``, which ranks for the strategy ``external``.
     """
 
+    node_name = "marketplace"
     start_parameters = (TREES, OVERRIDES_FILE, SCENES_FILE)
     stop_limit_s = 1.8
     """Longest wait for the end of the last run and the answer of the feedback node [s]."""
-
-    def __init__(
-        self, configuration: MarketConfiguration | None = None, **node_kwargs: Any
-    ) -> None:
-        super().__init__("marketplace", configuration, **node_kwargs)
 
     def configure(self, values: Mapping[str, str]) -> MarketConfiguration:
         for problem in add_installed():
@@ -179,7 +175,6 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         self._hosts = HostConnections(self, self._market, space, self._execute)
         # Destroys the clients of the hosts, which rclpy would leave behind.
         closing.callback(self._hosts.close)
-        self._open_goals = OpenGoalsSubscription(self, self._market, self._execute)
         watch_settings(self, lambda: self._market.settings, self._apply_settings)
         self._calls = self.create_publisher(CallForBids, "bt_agents/calls", qos.EVENTS)
         self._auctions = self.create_publisher(AuctionMsg, "bt_agents/auctions", qos.HISTORY)
@@ -414,7 +409,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
                 self._hosts.cancel_all(effect.host)
             case CancelOpenGoals():
                 log.warning(f"{effect.host} has left open: {name_goals(effect.goals)}")
-                self._open_goals.cancel(effect)
+                self._hosts.cancel_open_goals(effect)
             case AnnounceRun():
                 self._runs.publish(run_to_msg(effect, self._market.epoch, self._now()))
                 event = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
@@ -500,7 +495,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
             answered,
         )
         if self._feedback.late:
-            self._execute(self._market.feedback_deferred(number, time.monotonic()))
+            self._execute(self._market.collected(number, FEEDBACK_DEFERRED, time.monotonic()))
 
     def _publish_status(self, status: StatusChanged) -> None:
         key = (status.state, status.round)

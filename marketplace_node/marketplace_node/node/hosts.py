@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Connections to the hosts: registration, heartbeats, actions and goals in progress."""
+"""Connections to the hosts: registration, heartbeats, actions, goals in progress, open goals."""
 
 from __future__ import annotations
 
@@ -14,17 +14,21 @@ from action_msgs.srv import CancelGoal
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import Heartbeat
+from bt_agents_interfaces.msg import Heartbeat, OpenGoals
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
+from bt_agents_ros.goal_cancellation import GoalCanceller, open_goals_from_msg
 from bt_agents_ros.messages import seconds
 from bt_agents_ros.size_check import RefusalLog
-from marketplace_node.effects import Execute, SendGoal
-from marketplace_node.hosts.host_effects import RunGoal
+from marketplace_node.effects import Execute, Note, SendGoal
+from marketplace_node.formatting import shown
+from marketplace_node.hosts.host_effects import CancelOpenGoals, RunGoal
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market
@@ -32,7 +36,6 @@ from marketplace_node.node.messages import (
     earlier_run_from_msg,
     goal_to_msg,
     heartbeat_of,
-    names_start,
     registration_from_msg,
     run_end_from_msg,
 )
@@ -85,7 +88,7 @@ class _Sending:
 
 
 class HostConnections:
-    """Service ``~/register`` and action clients; they report to the market what hosts do.
+    """Service ``~/register``, action clients and open goals; the market is told what hosts do.
 
     A goal waits for its server until the market gives it up; the market owns every deadline. The
     connection uses the services of the action directly: an action client would also subscribe to
@@ -101,6 +104,10 @@ class HostConnections:
         self._goals: dict[RunGoal, _Sending] = {}
         self._refusals = RefusalLog(time.monotonic)
         node.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
+        self._canceller = GoalCanceller(node)
+        node.create_subscription(
+            OpenGoals, "bt_agents/open_goals", self._take_open_goals, qos.FACTS
+        )
 
     @property
     def is_polling(self) -> bool:
@@ -217,6 +224,28 @@ class HostConnections:
             # A request without an id and a stamp cancels all goals of an action.
             link.cancels.call_async(CancelGoal.Request())
 
+    def cancel_open_goals(self, effect: CancelOpenGoals) -> None:
+        """Cancel goals that a host has left open, and report the outcome to the market."""
+
+        def report(unconfirmed: tuple[OpenGoal, ...]) -> None:
+            now = time.monotonic()
+            self._execute(
+                self._market.goals_cancelled(effect.host, effect.instance, unconfirmed, now)
+            )
+
+        self._canceller.cancel(effect.goals, within_s=effect.within_s, on_end=report)
+
+    def _take_open_goals(self, message: OpenGoals) -> None:
+        try:
+            goals = open_goals_from_msg(message)
+        except Refused as refused:
+            host = message.host[:LONGEST_NAME]
+            self._execute([Note(message=shown(f"open goals of {host}: {refused}"))])
+            return
+        self._execute(
+            self._market.open_goals(message.host, message.host_instance, goals, time.monotonic())
+        )
+
     def _register(
         self, request: RegisterHost.Request, response: RegisterHost.Response
     ) -> RegisterHost.Response:
@@ -262,8 +291,8 @@ class HostConnections:
         try:
             message = heartbeat_of(link.entry, data)
         except Refused as refused:
-            # One of another start is from a host that has not registered yet.
-            if link.heard and names_start(link.entry, data):
+            # One that does not name this start is from a host that has not registered yet.
+            if link.heard and link.entry.instance.encode() in data:
                 self._log_refused(link.entry.heartbeat, refused)
             return
         link.heard = True

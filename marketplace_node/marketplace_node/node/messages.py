@@ -122,11 +122,6 @@ def heartbeat_of(entry: HostEntry, message: bytes) -> Heartbeat:
         raise Refused(RefusalCode.MALFORMED, f"a heartbeat that is no message: {error}") from None
 
 
-def names_start(entry: HostEntry, message: bytes) -> bool:
-    """Return whether a serialised heartbeat, even a malformed one, names this start of a host."""
-    return entry.instance.encode() in message
-
-
 def registration_from_msg(request: RegisterHost.Request) -> Registration:
     """Return a host's registration; the registry checks it."""
     return Registration(

@@ -94,12 +94,8 @@ class SceneLayerConfiguration:
 class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
     """Listens to the sources, or plays a script instead, and publishes scenes."""
 
+    node_name = "scene_layer"
     start_parameters = (TREES, _SCRIPT, _MEMORY)
-
-    def __init__(
-        self, configuration: SceneLayerConfiguration | None = None, **node_kwargs: Any
-    ) -> None:
-        super().__init__("scene_layer", configuration, **node_kwargs)
 
     def configure(self, values: Mapping[str, str]) -> SceneLayerConfiguration:
         spec = read_scene(find_trees(values["trees"]) / "scene.yaml")

@@ -11,7 +11,6 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.task import Future
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.profile_layers import PERSON, PLACE
@@ -140,7 +139,8 @@ class MemoryStore:
                 "person/anna"
             )
             return response
-        trouble = await self._ended(self._save())
+        saving = self._save()
+        trouble = await self._poller.error_of(saving) if saving is not None else ""
         response.accepted = not trouble
         response.code = RefusalCode.STORAGE_FULL if trouble else ""
         response.message = (
@@ -148,12 +148,3 @@ class MemoryStore:
         ) + (f", but its file still has it, which is tried again: {trouble}" if trouble else "")
         self._node.get_logger().info(response.message)
         return response
-
-    async def _ended(self, write: ThreadFuture[None] | None) -> str:
-        """Wait for a write; return the problem, empty for none."""
-        if write is None:
-            return ""
-        ended = Future(executor=self._node.executor)
-        self._poller.watch(write, ended.set_result)
-        trouble: str = await ended
-        return trouble

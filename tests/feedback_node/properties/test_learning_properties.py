@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
 from feedback_node.learning import learning_step, updates
-from feedback_node.learning.learning_step import Evidence
 
 RANGES = ((1.0, 5.0), (-1.0, 1.0), (0.0, 1e6))
 SPACE = SceneSpace(
@@ -56,11 +55,12 @@ rules = st.builds(
     drift=by_parameter(widths),
     retreat=by_parameter(st.floats),
 )
-evidences = st.builds(
-    Evidence,
-    recent=st.lists(targets, max_size=8).map(tuple),
-    changes=st.integers(0, 1000),
-    authored=profiles,
+evidences = st.fixed_dictionaries(
+    {
+        "recent": st.lists(targets, max_size=8).map(tuple),
+        "changes": st.integers(0, 1000),
+        "authored": profiles,
+    }
 )
 
 
@@ -70,15 +70,15 @@ def step(kind: FeedbackKind, profile: Vector, target: Vector, rate: float, **mor
 
 @given(kinds, profiles, targets, rates, rules, weights, evidences)
 def test_profile_never_leaves_its_ranges(kind, profile, target, rate, rule, weight, evidence):
-    SPACE.vector(step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence))
+    SPACE.vector(step(kind, profile, target, rate, rule=rule, weight=weight, **evidence))
 
 
 @given(learned, profiles, targets, rates, rules, weights, evidences)
 def test_profile_never_drifts_beyond_its_limit(
     kind, profile, target, rate, rule, weight, evidence
 ):
-    after = step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence)
-    rows = zip(SPACE.names, profile, after, evidence.authored, strict=True)
+    after = step(kind, profile, target, rate, rule=rule, weight=weight, **evidence)
+    rows = zip(SPACE.names, profile, after, evidence["authored"], strict=True)
     for name, before, now, authored in rows:
         drift = rule.drift.get(name, math.inf)
         assert min(before, authored - drift) <= now <= max(before, authored + drift)
@@ -88,7 +88,7 @@ def test_profile_never_drifts_beyond_its_limit(
 def test_values_without_opinion_stay_exactly_the_same(
     kind, profile, target, rate, rule, weight, evidence
 ):
-    after = step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence)
+    after = step(kind, profile, target, rate, rule=rule, weight=weight, **evidence)
     assert [a for a, f in zip(after, target, strict=True) if math.isnan(f)] == [
         p for p, f in zip(profile, target, strict=True) if math.isnan(f)
     ]
@@ -97,8 +97,8 @@ def test_values_without_opinion_stay_exactly_the_same(
 @given(learned, profiles, targets, rates, rules, evidences)
 def test_frozen_or_zero_weight_values_do_not_move(kind, profile, target, rate, rule, evidence):
     frozen = replace(rule, rates=dict.fromkeys(SPACE.names, 0.0))
-    assert step(kind, profile, target, rate, rule=frozen, evidence=evidence) == profile
-    assert step(kind, profile, target, rate, rule=rule, weight=0.0, evidence=evidence) == profile
+    assert step(kind, profile, target, rate, rule=frozen, **evidence) == profile
+    assert step(kind, profile, target, rate, rule=rule, weight=0.0, **evidence) == profile
 
 
 @given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
@@ -158,14 +158,7 @@ def test_constant_feedback_brings_every_update_closer_each_step(
     for _ in range(count):
         before, profile = (
             profile,
-            step(
-                FeedbackKind.DIRECT,
-                profile,
-                target,
-                rate,
-                rule=rule,
-                evidence=Evidence(recent=recent),
-            ),
+            step(FeedbackKind.DIRECT, profile, target, rate, rule=rule, recent=recent),
         )
         recent = (*recent, target)[-rule.window :]
         for p, q, f in zip(before, profile, target, strict=True):

@@ -11,7 +11,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
-from feedback_node.learning.learning_step import Evidence, Step, false_rate, requested, step
+from feedback_node.learning.learning_step import Step, false_rate, requested, step
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -93,8 +93,8 @@ def test_retreat_is_bounded_like_any_step():
     clipped = LearningRule(retreat=far, update=Update.HUBER, width={"age": 0.5})
     frozen = LearningRule(retreat=far, rates={"age": 0.0})
     on_scene: tuple[Vector, Vector, float] = ((3.0, 3.0, 3.0), (3.0, NAN, NAN), 0.5)
-    authored = Evidence(authored=(3.0, 3.0, 3.0))
-    assert negative(*on_scene, rule=bounded, evidence=authored).after[0] == 2.75
+    authored: Vector = (3.0, 3.0, 3.0)
+    assert negative(*on_scene, rule=bounded, authored=authored).after[0] == 2.75
     assert negative(*on_scene, rule=clipped).after[0] == 2.75
     assert negative(*on_scene, rule=frozen).after[0] == 3.0
     assert negative(*on_scene, rule=AWAY, weight=0.5).after[0] == 2.5
@@ -106,7 +106,7 @@ def test_median_counts_retreat_as_one_feedback():
         (3.0, NAN, NAN),
         0.5,
         rule=LearningRule(update=Update.MEDIAN, retreat={"age": 1.0}),
-        evidence=Evidence(recent=((2.0, NAN, NAN), (4.0, NAN, NAN))),
+        recent=((2.0, NAN, NAN), (4.0, NAN, NAN)),
     )
     assert made.after[0] == 2.5
 
@@ -143,7 +143,7 @@ def test_negative_feedback_stops_at_range_limit():
                 (5.0, NAN, NAN),
                 0.5,
                 rule=LearningRule(drift={"age": 1.0}),
-                evidence=Evidence(authored=(3.0, 3.0, 3.0)),
+                authored=(3.0, 3.0, 3.0),
             ),
             "may not get farther from its file",
         ),
@@ -153,7 +153,7 @@ def test_negative_feedback_stops_at_range_limit():
                 (5.0, 3.0, 3.0),
                 0.5,
                 rule=LearningRule(update=Update.MEDIAN),
-                evidence=Evidence(recent=((3.0, 3.0, 3.0),) * 4),
+                recent=((3.0, 3.0, 3.0),) * 4,
             ),
             "where most of the last feedbacks want it",
         ),
@@ -239,11 +239,7 @@ def test_invalid_weight_is_rejected(weight):
 @pytest.mark.parametrize(("changes", "rate"), [(0, 0.4), (1, 0.2), (9, 0.04)])
 def test_annealed_rate_falls_with_number_of_changes(changes, rate):
     made = direct(
-        (3.0, 3.0, 3.0),
-        (5.0, NAN, NAN),
-        0.4,
-        rule=LearningRule(anneal=1.0),
-        evidence=Evidence(changes=changes),
+        (3.0, 3.0, 3.0), (5.0, NAN, NAN), 0.4, rule=LearningRule(anneal=1.0), changes=changes
     )
     assert made.rates[0] == pytest.approx(rate)
     assert made.after[0] == pytest.approx(3.0 + 2.0 * rate)
@@ -266,14 +262,13 @@ def test_drift_limit_bounds_distance_from_authored_profile(before, target, after
         (target, NAN, NAN),
         1.0,
         rule=LearningRule(drift={"age": 0.5}),
-        evidence=Evidence(authored=(3.0, 3.0, 3.0)),
+        authored=(3.0, 3.0, 3.0),
     )
     assert made.after == (after, 3.0, 3.0)
 
 
 def test_set_feedback_ignores_the_learning_rule():
     rule = LearningRule(rates={"age": 0.0}, update=Update.MEDIAN, anneal=9.0, drift={"age": 0.1})
-    evidence = Evidence(recent=((1.0, 1.0, 1.0),) * 9, changes=9, authored=(3.0, 3.0, 3.0))
     made = step(
         FeedbackKind.SET,
         (3.0, 3.0, 3.0),
@@ -282,7 +277,9 @@ def test_set_feedback_ignores_the_learning_rule():
         space=SPACE,
         rule=rule,
         weight=0.0,
-        evidence=evidence,
+        recent=((1.0, 1.0, 1.0),) * 9,
+        changes=9,
+        authored=(3.0, 3.0, 3.0),
     )
     assert (made.after, made.rate, made.weight) == ((5.0, 3.0, 3.0), 1.0, 1.0)
 
@@ -298,8 +295,8 @@ def taught(rule: LearningRule, count: int, wrong_every: int) -> list[Vector]:
     for number in range(1, count + 1):
         wrong = number % wrong_every == 0
         target: Vector = (5.0, 5.0, 5.0) if wrong else (5.0, 4.0, 1.0)
-        evidence = Evidence(recent=tuple(recent[-rule.window :]))
-        profile = direct(profile, target, 0.2, rule=rule, evidence=evidence).after
+        last = tuple(recent[-rule.window :])
+        profile = direct(profile, target, 0.2, rule=rule, recent=last).after
         recent.append(target)
         profiles.append(profile)
     return profiles
@@ -350,7 +347,7 @@ def test_median_covers_window_of_feedback_including_newest():
             (4.5, 5.0, NAN),
             1.0,
             rule=LearningRule(update=Update.MEDIAN, window=window),
-            evidence=Evidence(recent=recent),
+            recent=recent,
         ).after
         for window in (1, 2, 3, 4, 5, 9)
     ]
@@ -377,7 +374,7 @@ def test_single_wrong_negative_does_not_move_positive_median():
         (4.0, NAN, NAN),
         0.5,
         rule=LearningRule(update=Update.MEDIAN),
-        evidence=Evidence(recent=recent),
+        recent=recent,
     )
     assert made.after[0] == pytest.approx(3.7)
 

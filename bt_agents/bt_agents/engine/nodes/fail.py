@@ -3,25 +3,22 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from py_trees.common import Status
 
-from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.decorator import Decorator
 from bt_agents.engine.light_behaviour import FAILURE, RUNNING, SUCCESS
 from bt_agents.engine.node_errors import with_location
-from bt_agents.engine.scope import Scope
 from bt_agents.engine.ticker import Ticker
-from bt_agents_language.model.specs import NodeSpec
 
 
 class Fail(Decorator):
     """FAILURE for SUCCESS."""
 
-    def __init__(
-        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
-    ) -> None:
-        super().__init__(spec, context, scope, build)
-        self._failure = with_location("succeeded, and counts as failed", spec)
+    @cached_property
+    def _failure(self) -> str:
+        return with_location("succeeded, and counts as failed", self.spec)
 
     def tick_children(self, ticker: Ticker) -> Status:
         status = ticker.ticks[self.decorated]()

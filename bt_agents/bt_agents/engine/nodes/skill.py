@@ -5,21 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import cached_property
 
 from py_trees.common import Status
 
-from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.leaf import GoalLeaf
 from bt_agents.engine.scope import (
     BindingNames,
     MessageNames,
-    Scope,
     evaluate,
     explain_false,
     field_of,
     format_value,
-    is_true,
 )
 from bt_agents.engine.variant_picker import VariantPicker
 from bt_agents_core.errors import Refused
@@ -27,7 +25,7 @@ from bt_agents_core.field_types import BindingKind, Plain
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, join_first, quote
 from bt_agents_language.expression.expressions import Expression, MissingValue
-from bt_agents_language.model.specs import Binding, Literal, NodeSpec, Place
+from bt_agents_language.model.specs import Binding, Literal, Place
 
 _WHY = {
     GoalState.REJECTED: "its server did not take the goal and says nothing about why",
@@ -54,11 +52,9 @@ class SkillLeaf(GoalLeaf):
     _last_feedback: Mapping[str, Plain] | None = None
     _main_text = ""
 
-    def __init__(
-        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild | None = None
-    ) -> None:
-        super().__init__(spec, context, scope, build)
-        self._variants = VariantPicker(context, spec.path)
+    @cached_property
+    def _variants(self) -> VariantPicker:
+        return VariantPicker(self.context, self.spec.path)
 
     def begin(self) -> None:
         self._run = self._last_feedback = None
@@ -122,7 +118,7 @@ class SkillLeaf(GoalLeaf):
             return Status.FAILURE
         if binding.succeed_when is not None:
             names = MessageNames(prefix="result", message=result, around=self.scope)
-            if not is_true(binding.succeed_when, names):
+            if not binding.succeed_when.is_true(names.lookup):
                 reason = explain_false(binding.succeed_when, names)
                 self.feedback_message = _result_message(result) or (
                     f"{binding.name} answered, but {reason}"

@@ -12,7 +12,7 @@ from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.environment import Clock, Inbox
 from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.light_behaviour import RUNNING, SUCCESS
-from bt_agents.engine.scope import MessageNames, Scope, explain_false, field_of, is_true
+from bt_agents.engine.scope import MessageNames, Scope, explain_false, field_of
 from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import MissingValue, StaleValue
 from bt_agents_language.model.specs import NodeSpec
@@ -130,7 +130,7 @@ class WaitForMessage(Leaf):
             return True
         names = MessageNames(prefix="msg", message=message, around=self.scope)
         until = self.fields.condition("until")
-        if is_true(until, names):
+        if until.is_true(names.lookup):
             self._mismatch = ""
             return True
         self._mismatch = explain_false(until, names, verb="the last message is not so")

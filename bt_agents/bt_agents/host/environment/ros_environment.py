@@ -404,21 +404,17 @@ class RosEnvironment:
 
     def _following(self, goal: SkillGoal, goal_id: bytes, client: Any) -> dict[str, Any]:
         """Return the arguments for tracking a goal of an action to its end."""
-        identity = self._identify(goal, goal_id)
+        action = self._full_name(goal.name)
         return {
             "reschedule": self._deadlines.reschedule,
             "wake": self._wake,
-            "identity": identity,
+            "identity": OpenGoal(path=goal.sender, action=action, goal_id=goal_id),
             "open_goals": self._open_goals,
-            "servers": lambda: self._look(identity.action),
+            "servers": lambda: self._look(action),
             "earlier_is_ending": lambda: self._deadlines.is_ending(client),
             "pursue": self._pursue,
             "warn": lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
         }
-
-    def _identify(self, goal: SkillGoal, goal_id: bytes) -> OpenGoal:
-        """Return what other processes need to cancel a goal."""
-        return OpenGoal(path=goal.sender, action=self._full_name(goal.name), goal_id=goal_id)
 
     def _full_name(self, name: str) -> str:
         """Return the full name of an action or a service; rclpy does not remap actions."""

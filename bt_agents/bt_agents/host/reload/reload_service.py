@@ -9,7 +9,6 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future as Job
 from dataclasses import dataclass, field
-from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -61,8 +60,7 @@ class _Request:
 
 @dataclass(frozen=True, kw_only=True)
 class _Reading:
-    job: Job[Any]
-    handle: Callable[[Any], None]
+    job: Job[Trees | None]
     request: _Request | None
 
 
@@ -125,7 +123,7 @@ class ReloadService:
         self, asked: ReloadAgents.Request, response: ReloadAgents.Response
     ) -> ReloadAgents.Response:
         request = self._request()
-        self._read(lambda: self._watch.poll(settle=False), self.update, request)
+        self._read(request, settle=False)
         await request.done
         problems = self.versions.folder_problems()
         response.accepted = not (request.error or problems)
@@ -230,7 +228,7 @@ class ReloadService:
         if now >= self._next_poll and not (self._readings or self._unsettled):
             self._next_poll = now + PERIOD_S
             if self._enabled:
-                self._read(self._watch.poll, self.update, None)
+                self._read(None, settle=True)
         for request in list(self._requests):
             if not self._unsettled and all(one.request is not request for one in self._readings):
                 self._end(request)
@@ -241,7 +239,7 @@ class ReloadService:
 
     def _finish(self, reading: _Reading) -> None:
         try:
-            reading.handle(reading.job.result())
+            self.update(reading.job.result())
             self._report(())
         except WatchStopped:
             return
@@ -263,12 +261,9 @@ class ReloadService:
         self._applied([])
         return True
 
-    def _read(
-        self, work: Callable[[], Any], handle: Callable[[Any], None], request: _Request | None
-    ) -> None:
-        self._readings.append(
-            _Reading(job=self._thread.submit(work), handle=handle, request=request)
-        )
+    def _read(self, request: _Request | None, *, settle: bool) -> None:
+        job = self._thread.submit(self._watch.poll, settle=settle)
+        self._readings.append(_Reading(job=job, request=request))
         self._set_timer()
 
     def _request(self) -> _Request:

@@ -19,7 +19,7 @@ from bt_agents.host.reload.version_state import (
 from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_language.diagnostics.collection import merged
 from bt_agents_language.files.agent_file import AgentFile
-from bt_agents_language.files.folder_reader import Trees
+from bt_agents_language.files.folder_reader import Trees, text_of
 from bt_agents_language.model.specs import AgentSpec
 
 
@@ -73,7 +73,7 @@ class AgentVersions:
     def update(self, trees: Trees) -> list[str]:
         """Store a new reading of the folder; return the agents to settle, in order."""
         self.trees = trees
-        self.texts = self._texts_in_force(trees)
+        self.texts = self._good_texts(trees)
         self._good_files = _good_files(trees)
         gone = [name for name in self.states if name not in self._good_files]
         affected = [name for name in gone if self._is_new(name)]
@@ -87,6 +87,18 @@ class AgentVersions:
             ):
                 affected.append(name)
         return affected
+
+    def texts_in_force(self) -> dict[str, str]:
+        """Return path relative to the trees folder → text; of a broken file the last good text."""
+        folder = self.trees.folder
+        files = [state.current.file for state in self.states.values()]
+        market = folder / "market.yaml"
+        texts = [*self.texts.items(), *((one.file, one.text) for one in files)]
+        found: dict[str, str] = {}
+        for path, text in [*texts, (market, text_of(market))]:
+            if text is not None:
+                found.setdefault(path.relative_to(folder).as_posix(), text)
+        return found
 
     def settle(self, name: str, running: str) -> ReloadEffect | None:
         """Return the effect of the last reading on an agent; None if nothing changes.
@@ -155,7 +167,7 @@ class AgentVersions:
         problems += file_problems(merged(of_texts))
         return [*problems, *(FileProblem(message=text) for text in self.trees.problems)]
 
-    def _texts_in_force(self, trees: Trees) -> Mapping[Path, str | None]:
+    def _good_texts(self, trees: Trees) -> Mapping[Path, str | None]:
         skills = trees.folder / "skills"
         if all(broken.file != skills for broken in trees.broken):
             return trees.texts

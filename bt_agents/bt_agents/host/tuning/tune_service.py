@@ -13,7 +13,6 @@ from typing import Any
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.task import Future
 
 from bt_agents.host.tuning.history import TuningAction, TuningCause, TuningChange, TuningRevision
 from bt_agents.host.tuning.parameter_store import ParameterStore, checked_line
@@ -165,7 +164,7 @@ class TuneServer:
             revision = done.revision
             response.tunings = [self._message(revision, one) for one in revision.changes]
             flushed = self._store.flush()
-            failure = await self._error_of(flushed) if flushed is not None else ""
+            failure = await self._poller.error_of(flushed) if flushed is not None else ""
             if failure:
                 response.message += f"; it is in force, but a power cut may undo it: {failure}"
         return response
@@ -181,20 +180,13 @@ class TuneServer:
         author = checked_line(request.author, "the author", _LONGEST_AUTHOR) or SOMEBODY
         return act(request, author, checked_line(request.reason, "the reason"))
 
-    async def _error_of(self, job: Job[Any]) -> str:
-        """Wait for a job; return its error as text, empty for none."""
-        ended = Future(executor=self._node.executor)
-        self._poller.watch(job, ended.set_result)
-        error: str = await ended
-        return error
-
     async def _wait_until_saved(self, job: Job[Any]) -> None:
         """Wait until a preset is saved.
 
         Raises:
             Refused: It was not saved.
         """
-        error = await self._error_of(job)
+        error = await self._poller.error_of(job)
         if not job.done():
             raise Refused(
                 RefusalCode.CANNOT_WRITE, f"the preset is {error}; look at the presets in a while"
