@@ -21,8 +21,9 @@ from typing import Any
 from rclpy.node import Node
 
 from bare import LATCHED
-from bare_idle import load, qos
+from bare_idle import qos
 from bt_agents_interfaces.msg import HostCard
+from bt_agents_ros.types import load_type
 from bt_agents_tools.launcher import components as system
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from bt_agents_tools.launcher.supervisor import Component, set_discovery
@@ -123,7 +124,10 @@ def layout_of(
     heard: Counter[str] = Counter()
     listening = [
         node.create_subscription(
-            load(type_name), topic, lambda _, topic=topic: heard.update([topic]), qos(policies)
+            load_type(type_name),
+            topic,
+            lambda _, topic=topic: heard.update([topic]),
+            qos(policies),
         )
         for topic, type_name, policies in {one[0]: one for one in publishers}.values()
     ]
