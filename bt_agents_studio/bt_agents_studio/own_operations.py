@@ -19,12 +19,13 @@ from bt_agents_studio.records import (
     DryRunRecord,
     KeepRecord,
     MarketRecord,
+    ParameterRecord,
     PersonLinkRecord,
     SceneMapRecord,
     StrategiesRecord,
     StrategyOptionRecord,
 )
-from bt_agents_studio.scene_map import ASKED, Axis, MapBid, computed_map, is_computed, map_record
+from bt_agents_studio.scene_map import ASKED, computed_map, is_computed, map_record, places
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.client.file_edits import FileEdit, compare_tests, digest_of, edits_of
 from bt_agents_tools.client.strategies import (
@@ -138,10 +139,7 @@ class OwnOperations:
         up: str = "",
     ) -> Mapping[str, object]:
         given = dict(zip(names, values, strict=False))
-        sides = {
-            one.name: Axis(name=one.name, minimum=one.minimum, maximum=one.maximum)
-            for one in self._studio.parameters
-        }
+        sides = {one.name: one for one in self._studio.parameters}
         shown = (across, up) if across or up else ()
         for name in (*given, *shown):
             if name not in sides:
@@ -161,30 +159,24 @@ class OwnOperations:
         return _answer(True, "", auction.reason) | {"record": record}
 
     async def _map(
-        self, auction: Any, scene: Mapping[str, float], across: Axis, up: Axis
+        self,
+        auction: Any,
+        scene: Mapping[str, float],
+        across: ParameterRecord,
+        up: ParameterRecord,
     ) -> SceneMapRecord:
-        if not (is_computed(auction.strategy) and auction.ranking):
+        strategy, bids, tie_break = auction.strategy, auction.ranking, auction.tie_break
+        if not (is_computed(strategy) and bids):
             return await self._asked_map(scene, across, up)
-        bids = [
-            MapBid(
-                agent=one.agent,
-                vector=tuple(one.vector),
-                weights=tuple(one.weights),
-                bonus=float(one.bonus),
-                last_run=int(one.last_run),
-            )
-            for one in auction.ranking
-        ]
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(
-            self._worker,
-            lambda: computed_map(auction.strategy, bids, scene, across, up, auction.tie_break),
+            self._worker, computed_map, strategy, bids, scene, across, up, tie_break
         )
 
     async def _asked_map(
-        self, scene: Mapping[str, float], across: Axis, up: Axis
+        self, scene: Mapping[str, float], across: ParameterRecord, up: ParameterRecord
     ) -> SceneMapRecord:
-        xs, ys = across.places(ASKED), up.places(ASKED)
+        xs, ys = places(across, ASKED), places(up, ASKED)
         winners = []
         for y in ys:
             row = []
