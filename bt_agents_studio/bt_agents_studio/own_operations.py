@@ -7,6 +7,7 @@ import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
@@ -14,6 +15,7 @@ from urllib.parse import urlsplit
 from bt_agents_core.errors import BtAgentsError, Refusal, Refused, RefusedElsewhere
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.access import is_loopback
+from bt_agents_studio.projection.conversion import parameter_value
 from bt_agents_studio.projection.market import round_record
 from bt_agents_studio.records import (
     DryRunRecord,
@@ -49,9 +51,7 @@ TunedHosts = Mapping[str, tuple[Path, Sequence[ParameterState]]]
 class Caller(Protocol):
     """Calls services of the system, and publishes messages for its trees."""
 
-    def call(
-        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
-    ) -> Future[Any]:
+    def call(self, service: str, fields: Mapping[str, Any], limit_s: float) -> Future[Any]:
         """See :meth:`StudioNode.call`."""
 
     def answer(self, text: str) -> Future[str]:
@@ -63,14 +63,9 @@ class Caller(Protocol):
     def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
         """See :meth:`StudioNode.preview`."""
 
-    def market_parameters(
-        self, names: Sequence[str], limit_s: float
-    ) -> Future[tuple[Sequence[Any], Sequence[Any]]]:
-        """See :meth:`StudioNode.market_parameters`."""
-
     def set_market_parameters(
         self, changes: Mapping[str, str | float], limit_s: float
-    ) -> Future[str]:
+    ) -> Future[Any]:
         """See :meth:`StudioNode.set_market_parameters`."""
 
     def tuned(self) -> Future[TunedHosts]:
@@ -203,8 +198,9 @@ class OwnOperations:
         message = ""
         if changes:
             setting = self._caller.set_market_parameters(changes, _STRATEGY_S)
-            if reason := await asyncio.wrap_future(setting):
-                return _answer(False, "", reason)
+            result = (await asyncio.wrap_future(setting)).result
+            if not result.successful:
+                return _answer(False, "", str(result.reason or "it gives no reason"))
             found = await self._strategies()
             message = f"{found.current} ranks the bids from the next round on"
         return _answer(True, "", message) | {"record": _strategies_record(found)}
@@ -212,8 +208,12 @@ class OwnOperations:
     async def _strategies(self) -> Strategies:
         market = self._studio.store.get("market")
         infos = market.strategies if isinstance(market, MarketRecord) else ()
-        asked = self._caller.market_parameters(parameter_names(infos), _STRATEGY_S)
-        return strategies_of(infos, *await asyncio.wrap_future(asked))
+        asked = {"names": parameter_names(infos)}
+        ask = partial(self._caller.call, fields=asked, limit_s=_STRATEGY_S)
+        described = await asyncio.wrap_future(ask("marketplace/describe_parameters"))
+        got = await asyncio.wrap_future(ask("marketplace/get_parameters"))
+        values = [parameter_value(one) for one in got.values]
+        return strategies_of(infos, described.descriptors, values)
 
     async def _keep(self, profile: bool = False, digest: str = "") -> Mapping[str, object]:
         hosts = await asyncio.wrap_future(self._caller.tuned())

@@ -321,8 +321,7 @@ class Server:
             )
         role = self._access.check(_described(request), operation.roles)
         service, fields = read_request(operation, await _body(request), role)
-        future = self._caller.call(operation.kind, service, fields, LIMIT_S)
-        answer = await asyncio.wrap_future(future)
+        answer = await asyncio.wrap_future(self._caller.call(service, fields, LIMIT_S))
         return _json(
             {
                 "accepted": bool(answer.accepted),

@@ -50,7 +50,8 @@ def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> lis
     starts = range(0, len(described), MOST_PARAMETERS)
     chunks = (described[start : start + MOST_PARAMETERS] for start in starts)
     states = [state for some in chunks for state in _with_values(observer, host, some)]
-    return [*states, *_profiles(observer.cards.get(host), agents)]
+    card = observer.cards.get(host)
+    return [*states, *(profile_states(card, agents) if card is not None else ())]
 
 
 def _with_values(
@@ -65,9 +66,8 @@ def _with_values(
         yield ParameterState(parameter=parameter, value=parameter_value_to_python(value))
 
 
-def _profiles(card: Any | None, agents: Sequence[str]) -> Iterator[ParameterState]:
-    if card is None:
-        return
+def profile_states(card: Any, agents: Sequence[str] = ()) -> Iterator[ParameterState]:
+    """Yield the values of the profiles on a ``HostCard``, of all agents or of some."""
     for one in card.agents:
         if not agents or one.name in agents:
             values = profile_values(one.name, card.parameters, one.profile)

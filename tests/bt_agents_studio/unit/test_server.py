@@ -391,7 +391,7 @@ def test_operation_is_forwarded_to_service_and_answer_returned() -> None:
         async with one.client(SessionRole.VIEW) as client:
             forbidden = await client.post("/api/do/operate", json={"action": "UNPIN"})
             assert (forbidden.status, (await forbidden.json())["code"]) == (403, "FORBIDDEN")
-        assert one.caller.calls == [("CancelRun", "marketplace/cancel", {"reason": "enough"})]
+        assert one.caller.calls == [("marketplace/cancel", {"reason": "enough"})]
 
     served(test)
 
