@@ -7,7 +7,6 @@ import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
@@ -209,11 +208,13 @@ class OwnOperations:
         market = self._studio.store.get("market")
         infos = market.strategies if isinstance(market, MarketRecord) else ()
         asked = {"names": parameter_names(infos)}
-        ask = partial(self._caller.call, fields=asked, limit_s=_STRATEGY_S)
-        described = await asyncio.wrap_future(ask("marketplace/describe_parameters"))
-        got = await asyncio.wrap_future(ask("marketplace/get_parameters"))
+        described = await self._read("marketplace/describe_parameters", asked)
+        got = await self._read("marketplace/get_parameters", asked)
         values = [parameter_value(one) for one in got.values]
         return strategies_of(infos, described.descriptors, values)
+
+    async def _read(self, service: str, asked: Mapping[str, Any]) -> Any:
+        return await asyncio.wrap_future(self._caller.call(service, asked, _STRATEGY_S))
 
     async def _keep(self, profile: bool = False, digest: str = "") -> Mapping[str, object]:
         hosts = await asyncio.wrap_future(self._caller.tuned())
