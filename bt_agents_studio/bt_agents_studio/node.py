@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import OrderedDict, deque
@@ -43,6 +44,7 @@ from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 from bt_agents_studio.records import ListeningRecord
+from bt_agents_studio.studio import Studio
 from bt_agents_tools.client import open_questions, publication, tuning
 from bt_agents_tools.client.write_back import ParameterState
 
@@ -615,16 +617,19 @@ class Handover:
 
 
 class NodeThread:
-    """Thread in which the node is created, spun and destroyed.
+    """Thread in which the node of a studio is created, spun and destroyed.
 
     Args:
-        make: Creates the node, in the thread.
+        studio: Takes what the node receives.
+        wake: As for :class:`Handover`.
+
+    Attributes:
         handover: Queue for the messages that the node receives.
     """
 
-    def __init__(self, make: Callable[[], StudioNode], handover: Handover) -> None:
-        self._make = make
-        self._handover = handover
+    def __init__(self, studio: Studio, wake: Callable[[], None]) -> None:
+        self._studio = studio
+        self.handover = Handover(wake, studio.fail)
         self._made: Future[StudioNode] = Future()
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ros", daemon=True)
@@ -641,8 +646,12 @@ class NodeThread:
 
     def _run(self) -> None:
         rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
+        studio = self._studio
+        handlers = (studio.receive, studio.beat, studio.value, studio.graph)
         try:
-            node = self._make()
+            node = StudioNode(
+                *map(self.handover.to, handlers), namespace=os.environ.get("ROS_NAMESPACE", "")
+            )
         except BaseException as error:
             self._made.set_exception(error)
             rclpy.try_shutdown()
@@ -651,7 +660,7 @@ class NodeThread:
         self._made.set_result(node)
         try:
             while not self._stopped.is_set():
-                if self._handover.wait_for_room(_ROOM_S):
+                if self.handover.wait_for_room(_ROOM_S):
                     spinner.spin_once()
         except ExternalShutdownException:
             pass

@@ -40,7 +40,6 @@ from bt_agents_studio.connections import (
     server_logger,
 )
 from bt_agents_studio.feed import Feed, shown_entries
-from bt_agents_studio.history import SPAN_S
 from bt_agents_studio.journal_worker import JournalWorker, RecordedAnswer
 from bt_agents_studio.operations import (
     LIMIT_S,
@@ -54,11 +53,9 @@ from bt_agents_studio.own_operations import Caller, OwnOperations
 from bt_agents_studio.protocol import (
     LARGEST_MESSAGE,
     LATEST_S,
-    VERSION,
     Beat,
     Delta,
     Failure,
-    Hello,
     Seek,
     ServerMessage,
     decode,
@@ -399,18 +396,7 @@ class Server:
 
     async def _pump(self, socket: web.WebSocketResponse, feed: Feed, role: SessionRole) -> None:
         """Send one client its messages, as fast as it reads and only as often as needed."""
-        await self._send(
-            socket,
-            Hello(
-                version=VERSION,
-                studio=self._studio.name,
-                now_s=time.time(),
-                role=role,
-                parameters=self._studio.parameters,
-                namespace=self._namespace,
-                span_s=SPAN_S,
-            ),
-        )
+        await self._send(socket, self._studio.hello(role, self._namespace))
         while not socket.closed:
             changed = self._changed
             if (seek := feed.take_recorded()) is not None:
