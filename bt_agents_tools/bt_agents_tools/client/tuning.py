@@ -7,7 +7,6 @@ import json
 import math
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.parameter import parameter_value_to_python
@@ -102,31 +101,21 @@ def set_profile(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class TunedProfile:
-    """Latest change of a profile, which is a tuning that an undo would revert.
+def tuned_profile(observer: Observer, agent: str, since: float) -> str:
+    """Return the agent whose profile has the newest tuning that an undo would revert.
 
-    The stamp is the time of the change [s since 1970].
+    It is the given agent, or any if that is empty, and the tuning is newer than ``since``
+    [s since 1970]. The result is empty if there is none, or without an answer.
     """
-
-    agent: str
-    stamp: float
-
-
-def tuned_profile(observer: Observer, agent: str, since: float) -> TunedProfile | None:
-    """Return the newest tuning of a profile that can be undone; None if none or without an answer.
-
-    It belongs to the agent, empty for any, and is newer than ``since`` [s since 1970].
-    """
-    found: TunedProfile | None = None
+    found, newest = "", max(since, 0.0)
     profiles = _history(observer, "profiles")
     for one in sorted(profiles, key=lambda one: float(one["stamp"]), reverse=True):
-        if one["stamp"] <= max(since, found.stamp if found is not None else 0.0):
+        if one["stamp"] <= newest:
             break
         if not one["layer"] and agent in ("", one["agent"]):
             stamp = tuned_at(_history(observer, "revisions", agent=one["agent"]))
-            if stamp > max(since, found.stamp if found is not None else 0.0):
-                found = TunedProfile(agent=one["agent"], stamp=stamp)
+            if stamp > newest:
+                found, newest = str(one["agent"]), stamp
     return found
 
 
