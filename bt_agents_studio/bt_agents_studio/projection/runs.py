@@ -275,8 +275,7 @@ class RunProjection:
         elif was is not None and was[0] and not record.paused and record.agent:
             self._log.line(at_s, "run", agent=record.agent, text="goes on")
 
-    def _trees(self, message: Any, at_s: float) -> None:
-        del at_s
+    def _trees(self, message: Any, _at_s: float) -> None:
         trees = {one.agent: record_of(TreeRecord, one, host=message.host) for one in message.trees}
         for agent in self._store.keys("trees"):
             tree = self._store.get("trees", agent)
