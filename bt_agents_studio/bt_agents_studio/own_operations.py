@@ -101,29 +101,29 @@ class OwnOperations:
             async with asyncio.timeout(LIMIT_S):
                 return await self._done[name](**fields)
         except Refusal as refused:
-            return _answer(False, refused.code, refused.reason)
+            code, reason = refused.code, refused.reason
         except BtAgentsError as error:
-            return _answer(False, "", str(error))
+            code, reason = "", str(error)
         except TimeoutError:
-            return _answer(False, RefusalCode.NO_ANSWER, f"it took longer than {LIMIT_S:g} s")
+            code, reason = RefusalCode.NO_ANSWER, f"it took longer than {LIMIT_S:g} s"
+        return {"accepted": False, "code": code, "message": reason}
 
     def close(self) -> None:
         """Start no more operations."""
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     async def _answer(self, text: str = "") -> Mapping[str, object]:
-        return _answer(True, "", await asyncio.wrap_future(self._caller.answer(text)))
+        return _accepted(await asyncio.wrap_future(self._caller.answer(text)))
 
     async def _publish(self, topic: str = "", values: Sequence[str] = ()) -> Mapping[str, object]:
-        done = await asyncio.wrap_future(self._caller.publish(topic, values))
-        return _answer(True, "", done)
+        return _accepted(await asyncio.wrap_future(self._caller.publish(topic, values)))
 
     async def _person_link(self) -> Mapping[str, object]:
         record = PersonLinkRecord(
             address=self._person_address,
             is_local=is_loopback(urlsplit(self._person_address).hostname or ""),
         )
-        return _answer(True, "", "") | {"record": record}
+        return _accepted("", record)
 
     async def _dry_run(
         self,
@@ -150,7 +150,7 @@ class OwnOperations:
         auction = await self._preview(scene)
         found = await self._map(auction, scene, sides[across], sides[up]) if shown else None
         record = DryRunRecord(round=round_record(auction), map=found)
-        return _answer(True, "", auction.reason) | {"record": record}
+        return _accepted(auction.reason, record)
 
     async def _map(
         self,
@@ -199,10 +199,18 @@ class OwnOperations:
             setting = self._caller.set_market_parameters(changes, _STRATEGY_S)
             result = (await asyncio.wrap_future(setting)).result
             if not result.successful:
-                return _answer(False, "", str(result.reason or "it gives no reason"))
+                raise BtAgentsError(str(result.reason or "it gives no reason"))
             found = await self._strategies()
             message = f"{found.current} ranks the bids from the next round on"
-        return _answer(True, "", message) | {"record": _strategies_record(found)}
+        record = StrategiesRecord(
+            options={
+                name: tuple(
+                    StrategyOptionRecord(name=key, **vars(one)) for key, one in options.items()
+                )
+                for name, options in found.options.items()
+            }
+        )
+        return _accepted(message, record)
 
     async def _strategies(self) -> Strategies:
         market = self._studio.store.get("market")
@@ -234,14 +242,13 @@ def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]
             "the values or the files have changed since the change was shown; look at it again",
         )
     if not edits:
-        return _answer(True, "", "nothing to keep: everything stands as the files say") | {
-            "record": KeepRecord(diff="", tests=(), breaks=False, digest="")
-        }
+        record = KeepRecord(diff="", tests=(), breaks=False, digest="")
+        return _accepted("nothing to keep: everything stands as the files say", record)
     if digest:
         for edit in edits:
             edit.write()
         changes = [f"{change}  in {edit.path}" for edit in edits for change in edit.changes]
-        return _answer(True, "", "\n".join(changes))
+        return _accepted("\n".join(changes))
     tests = compare_tests(edits)
     record = KeepRecord(
         diff="".join(edit.diff for edit in edits),
@@ -249,26 +256,10 @@ def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]
         breaks=tests.breaks,
         digest=found,
     )
-    return _answer(True, "", "this would change") | {"record": record}
+    return _accepted("this would change", record)
 
 
-def _strategies_record(found: Strategies) -> StrategiesRecord:
-    return StrategiesRecord(
-        options={
-            name: tuple(
-                StrategyOptionRecord(
-                    name=key,
-                    value=one.value,
-                    minimum=one.minimum,
-                    maximum=one.maximum,
-                    description=one.description,
-                )
-                for key, one in options.items()
-            )
-            for name, options in found.options.items()
-        }
-    )
-
-
-def _answer(accepted: bool, code: str, message: str) -> dict[str, object]:
-    return {"accepted": accepted, "code": code, "message": message}
+def _accepted(message: str, record: object = None) -> Mapping[str, object]:
+    """Return the answer to an operation that was done."""
+    answer = {"accepted": True, "code": "", "message": message}
+    return answer if record is None else {**answer, "record": record}

@@ -261,8 +261,7 @@ class Server:
         return _json(await loop.run_in_executor(self._labels, self._studio.journal_list))
 
     async def _journal(self, request: web.Request) -> web.StreamResponse:
-        self._access.check(_described(request), OBSERVERS)
-        file = self._studio.journal_file(request.match_info["name"])
+        file = self._recording(request)
         if file.is_dir():
             raise Refused(
                 RefusalCode.NO_FILE, f"'{file.name}' is a bag, a folder of files; copy it instead"
@@ -270,13 +269,10 @@ class Server:
         return web.FileResponse(file, headers=_attached(file.name))
 
     async def _events(self, request: web.Request) -> web.Response:
-        self._access.check(_described(request), OBSERVERS)
-        file = self._studio.journal_file(request.match_info["name"])
-        return _answered(await self._recordings.events(file))
+        return _answered(await self._recordings.events(self._recording(request)))
 
     async def _messages(self, request: web.Request) -> web.StreamResponse:
-        self._access.check(_described(request), OBSERVERS)
-        file = self._studio.journal_file(request.match_info["name"])
+        file = self._recording(request)
         from_s, to_s = _moment(request, "from"), _moment(request, "to")
         if self._excerpts.locked():
             raise Refused(
@@ -306,6 +302,11 @@ class Server:
                         request.transport.abort()
                 return sent
 
+    def _recording(self, request: web.Request) -> Path:
+        """Return the recording that an observer requests."""
+        self._access.check(_described(request), OBSERVERS)
+        return self._studio.journal_file(request.match_info["name"])
+
     async def _do(self, request: web.Request) -> web.Response:
         name = request.match_info["operation"]
         if (own := OWN_OPERATIONS.get(name)) is not None:
@@ -313,9 +314,8 @@ class Server:
             return _json(await self._own.do(name, read_fields(own.fields, await _body(request))))
         operation = OPERATIONS.get(name)
         if operation is None:
-            raise Refused(
-                RefusalCode.NOT_FOUND, f"no operation '{name[:40]}'; there are {_names()}"
-            )
+            names = ", ".join([*OPERATIONS, *OWN_OPERATIONS])
+            raise Refused(RefusalCode.NOT_FOUND, f"no operation '{name[:40]}'; there are {names}")
         role = self._access.check(_described(request), operation.roles)
         service, fields = read_request(operation, await _body(request), role)
         answer = await asyncio.wrap_future(self._caller.call(service, fields, LIMIT_S))
@@ -536,10 +536,6 @@ async def _body(request: web.Request) -> object:
 def _json(value: object, status: int = 200) -> web.Response:
     text = json.dumps(value, default=vars, allow_nan=False, ensure_ascii=False)
     return web.Response(text=text, status=status, content_type="application/json")
-
-
-def _names() -> str:
-    return ", ".join([*OPERATIONS, *OWN_OPERATIONS])
 
 
 def _read_page(folder: Path) -> Mapping[str, tuple[str, bytes, bytes]]:
