@@ -409,8 +409,8 @@ class StudioNode(BaseNode):
         own: dict[str, Callable[..., None]] = {
             "cards": self._handle_card,
             "open_questions": self._handle_questions,
-            "tunables": partial(self._handle_tunables, part),
-            "tunings": partial(self._handle_tunings, part),
+            "tunables": partial(self._handle_tuning, part),
+            "tunings": partial(self._handle_tuning, part),
         }
         live = topic.name == "bt_agents/scene/live"
 
@@ -489,16 +489,12 @@ class StudioNode(BaseNode):
         for host, card in list(self._absent.items()):
             self._admit(host, card)
 
-    def _handle_tunables(self, host: str, message: Tunables) -> None:
+    def _handle_tuning(self, host: str, message: Tunables | Tunings) -> None:
         now_s = self.get_clock().now().nanoseconds * 1e-9
-        if host in self._hosts:
+        if isinstance(message, Tunables) and host in self._hosts:
             self._hosts[host].tunables = message
-        self._receive("bt_agents_interfaces/msg/Tunables", message, now_s, False)
-        self._read_values(host)
-
-    def _handle_tunings(self, host: str, message: Tunings) -> None:
-        now_s = self.get_clock().now().nanoseconds * 1e-9
-        self._receive("bt_agents_interfaces/msg/Tunings", message, now_s, False)
+        kind = type(message).__name__
+        self._receive(f"bt_agents_interfaces/msg/{kind}", message, now_s, False)
         self._read_values(host)
 
     def _read_values(self, host: str) -> None:
