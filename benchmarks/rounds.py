@@ -71,7 +71,6 @@ class System:
         self._ticks: list[Any] = []
         self._ends: list[Any] = []
         self._market: list[Any] = []
-        self._hosts = len(hosts)
         self._previews = 0
         trees = []
         for index, count in enumerate(hosts):
