@@ -6,9 +6,9 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from bt_agents_core.errors import BtAgentsError, Refusal, Refused, RefusedElsewhere
@@ -37,6 +37,9 @@ from bt_agents_tools.client.strategies import (
 )
 from bt_agents_tools.client.write_back import ParameterState
 
+if TYPE_CHECKING:
+    from bt_agents_studio.node import StudioNode
+
 LIMIT_S = 60.0
 """Longest time of one operation, including tests of agents [s]."""
 
@@ -47,42 +50,18 @@ TunedHosts = Mapping[str, tuple[Path, Sequence[ParameterState]]]
 """Host → its trees folder, and its parameters and profile values."""
 
 
-class Caller(Protocol):
-    """Calls services of the system, and publishes messages for its trees."""
-
-    def call(self, service: str, fields: Mapping[str, Any], limit_s: float) -> Future[Any]:
-        """See :meth:`StudioNode.call`."""
-
-    def answer(self, text: str) -> Future[str]:
-        """See :meth:`StudioNode.answer`."""
-
-    def publish(self, topic: str, values: Sequence[str]) -> Future[str]:
-        """See :meth:`StudioNode.publish`."""
-
-    def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
-        """See :meth:`StudioNode.preview`."""
-
-    def set_market_parameters(
-        self, changes: Mapping[str, str | float], limit_s: float
-    ) -> Future[Any]:
-        """See :meth:`StudioNode.set_market_parameters`."""
-
-    def tuned(self) -> Future[TunedHosts]:
-        """See :meth:`StudioNode.tuned`."""
-
-
 class OwnOperations:
     """The studio's own operations, done by modules of the command line.
 
     Args:
         studio: Studio with the scene parameters.
-        caller: Calls services and publishes messages.
+        node: Calls services and publishes messages.
         person_address: Address of the page Person, including the token.
     """
 
-    def __init__(self, studio: Studio, caller: Caller, person_address: str) -> None:
+    def __init__(self, studio: Studio, node: StudioNode, person_address: str) -> None:
         self._studio = studio
-        self._caller = caller
+        self._node = node
         self._person_address = person_address
         # One at a time, so that two pages never write the same file together.
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="own")
@@ -113,10 +92,10 @@ class OwnOperations:
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     async def _answer(self, text: str = "") -> Mapping[str, object]:
-        return _accepted(await asyncio.wrap_future(self._caller.answer(text)))
+        return _accepted(await asyncio.wrap_future(self._node.answer(text)))
 
     async def _publish(self, topic: str = "", values: Sequence[str] = ()) -> Mapping[str, object]:
-        return _accepted(await asyncio.wrap_future(self._caller.publish(topic, values)))
+        return _accepted(await asyncio.wrap_future(self._node.publish(topic, values)))
 
     async def _person_link(self) -> Mapping[str, object]:
         record = PersonLinkRecord(
@@ -181,7 +160,7 @@ class OwnOperations:
         return map_record(across, up, xs, ys, winners, is_asked=True)
 
     async def _preview(self, scene: Mapping[str, float]) -> Any:
-        answer = await asyncio.wrap_future(self._caller.preview(scene, _PREVIEW_S))
+        answer = await asyncio.wrap_future(self._node.preview(scene, _PREVIEW_S))
         if not answer.accepted:
             raise RefusedElsewhere(str(answer.code), str(answer.message))
         return answer.auction
@@ -196,7 +175,7 @@ class OwnOperations:
         changes = changed_parameters(found, name, zip(options, values, strict=True))
         message = ""
         if changes:
-            setting = self._caller.set_market_parameters(changes, _STRATEGY_S)
+            setting = self._node.set_market_parameters(changes, _STRATEGY_S)
             result = (await asyncio.wrap_future(setting)).result
             if not result.successful:
                 raise BtAgentsError(str(result.reason or "it gives no reason"))
@@ -222,10 +201,10 @@ class OwnOperations:
         return strategies_of(infos, described.descriptors, values)
 
     async def _read(self, service: str, asked: Mapping[str, Any]) -> Any:
-        return await asyncio.wrap_future(self._caller.call(service, asked, _STRATEGY_S))
+        return await asyncio.wrap_future(self._node.call(service, asked, _STRATEGY_S))
 
     async def _keep(self, profile: bool = False, digest: str = "") -> Mapping[str, object]:
-        hosts = await asyncio.wrap_future(self._caller.tuned())
+        hosts = await asyncio.wrap_future(self._node.tuned())
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._worker, _keep, hosts, profile, digest)
 

@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from aiohttp import WSMsgType, web
@@ -49,7 +50,7 @@ from bt_agents_studio.operations import (
     read_fields,
     read_request,
 )
-from bt_agents_studio.own_operations import Caller, OwnOperations
+from bt_agents_studio.own_operations import OwnOperations
 from bt_agents_studio.protocol import (
     LARGEST_MESSAGE,
     LATEST_S,
@@ -64,6 +65,9 @@ from bt_agents_studio.protocol import (
 from bt_agents_studio.recordings import WRITTEN_S
 from bt_agents_studio.records import OF_A_PERSON
 from bt_agents_studio.studio import Studio
+
+if TYPE_CHECKING:
+    from bt_agents_studio.node import StudioNode
 
 PERIOD_S = 1 / 60
 """Shortest time between two messages to one client [s]."""
@@ -112,7 +116,7 @@ class Server:
     Args:
         studio: The studio to show.
         access: Rules of access.
-        caller: Calls services.
+        node: Calls services.
         watch: Called with whether any page, and a page Person, is open, whenever one is opened or
             closed.
         person_address: Address of the page Person, including the token.
@@ -124,7 +128,7 @@ class Server:
         self,
         studio: Studio,
         access: AccessControl,
-        caller: Caller,
+        node: StudioNode,
         watch: Callable[[bool, bool], None],
         *,
         person_address: str,
@@ -133,7 +137,7 @@ class Server:
     ) -> None:
         self._studio = studio
         self._access = access
-        self._caller = caller
+        self._node = node
         self._watch = watch
         self._namespace = namespace
         self._secure = secure
@@ -147,7 +151,7 @@ class Server:
         self._encoded: tuple[Delta | None, str] = None, ""
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
-        self._own = OwnOperations(studio, caller, person_address)
+        self._own = OwnOperations(studio, node, person_address)
         self._labels = ThreadPoolExecutor(max_workers=1, thread_name_prefix="labels")
         self._recordings = JournalWorker(studio.mood, studio.namespace)
         self._reading: set[asyncio.Task[None]] = set()
@@ -318,7 +322,7 @@ class Server:
             raise Refused(RefusalCode.NOT_FOUND, f"no operation '{name[:40]}'; there are {names}")
         role = self._access.check(_described(request), operation.roles)
         service, fields = read_request(operation, await _body(request), role)
-        answer = await asyncio.wrap_future(self._caller.call(service, fields, LIMIT_S))
+        answer = await asyncio.wrap_future(self._node.call(service, fields, LIMIT_S))
         return _json(
             {
                 "accepted": bool(answer.accepted),
