@@ -116,11 +116,8 @@ class Server:
     Args:
         studio: The studio to show.
         access: Rules of access.
-        node: Calls services.
-        watch: Called with whether any page, and a page Person, is open, whenever one is opened or
-            closed.
+        node: Calls services, and is told which pages are open.
         person_address: Address of the page Person, including the token.
-        namespace: Namespace of the system.
         secure: Whether the server uses TLS.
     """
 
@@ -129,17 +126,13 @@ class Server:
         studio: Studio,
         access: AccessControl,
         node: StudioNode,
-        watch: Callable[[bool, bool], None],
         *,
         person_address: str,
-        namespace: str = "/",
         secure: bool = False,
     ) -> None:
         self._studio = studio
         self._access = access
         self._node = node
-        self._watch = watch
-        self._namespace = namespace
         self._secure = secure
         # Socket → role and id of the session that opened it.
         self._clients: dict[web.WebSocketResponse, tuple[SessionRole, str]] = {}
@@ -396,11 +389,11 @@ class Server:
         return socket
 
     def _tell_watched(self) -> None:
-        self._watch(bool(self._clients), bool(self._persons))
+        self._node.watch(bool(self._clients), bool(self._persons))
 
     async def _pump(self, socket: web.WebSocketResponse, feed: Feed, role: SessionRole) -> None:
         """Send one client its messages, as fast as it reads and only as often as needed."""
-        await self._send(socket, self._studio.hello(role, self._namespace))
+        await self._send(socket, self._studio.hello(role, self._node.get_namespace()))
         while not socket.closed:
             changed = self._changed
             if (seek := feed.take_recorded()) is not None:

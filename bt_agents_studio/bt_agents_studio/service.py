@@ -145,9 +145,7 @@ async def serve(
             studio,
             access,
             node,
-            node.watch,
             person_address=addresses[SessionRole.PERSON],
-            namespace=node.get_namespace(),
             secure=context is not None,
         )
         async with server.serving(listening, context):

@@ -38,7 +38,7 @@ SPACE = SceneSpace(
 
 
 class RecordingCaller:
-    """Services that all give the same answer, and the requests that they received."""
+    """Node whose services all give the same answer, and the requests that they received."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, dict[str, Any]]] = []
@@ -48,6 +48,14 @@ class RecordingCaller:
         # Parameter of the market → its descriptor and its value.
         self.parameters: dict[str, tuple[Any, Any]] = {}
         self.not_set = ""
+        # Whether any page, and whether a page Person, was open, at each change.
+        self.watched: list[tuple[bool, bool]] = []
+
+    def get_namespace(self) -> str:
+        return "/"
+
+    def watch(self, is_watched: bool, is_person_open: bool) -> None:
+        self.watched.append((is_watched, is_person_open))
 
     def call(self, service: str, fields: Mapping[str, Any], limit_s: float) -> Future[Any]:
         del limit_s
@@ -105,14 +113,9 @@ class ServedStudio:
     def __init__(self, journal: Path | None = None) -> None:
         self.studio = Studio("studio", space=SPACE, journal=journal)
         self.caller = RecordingCaller()
-        # Whether any page, and whether a page Person, was open, at each change.
-        self.watched: list[tuple[bool, bool]] = []
         self.port = 0
         self.access: AccessControl
         self.server: Server
-
-    def watch(self, is_watched: bool, is_person_open: bool) -> None:
-        self.watched.append((is_watched, is_person_open))
 
     @property
     def host(self) -> str:
@@ -177,7 +180,6 @@ async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
             one.studio,
             one.access,
             one.caller,
-            one.watch,
             person_address=one.address_for(SessionRole.PERSON, "person"),
         )
         async with one.server.serving(listening):
