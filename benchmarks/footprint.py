@@ -48,6 +48,7 @@ _MATCH_S = 0.5
 _SETTLE_S = 1.0
 _ECHO = [sys.executable, str(HERE / "bare_echo.py")]
 _OWN = ("/rosout", "/parameter_events", "/clock")
+BARE = "rclpy, same endpoints"
 PLAIN = "Fast DDS as it is"
 """The settings of plain ROS."""
 
@@ -202,7 +203,7 @@ def _idle(effort: Effort) -> Row:
         floor.until_up()
         window_s = 0.3 if effort.is_short else _WINDOW_S
         time.sleep(0.0 if effort.is_short else _SETTLE_S)
-        sides = {OURS: running, "rclpy, same endpoints": bare}
+        sides = {OURS: running, BARE: bare}
         found: dict[str, list[float]] = {side: [] for side in sides}
         for _ in range(effort.repetitions):
             before = {side: _cpu_s(processes) for side, processes in sides.items()}
@@ -211,14 +212,12 @@ def _idle(effort: Effort) -> Row:
                 found[side].append(100 * ((_cpu_s(processes) - before[side]) / window_s))
         endpoints = sum(len(of) for one in layout.values() for of in one.values())
         rates = sum(publisher[3] for one in layout.values() for publisher in one["publishers"])
-        return Row.beside(
-            *(found, OURS, "rclpy, same endpoints"),
-            case=f"idle, {AGENTS} agents, 4 processes",
-            unit="% of a core",
-            goal=1.2,
-            note=f"both at the same time; the floor has the same nodes with the same {endpoints} "
-            f"topics, services and actions, and publishes the same {rates} messages a second",
+        case = f"idle, {AGENTS} agents, 4 processes"
+        note = (
+            f"both at the same time; the floor has the same nodes with the same {endpoints} "
+            f"topics, services and actions, and publishes the same {rates} messages a second"
         )
+        return Row.beside(found, OURS, BARE, case=case, unit="% of a core", goal=1.2, note=note)
 
 
 def _one_process(effort: Effort) -> Iterator[Row]:

@@ -643,6 +643,7 @@ class NodeThread:
     def _run(self) -> None:
         rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
         studio = self._studio
+        handlers: tuple[Callable[..., None], ...]
         handlers = (studio.receive, studio.beat, studio.value, studio.graph)
         try:
             node = StudioNode(
