@@ -38,6 +38,11 @@ def user() -> str:
         return ""
 
 
+author_option = click.option(
+    "--author", default=user, show_default="you", help="Who makes the request."
+)
+
+
 def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
     """Ask a host to tune, and print its answer if it accepts."""
     answer = observer.ask(f"{host}/tune", action=action, **fields)
