@@ -10,13 +10,13 @@ from dataclasses import replace
 from typing import Any
 
 from bare import EVENTS, LATCHED
-from bare_round import NAMES, WANTED
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketStatus, SceneEnd
 from bt_agents_interfaces.srv import Analyze
 from bt_agents_tools.launcher import components
 from measuring import COLD, HOT, PAUSE_S, Effort, Row
 from processes import Graph, Running, graphs, write_trees
+from rounds import ANALYZE, TREE
 from run_probes import Market
 
 GOALS = 900
@@ -25,9 +25,6 @@ EARLY = 100
 """Number of rounds and goals that count as the first ones."""
 
 AGENTS = ("first", "second", "third")
-TREE = "{check: scene.age >= 1}"
-"""It ends with its first tick."""
-
 FEEDBACK = """\
 format: 1
 rounds: 1
@@ -39,9 +36,6 @@ feedback:
 """
 """Each round moves a profile."""
 
-ANALYZE = Analyze.Request(
-    names=list(NAMES), values=list(WANTED), person=Analyze.Request.PRESENT, announce=True
-)
 LEASE_S = 5.0
 """Longest delay of a host by other work of this machine [s]."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from bare import EVENTS, spin
-
-
-def load(type_name: str) -> Any:
-    """Return the class of a ROS type, for example of ``std_msgs/msg/Empty``."""
-    package, folder, name = type_name.split("/")
-    return getattr(import_module(f"{package}.{folder}"), name)
+from bt_agents_ros.types import load_type
 
 
 def qos(policies: list[int]) -> QoSProfile:
@@ -33,20 +27,20 @@ def make(name: str, layout: dict[str, list[Any]]) -> Node:
     """Return a node that looks from outside like a node of the layout."""
     node = rclpy.create_node(name)
     for topic, type_name, policies in layout["subscriptions"]:
-        node.create_subscription(load(type_name), topic, lambda _: None, qos(policies))
+        node.create_subscription(load_type(type_name), topic, lambda _: None, qos(policies))
     for service, type_name in layout["services"]:
         node.create_service(
-            load(type_name), service, lambda _, response: response, qos_profile=EVENTS
+            load_type(type_name), service, lambda _, response: response, qos_profile=EVENTS
         )
     for service, type_name in layout["clients"]:
-        node.create_client(load(type_name), service, qos_profile=EVENTS)
+        node.create_client(load_type(type_name), service, qos_profile=EVENTS)
     for action, type_name in layout["action_servers"]:
-        kind = load(type_name)
+        kind = load_type(type_name)
         ActionServer(node, kind, action, lambda handle, kind=kind: kind.Result())
     for action, type_name in layout["action_clients"]:
-        ActionClient(node, load(type_name), action)
+        ActionClient(node, load_type(type_name), action)
     for topic, type_name, policies, rate in layout["publishers"]:
-        kind = load(type_name)
+        kind = load_type(type_name)
         publisher = node.create_publisher(kind, topic, qos(policies))
         if rate:
             node.create_timer(

@@ -17,6 +17,9 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Bids, CallForBids, Scene, SceneValue, TreeStatus
 from bt_agents_interfaces.srv import Analyze
 
+AGENTS = 3
+"""Number of agents of the host."""
+
 NAMES = ("age", "familiarity", "mood")
 WANTED = (3.0, 2.0, 3.0)
 
@@ -112,11 +115,11 @@ class Listener(Node):
 class Host(Node):
     """Answers calls for bids, and publishes the start of a run at each goal."""
 
-    def __init__(self, agents: int) -> None:
+    def __init__(self) -> None:
         super().__init__("host")
-        self._names = [f"agent_{index:05d}" for index in range(agents)]
-        self._ids = array("I", range(1, agents + 1))
-        self._vectors = array("d", (v for index in range(agents) for v in profile(index)))
+        self._names = [f"agent_{index:05d}" for index in range(AGENTS)]
+        self._ids = array("I", range(1, AGENTS + 1))
+        self._vectors = array("d", (v for index in range(AGENTS) for v in profile(index)))
         self._bids = self.create_publisher(Bids, "bt_agents/bids", EVENTS)
         self._status = self.create_publisher(TreeStatus, "agents/status", EVENTS)
         self.create_subscription(CallForBids, "bt_agents/calls", self._bid, EVENTS)
@@ -157,17 +160,10 @@ class Host(Node):
         return RunAgent.Result(outcome=RunAgent.Result.SUCCEEDED)
 
 
-def main(part: str, agents: int = 3) -> None:
-    """Run one part of a round."""
-    rclpy.init()
-    made = {
-        "service": Service,
-        "market": Market,
-        "listener": Listener,
-        "host": lambda: Host(agents),
-    }
-    spin(made[part]())
+PARTS = {"service": Service, "market": Market, "listener": Listener, "host": Host}
+"""Parts of a round by the first word of the command line."""
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *map(int, sys.argv[2:]))
+    rclpy.init()
+    spin(PARTS[sys.argv[1]]())

@@ -22,7 +22,7 @@ from bare_executor import KINDS, echo
 from bt_agents_interfaces.action import Say
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from measuring import COLD, HOT, Effort, Row, in_turn, paused, timed
-from processes import Graph, Running, graphs
+from processes import Running, graphs
 
 _FLOOR = "single"
 _CROWD = 50
@@ -140,7 +140,8 @@ def measure(effort: Effort) -> Iterator[Row]:
             graph = make(kind)
             processes[kind] = graph.bare("bare_executor.py", kind)
             graph.until_up()
-            two[kind] = _asker(stack, kind, graph)
+            two[kind] = Asker(kind, graph.context)
+            stack.callback(two[kind].close)
             two[kind].until_matched()
         yield from _rows("topic there and back, 2 processes", effort, 200, two, Asker.hop)
         yield from _rows("service, 2 processes", effort, 200, two, Asker.call)
@@ -170,12 +171,6 @@ def _in_one_process(stack: ExitStack, effort: Effort) -> tuple[dict[str, Asker],
 
 def _crowd(effort: Effort) -> int:
     return 5 if effort.is_short else _CROWD
-
-
-def _asker(stack: ExitStack, kind: str, graph: Graph) -> Asker:
-    asker = Asker(kind, graph.context)
-    stack.callback(asker.close)
-    return asker
 
 
 def _rows(
@@ -208,15 +203,7 @@ def _idle(effort: Effort, processes: dict[str, Running]) -> Iterator[Row]:
 def _beside_floor(
     case: str, found: dict[str, list[float]], *, pace: str = "", unit: str = "s"
 ) -> Iterator[Row]:
-    for kind, values in found.items():
+    for kind in found:
         if kind != _FLOOR:
-            yield Row(
-                case=case,
-                side=kind,
-                values=values,
-                floor=_FLOOR,
-                floor_values=found[_FLOOR],
-                unit=unit,
-                goal=1.0 if kind == "lean" else None,
-                pace=pace,
-            )
+            goal = 1.0 if kind == "lean" else None
+            yield Row.beside(found, kind, _FLOOR, case=case, unit=unit, goal=goal, pace=pace)

@@ -114,7 +114,7 @@ class System:
                 components.market(trees),
                 components.scene_layer(trees),
                 components.feedback(trees, str(graph.folder / "ledger.sqlite")),
-                components.robot(1.0, "off"),
+                components.robot("off"),
                 components.host(trees),
             )
         }

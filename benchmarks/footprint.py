@@ -21,12 +21,13 @@ from typing import Any
 from rclpy.node import Node
 
 from bare import LATCHED
-from bare_idle import load, qos
+from bare_idle import qos
 from bt_agents_interfaces.msg import HostCard
+from bt_agents_ros.types import load_type
 from bt_agents_tools.launcher import components as system
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from bt_agents_tools.launcher.supervisor import Component, set_discovery
-from measuring import Effort, Row, Way, in_turn
+from measuring import OURS, Effort, Row, Way, in_turn
 from processes import HERE, Graph, Running, graphs, write_trees
 
 AGENTS = 30
@@ -47,6 +48,9 @@ _MATCH_S = 0.5
 _SETTLE_S = 1.0
 _ECHO = [sys.executable, str(HERE / "bare_echo.py")]
 _OWN = ("/rosout", "/parameter_events", "/clock")
+BARE = "rclpy, same endpoints"
+PLAIN = "Fast DDS as it is"
+"""The settings of plain ROS."""
 
 NODES_20 = """
   sequence:
@@ -73,6 +77,20 @@ def measure(effort: Effort) -> Iterator[Row]:
     yield from _memory(effort)
     yield from _joining(effort)
     yield from _starting(effort)
+
+
+def _system(graph: Graph) -> tuple[Path, tuple[Component, ...]]:
+    """Return the trees folder and the nodes of a system without a robot."""
+    trees = write_trees(
+        graph.folder / "trees", {f"agent_{i:02d}": NODES_20 for i in range(AGENTS)}
+    )
+    parts = (
+        system.market(trees),
+        system.scene_layer(trees),
+        system.feedback(trees, str(graph.folder / "ledger.db")),
+        system.host(trees),
+    )
+    return trees, parts
 
 
 def _start(graph: Graph, trees: Path, *components: Component) -> list[Running]:
@@ -107,7 +125,10 @@ def layout_of(
     heard: Counter[str] = Counter()
     listening = [
         node.create_subscription(
-            load(type_name), topic, lambda _, topic=topic: heard.update([topic]), qos(policies)
+            load_type(type_name),
+            topic,
+            lambda _, topic=topic: heard.update([topic]),
+            qos(policies),
         )
         for topic, type_name, policies in {one[0]: one for one in publishers}.values()
     ]
@@ -167,17 +188,8 @@ def _is_common(service: str, type_name: str) -> bool:
 def _idle(effort: Effort) -> Row:
     with graphs() as make:
         ours, floor = make("idle"), make("idle-floor")
-        trees = write_trees(
-            ours.folder / "trees", {f"agent_{i:02d}": NODES_20 for i in range(AGENTS)}
-        )
-        running = _start(
-            ours,
-            trees,
-            system.market(trees),
-            system.scene_layer(trees),
-            system.feedback(trees, str(ours.folder / "ledger.db")),
-            system.host(trees),
-        )
+        trees, parts = _system(ours)
+        running = _start(ours, trees, *parts)
         names = ["marketplace", "scene_layer", "feedback", "agents"]
         known = ours.probe.get_node_names
         ours.until(lambda: {*names} <= {*known()}, "all nodes are in the graph")
@@ -191,40 +203,28 @@ def _idle(effort: Effort) -> Row:
         floor.until_up()
         window_s = 0.3 if effort.is_short else _WINDOW_S
         time.sleep(0.0 if effort.is_short else _SETTLE_S)
-        found: dict[str, list[float]] = {"ours": [], "floor": []}
+        sides = {OURS: running, BARE: bare}
+        found: dict[str, list[float]] = {side: [] for side in sides}
         for _ in range(effort.repetitions):
-            before = _cpu_s(running), _cpu_s(bare)
+            before = {side: _cpu_s(processes) for side, processes in sides.items()}
             time.sleep(window_s)
-            found["ours"].append((_cpu_s(running) - before[0]) / window_s)
-            found["floor"].append((_cpu_s(bare) - before[1]) / window_s)
+            for side, processes in sides.items():
+                found[side].append(100 * ((_cpu_s(processes) - before[side]) / window_s))
         endpoints = sum(len(of) for one in layout.values() for of in one.values())
         rates = sum(publisher[3] for one in layout.values() for publisher in one["publishers"])
-        return Row(
-            case=f"idle, {AGENTS} agents, 4 processes",
-            side="bt-agents",
-            values=[100 * value for value in found["ours"]],
-            floor="rclpy, same endpoints",
-            floor_values=[100 * value for value in found["floor"]],
-            unit="% of a core",
-            goal=1.2,
-            note=f"both at the same time; the floor has the same nodes with the same {endpoints} "
-            f"topics, services and actions, and publishes the same {rates} messages a second",
+        case = f"idle, {AGENTS} agents, 4 processes"
+        note = (
+            f"both at the same time; the floor has the same nodes with the same {endpoints} "
+            f"topics, services and actions, and publishes the same {rates} messages a second"
         )
+        return Row.beside(found, OURS, BARE, case=case, unit="% of a core", goal=1.2, note=note)
 
 
 def _one_process(effort: Effort) -> Iterator[Row]:
     """Yield the cost of all nodes in one process, and the limits for a small robot."""
     with graphs() as make:
         graph = make("together")
-        trees = write_trees(
-            graph.folder / "trees", {f"agent_{i:02d}": NODES_20 for i in range(AGENTS)}
-        )
-        parts = (
-            system.market(trees),
-            system.scene_layer(trees),
-            system.feedback(trees, str(graph.folder / "ledger.db")),
-            system.host(trees),
-        )
+        trees, parts = _system(graph)
         (running,) = _start(graph, trees, system.one_process(parts))
         window_s = 0.3 if effort.is_short else _WINDOW_S
         time.sleep(0.0 if effort.is_short else _SETTLE_S)
@@ -238,13 +238,8 @@ def _one_process(effort: Effort) -> Iterator[Row]:
             ("idle", computed, "% of a core", _IDLE_LIMIT),
             ("memory", memory, "MiB", _MEMORY_LIMIT_MIB),
         ):
-            yield Row.within(
-                limit,
-                case=f"{what}, {AGENTS} agents, one process",
-                side="bt-agents",
-                values=values,
-                unit=unit,
-            )
+            case = f"{what}, {AGENTS} agents, one process"
+            yield Row.within(limit, case=case, values=values, unit=unit)
 
 
 def _cpu_s(running: Iterable[Running]) -> float:
@@ -264,7 +259,6 @@ def _memory(effort: Effort) -> Iterator[Row]:
     for agents in sizes:
         yield Row(
             case=f"memory of a host, {agents:,} x 20 nodes",
-            side="bt-agents",
             values=found[str(agents)],
             floor="rclpy, one action server",
             floor_values=found["bare"],
@@ -324,25 +318,18 @@ def _joining(effort: Effort) -> Iterator[Row]:
         ("joining late until the first answer", found, None),
         (f"the slowest of {number} such", slowest, 0.05),
     ):
-        yield Row(
-            case=case,
-            side="bt-agents",
-            values=values["ours"],
-            floor="Fast DDS as it is",
-            floor_values=values["default"],
-            goal=goal,
-            note="from the start of rclpy on, its node included",
-        )
+        note = "from the start of rclpy on, its node included"
+        yield Row.beside(values, OURS, PLAIN, case=case, goal=goal, note=note)
 
 
 def _environments() -> dict[str, dict[str, str]]:
     """Return the settings of our processes and of plain ROS, each on its own domain."""
     found = {}
-    for name in ("ours", "default"):
+    for name in (OURS, PLAIN):
         environment = {key: v for key, v in os.environ.items() if "PROFILES_FILE" not in key}
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         environment["ROS_DOMAIN_ID"] = str(reserve_domain())
-        if name == "ours":
+        if name == OURS:
             set_discovery(environment)
         found[name] = environment
     return found
@@ -363,9 +350,7 @@ def _starting(effort: Effort) -> Iterator[Row]:
     layouts = {"a process each": (), "one process": ("--one-process",)}
     ways = {name: partial(_up, options) for name, options in layouts.items()}
     for name, values in in_turn(ways, effort).items():
-        yield Row.within(
-            _READY_LIMIT_S, case=f"up until ready, {name}", side="bt-agents", values=values
-        )
+        yield Row.within(_READY_LIMIT_S, case=f"up until ready, {name}", values=values)
 
 
 def _up(options: Sequence[str]) -> float:

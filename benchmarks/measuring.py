@@ -8,6 +8,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
+from typing import Any
+
+OURS = "bt-agents"
+"""Who does it in most rows."""
 
 HOT = "hot"
 """Back to back."""
@@ -64,7 +68,7 @@ class Row:
     """
 
     case: str
-    side: str
+    side: str = OURS
     values: Sequence[float]
     floor: str = ""
     floor_values: Sequence[float] = ()
@@ -75,29 +79,26 @@ class Row:
     note: str = ""
 
     @classmethod
+    def beside(
+        cls, found: Mapping[str, Sequence[float]], side: str, floor: str, **details: Any
+    ) -> Row:
+        """Return the comparison of the values that were found under two names."""
+        values, floor_values = found[side], found[floor]
+        return cls(side=side, values=values, floor=floor, floor_values=floor_values, **details)
+
+    @classmethod
     def within(
         cls,
         limit: float,
         *,
-        case: str,
-        side: str,
         values: Sequence[float],
         floor: str = "the limit",
-        unit: str = "s",
         goal: float = 1.0,
-        pace: str = "",
+        **details: Any,
     ) -> Row:
         """Return the comparison of figures with a limit in the same unit."""
-        return cls(
-            case=case,
-            side=side,
-            values=values,
-            floor=floor,
-            floor_values=[limit] * len(values),
-            unit=unit,
-            goal=goal,
-            pace=pace,
-        )
+        limits = [limit] * len(values)
+        return cls(values=values, floor=floor, floor_values=limits, goal=goal, **details)
 
     def __post_init__(self) -> None:
         """Reject a row that cannot be compared.
@@ -162,19 +163,21 @@ def timed(
     return way
 
 
-def paused(call: Callable[[], float], number: int) -> Way:
-    """Return a way that repeats a call, each after a pause, and takes the median.
+def median_of(call: Callable[[], float], number: int) -> Way:
+    """Return a way that repeats a call and takes the median.
 
     Args:
         call: Returns its own time [s].
         number: Number of calls.
     """
+    return lambda: statistics.median(call() for _ in range(number))
 
-    def way() -> float:
-        took = []
-        for _ in range(number):
-            time.sleep(PAUSE_S)
-            took.append(call())
-        return statistics.median(took)
 
-    return way
+def paused(call: Callable[[], float], number: int) -> Way:
+    """Return a way as :func:`median_of` does, with a pause before each call."""
+
+    def after_pause() -> float:
+        time.sleep(PAUSE_S)
+        return call()
+
+    return median_of(after_pause, number)

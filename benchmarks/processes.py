@@ -163,6 +163,7 @@ class Graph:
         name: Name in messages.
 
     Attributes:
+        context: Context of all nodes in this process.
         probe: A bare node in this process; spun during waits.
         folder: For trees, logs and a ledger; removed at the end.
     """
@@ -174,18 +175,13 @@ class Graph:
         set_discovery(os.environ)  # the probe reads the same settings as the processes
         domain = reserve_domain()
         self._environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
-        self._context = Context()
+        self.context = Context()
         rclpy.init(
-            context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
+            context=self.context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
         )
-        self._executor = executor(self._context)
-        self.probe = Node("probe", context=self._context, enable_rosout=False)
+        self._executor = executor(self.context)
+        self.probe = Node("probe", context=self.context, enable_rosout=False)
         self._executor.add_node(self.probe)
-
-    @property
-    def context(self) -> Any:
-        """Context of all nodes in this process."""
-        return self._context
 
     def start(self, component: Component, node: str = "") -> Running:
         """Start one of our nodes, optionally under another name, or several in one process."""
@@ -196,15 +192,15 @@ class Graph:
 
     def bare(self, program: str, *arguments: object) -> Running:
         """Start a program of this folder."""
-        words = [str(argument) for argument in arguments]
-        name = " ".join([program, *words])
-        return self._start(name, [sys.executable, str(HERE / program), *words])
+        return self._run([sys.executable, str(HERE / program)], program, *arguments)
 
     def command(self, program: str, *arguments: object) -> Running:
         """Start a program of our installation."""
+        return self._run([str(Path(sys.executable).parent / program)], program, *arguments)
+
+    def _run(self, command: list[str], program: str, *arguments: object) -> Running:
         words = [str(argument) for argument in arguments]
-        path = str(Path(sys.executable).parent / program)
-        return self._start(" ".join([program, *words]), [path, *words])
+        return self._start(" ".join([program, *words]), [*command, *words])
 
     def _start(self, name: str, command: list[str]) -> Running:
         log = self.folder / f"{len(self._running)}.log"
@@ -255,7 +251,7 @@ class Graph:
         finally:
             self._executor.shutdown(timeout_sec=1.0)
             self.probe.destroy_node()
-            self._context.try_shutdown()
+            self.context.try_shutdown()
             shutil.rmtree(self.folder, ignore_errors=True)
 
 

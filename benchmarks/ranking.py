@@ -19,8 +19,6 @@ CLOSED = (3, 1_000)
 DECISIONS_A_TURN = 2_000
 """Approximate number of bids in each measurement."""
 
-OURS = "bt-agents"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
@@ -103,7 +101,5 @@ def _decision(agents: int, effort: Effort) -> Row:
             raise RuntimeError("a round without a winner, or with bids that were lost")
 
     number = effort.times(max(1, DECISIONS_A_TURN // agents))
-    found = in_turn({OURS: timed(round_of, number)}, effort)[OURS]
-    return Row.within(
-        ROUND_LIMIT_S, case=f"bids to decision, {agents:,} agents", side=OURS, values=found
-    )
+    found = in_turn({"": timed(round_of, number)}, effort)[""]
+    return Row.within(ROUND_LIMIT_S, case=f"bids to decision, {agents:,} agents", values=found)

@@ -30,7 +30,7 @@ from bt_agents_language.yaml.source import Source
 from measuring import Effort, Row, Way, in_turn
 
 TREES = Path(__file__).parents[1] / "trees"
-OURS = "read, check, build"
+WHOLE, READ = "read, check, build", "read, check"
 SAFE = "PyYAML SafeLoader"
 SIZES = (20, 200, 2_000, 5_000)
 SHORT_SIZES = (20, 200)
@@ -172,16 +172,8 @@ def _compared(
     if found != nodes:
         raise RuntimeError(f"{case}: the tree has {found} nodes")
     parse = partial(yaml.load, text, Loader=yaml.SafeLoader)
-    values = in_turn({OURS: _way(whole), SAFE: _way(parse)}, effort)
-    return Row(
-        case=case,
-        side=OURS,
-        values=values[OURS],
-        floor=SAFE,
-        floor_values=values[SAFE],
-        goal=goal,
-        note=note,
-    )
+    values = in_turn({WHOLE: _way(whole), SAFE: _way(parse)}, effort)
+    return Row.beside(values, WHOLE, SAFE, case=case, goal=goal, note=note)
 
 
 def _whole(text: str, symbols: SymbolTable) -> Behaviour:
@@ -223,11 +215,5 @@ def _folder(effort: Effort) -> Row:
         _forget()
         read_trees(TREES)
 
-    values = in_turn({OURS: _way(read), SAFE: _way(parse)}, effort)
-    return Row(
-        case=f"trees/, {len(files)} files",
-        side="read, check",
-        values=values[OURS],
-        floor=SAFE,
-        floor_values=values[SAFE],
-    )
+    values = in_turn({READ: _way(read), SAFE: _way(parse)}, effort)
+    return Row.beside(values, READ, SAFE, case=f"trees/, {len(files)} files")

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -25,7 +24,7 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import Analyze, CollectFeedback, PreviewAuction, RegisterHost
 from bt_agents_ros.messages import seconds
 from bt_agents_tools.launcher import components
-from measuring import COLD, HOT, PAUSE_S, ROUND_LIMIT_S, Effort, Row, Way, in_turn
+from measuring import COLD, HOT, PAUSE_S, ROUND_LIMIT_S, Effort, Row, Way, in_turn, median_of
 from processes import Graph, graphs, write_trees
 
 TREE = "{check: scene.age >= 1}"
@@ -72,7 +71,6 @@ class System:
         self._ticks: list[Any] = []
         self._ends: list[Any] = []
         self._market: list[Any] = []
-        self._hosts = len(hosts)
         self._previews = 0
         trees = []
         for index, count in enumerate(hosts):
@@ -292,7 +290,6 @@ def first_ticks(effort: Effort) -> Iterator[Row]:
             for size in sizes:
                 yield Row(
                     case=f"request → first tick, {size} agents in a host",
-                    side="bt-agents",
                     values=found[f"{size} agents"],
                     floor="request + goal accepted",
                     floor_values=found["floor"],
@@ -302,7 +299,6 @@ def first_ticks(effort: Effort) -> Iterator[Row]:
                 )
             yield Row(
                 case=f"request → first tick, {sizes[0]} agents in a host",
-                side="bt-agents",
                 values=found[f"{sizes[0]} agents"],
                 floor="bare nodes, same job",
                 floor_values=found["chain"],
@@ -321,7 +317,6 @@ def many_agents(effort: Effort) -> Iterator[Row]:
             yield Row.within(
                 ROUND_LIMIT_S,
                 case=f"call → outcome, {agents:,} agents in a host",
-                side="bt-agents",
                 values=found,
                 pace=pace,
             )
@@ -346,7 +341,6 @@ def many_hosts(effort: Effort) -> Iterator[Row]:
             for count in counts:
                 yield Row(
                     case=f"call → outcome, {count} hosts in {count} processes",
-                    side="bt-agents",
                     values=found[str(count)],
                     floor="topic there and back",
                     floor_values=found["floor"],
@@ -396,14 +390,10 @@ def _paced(once: Once, graph: Graph, pace: str, effort: Effort, share: float = 1
         effort: How much to measure.
         share: Fraction of the usual number.
     """
-    number = effort.times(round(NUMBER[pace] * share))
 
-    def way() -> float:
-        took = []
-        for _ in range(number):
-            if pace == COLD:
-                graph.rest(PAUSE_S)
-            took.append(once())
-        return statistics.median(took)
+    def paced() -> float:
+        if pace == COLD:
+            graph.rest(PAUSE_S)
+        return once()
 
-    return way
+    return median_of(paced, effort.times(round(NUMBER[pace] * share)))

@@ -295,7 +295,12 @@ class Moods:
             graph.until(
                 lambda: any(m.scene_id == f"s{self._round}" for m, _ in self._live.heard), "live"
             )
-        self._show(0.0)
+        self._live.heard.clear()
+        told(
+            graph,
+            lambda: self._face(0.0),
+            lambda: any(m.values[2].value == MIDDLE[2] for m, _ in self._live.heard),
+        )
         graph.rest(pause_s)
         self._feedback.heard.clear()
         began = told(graph, lambda: self._face(1.0), lambda: self._feedback.heard)
@@ -307,15 +312,6 @@ class Moods:
     def _face(self, valence: float) -> None:
         self._valence.publish(Float64(data=valence))
         self._person.publish(Bool(data=True))
-
-    def _show(self, valence: float) -> None:
-        self._live.heard.clear()
-        mood = 3.0 + 2.0 * valence
-        told(
-            self._graph,
-            lambda: self._face(valence),
-            lambda: any(m.values[2].value == mood for m, _ in self._live.heard),
-        )
 
 
 class Cycle:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -13,7 +12,7 @@ from std_msgs.msg import String
 from bare import EVENTS
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.supervisor import Component
-from measuring import COLD, HOT, PAUSE_S, Effort, Row, Way, in_turn
+from measuring import COLD, HOT, OURS, PAUSE_S, Effort, Row, Way, in_turn, median_of
 from processes import Graph, graphs, write_trees
 from run_probes import SETTLE_S, Cycle, Market, Moods, Results, Runs
 
@@ -41,29 +40,23 @@ RATES = (1, 100)
 
 AGENTS = 3
 ROLES = ("scene", "market", "agents", "feedback")
-SIDES = {
-    "together": "bt-agents, one process",
-    "ours": "bt-agents, 4 processes",
-    "plain": "paper's flow, rclpy.spin",
-}
+TOGETHER, APART = "bt-agents, one process", "bt-agents, 4 processes"
+PLAIN = "paper's flow, rclpy.spin"
 """Systems that go through full cycles."""
 
-GOALS = {("ours", "plain"): 1.5, ("together", "ours"): 0.45, ("together", "plain"): 0.7}
+GOALS = {(APART, PLAIN): 1.5, (TOGETHER, APART): 0.45, (TOGETHER, PLAIN): 0.7}
 """Largest ratios of cycle times wanted."""
 
 
 def cancels(runs: Runs, agent: str, number: int, pause_s: float) -> Way:
     """Return a way that cancels a number of runs, each some time after its start [s]."""
 
-    def way() -> float:
-        took = []
-        for _ in range(number):
-            handle = runs.start(agent)
-            runs.graph.rest(pause_s)
-            took.append(runs.cancel(handle))
-        return statistics.median(took)
+    def cancel() -> float:
+        handle = runs.start(agent)
+        runs.graph.rest(pause_s)
+        return runs.cancel(handle)
 
-    return way
+    return median_of(cancel, number)
 
 
 def paces(effort: Effort, hot_s: float) -> tuple[tuple[str, float], ...]:
@@ -116,7 +109,6 @@ def _cancelling(effort: Effort, bare: Runs, hosts: Mapping[int, Runs]) -> Iterat
         for case in cases.values():
             yield Row(
                 case=case,
-                side="bt-agents",
                 values=found[case],
                 floor="rclpy",
                 floor_values=found[""],
@@ -155,18 +147,12 @@ def _results(effort: Effort, floor: Graph, runs: Runs) -> Iterator[Row]:
         for what, words in (("topic", "a message"), ("action", "the result of a goal")):
             yield Row(
                 case=f"{words} to the tick that sees it",
-                side="bt-agents",
                 values=found[f"{what} ours"],
                 floor="rclpy",
                 floor_values=found[f"{what} bare"],
                 goal=1.5,
                 pace=pace,
             )
-
-
-def median_of(call: Callable[[], float], number: int) -> Way:
-    """Return a way that repeats a call and takes the median."""
-    return lambda: statistics.median(call() for _ in range(number))
 
 
 def _mood(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
@@ -177,30 +163,23 @@ def _mood(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
     ours.start(components.feedback(trees, str(ours.folder / "ledger.sqlite")))
     floor.until_up()
     ours.until_up()
-    sides = {"ours": Moods(ours, bare=False), "bare": Moods(floor, bare=True)}
+    bare = "rclpy, SQLite commit"
+    sides = {OURS: Moods(ours, bare=False), bare: Moods(floor, bare=True)}
     number = effort.times(16)
     found = in_turn(
         {side: median_of(partial(one.see, PAUSE_S), number) for side, one in sides.items()}, effort
     )
-    yield Row(
-        case="mood message to its feedback",
-        side="bt-agents",
-        values=found["ours"],
-        floor="rclpy, SQLite commit",
-        floor_values=found["bare"],
-        goal=1.5,
-        pace=COLD,
-    )
+    yield Row.beside(found, OURS, bare, case="mood message to its feedback", goal=1.5, pace=COLD)
 
 
 def _cycle(effort: Effort, make: Callable[[str], Graph]) -> Iterator[Row]:
-    graphs_of = {side: make(f"cycle-{side}") for side in SIDES}
-    for component in _system(graphs_of["ours"]):
-        graphs_of["ours"].start(component)
-    together = graphs_of["together"]
+    together, apart, plain = make("cycle-together"), make("cycle-ours"), make("cycle-plain")
+    for component in _system(apart):
+        apart.start(component)
     together.start(components.one_process(_system(together)))
     for role in ROLES:
-        graphs_of["plain"].bare("replica_paper.py", role)
+        plain.bare("replica_paper.py", role)
+    graphs_of = {TOGETHER: together, APART: apart, PLAIN: plain}
     sides = {side: Cycle(graph, AGENTS) for side, graph in graphs_of.items()}
     for pace, pause in paces(effort, 0.0):
         number = effort.times(16)
@@ -208,15 +187,8 @@ def _cycle(effort: Effort, make: Callable[[str], Graph]) -> Iterator[Row]:
             {side: median_of(partial(c.once, pause), number) for side, c in sides.items()}, effort
         )
         for (side, floor), goal in GOALS.items():
-            yield Row(
-                case="trigger to the winner's new profile",
-                side=SIDES[side],
-                values=found[side],
-                floor=SIDES[floor],
-                floor_values=found[floor],
-                goal=goal,
-                pace=pace,
-            )
+            case = "trigger to the winner's new profile"
+            yield Row.beside(found, side, floor, case=case, goal=goal, pace=pace)
 
 
 def _system(graph: Graph) -> tuple[Component, ...]:

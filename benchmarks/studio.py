@@ -120,6 +120,7 @@ class Figures:
     """Measurements of one window of a page.
 
     Attributes:
+        first_s: Time until its first view, without a cache.
         painted_s: Time from the tick to the painted frame, for each change of the probe.
         frames: Frames a second while the tree moves.
         page_mb: Memory of the processes that draw the page.
@@ -131,6 +132,7 @@ class Figures:
         cpu: CPU of the serving process, as a share of a core.
     """
 
+    first_s: float
     painted_s: Sequence[float]
     frames: float
     page_mb: float
@@ -186,6 +188,7 @@ class Shown:
         after = self._metrics()
         frames = float(self.page.evaluate(_FRAMES, window_s))
         return Figures(
+            first_s=self.first_s,
             painted_s=painted,
             frames=frames,
             page_mb=self._memory_mb(),
@@ -281,7 +284,6 @@ def _page(
     browser: Browser, agents: int, nodes: int, window_s: float, repetitions: int
 ) -> Iterator[Row]:
     found: dict[str, list[Figures]] = {"studio": [], "bare": []}
-    first: dict[str, list[float]] = {"studio": [], "bare": []}
     with graphs() as make:
         graph = make("studio")
         graph.bare("status_source.py", agents, nodes, RATE_HZ)
@@ -294,25 +296,25 @@ def _page(
         for _ in range(repetitions):
             for name, server in servers.items():
                 shown = Shown(browser, server, addresses[name])
-                first[name].append(shown.first_s)
                 found[name].append(shown.figures(window_s))
                 shown.close()
-    yield from _page_rows(f"{agents} x {nodes} nodes, {RATE_HZ} ticks/s", found, first)
+    yield from _page_rows(f"{agents} x {nodes} nodes, {RATE_HZ} ticks/s", found)
 
 
-def _page_rows(
-    case: str, found: dict[str, list[Figures]], first: dict[str, list[float]]
-) -> Iterator[Row]:
-    def both(side: str, unit: str, value: Callable[[Figures], float], note: str = "") -> Row:
-        return Row(
-            case=case,
-            side=side,
-            values=[value(one) for one in found["studio"]],
-            floor="bare page",
-            floor_values=[value(one) for one in found["bare"]],
-            unit=unit,
-            note=note,
-        )
+def _page_rows(case: str, found: dict[str, list[Figures]]) -> Iterator[Row]:
+    def both(
+        side: str,
+        unit: str,
+        value: Callable[[Figures], float],
+        limit: float | None = None,
+        **details: Any,
+    ) -> Iterator[Row]:
+        """Yield a figure beside the bare page's, and beside its limit, if any."""
+        ours, bare = ([value(one) for one in found[name]] for name in ("studio", "bare"))
+        about = {"case": case, "side": side, "values": ours, "unit": unit}
+        yield Row(**about, floor="bare page", floor_values=bare, **details)
+        if limit is not None:
+            yield Row.within(limit, **about)
 
     def median(one: Figures) -> float:
         return statistics.median(one.painted_s)
@@ -320,48 +322,19 @@ def _page_rows(
     def slowest(one: Figures) -> float:
         return _quantile(one.painted_s, 0.99)
 
-    ours = found["studio"]
     note = f"{CHANGES} nodes change in each tick; the studio sends at most 60 messages a second"
-    yield both("status → painted, median", "s", median, note)
-    yield Row.within(
-        PAINTED_S, case=case, side="status → painted, median", values=[median(one) for one in ours]
-    )
-    yield both("status → painted, p99", "s", slowest)
-    yield Row.within(
-        SLOWEST_S, case=case, side="status → painted, p99", values=[slowest(one) for one in ours]
-    )
-    yield Row(
-        case=case,
-        side="first view, cold",
-        values=first["studio"],
-        floor="bare page",
-        floor_values=first["bare"],
-    )
-    yield Row.within(FIRST_VIEW_S, case=case, side="first view, cold", values=first["studio"])
-    yield Row(
-        case=case,
-        side="frames while moved",
-        values=[one.frames for one in ours],
-        floor="bare page",
-        floor_values=[one.frames for one in found["bare"]],
-        unit="/s",
-        goal=FRAMES,
-        at_least=True,
-    )
-    yield both("memory of the page", "MB", lambda one: one.page_mb)
-    yield Row.within(
-        PAGE_MB,
-        case=case,
-        side="memory of the page",
-        values=[one.page_mb for one in ours],
-        unit="MB",
-    )
-    yield both("objects of its scripts", "MB", lambda one: one.heap_mb)
-    yield both("elements", "", lambda one: one.elements)
-    yield both("drawing processes", "% of a core", lambda one: 100 * one.drawing)
-    yield both("messages", "/s", lambda one: one.messages)
-    yield both("size of one", "bytes", lambda one: one.message_bytes)
-    yield both("serving process", "% of a core", lambda one: 100 * one.cpu)
+    frames = {"goal": FRAMES, "at_least": True}
+    yield from both("status → painted, median", "s", median, PAINTED_S, note=note)
+    yield from both("status → painted, p99", "s", slowest, SLOWEST_S)
+    yield from both("first view, cold", "s", lambda one: one.first_s, FIRST_VIEW_S)
+    yield from both("frames while moved", "/s", lambda one: one.frames, **frames)
+    yield from both("memory of the page", "MB", lambda one: one.page_mb, PAGE_MB)
+    yield from both("objects of its scripts", "MB", lambda one: one.heap_mb)
+    yield from both("elements", "", lambda one: one.elements)
+    yield from both("drawing processes", "% of a core", lambda one: 100 * one.drawing)
+    yield from both("messages", "/s", lambda one: one.messages)
+    yield from both("size of one", "bytes", lambda one: one.message_bytes)
+    yield from both("serving process", "% of a core", lambda one: 100 * one.cpu)
 
 
 def _quantile(values: Sequence[float], part: float) -> float:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 
 from engines import Built, only_leaves, ours, py_trees
-from measuring import Effort, Row, in_turn
+from measuring import OURS, Effort, Row, in_turn
 from peers import CPP, PEERS
 from reference_trees import TREES, Shape
 
@@ -17,7 +17,6 @@ EACH_S = 0.05
 """Approximate time of each measurement [s]."""
 
 STOCK = "py_trees"
-OURS = "bt-agents"
 LEAVES = "the leaves alone"
 
 BUILDERS: Mapping[str, Callable[[Shape], Built]] = {
@@ -42,23 +41,13 @@ def _compared(case: str, shape: Shape, effort: Effort) -> Iterator[Row]:
     found = in_turn(ways, effort)
     for name, one in built.items():
         _check_counts(case, name, one, steps)
-    stock = found.pop(STOCK)
-    yield Row(
-        case=case,
-        side=OURS,
-        values=found[OURS],
-        floor=STOCK,
-        floor_values=stock,
-        goal=GOALS[case[0]],
-        note="; ".join(remarks),
-    )
+    note = "; ".join(remarks)
+    yield Row.beside(found, OURS, STOCK, case=case, goal=GOALS[case[0]], note=note)
     if CPP in found:
-        yield Row(
-            case=case, side=OURS, values=found[OURS], floor=CPP, floor_values=found[CPP], goal=1.0
-        )
-    for name, values in found.items():
-        if name != OURS:
-            yield Row(case=case, side=name, values=values, floor=STOCK, floor_values=stock)
+        yield Row.beside(found, OURS, CPP, case=case, goal=1.0)
+    for name in found:
+        if name not in (OURS, STOCK):
+            yield Row.beside(found, name, STOCK, case=case)
 
 
 def _check_alike(case: str, built: Mapping[str, Built]) -> list[tuple[int, int]]:

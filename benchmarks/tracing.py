@@ -90,11 +90,4 @@ def _compared(
         number = max(1, round(effort.scale * EACH_S / once()))
         ways[name] = timed(tick, number, time.thread_time)
     found = in_turn(ways, replace(effort, repetitions=FINE * effort.repetitions))
-    return Row(
-        case=case,
-        side=side[0],
-        values=found[side[0]],
-        floor=floor[0],
-        floor_values=found[floor[0]],
-        goal=goal,
-    )
+    return Row.beside(found, side[0], floor[0], case=case, goal=goal)

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import click
@@ -16,22 +17,11 @@ from markdown_table import markdown_table
 ROOT = Path(__file__).parents[1]
 
 
-def start_page() -> str:
-    """Return README as the first page."""
-    return _moved((ROOT / "README.md").read_text(encoding="utf-8"))
-
-
-def contributing_page() -> str:
-    """Return CONTRIBUTING as a page."""
-    return _moved((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
-
-
-def _moved(text: str) -> str:
-    """Return a text of the root folder with its links relative to docs/."""
-    text = re.sub(r"\]\(docs/", "](", text)
-    return text.replace("](CONTRIBUTING.md", "](contributing.md").replace(
-        "](README.md", "](index.md"
-    )
+def moved_page(name: str) -> str:
+    """Return a file of the root folder as a page, with its links relative to docs/."""
+    text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
+    text = text.replace("](CONTRIBUTING.md", "](contributing.md")
+    return text.replace("](README.md", "](index.md")
 
 
 def commands_page() -> str:
@@ -43,7 +33,8 @@ def commands_page() -> str:
     for path, command, context in _commands(bt_agents, top):
         level = "#" * min(1 + len(path), 3)
         parts.append(f"{level} {' '.join(path)}")
-        parts.append(f"~~~text\n{_help(command, context)}\n~~~")
+        context.terminal_width = context.max_content_width = 88
+        parts.append(f"~~~text\n{command.get_help(context)}\n~~~")
     return _page(parts)
 
 
@@ -58,11 +49,6 @@ def _commands(
         yield path, command, inner
         if isinstance(command, click.Group):
             yield from _commands(command, inner, path)
-
-
-def _help(command: click.Command, context: click.Context) -> str:
-    context.terminal_width = context.max_content_width = 88
-    return command.get_help(context)
 
 
 def files_page() -> str:
@@ -109,8 +95,8 @@ def _page(parts: Iterable[str]) -> str:
 
 
 PAGES: Mapping[str, Callable[[], str]] = {
-    "index.md": start_page,
-    "contributing.md": contributing_page,
+    "index.md": partial(moved_page, "README.md"),
+    "contributing.md": partial(moved_page, "CONTRIBUTING.md"),
     "reference/commands.md": commands_page,
     "reference/files.md": files_page,
     "reference/interfaces.md": interfaces_page,

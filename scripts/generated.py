@@ -32,14 +32,10 @@ def _schema(kind: str) -> str:
     return schema_text(installed_kinds()[kind], shipped())
 
 
-def _groot_page() -> str:
-    return with_table((ROOT / "docs" / "groot.md").read_text(encoding="utf-8"))
-
-
 GENERATED: Mapping[str, Callable[[], str]] = {
     "bt_agents_studio/frontend/src/protocol.ts": protocol_types,
     "docs/errors.md": lambda: codes_page() + refusals_table(ROOT),
-    "docs/groot.md": _groot_page,
+    "docs/groot.md": lambda: with_table((ROOT / "docs" / "groot.md").read_text(encoding="utf-8")),
     "docs/nodes.md": lambda: reference_page(shipped()),
     "docs/patterns.md": lambda: patterns_page(ROOT / "trees"),
     **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in installed_kinds()},

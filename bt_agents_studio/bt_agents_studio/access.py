@@ -207,7 +207,8 @@ class AccessControl:
             raise Refused(RefusalCode.FOREIGN_ORIGIN, "a page of another site may not ask this")
         if (request.changes or request.opens_socket) and not request.origin:
             raise Refused(RefusalCode.NO_ORIGIN, "a change and a WebSocket need the header Origin")
-        if request.method == "POST" and _media_type(request.content_type) != _JSON:
+        media_type = request.content_type.partition(";")[0].strip().lower()
+        if request.method == "POST" and media_type != _JSON:
             raise Refused(RefusalCode.NOT_JSON, f"expected the content type {_JSON}")
 
     def check(self, request: WebRequest, allowed: Collection[SessionRole]) -> SessionRole:
@@ -271,10 +272,6 @@ class AccessControl:
         if not (sound and different and 0 <= now - made_at <= TOKEN_S):
             return now, new, sessions
         return made_at, tokens, sessions
-
-
-def _media_type(content_type: str) -> str:
-    return content_type.partition(";")[0].strip().lower()
 
 
 def security_headers(*, secure: bool) -> Mapping[str, str]:

@@ -17,8 +17,7 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_studio.access import SessionRole
 from bt_agents_studio.feed import Feed
-from bt_agents_studio.history import SPAN_S
-from bt_agents_studio.protocol import VERSION, Delta, Hello, Resume, Snapshot, encode
+from bt_agents_studio.protocol import VERSION, Delta, Resume, Snapshot, encode
 from bt_agents_studio.records import LogRecord
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.cli.trees_choice import state_option, take_trees
@@ -67,6 +66,8 @@ def studio(
     found = find_state(trees, state)
     set_discovery(os.environ)
     with loading():
+        import asyncio
+
         from bt_agents_studio.service import Address, serve
 
     def ready(addresses: Mapping[SessionRole, str]) -> None:
@@ -77,13 +78,14 @@ def studio(
         if opens:
             webbrowser.open(addresses[SessionRole.AUTHOR])
 
-    serve(
+    served = serve(
         Address(host=address, port=port, certificate=certificate, key=key),
         space=space,
         journal=journal or found.journal,
         kept=found.path if found.path.is_dir() else None,
         ready=ready,
     )
+    asyncio.run(served)
 
 
 @click.command()
@@ -99,37 +101,16 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     space = read_scene(trees / "scene.yaml").space
     set_discovery(os.environ)
     with loading():
-        from bt_agents_studio.node import Handover, NodeThread, StudioNode
+        from bt_agents_studio.node import NodeThread
     interrupt = Interrupt()
     shown = Studio(uuid.uuid4().hex[:12], space=space)
-    handover = Handover(lambda: None, shown.fail)
-
-    thread = NodeThread(
-        lambda: StudioNode(
-            handover.to(shown.receive),
-            handover.to(shown.beat),
-            handover.to(shown.value),
-            handover.to(shown.graph),
-            namespace=os.environ.get("ROS_NAMESPACE", ""),
-        ),
-        handover,
-    )
+    thread = NodeThread(shown, lambda: None)
     node = thread.start()
     node.watch(True)
-    namespace = node.get_namespace()
     feed = Feed(shown.store, shown.history, shown.name)
     feed.take(Resume(version=VERSION, studio="", sequence=0))
     if as_json:
-        hello = Hello(
-            version=VERSION,
-            studio=shown.name,
-            now_s=time.time(),
-            role=SessionRole.VIEW,
-            parameters=shown.parameters,
-            namespace=namespace,
-            span_s=SPAN_S,
-        )
-        click.echo(encode(hello))
+        click.echo(encode(shown.hello(SessionRole.VIEW, node.get_namespace())))
     began = time.monotonic()
     end = began + seconds if seconds is not None else float("inf")
     told = False
@@ -137,7 +118,7 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     try:
         while not interrupt and time.monotonic() < end:
             time.sleep(_PERIOD_S)
-            handover.deliver(_PERIOD_S)
+            thread.handover.deliver(_PERIOD_S)
             shown.check_parts()
             if not told and time.monotonic() - began > _FIND_S:
                 told = True

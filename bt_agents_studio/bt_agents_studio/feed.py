@@ -120,7 +120,8 @@ class Feed:
             read, self._read = self._read, None
             return read
         if self._seek is not None and self._is_moment_due and not self._seek.source:
-            return self._moment(self._seek)
+            self._is_moment_due = False
+            return moment_snapshot(self._history, self._seek.at_s)
         if self._sent == self._store.sequence:
             return None
         changes = self._store.since(self._sent) if self._sent is not None else None
@@ -159,10 +160,6 @@ class Feed:
             ]
         shown = [one for one in changes if one.collection in OF_THE_PRESENT]
         return Present.of(shown, is_whole=is_whole) if shown or is_whole else None
-
-    def _moment(self, seek: Seek) -> ServerMessage:
-        self._is_moment_due = False
-        return moment_snapshot(self._history, seek.at_s)
 
 
 def shown_entries(entries: Entries, collections: Collection[str] | None) -> Entries:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import OrderedDict, deque
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters
 from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -23,8 +24,6 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from std_msgs.msg import Empty, String
 
-import bt_agents_interfaces.srv as services
-from bt_agents.host.tuning.tunable import profile_values
 from bt_agents.host.tuning.tune_service import info_from_msg
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
@@ -40,12 +39,13 @@ from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.messages import header_at
 from bt_agents_ros.size_check import check_content, largest_bytes
 from bt_agents_ros.spinner import Spinner
-from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
+from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, service_called, topic_called
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 from bt_agents_studio.records import ListeningRecord
-from bt_agents_tools.client import open_questions, publication
+from bt_agents_studio.studio import Studio
+from bt_agents_tools.client import open_questions, publication, tuning
 from bt_agents_tools.client.write_back import ParameterState
 
 MOST_HOSTS = 100
@@ -226,60 +226,17 @@ class StudioNode(BaseNode):
                 for name, value in values.items()
             ],
         )
-        return self.call("PreviewAuction", "marketplace/preview", {"scene": scene}, limit_s)
-
-    def market_parameters(
-        self, names: Sequence[str], limit_s: float
-    ) -> Future[tuple[Sequence[Any], Sequence[Any]]]:
-        """Return descriptors and values of parameters of the market; as :meth:`call`.
-
-        Args:
-            names: Names of the parameters.
-            limit_s: Longest wait for each of the two answers [s].
-        """
-        answer: Future[tuple[Sequence[Any], Sequence[Any]]] = Future()
-        fields = {"names": names}
-
-        def read(described: Any, got: Any) -> None:
-            try:
-                values = [parameter_value_to_python(one) for one in got.values]
-            except RuntimeError as error:
-                answer.set_exception(Refused(RefusalCode.NO_ANSWER, str(error)))
-            else:
-                answer.set_result((described.descriptors, values))
-
-        def get(described: Any) -> None:
-            taken = partial(read, described)
-            service = "marketplace/get_parameters"
-            self._call(answer, GetParameters, service, fields, limit_s, taken)
-
-        service = "marketplace/describe_parameters"
-        self.executor.create_task(
-            partial(self._call, answer, DescribeParameters, service, fields, limit_s, get)
-        )
-        return answer
+        return self.call("marketplace/preview", {"scene": scene}, limit_s)
 
     def set_market_parameters(
         self, changes: Mapping[str, str | float], limit_s: float
-    ) -> Future[str]:
-        """Set parameters of the market together; as :meth:`call`.
-
-        The future has the reason for a refusal, empty if they are set.
-        """
-        answer: Future[str] = Future()
+    ) -> Future[Any]:
+        """Set parameters of the market together; as :meth:`call`."""
         parameters = [
             Parameter(name, value=value).to_parameter_msg() for name, value in changes.items()
         ]
-
-        def read(done: Any) -> None:
-            refused = str(done.result.reason or "it gives no reason")
-            answer.set_result("" if done.result.successful else refused)
-
-        service, fields = "marketplace/set_parameters_atomically", {"parameters": parameters}
-        self.executor.create_task(
-            partial(self._call, answer, SetParametersAtomically, service, fields, limit_s, read)
-        )
-        return answer
+        service = "marketplace/set_parameters_atomically"
+        return self.call(service, {"parameters": parameters}, limit_s)
 
     def tuned(self) -> Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]]:
         """Return trees folder, parameters and profile values of each host; thread-safe."""
@@ -390,26 +347,13 @@ class StudioNode(BaseNode):
 
         def read(host: str, values: Sequence[Any]) -> None:
             card, tunables = hosts[host]
-            found[host] = (
-                Path(card.trees),
-                [
-                    *(
-                        ParameterState(
-                            parameter=info_from_msg(one), value=parameter_value_to_python(value)
-                        )
-                        for one, value in zip(tunables, values, strict=False)
-                    ),
-                    *(
-                        ParameterState(parameter=parameter, value=float(value))
-                        for one in card.agents
-                        for parameter, value in zip(
-                            profile_values(one.name, card.parameters, one.profile),
-                            one.current,
-                            strict=True,
-                        )
-                    ),
-                ],
+            states = (
+                ParameterState(
+                    parameter=info_from_msg(one), value=parameter_value_to_python(value)
+                )
+                for one, value in zip(tunables, values, strict=False)
             )
+            found[host] = Path(card.trees), [*states, *tuning.profile_states(card)]
             if len(found) == len(hosts) and not answer.done():
                 answer.set_result(found)
 
@@ -417,35 +361,23 @@ class StudioNode(BaseNode):
             names = [one.name for one in tunables]
             self._get_parameters(host, names, partial(read, host), partial(fail, host))
 
-    def call(
-        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
-    ) -> Future[Any]:
+    def call(self, service: str, fields: Mapping[str, Any], limit_s: float) -> Future[Any]:
         """Call a service; thread-safe. The future has the answer, or raises ``Refused``.
 
         Args:
-            kind: Type of the service in ``bt_agents_interfaces``.
             service: Name of the service.
             fields: Fields of the request.
             limit_s: Longest time for discovery and answer [s].
         """
         answer: Future[Any] = Future()
-        type_ = getattr(services, kind)
-        self.executor.create_task(
-            partial(self._call, answer, type_, service, fields, limit_s, answer.set_result)
-        )
+        self.executor.create_task(partial(self._call, answer, service, fields, limit_s))
         return answer
 
     def _call(
-        self,
-        answer: Future[Any],
-        type_: Any,
-        service: str,
-        fields: Mapping[str, Any],
-        limit_s: float,
-        on_answer: Callable[[Any], None],
+        self, answer: Future[Any], service: str, fields: Mapping[str, Any], limit_s: float
     ) -> None:
         try:
-            request = type_.Request(**fields)
+            request = load_type(service_called(service).type).Request(**fields)
         except (AssertionError, AttributeError, OverflowError) as error:
             answer.set_exception(Refused(RefusalCode.BAD_FIELD, str(error)))
             return
@@ -454,13 +386,11 @@ class StudioNode(BaseNode):
             answer.set_exception(Refused(RefusalCode.UNKNOWN_HOST, f"there is no host {host}"))
             return
         clients = self._hosts[host].clients if host in self._hosts else self._service_clients
-        if service not in clients:
-            clients[service] = self.create_client(type_, service, qos_profile=qos.SERVICE)
         self._calls.call(
-            clients[service],
+            self._client(clients, service),
             request,
             deadline_s=limit_s,
-            on_answer=on_answer,
+            on_answer=answer.set_result,
             on_failure=lambda reason: answer.set_exception(Refused(RefusalCode.NO_ANSWER, reason)),
             discovery_s=_DISCOVERY_S,
         )
@@ -479,8 +409,8 @@ class StudioNode(BaseNode):
         own: dict[str, Callable[..., None]] = {
             "cards": self._handle_card,
             "open_questions": self._handle_questions,
-            "tunables": partial(self._handle_tunables, part),
-            "tunings": partial(self._handle_tunings, part),
+            "tunables": partial(self._handle_tuning, part),
+            "tunings": partial(self._handle_tuning, part),
         }
         live = topic.name == "bt_agents/scene/live"
 
@@ -559,16 +489,12 @@ class StudioNode(BaseNode):
         for host, card in list(self._absent.items()):
             self._admit(host, card)
 
-    def _handle_tunables(self, host: str, message: Tunables) -> None:
+    def _handle_tuning(self, host: str, message: Tunables | Tunings) -> None:
         now_s = self.get_clock().now().nanoseconds * 1e-9
-        if host in self._hosts:
+        if isinstance(message, Tunables) and host in self._hosts:
             self._hosts[host].tunables = message
-        self._receive("bt_agents_interfaces/msg/Tunables", message, now_s, False)
-        self._read_values(host)
-
-    def _handle_tunings(self, host: str, message: Tunings) -> None:
-        now_s = self.get_clock().now().nanoseconds * 1e-9
-        self._receive("bt_agents_interfaces/msg/Tunings", message, now_s, False)
+        kind = type(message).__name__
+        self._receive(f"bt_agents_interfaces/msg/{kind}", message, now_s, False)
         self._read_values(host)
 
     def _read_values(self, host: str) -> None:
@@ -605,18 +531,18 @@ class StudioNode(BaseNode):
                 self._get_parameters(host, names, on_values, on_failure, values)
 
         self._calls.call(
-            self._parameter_client(host),
+            self._client(self._hosts[host].clients, f"{host}/get_parameters"),
             GetParameters.Request(names=names[len(known) : len(known) + MOST_PARAMETERS]),
             deadline_s=_VALUES_S,
             on_answer=take,
             on_failure=on_failure,
         )
 
-    def _parameter_client(self, host: str) -> Client:
-        clients = self._hosts[host].clients
-        service = f"{host}/get_parameters"
+    def _client(self, clients: dict[str, Client], service: str) -> Client:
+        """Return the client of a service among others, which it joins if it is new."""
         if service not in clients:
-            clients[service] = self.create_client(GetParameters, service, qos_profile=qos.SERVICE)
+            kind = load_type(service_called(service).type)
+            clients[service] = self.create_client(kind, service, qos_profile=qos.SERVICE)
         return clients[service]
 
 
@@ -687,16 +613,19 @@ class Handover:
 
 
 class NodeThread:
-    """Thread in which the node is created, spun and destroyed.
+    """Thread in which the node of a studio is created, spun and destroyed.
 
     Args:
-        make: Creates the node, in the thread.
+        studio: Takes what the node receives.
+        wake: As for :class:`Handover`.
+
+    Attributes:
         handover: Queue for the messages that the node receives.
     """
 
-    def __init__(self, make: Callable[[], StudioNode], handover: Handover) -> None:
-        self._make = make
-        self._handover = handover
+    def __init__(self, studio: Studio, wake: Callable[[], None]) -> None:
+        self._studio = studio
+        self.handover = Handover(wake, studio.fail)
         self._made: Future[StudioNode] = Future()
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ros", daemon=True)
@@ -713,8 +642,13 @@ class NodeThread:
 
     def _run(self) -> None:
         rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
+        studio = self._studio
+        handlers: tuple[Callable[..., None], ...]
+        handlers = (studio.receive, studio.beat, studio.value, studio.graph)
         try:
-            node = self._make()
+            node = StudioNode(
+                *map(self.handover.to, handlers), namespace=os.environ.get("ROS_NAMESPACE", "")
+            )
         except BaseException as error:
             self._made.set_exception(error)
             rclpy.try_shutdown()
@@ -723,7 +657,7 @@ class NodeThread:
         self._made.set_result(node)
         try:
             while not self._stopped.is_set():
-                if self._handover.wait_for_room(_ROOM_S):
+                if self.handover.wait_for_room(_ROOM_S):
                     spinner.spin_once()
         except ExternalShutdownException:
             pass

@@ -41,7 +41,6 @@ class Operation:
         roles: Roles that may do it.
         service: Name of the service, relative to the namespace of the system; ``{host}`` stands
             for a field of that name, which is not a field of the request.
-        kind: Type of the service in ``bt_agents_interfaces``.
         fields: Fields of the request.
         person_fields: The same for a person, if a person may set fewer.
         person_values: Values of the other fields in a person's request.
@@ -49,7 +48,6 @@ class Operation:
 
     roles: frozenset[SessionRole] = OPERATORS
     service: str
-    kind: str
     fields: Fields
     person_fields: Fields = field(default_factory=dict)
     person_values: Mapping[str, str] = field(default_factory=dict)
@@ -59,12 +57,10 @@ OPERATIONS: Mapping[str, Operation] = {
     "cancel": Operation(
         roles=WITH_PERSON,
         service="marketplace/cancel",
-        kind="CancelRun",
         fields={"reason": "text", "round": "number", "by": {"OPERATOR": 1}},
     ),
     "control": Operation(
         service="{host}/control",
-        kind="ControlRun",
         fields={
             "action": {"PAUSE": 0, "RESUME": 1, "STEP": 2, "BREAKPOINTS": 3},
             "author": "text",
@@ -77,7 +73,6 @@ OPERATIONS: Mapping[str, Operation] = {
     "feedback": Operation(
         roles=WITH_PERSON,
         service="feedback/give",
-        kind="GiveFeedback",
         fields={
             "feedback_id": "text",
             "agent": "text",
@@ -97,7 +92,6 @@ OPERATIONS: Mapping[str, Operation] = {
     ),
     "operate": Operation(
         service="marketplace/operate",
-        kind="OperateMarket",
         fields={
             "action": {"PIN": 0, "UNPIN": 1, "VETO": 2, "ALLOW": 3, "AWARD": 4},
             "agent": "text",
@@ -107,7 +101,6 @@ OPERATIONS: Mapping[str, Operation] = {
     ),
     "record": Operation(
         service="journal/record",
-        kind="Record",
         fields={
             "action": {"START": 0, "STOP": 1, "BOOKMARK": 2},
             "author": "text",
@@ -118,7 +111,6 @@ OPERATIONS: Mapping[str, Operation] = {
     ),
     "profiles": Operation(
         service="feedback/manage",
-        kind="ManageProfiles",
         fields={
             "action": {"UNDO": 1, "RESET": 2},
             "agent": "text",
@@ -131,7 +123,6 @@ OPERATIONS: Mapping[str, Operation] = {
     "scene": Operation(
         roles=WITH_PERSON,
         service="scene_layer/analyze",
-        kind="Analyze",
         fields={
             "label": "text",
             "names": "texts",
@@ -151,7 +142,6 @@ OPERATIONS: Mapping[str, Operation] = {
     ),
     "tune": Operation(
         service="{host}/tune",
-        kind="Tune",
         fields={
             "action": {"SET": 0, "UNDO": 1, "REDO": 2, "APPLY": 3, "SAVE": 4, "FORGET": 5},
             "author": "text",

@@ -6,25 +6,27 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from bt_agents_core.errors import BtAgentsError, Refusal, Refused, RefusedElsewhere
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.access import is_loopback
+from bt_agents_studio.projection.conversion import parameter_value
 from bt_agents_studio.projection.market import round_record
 from bt_agents_studio.records import (
     DryRunRecord,
     KeepRecord,
     MarketRecord,
+    ParameterRecord,
     PersonLinkRecord,
     SceneMapRecord,
     StrategiesRecord,
     StrategyOptionRecord,
 )
-from bt_agents_studio.scene_map import ASKED, Axis, MapBid, computed_map, is_computed, map_record
+from bt_agents_studio.scene_map import ASKED, computed_map, is_computed, map_record, places
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.client.file_edits import FileEdit, compare_tests, digest_of, edits_of
 from bt_agents_tools.client.strategies import (
@@ -34,6 +36,9 @@ from bt_agents_tools.client.strategies import (
     strategies_of,
 )
 from bt_agents_tools.client.write_back import ParameterState
+
+if TYPE_CHECKING:
+    from bt_agents_studio.node import StudioNode
 
 LIMIT_S = 60.0
 """Longest time of one operation, including tests of agents [s]."""
@@ -45,49 +50,18 @@ TunedHosts = Mapping[str, tuple[Path, Sequence[ParameterState]]]
 """Host → its trees folder, and its parameters and profile values."""
 
 
-class Caller(Protocol):
-    """Calls services of the system, and publishes messages for its trees."""
-
-    def call(
-        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
-    ) -> Future[Any]:
-        """See :meth:`StudioNode.call`."""
-
-    def answer(self, text: str) -> Future[str]:
-        """See :meth:`StudioNode.answer`."""
-
-    def publish(self, topic: str, values: Sequence[str]) -> Future[str]:
-        """See :meth:`StudioNode.publish`."""
-
-    def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
-        """See :meth:`StudioNode.preview`."""
-
-    def market_parameters(
-        self, names: Sequence[str], limit_s: float
-    ) -> Future[tuple[Sequence[Any], Sequence[Any]]]:
-        """See :meth:`StudioNode.market_parameters`."""
-
-    def set_market_parameters(
-        self, changes: Mapping[str, str | float], limit_s: float
-    ) -> Future[str]:
-        """See :meth:`StudioNode.set_market_parameters`."""
-
-    def tuned(self) -> Future[TunedHosts]:
-        """See :meth:`StudioNode.tuned`."""
-
-
 class OwnOperations:
     """The studio's own operations, done by modules of the command line.
 
     Args:
         studio: Studio with the scene parameters.
-        caller: Calls services and publishes messages.
+        node: Calls services and publishes messages.
         person_address: Address of the page Person, including the token.
     """
 
-    def __init__(self, studio: Studio, caller: Caller, person_address: str) -> None:
+    def __init__(self, studio: Studio, node: StudioNode, person_address: str) -> None:
         self._studio = studio
-        self._caller = caller
+        self._node = node
         self._person_address = person_address
         # One at a time, so that two pages never write the same file together.
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="own")
@@ -106,29 +80,29 @@ class OwnOperations:
             async with asyncio.timeout(LIMIT_S):
                 return await self._done[name](**fields)
         except Refusal as refused:
-            return _answer(False, refused.code, refused.reason)
+            code, reason = refused.code, refused.reason
         except BtAgentsError as error:
-            return _answer(False, "", str(error))
+            code, reason = "", str(error)
         except TimeoutError:
-            return _answer(False, RefusalCode.NO_ANSWER, f"it took longer than {LIMIT_S:g} s")
+            code, reason = RefusalCode.NO_ANSWER, f"it took longer than {LIMIT_S:g} s"
+        return {"accepted": False, "code": code, "message": reason}
 
     def close(self) -> None:
         """Start no more operations."""
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     async def _answer(self, text: str = "") -> Mapping[str, object]:
-        return _answer(True, "", await asyncio.wrap_future(self._caller.answer(text)))
+        return _accepted(await asyncio.wrap_future(self._node.answer(text)))
 
     async def _publish(self, topic: str = "", values: Sequence[str] = ()) -> Mapping[str, object]:
-        done = await asyncio.wrap_future(self._caller.publish(topic, values))
-        return _answer(True, "", done)
+        return _accepted(await asyncio.wrap_future(self._node.publish(topic, values)))
 
     async def _person_link(self) -> Mapping[str, object]:
         record = PersonLinkRecord(
             address=self._person_address,
             is_local=is_loopback(urlsplit(self._person_address).hostname or ""),
         )
-        return _answer(True, "", "") | {"record": record}
+        return _accepted("", record)
 
     async def _dry_run(
         self,
@@ -138,10 +112,7 @@ class OwnOperations:
         up: str = "",
     ) -> Mapping[str, object]:
         given = dict(zip(names, values, strict=False))
-        sides = {
-            one.name: Axis(name=one.name, minimum=one.minimum, maximum=one.maximum)
-            for one in self._studio.parameters
-        }
+        sides = {one.name: one for one in self._studio.parameters}
         shown = (across, up) if across or up else ()
         for name in (*given, *shown):
             if name not in sides:
@@ -158,33 +129,27 @@ class OwnOperations:
         auction = await self._preview(scene)
         found = await self._map(auction, scene, sides[across], sides[up]) if shown else None
         record = DryRunRecord(round=round_record(auction), map=found)
-        return _answer(True, "", auction.reason) | {"record": record}
+        return _accepted(auction.reason, record)
 
     async def _map(
-        self, auction: Any, scene: Mapping[str, float], across: Axis, up: Axis
+        self,
+        auction: Any,
+        scene: Mapping[str, float],
+        across: ParameterRecord,
+        up: ParameterRecord,
     ) -> SceneMapRecord:
-        if not (is_computed(auction.strategy) and auction.ranking):
+        strategy, bids, tie_break = auction.strategy, auction.ranking, auction.tie_break
+        if not (is_computed(strategy) and bids):
             return await self._asked_map(scene, across, up)
-        bids = [
-            MapBid(
-                agent=one.agent,
-                vector=tuple(one.vector),
-                weights=tuple(one.weights),
-                bonus=float(one.bonus),
-                last_run=int(one.last_run),
-            )
-            for one in auction.ranking
-        ]
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(
-            self._worker,
-            lambda: computed_map(auction.strategy, bids, scene, across, up, auction.tie_break),
+            self._worker, computed_map, strategy, bids, scene, across, up, tie_break
         )
 
     async def _asked_map(
-        self, scene: Mapping[str, float], across: Axis, up: Axis
+        self, scene: Mapping[str, float], across: ParameterRecord, up: ParameterRecord
     ) -> SceneMapRecord:
-        xs, ys = across.places(ASKED), up.places(ASKED)
+        xs, ys = places(across, ASKED), places(up, ASKED)
         winners = []
         for y in ys:
             row = []
@@ -195,7 +160,7 @@ class OwnOperations:
         return map_record(across, up, xs, ys, winners, is_asked=True)
 
     async def _preview(self, scene: Mapping[str, float]) -> Any:
-        answer = await asyncio.wrap_future(self._caller.preview(scene, _PREVIEW_S))
+        answer = await asyncio.wrap_future(self._node.preview(scene, _PREVIEW_S))
         if not answer.accepted:
             raise RefusedElsewhere(str(answer.code), str(answer.message))
         return answer.auction
@@ -210,21 +175,36 @@ class OwnOperations:
         changes = changed_parameters(found, name, zip(options, values, strict=True))
         message = ""
         if changes:
-            setting = self._caller.set_market_parameters(changes, _STRATEGY_S)
-            if reason := await asyncio.wrap_future(setting):
-                return _answer(False, "", reason)
+            setting = self._node.set_market_parameters(changes, _STRATEGY_S)
+            result = (await asyncio.wrap_future(setting)).result
+            if not result.successful:
+                raise BtAgentsError(str(result.reason or "it gives no reason"))
             found = await self._strategies()
             message = f"{found.current} ranks the bids from the next round on"
-        return _answer(True, "", message) | {"record": _strategies_record(found)}
+        record = StrategiesRecord(
+            options={
+                name: tuple(
+                    StrategyOptionRecord(name=key, **vars(one)) for key, one in options.items()
+                )
+                for name, options in found.options.items()
+            }
+        )
+        return _accepted(message, record)
 
     async def _strategies(self) -> Strategies:
         market = self._studio.store.get("market")
         infos = market.strategies if isinstance(market, MarketRecord) else ()
-        asked = self._caller.market_parameters(parameter_names(infos), _STRATEGY_S)
-        return strategies_of(infos, *await asyncio.wrap_future(asked))
+        asked = {"names": parameter_names(infos)}
+        described = await self._read("marketplace/describe_parameters", asked)
+        got = await self._read("marketplace/get_parameters", asked)
+        values = [parameter_value(one) for one in got.values]
+        return strategies_of(infos, described.descriptors, values)
+
+    async def _read(self, service: str, asked: Mapping[str, Any]) -> Any:
+        return await asyncio.wrap_future(self._node.call(service, asked, _STRATEGY_S))
 
     async def _keep(self, profile: bool = False, digest: str = "") -> Mapping[str, object]:
-        hosts = await asyncio.wrap_future(self._caller.tuned())
+        hosts = await asyncio.wrap_future(self._node.tuned())
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._worker, _keep, hosts, profile, digest)
 
@@ -241,14 +221,13 @@ def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]
             "the values or the files have changed since the change was shown; look at it again",
         )
     if not edits:
-        return _answer(True, "", "nothing to keep: everything stands as the files say") | {
-            "record": KeepRecord(diff="", tests=(), breaks=False, digest="")
-        }
+        record = KeepRecord(diff="", tests=(), breaks=False, digest="")
+        return _accepted("nothing to keep: everything stands as the files say", record)
     if digest:
         for edit in edits:
             edit.write()
         changes = [f"{change}  in {edit.path}" for edit in edits for change in edit.changes]
-        return _answer(True, "", "\n".join(changes))
+        return _accepted("\n".join(changes))
     tests = compare_tests(edits)
     record = KeepRecord(
         diff="".join(edit.diff for edit in edits),
@@ -256,26 +235,10 @@ def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]
         breaks=tests.breaks,
         digest=found,
     )
-    return _answer(True, "", "this would change") | {"record": record}
+    return _accepted("this would change", record)
 
 
-def _strategies_record(found: Strategies) -> StrategiesRecord:
-    return StrategiesRecord(
-        options={
-            name: tuple(
-                StrategyOptionRecord(
-                    name=key,
-                    value=one.value,
-                    minimum=one.minimum,
-                    maximum=one.maximum,
-                    description=one.description,
-                )
-                for key, one in options.items()
-            )
-            for name, options in found.options.items()
-        }
-    )
-
-
-def _answer(accepted: bool, code: str, message: str) -> dict[str, object]:
-    return {"accepted": accepted, "code": code, "message": message}
+def _accepted(message: str, record: object = None) -> Mapping[str, object]:
+    """Return the answer to an operation that was done."""
+    answer = {"accepted": True, "code": "", "message": message}
+    return answer if record is None else {**answer, "record": record}

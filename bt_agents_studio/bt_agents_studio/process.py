@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 import sys
@@ -32,7 +33,8 @@ def main() -> int:
 
     try:
         space = read_scene(trees / "scene.yaml").space
-        serve(Address(listening=listening), space=space, journal=journal, kept=state, ready=ready)
+        address = Address(listening=listening)
+        asyncio.run(serve(address, space=space, journal=journal, kept=state, ready=ready))
     except BtAgentsError as error:
         print(f"error: {printable(str(error))}", file=sys.stderr)
         return 1

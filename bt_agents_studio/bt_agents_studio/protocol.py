@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from bt_agents_core.errors import Refused
@@ -184,9 +184,9 @@ def encode(message: ServerMessage | Events) -> str:
     Raises:
         ValueError: A number is not finite.
     """
-    fields = {"type": message.type, **vars(message)}
+    found = {"type": message.type, **vars(message)}
     return json.dumps(
-        fields, default=vars, allow_nan=False, ensure_ascii=False, separators=(",", ":")
+        found, default=vars, allow_nan=False, ensure_ascii=False, separators=(",", ":")
     )
 
 
@@ -209,19 +209,15 @@ def decode(text: str) -> ClientMessage:
     if kind is None:
         names = ", ".join(_CLIENT_MESSAGES)
         raise Refused(RefusalCode.UNKNOWN_TYPE, f"expected an object with a 'type' of {names}")
-    fields = kind.__dataclass_fields__
-    unknown = found.keys() - fields.keys() - {"type"}
+    declared = {one.name: one for one in fields(kind)}
+    unknown = found.keys() - declared.keys() - {"type"}
     if unknown:
         raise Refused(RefusalCode.BAD_FIELD, f"'{kind.type}' has no field '{min(unknown)[:40]}'")
-    return kind(**{name: _checked(name, found.get(name), fields[name]) for name in _own(fields)})
+    return kind(**{name: _checked(found.get(name), one) for name, one in declared.items()})
 
 
 def _told(changes: list[Change]) -> tuple[tuple[str, str, object | None], ...]:
     return tuple((one.collection, one.key, one.value) for one in changes)
-
-
-def _own(fields: Mapping[str, Any]) -> list[str]:
-    return [name for name, one in fields.items() if one.metadata]
 
 
 _CHECKS: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
@@ -231,9 +227,9 @@ _CHECKS: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
 }
 
 
-def _checked(name: str, value: Any, declared: Any) -> Any:
-    expected, check = _CHECKS[declared.type]
-    limits = declared.metadata
+def _checked(value: Any, declared: Field[Any]) -> Any:
+    expected, check = _CHECKS[str(declared.type)]
+    name, limits = declared.name, declared.metadata
     if not check(value):
         raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is no {expected}")
     if isinstance(value, str):

@@ -149,7 +149,7 @@ STOPPED, UNKNOWN = "STOPPED", "UNKNOWN"
 
 @dataclass(frozen=True, kw_only=True)
 class NodeRecord:
-    """Progress of a node in the last run of an agent.
+    """Progress of a node in the last run of an agent; by default it has not started.
 
     Attributes:
         status: Name of a constant of ``StatusChange``; :data:`STOPPED` if it was stopped while it
@@ -164,15 +164,15 @@ class NodeRecord:
         reason: Reason for its last failure; empty without one.
     """
 
-    status: str
-    message: str
-    since_s: float
-    tick: int
-    starts: int
-    successes: int
-    failures: int
-    busy_s: float
-    reason: str
+    status: str = "INVALID"
+    message: str = ""
+    since_s: float = 0.0
+    tick: int = 0
+    starts: int = 0
+    successes: int = 0
+    failures: int = 0
+    busy_s: float = 0.0
+    reason: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from bt_agents_core.errors import Refused
-from bt_agents_core.refusal_codes import RefusalCode
-from bt_agents_studio.records import SceneMapRecord
+from bt_agents_studio.records import ParameterRecord, SceneMapRecord
 from marketplace_node.strategies import STRATEGIES, Bid, winners
 
 FINEST = 41
@@ -25,31 +23,9 @@ ASKED = 7
 _MOST_NUMBERS = 300_000
 
 
-@dataclass(frozen=True, kw_only=True)
-class Axis:
-    """Scene parameter along one side of a map."""
-
-    name: str
-    minimum: float
-    maximum: float
-
-    def places(self, count: int) -> tuple[float, ...]:
-        """Return evenly spaced values, including both ends."""
-        return tuple(float(one) for one in np.linspace(self.minimum, self.maximum, count))
-
-
-@dataclass(frozen=True, kw_only=True)
-class MapBid:
-    """Bid of an agent; without weights, every parameter has weight 1.
-
-    Exploration subtracts the bonus from the distance.
-    """
-
-    agent: str
-    vector: Sequence[float]
-    weights: Sequence[float]
-    bonus: float
-    last_run: int
+def places(parameter: ParameterRecord, count: int) -> tuple[float, ...]:
+    """Return evenly spaced values of a parameter, including both ends."""
+    return tuple(float(one) for one in np.linspace(parameter.minimum, parameter.maximum, count))
 
 
 def is_computed(strategy: str) -> bool:
@@ -64,10 +40,10 @@ def is_computed(strategy: str) -> bool:
 
 def computed_map(
     strategy: str,
-    bids: Sequence[MapBid],
+    bids: Sequence[Any],
     scene: Mapping[str, float],
-    across: Axis,
-    up: Axis,
+    across: ParameterRecord,
+    up: ParameterRecord,
     tie_break: str,
 ) -> SceneMapRecord:
     """Return the winners for a scene with two of its values anywhere in their ranges.
@@ -76,20 +52,17 @@ def computed_map(
 
     Args:
         strategy: A strategy that :func:`is_computed` accepts.
-        bids: At least one.
-        scene: All scene parameters in order, with values for the map's axes; NaN if missing.
+        bids: At least one ``RankedBid``; without weights, every parameter has weight 1.
+            Exploration subtracts the bonus from the distance.
+        scene: All scene parameters in order, with values for the map's sides; NaN if missing.
         across: Parameter from left to right.
         up: Parameter from bottom to top.
         tie_break: Decides between equally good bids.
-
-    Raises:
-        Refused: ``UNKNOWN_PARAMETER``.
     """
     names = list(scene)
-    columns = [_column(names, axis.name) for axis in (across, up)]
     width = min(len(names), *(len(bid.vector) for bid in bids))
     sides = side_length(len(bids), width)
-    xs, ys = across.places(sides), up.places(sides)
+    xs, ys = places(across, sides), places(up, sides)
     offered = [
         Bid(
             agent=bid.agent,
@@ -100,8 +73,8 @@ def computed_map(
         for bid in bids
     ]
     scenes = np.tile(list(scene.values()), (sides * sides, 1))
-    scenes[:, columns[0]] = np.tile(xs, sides)
-    scenes[:, columns[1]] = np.repeat(ys, sides)
+    scenes[:, names.index(across.name)] = np.tile(xs, sides)
+    scenes[:, names.index(up.name)] = np.repeat(ys, sides)
     difference = STRATEGIES[strategy].difference
     assert difference is not None, "see is_computed"
     found = winners(difference, scenes[:, :width], offered, [bid.bonus for bid in bids], tie_break)
@@ -111,8 +84,8 @@ def computed_map(
 
 
 def map_record(
-    across: Axis,
-    up: Axis,
+    across: ParameterRecord,
+    up: ParameterRecord,
     xs: Sequence[float],
     ys: Sequence[float],
     winners: Sequence[Sequence[str]],
@@ -136,12 +109,3 @@ def map_record(
 def side_length(bids: int, width: int) -> int:
     """Return the points along a side that keep the time for a number of bids bounded."""
     return max(COARSEST, min(FINEST, int((_MOST_NUMBERS / max(bids * width, 1)) ** 0.5)))
-
-
-def _column(names: list[str], name: str) -> int:
-    if name not in names:
-        raise Refused(
-            RefusalCode.UNKNOWN_PARAMETER,
-            f"no scene parameter '{name[:40]}'; there are {', '.join(names)}",
-        )
-    return names.index(name)

@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from aiohttp import WSMsgType, web
@@ -40,7 +41,6 @@ from bt_agents_studio.connections import (
     server_logger,
 )
 from bt_agents_studio.feed import Feed, shown_entries
-from bt_agents_studio.history import SPAN_S
 from bt_agents_studio.journal_worker import JournalWorker, RecordedAnswer
 from bt_agents_studio.operations import (
     LIMIT_S,
@@ -50,15 +50,13 @@ from bt_agents_studio.operations import (
     read_fields,
     read_request,
 )
-from bt_agents_studio.own_operations import Caller, OwnOperations
+from bt_agents_studio.own_operations import OwnOperations
 from bt_agents_studio.protocol import (
     LARGEST_MESSAGE,
     LATEST_S,
-    VERSION,
     Beat,
     Delta,
     Failure,
-    Hello,
     Seek,
     ServerMessage,
     decode,
@@ -67,6 +65,9 @@ from bt_agents_studio.protocol import (
 from bt_agents_studio.recordings import WRITTEN_S
 from bt_agents_studio.records import OF_A_PERSON
 from bt_agents_studio.studio import Studio
+
+if TYPE_CHECKING:
+    from bt_agents_studio.node import StudioNode
 
 PERIOD_S = 1 / 60
 """Shortest time between two messages to one client [s]."""
@@ -115,11 +116,8 @@ class Server:
     Args:
         studio: The studio to show.
         access: Rules of access.
-        caller: Calls services.
-        watch: Called with whether any page, and a page Person, is open, whenever one is opened or
-            closed.
+        node: Calls services, and is told which pages are open.
         person_address: Address of the page Person, including the token.
-        namespace: Namespace of the system.
         secure: Whether the server uses TLS.
     """
 
@@ -127,18 +125,14 @@ class Server:
         self,
         studio: Studio,
         access: AccessControl,
-        caller: Caller,
-        watch: Callable[[bool, bool], None],
+        node: StudioNode,
         *,
         person_address: str,
-        namespace: str = "/",
         secure: bool = False,
     ) -> None:
         self._studio = studio
         self._access = access
-        self._caller = caller
-        self._watch = watch
-        self._namespace = namespace
+        self._node = node
         self._secure = secure
         # Socket → role and id of the session that opened it.
         self._clients: dict[web.WebSocketResponse, tuple[SessionRole, str]] = {}
@@ -150,7 +144,7 @@ class Server:
         self._encoded: tuple[Delta | None, str] = None, ""
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
-        self._own = OwnOperations(studio, caller, person_address)
+        self._own = OwnOperations(studio, node, person_address)
         self._labels = ThreadPoolExecutor(max_workers=1, thread_name_prefix="labels")
         self._recordings = JournalWorker(studio.mood, studio.namespace)
         self._reading: set[asyncio.Task[None]] = set()
@@ -264,8 +258,7 @@ class Server:
         return _json(await loop.run_in_executor(self._labels, self._studio.journal_list))
 
     async def _journal(self, request: web.Request) -> web.StreamResponse:
-        self._access.check(_described(request), OBSERVERS)
-        file = self._studio.journal_file(request.match_info["name"])
+        file = self._recording(request)
         if file.is_dir():
             raise Refused(
                 RefusalCode.NO_FILE, f"'{file.name}' is a bag, a folder of files; copy it instead"
@@ -273,13 +266,10 @@ class Server:
         return web.FileResponse(file, headers=_attached(file.name))
 
     async def _events(self, request: web.Request) -> web.Response:
-        self._access.check(_described(request), OBSERVERS)
-        file = self._studio.journal_file(request.match_info["name"])
-        return _answered(await self._recordings.events(file))
+        return _answered(await self._recordings.events(self._recording(request)))
 
     async def _messages(self, request: web.Request) -> web.StreamResponse:
-        self._access.check(_described(request), OBSERVERS)
-        file = self._studio.journal_file(request.match_info["name"])
+        file = self._recording(request)
         from_s, to_s = _moment(request, "from"), _moment(request, "to")
         if self._excerpts.locked():
             raise Refused(
@@ -309,6 +299,11 @@ class Server:
                         request.transport.abort()
                 return sent
 
+    def _recording(self, request: web.Request) -> Path:
+        """Return the recording that an observer requests."""
+        self._access.check(_described(request), OBSERVERS)
+        return self._studio.journal_file(request.match_info["name"])
+
     async def _do(self, request: web.Request) -> web.Response:
         name = request.match_info["operation"]
         if (own := OWN_OPERATIONS.get(name)) is not None:
@@ -316,13 +311,11 @@ class Server:
             return _json(await self._own.do(name, read_fields(own.fields, await _body(request))))
         operation = OPERATIONS.get(name)
         if operation is None:
-            raise Refused(
-                RefusalCode.NOT_FOUND, f"no operation '{name[:40]}'; there are {_names()}"
-            )
+            names = ", ".join([*OPERATIONS, *OWN_OPERATIONS])
+            raise Refused(RefusalCode.NOT_FOUND, f"no operation '{name[:40]}'; there are {names}")
         role = self._access.check(_described(request), operation.roles)
         service, fields = read_request(operation, await _body(request), role)
-        future = self._caller.call(operation.kind, service, fields, LIMIT_S)
-        answer = await asyncio.wrap_future(future)
+        answer = await asyncio.wrap_future(self._node.call(service, fields, LIMIT_S))
         return _json(
             {
                 "accepted": bool(answer.accepted),
@@ -396,22 +389,11 @@ class Server:
         return socket
 
     def _tell_watched(self) -> None:
-        self._watch(bool(self._clients), bool(self._persons))
+        self._node.watch(bool(self._clients), bool(self._persons))
 
     async def _pump(self, socket: web.WebSocketResponse, feed: Feed, role: SessionRole) -> None:
         """Send one client its messages, as fast as it reads and only as often as needed."""
-        await self._send(
-            socket,
-            Hello(
-                version=VERSION,
-                studio=self._studio.name,
-                now_s=time.time(),
-                role=role,
-                parameters=self._studio.parameters,
-                namespace=self._namespace,
-                span_s=SPAN_S,
-            ),
-        )
+        await self._send(socket, self._studio.hello(role, self._node.get_namespace()))
         while not socket.closed:
             changed = self._changed
             if (seek := feed.take_recorded()) is not None:
@@ -551,10 +533,6 @@ async def _body(request: web.Request) -> object:
 def _json(value: object, status: int = 200) -> web.Response:
     text = json.dumps(value, default=vars, allow_nan=False, ensure_ascii=False)
     return web.Response(text=text, status=status, content_type="application/json")
-
-
-def _names() -> str:
-    return ", ".join([*OPERATIONS, *OWN_OPERATIONS])
 
 
 def _read_page(folder: Path) -> Mapping[str, tuple[str, bytes, bytes]]:

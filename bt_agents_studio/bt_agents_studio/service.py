@@ -21,7 +21,7 @@ from bt_agents_core.listening import STUDIO_PORTS, listen
 from bt_agents_core.scene import SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, is_loopback
 from bt_agents_studio.access_file import AccessFile
-from bt_agents_studio.node import Handover, NodeThread, StudioNode
+from bt_agents_studio.node import NodeThread
 from bt_agents_studio.server import Server
 from bt_agents_studio.studio import Studio
 
@@ -75,7 +75,7 @@ class Address:
         return context
 
 
-def serve(
+async def serve(
     address: Address,
     *,
     space: SceneSpace,
@@ -99,17 +99,6 @@ def serve(
     # Long work of this thread must not hold up the messages: facts of the interpreter's lock.
     sys.setswitchinterval(_SWITCH_S)
     os.nice(_NICENESS)
-    asyncio.run(_serve(address, space=space, journal=journal, kept=kept, ready=ready))
-
-
-async def _serve(
-    address: Address,
-    *,
-    space: SceneSpace,
-    journal: Path | None,
-    kept: Path | None,
-    ready: Callable[[Mapping[SessionRole, str]], None],
-) -> None:
     context = address.context()
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
@@ -121,8 +110,8 @@ async def _serve(
 
     def deliver() -> None:
         """Show received messages, in turn with requests of pages."""
-        handover.deliver(_SLICE_S)
-        if handover.waits:
+        thread.handover.deliver(_SLICE_S)
+        if thread.handover.waits:
             loop.call_soon(deliver)
         if server is not None:
             server.changed()
@@ -130,17 +119,7 @@ async def _serve(
     def wake() -> None:
         loop.call_soon_threadsafe(deliver)
 
-    handover = Handover(wake, studio.fail)
-    thread = NodeThread(
-        lambda: StudioNode(
-            handover.to(studio.receive),
-            handover.to(studio.beat),
-            handover.to(studio.value),
-            handover.to(studio.graph),
-            namespace=namespace,
-        ),
-        handover,
-    )
+    thread = NodeThread(studio, wake)
     node = await asyncio.to_thread(thread.start)
     try:
         ports = (address.port,) if address.port else STUDIO_PORTS
@@ -166,9 +145,7 @@ async def _serve(
             studio,
             access,
             node,
-            node.watch,
             person_address=addresses[SessionRole.PERSON],
-            namespace=node.get_namespace(),
             secure=context is not None,
         )
         async with server.serving(listening, context):

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import sys
 from collections import Counter, OrderedDict, defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from json.encoder import encode_basestring
@@ -155,16 +155,14 @@ class Store:
         """
         if sequence < self._forgotten or sequence > self.sequence:
             return None
-        found = list(self._newer(sequence))
-        found.reverse()
-        return found
-
-    def _newer(self, sequence: int) -> Iterator[Change]:
+        found = []
         for (collection, key), number in reversed(self._changed.items()):
             if number <= sequence:
-                return
+                break
             value = self._collections[collection].get(key)
-            yield Change(collection=collection, key=key, value=value)
+            found.append(Change(collection=collection, key=key, value=value))
+        found.reverse()
+        return found
 
     def _note(self, change: Change) -> None:
         self.sequence += 1

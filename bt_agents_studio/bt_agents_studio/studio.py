@@ -16,8 +16,9 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_core.text import ellipsize, printable_line
-from bt_agents_studio.history import History
+from bt_agents_studio.history import SPAN_S, History
 from bt_agents_studio.projection import Projection, is_in_use
+from bt_agents_studio.protocol import VERSION, Hello
 from bt_agents_studio.recordings import recording_size
 from bt_agents_studio.records import (
     MOST_ENTRIES,
@@ -82,6 +83,18 @@ class Studio:
         self._projection = Projection(self.store, self.mood)
         # Name → size when it was read, and label.
         self._labels: dict[str, tuple[int, str]] = {}
+
+    def hello(self, role: str, namespace: str) -> Hello:
+        """Return the first message to a client of a role."""
+        return Hello(
+            version=VERSION,
+            studio=self.name,
+            now_s=self._clock(),
+            role=role,
+            parameters=self.parameters,
+            namespace=namespace,
+            span_s=SPAN_S,
+        )
 
     def receive(self, kind: str, message: Any, at_s: float, live: bool) -> None:
         """Handle a message of the running system; see :meth:`Projection.handle`."""

@@ -169,8 +169,8 @@ def everything(trees: Path, folder: Path) -> list[Component]:
         system.scene_layer(trees),
         system.host(trees),
         system.feedback(trees, ledger=str(folder / "ledger.sqlite")),
-        system.robot(pace=1.0, voice="off"),
-        system.visitors(TREES, script, pace=1.0),
+        system.robot("off"),
+        system.visitors(TREES, script),
     ]
 
 

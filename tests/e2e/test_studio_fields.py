@@ -50,13 +50,11 @@ class Host:
         self._presets = (preset,)
         studio.put("tunings", HOST, tunings(0, preset))
 
-    def call(
-        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
-    ) -> Future[Any]:
+    def call(self, service: str, fields: Mapping[str, Any], limit_s: float) -> Future[Any]:
         del limit_s
         done: Future[Any] = Future()
         accepted, message = True, "done"
-        if kind == "Tune" and fields["action"] == 0:
+        if service.endswith("/tune") and fields["action"] == 0:
             accepted = fields["seen"] == self._revision
             self.authors.append(fields["author"])
             if accepted:
@@ -65,7 +63,7 @@ class Host:
             self.other.append({"service": service, **fields})
             if "expected" in fields and fields["expected"][0] != self.age:
                 accepted, message = False, f"age of guide is {self.age} now"
-            elif kind == "GiveFeedback":
+            elif service == "feedback/give":
                 self.age = fields["values"][0]
         code = "" if accepted else "CHANGED_MEANWHILE"
         answer = SimpleNamespace(

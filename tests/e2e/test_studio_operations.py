@@ -53,7 +53,7 @@ def test_only_announced_scene_names_its_person(page: Page, studio: BackgroundStu
         panel.get_by_role("button", name=button).click()
         expect(panel.locator("output")).to_have_text("done")
         expect(panel.get_by_role("button", name=button)).to_be_enabled()
-        [(_, service, fields)] = studio.caller.calls
+        [(service, fields)] = studio.caller.calls
         assert service == "scene_layer/analyze"
         assert fields.get("name") == name
 

@@ -170,7 +170,11 @@ def page(browser: Browser, running: BackgroundStudio) -> Iterator[Page]:
 
 def stops(studio: BackgroundStudio) -> list[str]:
     """Return the author of each stop request."""
-    return [str(fields["by"]) for kind, _, fields in studio.caller.calls if kind == "CancelRun"]
+    return [
+        str(fields["by"])
+        for service, fields in studio.caller.calls
+        if service == "marketplace/cancel"
+    ]
 
 
 def until_stopped(page: Page, studio: BackgroundStudio) -> None:

@@ -431,7 +431,7 @@ def test_bookmark_goes_into_the_recording(
     expect(page.get_by_role("button", name="Back to now")).to_be_visible()
     mark(page, "it went wrong", "goes into the recording")
     seen = Seen(page)
-    now, past = [fields for _, service, fields in studio.caller.calls if "record" in service]
+    now, past = [fields for service, fields in studio.caller.calls if "record" in service]
     assert (now["action"], now["label"]) == (2, "they laughed")
     assert now["age_s"] == pytest.approx(0, abs=5)
     assert past["label"] == "it went wrong"
@@ -467,7 +467,7 @@ def test_recording_is_started_and_stopped_from_timeline(
     expect(stop).to_be_in_viewport(ratio=1)
     stop.click()
     expect(panel.locator("output")).to_have_text("done")
-    asked = [fields for _, service, fields in studio.caller.calls if service == "journal/record"]
+    asked = [fields for service, fields in studio.caller.calls if service == "journal/record"]
     assert [(one["action"], one.get("label")) for one in asked] == [(0, "a class"), (1, None)]
     # Its span is a line of the timeline until it is stopped.
     expect(page.locator(".timeline-block[data-lane=RECORDING] rect")).to_be_in_viewport(ratio=1)

@@ -177,7 +177,7 @@ def drivers(system: System, tmp_path: Path) -> tuple[dict[str, NodeProcess], Nod
         shutil.rmtree(folders[name] / "skills")
         shutil.copytree(ROOT / "trees" / "skills", folders[name] / "skills")
     nodes = {"market": system.market(folders["agents_a"], **LIMITS)}
-    robot = system.start(components.robot(pace=1.0, voice="off"))
+    robot = system.start(components.robot("off"))
     for name, trees in folders.items():
         nodes[name] = system.host(name, trees, trees / "open-goals")
     states: list[GoalStatusArray] = system.ros.collect(

@@ -36,7 +36,7 @@ def robot_and_host(
     system.ros.remove(system.say_server)
     system.market(trees, collect_deadline=0.05, bid_deadline=5.0)
     beats = system.ros.collect(Empty, "robot/heartbeat", qos.SENSOR)
-    robot = system.start(components.robot(pace=1.0, voice="off"))
+    robot = system.start(components.robot("off"))
     system.host("agents", trees)
     system.until_ready(hosts=1, agents=1)
     system.until(lambda: beats, "the robot")

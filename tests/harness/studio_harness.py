@@ -38,56 +38,67 @@ SPACE = SceneSpace(
 
 
 class RecordingCaller:
-    """Services that all give the same answer, and the requests that they received."""
+    """Node whose services all give the same answer, and the requests that they received."""
 
     def __init__(self) -> None:
-        self.calls: list[tuple[str, str, dict[str, Any]]] = []
+        self.calls: list[tuple[str, dict[str, Any]]] = []
         self.answered = SimpleNamespace(accepted=True, code="", message="done")
         self.previewed: Any = None
         self.hosts: Any = {}
         # Parameter of the market → its descriptor and its value.
         self.parameters: dict[str, tuple[Any, Any]] = {}
         self.not_set = ""
+        # Whether any page, and whether a page Person, was open, at each change.
+        self.watched: list[tuple[bool, bool]] = []
 
-    def call(
-        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
-    ) -> Future[Any]:
+    def get_namespace(self) -> str:
+        return "/"
+
+    def watch(self, is_watched: bool, is_person_open: bool) -> None:
+        self.watched.append((is_watched, is_person_open))
+
+    def call(self, service: str, fields: Mapping[str, Any], limit_s: float) -> Future[Any]:
         del limit_s
-        self.calls.append((kind, service, dict(fields)))
+        if service in ("marketplace/describe_parameters", "marketplace/get_parameters"):
+            found = [self.parameters[one] for one in fields["names"] if one in self.parameters]
+            values = [_parameter_value(value) for _, value in found]
+            return _done(SimpleNamespace(descriptors=[one for one, _ in found], values=values))
+        self.calls.append((service, dict(fields)))
         return _done(self.answered)
 
     def answer(self, text: str) -> Future[str]:
-        self.calls.append(("", "answer", {"text": text}))
+        self.calls.append(("answer", {"text": text}))
         return _done(f"answered {text}")
 
     def publish(self, topic: str, values: Sequence[str]) -> Future[str]:
-        self.calls.append(("", "publish", {"topic": topic, "values": values}))
+        self.calls.append(("publish", {"topic": topic, "values": values}))
         return _done(f"published on {topic}")
 
     def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
         del limit_s
-        self.calls.append(("", "preview", dict(values)))
+        self.calls.append(("preview", dict(values)))
         return _done(self.previewed)
-
-    def market_parameters(
-        self, names: Sequence[str], limit_s: float
-    ) -> Future[tuple[Sequence[Any], Sequence[Any]]]:
-        del limit_s
-        found = [self.parameters[name] for name in names if name in self.parameters]
-        return _done(([one for one, _ in found], [value for _, value in found]))
 
     def set_market_parameters(
         self, changes: Mapping[str, str | float], limit_s: float
-    ) -> Future[str]:
+    ) -> Future[Any]:
         del limit_s
-        self.calls.append(("", "set", dict(changes)))
+        self.calls.append(("set", dict(changes)))
         if not self.not_set:
             for name, value in changes.items():
                 self.parameters[name] = (self.parameters[name][0], value)
-        return _done(self.not_set)
+        result = SimpleNamespace(successful=not self.not_set, reason=self.not_set)
+        return _done(SimpleNamespace(result=result))
 
     def tuned(self) -> Future[Any]:
         return _done(self.hosts)
+
+
+def _parameter_value(value: str | float) -> Any:
+    """Return a value with the fields of a ``ParameterValue``."""
+    if isinstance(value, str):
+        return SimpleNamespace(type=4, string_value=value)
+    return SimpleNamespace(type=3, double_value=value)
 
 
 def _done(value: Any) -> Future[Any]:
@@ -102,14 +113,9 @@ class ServedStudio:
     def __init__(self, journal: Path | None = None) -> None:
         self.studio = Studio("studio", space=SPACE, journal=journal)
         self.caller = RecordingCaller()
-        # Whether any page, and whether a page Person, was open, at each change.
-        self.watched: list[tuple[bool, bool]] = []
         self.port = 0
         self.access: AccessControl
         self.server: Server
-
-    def watch(self, is_watched: bool, is_person_open: bool) -> None:
-        self.watched.append((is_watched, is_person_open))
 
     @property
     def host(self) -> str:
@@ -174,7 +180,6 @@ async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
             one.studio,
             one.access,
             one.caller,
-            one.watch,
             person_address=one.address_for(SessionRole.PERSON, "person"),
         )
         async with one.server.serving(listening):

@@ -56,7 +56,7 @@ def test_host_without_heartbeat_is_fully_removed(
     hosts = Hosts(ros)
     beats = hosts.begin("/real")
     ros.until(lambda: hosts.is_watched("/real"))
-    answer = hosts.studio.call("Tune", "/real/tune", {}, 300.0)
+    answer = hosts.studio.call("/real/tune", {}, 300.0)
     ros.until(lambda: ros.node.count_clients("/real/tune"))
     ros.node.destroy_publisher(beats)
     ros.until(lambda: not hosts.is_watched("/real"))

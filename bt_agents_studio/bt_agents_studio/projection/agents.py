@@ -65,8 +65,7 @@ class AgentProjection:
         for one in message.agents:
             self._store.put("agents", one.name, _agent(one, message.host, message.parameters))
 
-    def _files(self, message: Any, at_s: float) -> None:
-        del at_s
+    def _files(self, message: Any, _at_s: float) -> None:
         texts = {
             f"{message.host}|{file}": text
             for file, text in zip(message.files, message.texts, strict=True)
@@ -77,8 +76,7 @@ class AgentProjection:
             if key.startswith(f"{message.host}|") and key not in texts:
                 self._store.remove("files", key)
 
-    def _profiles(self, message: Any, at_s: float) -> None:
-        del at_s
+    def _profiles(self, message: Any, _at_s: float) -> None:
         width = len(message.parameters)
         records = {}
         for index, agent in enumerate(message.agents[:MOST_ENTRIES]):
@@ -107,8 +105,7 @@ class AgentProjection:
             f"feedback {key}", "FEEDBACK", record.kind, moment, agent=record.agent, text=text
         )
 
-    def _tunables(self, message: Any, at_s: float) -> None:
-        del at_s
+    def _tunables(self, message: Any, _at_s: float) -> None:
         held = set()
         for one in message.tunables[:MOST_ENTRIES]:
             key = f"{message.host}|{one.name}"

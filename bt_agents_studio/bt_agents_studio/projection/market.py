@@ -68,8 +68,7 @@ class MarketProjection:
             self._moods += 1
             self._store.put("moods", str(self._moods), MoodRecord(at_s=at_s, mood=mood))
 
-    def _status(self, message: Any, at_s: float) -> None:
-        del at_s
+    def _status(self, message: Any, _at_s: float) -> None:
         self._store.put("market", "", record_of(MarketRecord, message))
 
     def _scene(self, message: Any, at_s: float) -> None:

@@ -36,8 +36,7 @@ class RecordingProjection:
         self._store.remove("recording", "")
         self._end(at_s)
 
-    def _recording(self, message: Any, at_s: float) -> None:
-        del at_s
+    def _recording(self, message: Any, _at_s: float) -> None:
         record = record_of(RecordingRecord, message)
         before = self._store.get("recording")
         is_same = isinstance(before, RecordingRecord) and before.since_s == record.since_s

@@ -31,8 +31,7 @@ class RobotProjection:
     def _act(self, message: Any, at_s: float) -> None:
         self._log.line(at_s, "robot", text=message.data)
 
-    def _questions(self, message: Any, at_s: float) -> None:
-        del at_s
+    def _questions(self, message: Any, _at_s: float) -> None:
         self._store.put("questions", "", record_of(QuestionsRecord, message))
 
     def _robot(self, message: Any, at_s: float) -> None:

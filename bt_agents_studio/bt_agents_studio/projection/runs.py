@@ -38,18 +38,6 @@ _ABOVE, _WITHIN = re.compile("/"), re.compile("[/@]|$")
 _DEEPEST = 200
 """Maximum number of cuts to try in a path."""
 
-_NEW = NodeRecord(
-    status="INVALID",
-    message="",
-    since_s=0.0,
-    tick=0,
-    starts=0,
-    successes=0,
-    failures=0,
-    busy_s=0.0,
-    reason="",
-)
-
 
 class RunProjection:
     """Messages about runs → ``runs``, ``trees``, ``nodes``, ``values``, ``countdowns``, ….
@@ -180,7 +168,7 @@ class RunProjection:
         key = f"{message.agent}|{change.path}"
         before = self._store.get("nodes", key)
         if not isinstance(before, NodeRecord):
-            before = _NEW
+            before = NodeRecord()
         status = name_of(_STATUSES, change.status)
         if status == "INVALID" and _begins(change.path, _WITHIN, stopped):
             # A stopped node shows its progress until it restarts.
@@ -275,8 +263,7 @@ class RunProjection:
         elif was is not None and was[0] and not record.paused and record.agent:
             self._log.line(at_s, "run", agent=record.agent, text="goes on")
 
-    def _trees(self, message: Any, at_s: float) -> None:
-        del at_s
+    def _trees(self, message: Any, _at_s: float) -> None:
         trees = {one.agent: record_of(TreeRecord, one, host=message.host) for one in message.trees}
         for agent in self._store.keys("trees"):
             tree = self._store.get("trees", agent)

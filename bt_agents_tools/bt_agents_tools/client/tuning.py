@@ -7,7 +7,6 @@ import json
 import math
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.parameter import parameter_value_to_python
@@ -50,7 +49,8 @@ def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> lis
     starts = range(0, len(described), MOST_PARAMETERS)
     chunks = (described[start : start + MOST_PARAMETERS] for start in starts)
     states = [state for some in chunks for state in _with_values(observer, host, some)]
-    return [*states, *_profiles(observer.cards.get(host), agents)]
+    card = observer.cards.get(host)
+    return [*states, *(profile_states(card, agents) if card is not None else ())]
 
 
 def _with_values(
@@ -65,9 +65,8 @@ def _with_values(
         yield ParameterState(parameter=parameter, value=parameter_value_to_python(value))
 
 
-def _profiles(card: Any | None, agents: Sequence[str]) -> Iterator[ParameterState]:
-    if card is None:
-        return
+def profile_states(card: Any, agents: Sequence[str] = ()) -> Iterator[ParameterState]:
+    """Yield the values of the profiles on a ``HostCard``, of all agents or of some."""
     for one in card.agents:
         if not agents or one.name in agents:
             values = profile_values(one.name, card.parameters, one.profile)
@@ -102,31 +101,21 @@ def set_profile(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class TunedProfile:
-    """Latest change of a profile, which is a tuning that an undo would revert.
+def tuned_profile(observer: Observer, agent: str, since: float) -> str:
+    """Return the agent whose profile has the newest tuning that an undo would revert.
 
-    The stamp is the time of the change [s since 1970].
+    It is the given agent, or any if that is empty, and the tuning is newer than ``since``
+    [s since 1970]. The result is empty if there is none, or without an answer.
     """
-
-    agent: str
-    stamp: float
-
-
-def tuned_profile(observer: Observer, agent: str, since: float) -> TunedProfile | None:
-    """Return the newest tuning of a profile that can be undone; None if none or without an answer.
-
-    It belongs to the agent, empty for any, and is newer than ``since`` [s since 1970].
-    """
-    found: TunedProfile | None = None
+    found, newest = "", max(since, 0.0)
     profiles = _history(observer, "profiles")
     for one in sorted(profiles, key=lambda one: float(one["stamp"]), reverse=True):
-        if one["stamp"] <= max(since, found.stamp if found is not None else 0.0):
+        if one["stamp"] <= newest:
             break
         if not one["layer"] and agent in ("", one["agent"]):
             stamp = tuned_at(_history(observer, "revisions", agent=one["agent"]))
-            if stamp > max(since, found.stamp if found is not None else 0.0):
-                found = TunedProfile(agent=one["agent"], stamp=stamp)
+            if stamp > newest:
+                found, newest = str(one["agent"]), stamp
     return found
 
 

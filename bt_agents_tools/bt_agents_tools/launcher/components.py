@@ -125,22 +125,22 @@ def journal(folder: Path) -> Component:
     )
 
 
-def robot(pace: float, voice: str, *, needs_screen: bool = False) -> Component:
+def robot(voice: str, *, needs_screen: bool = False) -> Component:
     """Return the simulated robot; one that needs a screen appears on the page Person only."""
     return Component(
         name="robot",
         module="bt_agents_robot.robot",
-        parameters={"pace": pace, "voice": voice, "needs_screen": needs_screen},
+        parameters={"pace": 1.0, "voice": voice, "needs_screen": needs_screen},
     )
 
 
-def visitors(trees: Path, script: Path, pace: float) -> Component:
+def visitors(trees: Path, script: Path) -> Component:
     """Return the scripted visitors; they never restart, because that would repeat the script."""
     return Component(
         name="visitors",
         restarts=False,
         module="bt_agents_robot.visitors",
-        parameters={"trees": str(trees), "script": str(script), "pace": pace},
+        parameters={"trees": str(trees), "script": str(script), "pace": 1.0},
     )
 
 

@@ -77,10 +77,6 @@ class ForkedProcess:
         if self.poll() is None:
             os.kill(self.pid, number)
 
-    def terminate(self) -> None:
-        """Ask the process to end."""
-        self.send_signal(signal.SIGTERM)
-
     def kill(self) -> None:
         """End the process at once."""
         self.send_signal(signal.SIGKILL)

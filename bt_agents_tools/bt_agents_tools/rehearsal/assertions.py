@@ -96,9 +96,7 @@ def _values(
     ]
     if all(same for _, _, same in rows):
         return None
-    return AssertionFailure(
-        position=wanted.position, message=f"{what}: other values than expected", rows=tuple(rows)
-    )
+    return _failure(wanted, f"{what}: other values than expected", rows)
 
 
 def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from bt_agents_core.scene import SceneSpace
     from bt_agents_language.files.testing.scenarios import AgentTestCase
-    from bt_agents_language.model.specs import AgentSpec
     from bt_agents_tools.rehearsal.suite import TreesFolders
 
 _SUFFIXES = (".test.yaml", ".test.yml")
@@ -69,26 +68,21 @@ class AgentTestFile(pytest.File):
         except BtAgentsError as error:
             raise self.CollectError(str(error)) from None
         for case in test.cases:
-            yield AgentCase.from_parent(
-                self, name=case.name, agent=case.agent, space=space, case=case
-            )
+            yield AgentCase.from_parent(self, name=case.name, space=space, case=case)
 
 
 class AgentCase(pytest.Item):
     """Item of one case."""
 
-    def __init__(
-        self, *, agent: AgentSpec, space: SceneSpace, case: AgentTestCase, **more: object
-    ) -> None:
+    def __init__(self, *, space: SceneSpace, case: AgentTestCase, **more: object) -> None:
         super().__init__(**more)  # type: ignore[arg-type]
-        self._agent = agent
         self._space = space
         self._case = case
 
     def runtest(self) -> None:
         from bt_agents_tools.rehearsal.suite import failure, run_case
 
-        result = run_case(self._agent, self._space, self._case)
+        result = run_case(self._case.agent, self._space, self._case)
         if not result.passed:
             raise CaseFailed(failure(result))
 
@@ -101,4 +95,4 @@ class AgentCase(pytest.Item):
         return super().repr_failure(excinfo)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        return self.path, self._case.position.line - 1, f"{self._agent.name}: {self.name}"
+        return self.path, self._case.position.line - 1, f"{self._case.agent.name}: {self.name}"

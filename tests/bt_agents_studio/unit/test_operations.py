@@ -7,9 +7,10 @@ import math
 
 import pytest
 
-import bt_agents_interfaces.srv as services
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Feedback, Run
+from bt_agents_ros.system_topics import service_called
+from bt_agents_ros.types import load_type
 from bt_agents_studio.access import SessionRole
 from bt_agents_studio.operations import (
     LONGEST_TEXT,
@@ -27,7 +28,8 @@ def _read(name: str, body: object, role: SessionRole = SessionRole.OPERATE):
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_operations_use_fields_and_constants_of_their_service(name: str) -> None:
     operation = OPERATIONS[name]
-    request = getattr(services, operation.kind).Request
+    service = service_called(operation.service.format(host="/agents"))
+    request = load_type(service.type).Request
     fields = request.get_fields_and_field_types()
     assert operation.person_fields.keys() <= operation.fields.keys()
     for field, kind in operation.fields.items():

@@ -66,8 +66,8 @@ def test_answers_and_messages_are_forwarded() -> None:
         done = await ask(one, "publish", topic="door", values=["data=1"])
         assert done["message"] == "published on door"
         assert one.caller.calls == [
-            ("", "answer", {"text": "yes"}),
-            ("", "publish", {"topic": "door", "values": ["data=1"]}),
+            ("answer", {"text": "yes"}),
+            ("publish", {"topic": "door", "values": ["data=1"]}),
         ]
 
     served(test)
@@ -123,7 +123,7 @@ def test_dry_run_asks_once_for_computable_map() -> None:
     async def test(one: ServedStudio) -> None:
         one.caller.previewed = previewed("manhattan")
         record = (await ask(one, "dry_run", **DRY_RUN))["record"]
-        assert one.caller.calls == [("", "preview", {"age": 1.0, "mood": 3.0})]
+        assert one.caller.calls == [("preview", {"age": 1.0, "mood": 3.0})]
         assert record["round"]["winner"] == "young"
         assert (record["map"]["agents"], record["map"]["is_asked"]) == (["old", "young"], False)
         assert record["map"]["winners"][0] == 1
@@ -181,7 +181,7 @@ def test_strategy_and_options_are_set_together() -> None:
         done = await ask(
             one, "strategy", SessionRole.OPERATE, name="ucb", options=["c"], values=[0.5]
         )
-        assert one.caller.calls == [("", "set", {"strategy": "ucb", "ucb.c": 0.5})]
+        assert one.caller.calls == [("set", {"strategy": "ucb", "ucb.c": 0.5})]
         assert done["message"] == "ucb ranks the bids from the next round on"
         assert done["record"]["options"]["ucb"] == [option | {"value": 0.5}]
 

@@ -391,7 +391,7 @@ def test_operation_is_forwarded_to_service_and_answer_returned() -> None:
         async with one.client(SessionRole.VIEW) as client:
             forbidden = await client.post("/api/do/operate", json={"action": "UNPIN"})
             assert (forbidden.status, (await forbidden.json())["code"]) == (403, "FORBIDDEN")
-        assert one.caller.calls == [("CancelRun", "marketplace/cancel", {"reason": "enough"})]
+        assert one.caller.calls == [("marketplace/cancel", {"reason": "enough"})]
 
     served(test)
 
@@ -571,17 +571,17 @@ def test_studio_knows_which_pages_are_open() -> None:
         async with one.client(SessionRole.OPERATE) as client:
             first = await client.ws_connect("/api/socket?page=person")
             second = await client.ws_connect("/api/socket")
-            while len(one.watched) < 2:
+            while len(one.caller.watched) < 2:
                 await asyncio.sleep(0.01)
-            assert one.watched == [(True, True), (True, True)]
+            assert one.caller.watched == [(True, True), (True, True)]
             await first.close()
-            while len(one.watched) < 3:
+            while len(one.caller.watched) < 3:
                 await asyncio.sleep(0.01)
-            assert one.watched[-1] == (True, False)
+            assert one.caller.watched[-1] == (True, False)
             await second.close()
-            while len(one.watched) < 4:
+            while len(one.caller.watched) < 4:
                 await asyncio.sleep(0.01)
-            assert one.watched[-1] == (False, False)
+            assert one.caller.watched[-1] == (False, False)
 
     served(test)
 
@@ -592,7 +592,7 @@ def test_page_person_to_look_on_counts_as_no_person() -> None:
             page = await client.ws_connect("/api/socket?page=person")
             assert (await _next(page))["type"] == "hello"
             await page.close()
-        assert set(one.watched) <= {(True, False), (False, False)}
+        assert set(one.caller.watched) <= {(True, False), (False, False)}
 
     served(test)
 
@@ -604,7 +604,7 @@ def test_page_person_without_pong_counts_as_closed(monkeypatch: pytest.MonkeyPat
         async with one.client(SessionRole.PERSON) as client:
             # It answers a ping only while it reads, and it does not read.
             page = await client.ws_connect("/api/socket?page=person")
-            while (False, False) not in one.watched:
+            while (False, False) not in one.caller.watched:
                 await asyncio.sleep(0.01)
             await page.close()
 

@@ -101,7 +101,7 @@ def test_forked_process_handles_signals_and_outlives_server(forks: Forks) -> Non
     asked, killed = forks.start(STAYS="yes"), forks.start(STAYS="yes")
     forks.server.close()
     assert (asked.poll(), killed.poll()) == (None, None)
-    asked.terminate()
+    asked.send_signal(signal.SIGTERM)
     killed.kill()
     assert (asked.wait(), killed.wait()) == (-signal.SIGTERM, -signal.SIGKILL)
     killed.kill()  # it has ended, and another process may have its number

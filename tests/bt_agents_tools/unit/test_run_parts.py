@@ -46,7 +46,7 @@ def test_every_part_names_a_component():
         components.scene_layer(trees),
         components.host(trees),
         components.feedback(trees, "ledger"),
-        components.robot(1.0, "off"),
+        components.robot("off"),
     ]
     assert [component.name for component in made] == list(PARTS.values())
 

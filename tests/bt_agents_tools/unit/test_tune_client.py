@@ -11,7 +11,7 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_tools.cli.commands.tune import _profiles
-from bt_agents_tools.client.tuning import TunedProfile, tuned_at, tuned_profile
+from bt_agents_tools.client.tuning import tuned_at, tuned_profile
 
 
 def row(revision: int, source: str = "", **more: Any) -> dict[str, Any]:
@@ -62,16 +62,16 @@ def test_undo_reverts_newest_tuning_of_all_profiles() -> None:
         c=[row(1), row(4, "mood rule")],
         d=[row(1)],
     )
-    assert tuned_profile(feedback, "", 0.0) == TunedProfile(agent="a", stamp=30.0)
+    assert tuned_profile(feedback, "", 0.0) == "a"
     assert feedback.asked == ["", "b", "c", "a"]
-    assert tuned_profile(feedback, "b", 0.0) == TunedProfile(agent="b", stamp=20.0)
-    assert tuned_profile(feedback, "", 30.0) is None
-    assert tuned_profile(feedback, "c", 0.0) is None
+    assert tuned_profile(feedback, "b", 0.0) == "b"
+    assert tuned_profile(feedback, "", 30.0) == ""
+    assert tuned_profile(feedback, "c", 0.0) == ""
 
 
 def test_missing_response_undoes_nothing() -> None:
     observer: Any = SimpleNamespace(ask=lambda *_, **__: None)
-    assert tuned_profile(observer, "", 0.0) is None
+    assert tuned_profile(observer, "", 0.0) == ""
 
 
 def test_profile_values_are_found_by_agent() -> None:

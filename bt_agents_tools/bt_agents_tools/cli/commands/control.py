@@ -11,32 +11,30 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import join_quoted
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_tools.cli.commands.tune import user
+from bt_agents_tools.cli.commands.tune import author_option
 from bt_agents_tools.cli.connection import BUSY_LIMIT_S, accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_author = click.option("--author", default=user, show_default="you", help="Who makes the request.")
-
 
 @click.command()
-@_author
+@author_option
 def pause(author: str) -> None:
     """Stop ticking the running tree, until 'resume'; what it has begun goes on."""
     _control("PAUSE", author)
 
 
 @click.command()
-@_author
+@author_option
 def resume(author: str) -> None:
     """Tick a paused tree again."""
     _control("RESUME", author)
 
 
 @click.command()
-@_author
+@author_option
 def step(author: str) -> None:
     """Tick a paused tree once."""
     _control("STEP", author)
@@ -48,7 +46,7 @@ def step(author: str) -> None:
 @click.option(
     "--remove", is_flag=True, help="Remove the breakpoints of NODES; without any, all of AGENT."
 )
-@_author
+@author_option
 @table_options
 def breakpoint(
     agent: str, nodes: Sequence[str], remove: bool, author: str, form: TableForm

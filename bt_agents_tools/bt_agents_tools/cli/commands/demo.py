@@ -62,9 +62,7 @@ def demo(
     with tempfile.TemporaryDirectory(prefix="bt-agents-demo-") as folder:
         state = find_state(trees)
         processes = [
-            components.robot(
-                pace=1.0, voice="auto" if voice and not browser else "off", needs_screen=browser
-            ),
+            components.robot("auto" if voice and not browser else "off", needs_screen=browser),
             components.market(trees),
             components.scene_layer(trees),
             components.host(trees, tags),
@@ -80,7 +78,7 @@ def demo(
             )
             run_system("demo", processes, trees, tags, interrupt, studio=plan)
         else:
-            visitors = components.visitors(trees, script, pace=1.0)
+            visitors = components.visitors(trees, script)
             if not run_system("demo", processes, trees, tags, interrupt, visitors):
                 sys.exit(1)
 

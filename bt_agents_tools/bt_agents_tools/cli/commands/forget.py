@@ -18,7 +18,7 @@ from bt_agents_core.profile_layers import PERSON, checked_layer
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.state_folder import StateFolder
 from bt_agents_core.text import join_first
-from bt_agents_tools.cli.commands.tune import user
+from bt_agents_tools.cli.commands.tune import author_option
 from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.formatting import counted
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
@@ -32,7 +32,7 @@ from bt_agents_tools.launcher.log_files import erase_lines, log_home
 @click.option("--memory", default="", help="File of remembered values of persons.")
 @click.option("--journal", default="", metavar="FOLDER", help="Folder of the journal.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
-@click.option("--author", default=user, show_default="you", help="Who makes the request.")
+@author_option
 def forget(
     person: str, state: str, ledger: str, memory: str, journal: str, yes: bool, author: str
 ) -> None:

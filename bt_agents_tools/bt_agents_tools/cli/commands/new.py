@@ -111,7 +111,20 @@ def _sweep(name: str, directory: Path) -> _FirstFiles:
     )
 
 
+def _library(name: str, directory: Path) -> _FirstFiles:
+    file = directory / "libraries" / f"{name}.yaml"
+    _check_free([file])
+    _make_folder(directory)
+    text = new_library(name, read_trees(directory).symbols.skills)
+    use = f"imports: [libraries/{name}.yaml] in an agent, then bt-agents check again"
+    return _FirstFiles(
+        texts={file: _schema(directory, "library") + text},
+        steps=[f"bt-agents check {directory}", use],
+    )
+
+
 _OTHERS: Mapping[str, Callable[[str, Path], _FirstFiles]] = {
+    "library": _library,
     "test": _test,
     "script": _script,
     "skill": _skill,
@@ -130,7 +143,7 @@ _OTHERS: Mapping[str, Callable[[str, Path], _FirstFiles]] = {
 )
 @click.option(
     "--kind",
-    type=click.Choice(["agent", "library", *_OTHERS]),
+    type=click.Choice(["agent", *_OTHERS]),
     default="agent",
     show_default=True,
     help="An agent with its test, a test for an existing agent, and so on.",
@@ -154,37 +167,36 @@ def new(name: str, directory: Path | None, kind: str, like: str, of_pattern: str
     if kind in _OTHERS:
         _write_all(_OTHERS[kind](name, directory))
         return
-    files = _names(name, directory, kind)
-    _check_free(files)
+    file, test = (directory / "agents" / f"{name}{end}" for end in (".yaml", ".test.yaml"))
+    _check_free((file, test))
     _make_folder(directory)
     trees = read_trees(directory)
-    skills = trees.symbols.skills
-    if kind == "library":
-        _write(files[0], _schema(directory, kind) + new_library(name, skills))
-        _next_steps(name, directory, kind)
-        return
     taken = next((agent for agent in trees.agents if agent.name == name), None)
     if taken is not None:
         raise BtAgentsError(f"there is an agent '{name}' already: {taken.file}")
     if like or of_pattern:
-        origin, file = _origin(like, of_pattern, trees)
-        texts = _copies(name, origin, file, directory)
+        texts = _copies(name, *_origin(like, of_pattern, trees), directory)
         trees = read_trees(directory)
     else:
+        skills = trees.symbols.skills
         texts = (
-            new_agent(name, str(directory), str(files[0]), trees.scene, skills),
-            new_test(name, str(files[1]), trees.scene, skills),
+            new_agent(name, str(directory), str(file), trees.scene, skills),
+            new_test(name, str(test), trees.scene, skills),
         )
     try:
-        read_agent(Source(str(files[0]), texts[0]), trees.symbols)
+        read_agent(Source(str(file), texts[0]), trees.symbols)
     except ReadError as error:
         raise BtAgentsError(
             f"it does not fit the scene and the skills of '{directory}':\n{error}"
         ) from None
-    for path, text, of_kind in zip(files, texts, ("agent", "test"), strict=True):
-        if text:
-            _write(path, _schema(directory, of_kind) + text)
-    _next_steps(name, directory, kind)
+    parts = zip((file, test), texts, ("agent", "test"), strict=True)
+    steps = [f"check {directory}", f"show {file}", f"rehearse {file}", f"test {test}"]
+    _write_all(
+        _FirstFiles(
+            texts={path: _schema(directory, of) + text for path, text, of in parts if text},
+            steps=[f"bt-agents {step}" for step in steps],
+        )
+    )
     if like:
         click.echo(
             f"\nIt still has the title and the profile of {like}: both suit the same scenes."
@@ -238,12 +250,6 @@ def _write_all(made: _FirstFiles) -> None:
     click.echo("\n".join(["", "Next:", *(f"  {step}" for step in made.steps)]))
 
 
-def _names(name: str, directory: Path, kind: str) -> list[Path]:
-    if kind == "library":
-        return [directory / "libraries" / f"{name}.yaml"]
-    return [directory / "agents" / f"{name}{end}" for end in (".yaml", ".test.yaml")]
-
-
 def _make_folder(directory: Path) -> None:
     """Write the shipped scene and skills into an empty or missing folder."""
     if (directory / "scene.yaml").exists():
@@ -275,13 +281,3 @@ def _write(path: Path, text: str) -> None:
     except OSError as error:
         raise BtAgentsError(f"'{path}' cannot be written: {error.strerror}") from None
     click.echo(f"wrote {path}")
-
-
-def _next_steps(name: str, directory: Path, kind: str) -> None:
-    agent = directory / "agents" / f"{name}.yaml"
-    click.echo(f"\nNext:\n  bt-agents check {directory}")
-    if kind == "agent":
-        click.echo(f"  bt-agents show {agent}\n  bt-agents rehearse {agent}")
-        click.echo(f"  bt-agents test {agent.with_suffix('.test.yaml')}")
-    else:
-        click.echo(f"  imports: [libraries/{name}.yaml] in an agent, then bt-agents check again")

@@ -20,7 +20,7 @@ from bt_agents_core.state_folder import StateFolder
 from bt_agents_core.text import format_known
 from bt_agents_language.expression.quantities import QuantityError, quantity
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_tools.cli.commands.tune import user
+from bt_agents_tools.cli.commands.tune import author_option
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, NoSystemError, accepted, connect
 from bt_agents_tools.cli.formatting import KINDS, counted
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
@@ -35,7 +35,6 @@ _MAX_PROBLEMS = 20
 _layer = click.option(
     "--layer", default="", help="Of a person or a place: person/anna; default: everybody's."
 )
-_author = click.option("--author", default=user, show_default="you", help="Who makes the request.")
 _reason = click.option("--reason", default="", help="Why, in words.")
 
 
@@ -130,7 +129,7 @@ def history(agent: str, layer: str, form: TableForm, state: str) -> None:
 @profile.command()
 @click.argument("agent")
 @_layer
-@_author
+@author_option
 @_reason
 def undo(agent: str, layer: str, author: str, reason: str) -> None:
     """Bring back the profile that an AGENT had before the last change.
@@ -143,7 +142,7 @@ def undo(agent: str, layer: str, author: str, reason: str) -> None:
 @profile.command()
 @click.argument("agent")
 @_layer
-@_author
+@author_option
 @_reason
 def reset(agent: str, layer: str, author: str, reason: str) -> None:
     """Bring back the profile of an AGENT's file, as a new revision."""
@@ -171,7 +170,7 @@ def export(file: Path, layer: str, state: str) -> None:
 
 @profile.command("import")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@_author
+@author_option
 @_reason
 def import_(file: Path, author: str, reason: str) -> None:
     """Take in profiles from a FILE that was exported, as new revisions.
@@ -189,7 +188,7 @@ def import_(file: Path, author: str, reason: str) -> None:
 @click.option("--older", required=True, help="Unchanged for this long, such as 90d.")
 @click.option("--kind", type=click.Choice(["person", "place"]), help="Persons or places only.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
-@_author
+@author_option
 def expire(older: str, kind: str | None, yes: bool, author: str) -> None:
     """Forget the profiles for persons and places that have not changed for long.
 
@@ -223,7 +222,7 @@ def expire(older: str, kind: str | None, yes: bool, author: str) -> None:
 @profile.command()
 @click.argument("layer")
 @click.option("--yes", is_flag=True, help="Do not ask.")
-@_author
+@author_option
 def forget(layer: str, yes: bool, author: str) -> None:
     """Take all that was learned for a person or a place out of the ledger.
 

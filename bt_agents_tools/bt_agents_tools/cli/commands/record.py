@@ -8,11 +8,10 @@ from typing import Any
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.cli.commands.tune import user
+from bt_agents_tools.cli.commands.tune import author_option
 from bt_agents_tools.cli.connection import BUSY_LIMIT_S, accepted, connect
 
 _notes = click.option("--notes", default="", help="Notes about the moment or the recording.")
-_author = click.option("--author", default=user, show_default="you", help="Who makes the request.")
 
 
 @click.group()
@@ -23,7 +22,7 @@ def record() -> None:
 @record.command()
 @click.argument("label", default="")
 @_notes
-@_author
+@author_option
 def start(label: str, notes: str, author: str) -> None:
     """Begin a new file under a LABEL; nothing may be recorded when it begins.
 
@@ -33,7 +32,7 @@ def start(label: str, notes: str, author: str) -> None:
 
 
 @record.command()
-@_author
+@author_option
 def stop(author: str) -> None:
     """End the file that is written; nothing is recorded until the next start."""
     _ask("STOP", author=author)
@@ -42,7 +41,7 @@ def stop(author: str) -> None:
 @record.command()
 @click.argument("label", default="")
 @_notes
-@_author
+@author_option
 def mark(label: str, notes: str, author: str) -> None:
     """Mark the moment now with a LABEL, so that it is found again."""
     _ask("BOOKMARK", label=label, notes=notes, author=author)

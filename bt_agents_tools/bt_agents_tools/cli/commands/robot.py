@@ -24,6 +24,6 @@ def robot(voice: bool, params: ParameterFile | None, lan: bool, slow_network: fl
     interrupt = Interrupt()
     logs = new_log_folder()
     join_network(lan, slow_network)
-    part = components.robot(pace=1.0, voice="auto" if voice else "off")
+    part = components.robot("auto" if voice else "off")
     part = components.on_slow_network(replace(part, file=params), slow_network)
     run_parts("robot", [part], interrupt, logs)

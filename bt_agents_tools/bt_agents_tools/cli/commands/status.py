@@ -111,7 +111,8 @@ def status(form: TableForm, shows_all: bool) -> None:
             _print("  problem: ", text)
         most = sys.maxsize if shows_all else _AGENTS_SHOWN
         for card, shown in zip(cards, shown_agents(cards, most), strict=True):
-            _print("host      ", host_text(card.host, card))
+            machine = f", on {card.machine}" if card.machine else ""
+            _print("host      ", f"{card.host}{machine}")
             for agent in shown:
                 values = zip(card.parameters, agent.current, strict=True)
                 profile = ", ".join(f"{name} {format_known(value)}" for name, value in values)
@@ -158,11 +159,6 @@ def shown_agents(cards: Sequence[Any], most: int) -> list[Sequence[Any]]:
     return shown
 
 
-def host_text(name: str, card: Any) -> str:
-    """Return the name of a host, with its machine if its card states one."""
-    return f"{name}, on {card.machine}" if card.machine else name
-
-
 def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bool) -> str:
     """Return the activity of a market, its beginning and its scene, as text.
 
@@ -192,12 +188,9 @@ def _node_at_work(observer: Observer) -> str:
 
     observer.spin_until(lambda: of_run() is not None, SOON_S)
     beat = of_run()
-    return "" if beat is None else tip_text(beat.tip, beat.tip_name)
-
-
-def tip_text(path: str, name: str) -> str:
-    """Return the name of a node with its path, or the path alone if it has no name."""
-    return f"{name} ({path})" if name else path
+    if beat is None:
+        return ""
+    return f"{beat.tip_name} ({beat.tip})" if beat.tip_name else str(beat.tip)
 
 
 def _pause(observer: Observer) -> Any:

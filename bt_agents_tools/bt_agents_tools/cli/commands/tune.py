@@ -25,7 +25,6 @@ from bt_agents_tools.cli.tune_table import table
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
-    from bt_agents_tools.client.tuning import TunedProfile
 
 _TIME = "%Y-%m-%d %H:%M:%S"
 _PROFILE = re.compile(r"(?P<agent>[^.]+)\.profile\.(?P<parameter>.+)")
@@ -37,6 +36,11 @@ def user() -> str:
         return getpass.getuser()[:60]
     except (OSError, KeyError):
         return ""
+
+
+author_option = click.option(
+    "--author", default=user, show_default="you", help="Who makes the request."
+)
 
 
 def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
@@ -156,10 +160,10 @@ def _take_back(observer: Observer, agent: str, action: str, *, author: str, reas
     """Undo or redo the last change of an agent or the host; for profiles, the last tuning."""
     host = _one_host(observer, agent)
     if action == "undo":
-        profile = _undoable_profile(observer, host, agent)
-        if profile is not None:
+        tuned = _tuned_profile(observer, host, agent)
+        if tuned:
             answer = observer.ask(
-                "feedback/manage", action="UNDO", agent=profile.agent, author=author, reason=reason
+                "feedback/manage", action="UNDO", agent=tuned, author=author, reason=reason
             )
             click.echo(f"undo of a profile: {accepted(answer, 'the feedback node').message}")
             return
@@ -167,8 +171,8 @@ def _take_back(observer: Observer, agent: str, action: str, *, author: str, reas
     ask_host(observer, host, action.upper(), agents=agents, author=author, reason=reason)
 
 
-def _undoable_profile(observer: Observer, host: str, agent: str) -> TunedProfile | None:
-    """Return the tuning of a profile that is newer than every change that the host can undo."""
+def _tuned_profile(observer: Observer, host: str, agent: str) -> str:
+    """Return the agent whose profile was tuned after every change that the host can undo."""
     from bt_agents_tools.client import tuning
 
     stamps = (
@@ -290,7 +294,7 @@ def _show_history(observer: Observer, agent: str, form: TableForm) -> None:
     if form.for_program:
         return
     for host, tunings in found.items():
-        profile = _undoable_profile(observer, host, agent)
-        undo = f"the last change of the profile of {profile.agent}" if profile else tunings.undo
+        tuned = _tuned_profile(observer, host, agent)
+        undo = f"the last change of the profile of {tuned}" if tuned else tunings.undo
         click.echo(f"undo would be: {undo or 'nothing'}")
         click.echo(f"redo would be: {tunings.redo or 'nothing'}")

@@ -148,9 +148,7 @@ def up(
         components.host(trees, tags, bindings, str(kept.tunings), language, str(kept.open_goals)),
         components.feedback(trees, ledger=profiles),
         # In the browser, the robot speaks with the browser's voice.
-        components.robot(
-            pace=1.0, voice="auto" if voice and not in_browser else "off", needs_screen=in_browser
-        ),
+        components.robot("auto" if voice and not in_browser else "off", needs_screen=in_browser),
     ]
     wanted = {PARTS[part] for part in parts}
     processes = [one for one in processes if one.name in wanted]

@@ -45,7 +45,7 @@ def visit(script: Path) -> None:
         supervisor = Supervisor(new_log_folder())
         interrupt = Interrupt()
         try:
-            supervisor.start(components.visitors(trees, script.resolve(), pace=1.0))
+            supervisor.start(components.visitors(trees, script.resolve()))
             while not (interrupt or done):
                 supervisor.poll()
                 observer.spin_until(lambda: bool(interrupt or done), _POLL_S)
