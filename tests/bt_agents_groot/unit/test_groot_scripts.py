@@ -6,10 +6,10 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_groot.expressions import parse_formula
-from bt_agents_groot.formulas import Untranslatable, as_expression, as_script, negated
+from bt_agents_groot.formulas import Untranslatable, as_expression, as_script
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.script_nodes import as_condition, as_node
-from bt_agents_groot.scripts import Assignment, ScriptError, parse_script
+from bt_agents_groot.scripts import ScriptError, parse_script
 from bt_agents_groot.yaml_nodes import yaml_lines
 
 
@@ -122,12 +122,6 @@ def test_conditional_value_becomes_choose_node():
     ]  # fmt: skip
 
 
-def test_increment_becomes_assignment_of_sum():
-    [statement] = parse_script("x += 2", str)
-    assert isinstance(statement, Assignment)
-    assert as_expression(statement.value) == "x + 2"
-
-
 @pytest.mark.parametrize(
     ("expression", "script"),
     [
@@ -154,8 +148,3 @@ def test_expression_is_exported_as_script(expression, script):
 def test_expression_without_script_equivalent_is_rejected(expression):
     with pytest.raises(Untranslatable):
         as_script(parse_formula(expression))
-
-
-def test_double_negation_restores_the_formula():
-    formula = parse_formula("a and b")
-    assert negated(negated(formula)) == formula
