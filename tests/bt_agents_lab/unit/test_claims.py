@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -82,13 +81,8 @@ def test_verdict_states_number_of_runs_claim_holds_in(held, words):
 
 
 def test_share_below_all_is_not_rounded_up():
-    assert [percent(share) for share in (0.0, 0.5, 0.99996, 0.0004, 1.0)] == [
-        "0 %",
-        "50 %",
-        "99.996 %",
-        "0.04 %",
-        "100 %",
-    ]
+    shares = ", ".join(map(percent, (0.0, 0.5, 0.99996, 0.0004, 1.0)))
+    assert shares == "0 %, 50 %, 99.996 %, 0.04 %, 100 %"
 
 
 def test_plot_command_reproduces_figures_and_judges_all_claims(tmp_path, monkeypatch):
@@ -127,15 +121,6 @@ def test_documented_figures_are_small():
     figures = sorted((ROOT / "docs" / "figures").glob("*.svg"))
     assert len(figures) >= 9
     assert all(figure.stat().st_size < 200_000 for figure in figures)
-
-
-def test_profile_in_batched_runs_follows_closed_form():
-    folder, spec = opened("1")
-    world = world_of(folder, spec)
-    course = replicas(world, spec, [0]).course
-    for cycle in (1, 10, 100):
-        expected = closed_form((2.5, 2.5, 2.5), (5.0, 4.0, 1.0), 0.2, cycle)
-        assert np.allclose(course.profiles[0, cycle - 1, 0], expected, rtol=0, atol=1e-12)
 
 
 def test_verdict_links_its_figures():

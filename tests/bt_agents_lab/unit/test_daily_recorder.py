@@ -50,6 +50,11 @@ class Recorder:
     def flush(self) -> None:
         self.journal.flush(10**9)
 
+    def keep(self, *numbers: int, size: int = 0) -> None:
+        """Receive messages, and try to write them."""
+        self.receive(*numbers, size=size)
+        self.flush()
+
     def file(self, day: str, start: int = 1) -> Path:
         return self.folder / f"journal-{day}_{start:03}.mcap"
 
@@ -67,8 +72,7 @@ def test_new_day_file_begins_with_current_facts(recorder: Recorder) -> None:
     recorder.receive(3, fact="a")
     recorder.receive(4)
     recorder.today += timedelta(days=1)
-    recorder.receive(5)
-    recorder.flush()
+    recorder.keep(5)
     assert sorted(ticks(recorder.file("2026-03-02"))) == [2, 3, 5]
     assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4]
 
@@ -81,12 +85,10 @@ def test_quiet_day_has_a_file_too(recorder: Recorder) -> None:
 
 
 def test_full_disk_is_reported_once_and_messages_buffered(recorder: Recorder) -> None:
-    recorder.receive(1)
-    recorder.flush()
+    recorder.keep(1)
     recorder.full = True
     for number in range(2, 6):
-        recorder.receive(number)
-        recorder.flush()
+        recorder.keep(number)
     [text] = recorder.reports
     assert text.startswith("STORAGE_FULL")
     assert "No space left" in text
@@ -105,18 +107,15 @@ def test_buffer_is_bounded_and_lost_messages_are_counted(
     recorder: Recorder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(daily_recorder, "MOST_WAITING", 5_000)
-    recorder.receive(1)
-    recorder.flush()
+    recorder.keep(1)
     recorder.full = True
-    recorder.receive(*range(2, 12), size=1000)
-    recorder.flush()
+    recorder.keep(*range(2, 12), size=1000)
     lost = 10 - 4
     assert recorder.journal.health.values["dropped"] == str(lost)
     recorder.full = False
     recorder.flush()
     assert f"{lost} messages are lost" in recorder.reports[-1]
-    recorder.receive(12)
-    recorder.flush()
+    recorder.keep(12)
     assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4, 5, 12]
     recording = index_entries(JournalReader([recorder.file("2026-03-01")]).entries())
     assert recording.lost == {"/agents/status": lost}
@@ -137,46 +136,37 @@ def test_full_disk_at_midnight_keeps_the_old_file(recorder: Recorder) -> None:
     recorder.receive(1)
     recorder.full = True
     recorder.today += timedelta(days=1)
-    recorder.receive(2)
-    recorder.flush()
+    recorder.keep(2)
     recorder.full = False
-    recorder.receive(3)
-    recorder.flush()
+    recorder.keep(3)
     kept = ticks(recorder.file("2026-03-01")) + ticks(recorder.file("2026-03-02"))
     assert kept == [1, 2, 3]
 
 
 def test_room_for_file_head_only_loses_nothing(recorder: Recorder) -> None:
-    recorder.receive(1)
-    recorder.flush()
+    recorder.keep(1)
     recorder.full, recorder.room = True, 60
-    recorder.receive(2, 3, size=2000)
-    recorder.flush()
+    recorder.keep(2, 3, size=2000)
     recorder.today += timedelta(days=1)
-    recorder.receive(4)
-    recorder.flush()
+    recorder.keep(4)
     assert not recorder.file("2026-03-02").exists()
     recorder.full = False
     recorder.flush()
-    recorder.receive(5)
-    recorder.flush()
+    recorder.keep(5)
     assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4]
     assert ticks(recorder.file("2026-03-02")) == [5]
 
 
 def test_failed_day_file_is_created_later_without_gap(recorder: Recorder) -> None:
-    recorder.receive(1)
-    recorder.flush()
+    recorder.keep(1)
     recorder.full = True
     recorder.today += timedelta(days=1)
     recorder.flush()
     recorder.flush()
     assert [path.name for path in recorder.folder.iterdir()] == [recorder.file("2026-03-01").name]
     recorder.full = False
-    recorder.receive(2)
-    recorder.flush()
-    recorder.receive(3)
-    recorder.flush()
+    recorder.keep(2)
+    recorder.keep(3)
     assert ticks(recorder.file("2026-03-01")) == [1, 2]
     assert ticks(recorder.file("2026-03-02")) == [3]
 
@@ -190,15 +180,11 @@ def test_each_start_creates_its_own_file(tmp_path: Path) -> None:
     recorder.today += timedelta(days=1)
     recorder.flush()
     recorder.journal.close()
-    assert [ticks(recorder.file("2026-03-01", start)) for start in (1, 2, 3, 4)] == [
-        [1],
-        [2],
-        [3],
-        [],
-    ]
+    starts = [recorder.file("2026-03-01", start) for start in (1, 2, 3, 4)]
+    assert list(map(ticks, starts)) == [[1], [2], [3], []]
     assert newest_files(tmp_path) == [recorder.file("2026-03-02")]
     recorder.file("2026-03-02").unlink()
-    assert newest_files(tmp_path) == [recorder.file("2026-03-01", start) for start in (1, 2, 3, 4)]
+    assert newest_files(tmp_path) == starts
 
 
 def test_two_journals_never_share_a_folder(tmp_path: Path) -> None:
@@ -213,8 +199,7 @@ def test_two_journals_never_share_a_folder(tmp_path: Path) -> None:
 
 def test_messages_lost_at_close_are_reported(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "journal")
-    recorder.receive(1)
-    recorder.flush()
+    recorder.keep(1)
     recorder.full = True
     recorder.receive(2, 3, 4)
     recorder.journal.close()
@@ -224,11 +209,9 @@ def test_messages_lost_at_close_are_reported(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [errno.EIO, errno.EROFS])
 def test_other_storage_error_is_not_called_full_disk(recorder: Recorder, number: int) -> None:
-    recorder.receive(1)
-    recorder.flush()
+    recorder.keep(1)
     recorder.full, recorder.error = True, number
-    recorder.receive(2)
-    recorder.flush()
+    recorder.keep(2)
     [text] = recorder.reports
     assert text.startswith("STORAGE_FAILED")
     assert os.strerror(number) in text

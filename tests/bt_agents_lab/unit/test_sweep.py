@@ -47,12 +47,10 @@ updates:
   - plain
   - {name: median, window: 3}
 """
-CHANGING = (
-    TEXT
-    + """arrivals: {swift_assistant: 9}
+CHANGE = """\
+arrivals: {swift_assistant: 9}
 change: {round: 11, each: {calm_helper: {age: 1, familiarity: 1, mood: 2}}}
 """
-)
 
 
 @pytest.fixture
@@ -64,11 +62,10 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def changing(tmp_path: Path) -> Path:
+def changing(file: Path) -> Path:
     """A small sweep of a world that changes."""
-    path = tmp_path / "changing.yaml"
-    path.write_text(CHANGING.replace("EXPERIMENTS", str(ROOT / "experiments")))
-    return path
+    file.write_text(file.read_text() + CHANGE)
+    return file
 
 
 @pytest.mark.parametrize("path", sorted(SWEEPS.glob("*.yaml")), ids=lambda path: path.stem)
@@ -116,11 +113,8 @@ def test_sweep_errors_are_reported_in_one_pass(file):
     file.write_text(text.replace("window: 3", "window: 0"))
     with pytest.raises(ReadError) as error:
         read_sweep(file)
-    assert [line.split(": ")[0].removeprefix(f"{file}:") for line in error.value.lines] == [
-        "3:7",
-        "10:22",
-        "13:28",
-    ]
+    places = [line.split(": ")[0].removeprefix(f"{file}:") for line in error.value.lines]
+    assert places == ["3:7", "10:22", "13:28"]
 
 
 def test_sweep_of_missing_experiment_names_expected_folder(file):
