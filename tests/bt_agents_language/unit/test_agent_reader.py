@@ -66,7 +66,6 @@ on_cancel: {light: red}
     assert spec.tags == ("airport", "24")
     assert spec.profile == (4.5, 1.0, 3.0)
     assert spec.learning_rate == 0.3
-    assert spec.requires is not None
     assert spec.requires.text == "scene.person and scene.age >= 2"
     first, second = spec.rules
     assert (first.when.text, first.hold_s, first.give, first.action) == (
@@ -80,7 +79,6 @@ on_cancel: {light: red}
         FeedbackKind.POSITIVE,
         MoodAction.NONE,
     )
-    assert spec.on_cancel is not None
     assert spec.on_cancel.path == "on_cancel"
 
 
@@ -264,7 +262,6 @@ def test_leaves_that_name_ros_directly_are_unnamed_skills():
     ).tree
     dock, beep = spec.children
     assert dock.kind == "action"
-    assert dock.skill is not None
     binding = dock.skill.binding
     assert (binding.kind, binding.name, binding.type) == (
         BindingKind.ACTION,
@@ -274,7 +271,6 @@ def test_leaves_that_name_ros_directly_are_unnamed_skills():
     assert binding.fields == MapValue(items={"speed": Reference(name="scene.age")})
     assert binding.outputs == {"spot": "place.name"}
     assert binding.succeed_when is not None
-    assert beep.skill is not None
     assert beep.skill.binding.kind is BindingKind.TOPIC
 
 

@@ -233,7 +233,6 @@ feedback:
     confidence: 0.6
 """
     ).rules
-    assert rule.release is not None
     assert (rule.hold_s, rule.baseline_s, rule.cooldown_s) == (2.0, 3.0, 60.0)
     assert (rule.release.text, rule.confidence) == ("mood.change > -0.5", 0.6)
 

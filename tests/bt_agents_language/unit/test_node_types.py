@@ -241,8 +241,6 @@ def test_node_type_declares_external_resources() -> None:
     assert resources_of("give_feedback: positive") == Resources(feedback=True)
     assert resources_of("wait: 1 s") == Resources()
     say = SYMBOLS.skills["say"].binding
-    assert say is not None
     assert resources_of("say: Hello.") == Resources(binding=say)
     raw = resources_of(f"publish: {topic}, message: {{data: true}}}}").binding
-    assert raw is not None
     assert (raw.name, raw.type) == wanted

@@ -19,7 +19,14 @@ from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.scope import mood_names, scene_names
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import NodeField, NodeType
-from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.reference.node_pages import (
+    Group,
+    NodePage,
+    node_page,
+    node_pages,
+    subtree_page,
+)
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
 from checkout import ROOT
@@ -29,6 +36,12 @@ from tree_harness import SPACE, SYMBOLS, scene
 GENERATED = runpy.run_path(str(ROOT / "scripts" / "generated.py"))["GENERATED"]
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 WORDS = [*NODE_TYPES, *SYMBOLS.skills, *DECORATORS, *SIBLINGS]
+
+
+def page_of(key: str, symbols: SymbolTable = SYMBOLS) -> NodePage:
+    page = node_page(key, symbols)
+    assert page is not None
+    return page
 
 
 def test_every_word_has_exactly_one_page():
@@ -43,8 +56,7 @@ def test_every_word_of_the_language_has_an_example():
 
 @pytest.mark.parametrize("key", WORDS)
 def test_word_example_uses_it_in_runnable_tree(key):
-    page = node_page(key, SYMBOLS)
-    assert page is not None
+    page = page_of(key)
     assert f"{key}:" in page.example
     agent = read_agent_text(HEAD + page.example, "example.yaml", SYMBOLS)
     run = Run(
@@ -61,8 +73,7 @@ def test_word_example_uses_it_in_runnable_tree(key):
 
 
 def test_page_lists_required_fields_and_defaults():
-    page = node_page("ask", SYMBOLS)
-    assert page is not None
+    page = page_of("ask")
     assert page.group is Group.SKILL
     assert page.forms == (
         "ask: <text>",
@@ -78,8 +89,7 @@ def test_page_lists_required_fields_and_defaults():
 
 
 def test_modifier_page_states_its_nesting_order():
-    page = node_page("retry", SYMBOLS)
-    assert page is not None
+    page = page_of("retry")
     assert "inside of when, once" in page.note
     assert "around repeat, timeout" in page.note
 
@@ -96,8 +106,7 @@ def test_plugin_page_is_built_from_fields():
         plugin=Success,
     )
     words = replace(SYMBOLS, plugins={"blink": blink})
-    page = node_page("blink", words)
-    assert page is not None
+    page = page_of("blink", words)
     assert page.group is Group.PLUGIN
     assert page.forms == ("blink: <text>", "blink: {colour: …, period: …}")
     assert page.fields[1].default == "0.5 s"
@@ -109,8 +118,7 @@ BLINK = replace(SYMBOLS, plugins={"blink": NodeType(key="blink", plugin=Success)
 
 
 def test_a_node_without_fields_is_its_bare_key():
-    page = node_page("blink", BLINK)
-    assert page is not None
+    page = page_of("blink", BLINK)
     assert page.forms == ("blink:",)
     assert page.example == "tree:\n  blink:\n"
     for tree in (page.example, "tree:\n  blink: {}\n", "tree: {sequence: [{blink: }]}\n"):
@@ -125,9 +133,7 @@ def test_a_node_without_fields_takes_no_value():
 
 
 def test_skill_example_looks_hand_written():
-    page = node_page("ask", SYMBOLS)
-    assert page is not None
-    assert page.example == (
+    assert page_of("ask").example == (
         'tree:\n  sequence:\n    - ask: Shall we go?\n    - log: "answer: ${answer}"\n'
     )
 

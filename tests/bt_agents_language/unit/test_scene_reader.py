@@ -32,7 +32,6 @@ def test_a_scene_becomes_a_space_and_sources():
     (source,) = spec.sources
     assert (source.parameter, source.topic, source.path) == ("age", "/a", "good")
     assert (source.points, source.stale_after_s) == (((5.0, 1.0), (80.0, 5.0)), 60.0)
-    assert spec.person is not None
     assert (spec.person.parameter, spec.person.points) == ("person", ())
 
 

@@ -35,8 +35,6 @@ def test_binding_holds_server_settings_from_skills_file() -> None:
     text = (CORPUS / "skills/valid_servers.yaml").read_text(encoding="utf-8")
     read = read_skills_text(text.partition("bindings:")[0], "s.yaml")
     drive, light = (read[name].binding for name in ("drive", "light"))
-    assert drive is not None
-    assert light is not None
     assert drive.timeouts == Timeouts(server_s=0.5, accept_s=2.0, result_s=300.0)
     assert drive.heartbeat == HeartbeatSpec(
         topic="tray/alive", type="std_msgs/msg/Empty", within_s=1.0
@@ -44,17 +42,13 @@ def test_binding_holds_server_settings_from_skills_file() -> None:
     assert drive.feedback == {"left": "left.metres"}
     assert drive.outputs == {"feedback": "feedback", "told": "feedback.text"}
     assert light.timeouts == Timeouts(server_s=1.0, accept_s=3.0, result_s=2.0)
-    assert light.heartbeat is not None
     assert light.heartbeat.within_s == 0.5
 
 
 def test_omitted_timeouts_have_defaults() -> None:
     binding = SYMBOLS.skills["ask"].binding
-    assert binding is not None
     assert binding.timeouts == Timeouts(server_s=3.0, accept_s=3.0, result_s=None)
-    sound = SYMBOLS.skills["sound"].binding
-    assert sound is not None
-    assert sound.heartbeat is None
+    assert SYMBOLS.skills["sound"].binding.heartbeat is None
 
 
 FROM = """
@@ -93,7 +87,6 @@ def test_another_robot_binds_output_to_own_feedback() -> None:
         action: {name: go, type: known_msgs/action/Go}
     """
     binding = skills(words)["go"].binding
-    assert binding is not None
     assert (binding.outputs, binding.feedback) == ({}, {"left": "good"})
 
 
@@ -105,7 +98,6 @@ def test_service_field_named_feedback_is_plain_result() -> None:
         service: {name: go, type: a/srv/Go}
     """
     [skill] = read_skills_text(f"format: 1\n{textwrap.dedent(text)}", "s.yaml").values()
-    assert skill.binding is not None
     assert skill.binding.outputs == {"left": "feedback.left"}
 
 
@@ -154,8 +146,7 @@ def test_server_keys_survive_groot_round_trip() -> None:
     after = read_agent_text(back.text, "a.yaml", SYMBOLS)
     for one, other in zip(before.tree.children, after.tree.children, strict=True):
         assert one.fields.keys() == other.fields.keys()
-        if one.skill is not None and one.skill.binding is not None:
-            assert other.skill is not None
+        if one.skill is not None:
             assert other.skill.binding == one.skill.binding
 
 
@@ -168,6 +159,4 @@ def test_every_shipped_action_has_heartbeat() -> None:
 
 def test_raw_leaf_has_own_timeouts() -> None:
     tree = agent("service: {name: a, type: a/srv/B, timeouts: {result: 500 ms}}").tree
-    assert tree.skill is not None
-    assert tree.skill.binding is not None
     assert tree.skill.binding.timeouts.result_s == 0.5

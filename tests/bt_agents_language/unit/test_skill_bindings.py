@@ -120,7 +120,6 @@ def test_shipped_skills_bind_to_ros4hri_robot():
     skills = read_skills(files, robot="ros4hri")
     assert bound(skills["say"]) == "/skill/say"
     assert bound(skills["ask"]) == "/skill/ask"
-    assert skills["ask"].binding is not None
     assert skills["ask"].binding.outputs == {"answer": "answers#answer"}
     assert bound(skills["drive"]) == "/skill/navigate_to_pose"
     assert bound(skills["light"]) == "set_light"

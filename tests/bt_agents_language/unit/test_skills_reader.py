@@ -52,7 +52,6 @@ def test_skill_has_inputs_outputs_and_binding():
     assert (binding.kind, binding.name) == (BindingKind.ACTION, "ask")
     assert binding.fields == MapValue(items={"good": Reference(name="text")})
     assert binding.outputs == {"answer": "answer", "code": "details.code"}
-    assert binding.succeed_when is not None
     assert binding.succeed_when.text == "result.good != ''"
     assert str(skill.position) == "s.yaml:3:3"
 

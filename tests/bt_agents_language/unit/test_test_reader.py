@@ -119,30 +119,21 @@ def test_case_holds_positioned_expectations() -> None:
             cancelled_by: operator
         """,
     ).cases
-    bids, says, does, first, second, third, ends, because, within, teaches, cancelled = (
-        case.expectations
-    )
-    assert isinstance(bids, ExpectedBids)
-    assert isinstance(says, Says)
+    _, says, does, first, second, third, ends, _, within, teaches, _ = case.expectations
+    assert [type(one) for one in case.expectations] == [
+        *(ExpectedBids, Says, Does, Visits, Visits, Visits),
+        *(Ends, Because, Within, Teaches, CancelledBy),
+    ]
     assert (says.texts, says.exact) == (("Hello.",), False)
-    assert isinstance(does, Does)
     assert does.uses == (
         SkillUse(skill="say"),
         SkillUse(skill="ask", inputs={"text": "Where to?"}),
         SkillUse(skill="drive", inputs={"destination": "yes"}),
     )
-    assert isinstance(first, Visits)
-    assert isinstance(second, Visits)
-    assert isinstance(third, Visits)
     assert [one.wanted for one in (first, second, third)] == [True, True, False]
-    assert isinstance(ends, Ends)
     assert str(ends.position) == "a.test.yaml:13:7"
-    assert isinstance(because, Because)
-    assert isinstance(within, Within)
     assert within.seconds == 30.0
-    assert isinstance(teaches, Teaches)
     assert teaches.kinds == (FeedbackKind.NEGATIVE,)
-    assert isinstance(cancelled, CancelledBy)
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,6 @@ def tunable(text: str) -> Tunable | None:
 )
 def test_default_and_range_determine_type(text, field_type, values):
     read = tunable(text)
-    assert read is not None
     assert read.type is field_type
     assert type(read.default) is type(values[0])
     assert (read.default, read.minimum, read.maximum, read.step) == values
