@@ -223,6 +223,7 @@ TUNABLE = "tunables:\n  patience: {default: 8 s, min: 2 s, max: 30 s}\n"
     [
         "wait: ${patience}",
         "say: Wait ${patience}, please.",
+        "say: {one_of: [Wait., 'Wait ${patience}.']}",
         "wait: ${patience * 2}",
         "check: patience > 3",
         "wait: 1 s\ntimeout: ${patience}",

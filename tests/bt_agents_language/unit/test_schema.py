@@ -195,25 +195,6 @@ def test_schema_rejects_errors_in_trees(node):
     assert in_tree(node)
 
 
-@pytest.mark.parametrize(
-    "node",
-    [
-        "say: 42",
-        "say: {text: Hello., rate: '1.5'}",
-        "say: {text: Hello., rate: '${1 + 1}'}",
-        "say: Hello.\nretry: ${attempts}",
-        "say: Hello.\nretry: forever",
-        "say: Hello.\nretry: {attempts: 3, pause: 2 s}",
-        "wait: 500 ms",
-        "check: true",
-        "show:",
-        "say: Hello.\ninvert: 'true'",
-    ],
-)
-def test_schema_accepts_valid_trees(node):
-    assert in_tree(node) == []
-
-
 def test_schema_checks_profile_against_scene():
     text = "format: 1\nagent: a\nprofile: {age: 9, mood: x, size: 1}\ntree: {wait: 1 s}\n"
     found = "\n".join(problems("agent", text))

@@ -81,11 +81,6 @@ def test_longest_variant_decides_cut_speech_warning():
     assert not lint(agent("{say: {one_of: [Hi., Hello.]}, timeout: 2 s}"))
 
 
-def test_tunable_used_only_in_variant_counts_as_used():
-    head = "tunables: {place: {default: gate 7, description: where to}}"
-    assert not lint(agent("say: {one_of: [Hi., 'To ${place}.']}", head))
-
-
 def test_drawing_shows_all_variants():
     shown = format_value(node("say: {one_of: [Hello., 'Hi ${clock.hour}.']}").fields["text"])
     assert shown == 'one of "Hello.", "Hi ${clock.hour}."'

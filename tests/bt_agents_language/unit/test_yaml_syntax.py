@@ -8,9 +8,8 @@ import textwrap
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.source import Edit, PatchedSource, Source, without_section
-from bt_agents_language.yaml.yaml_reader import MAX_SYNTAX_ERRORS, Mapping, read_document
+from bt_agents_language.yaml.yaml_reader import MAX_SYNTAX_ERRORS
 from file_texts import read_agent_text
 from tree_harness import SYMBOLS
 
@@ -242,14 +241,6 @@ def test_section_is_top_level_key_with_its_block(index, rest):
 
 def test_removal_of_only_section_leaves_nothing():
     assert without_section(Source("a.yaml", "a: 1\n"), 2) is None
-
-
-def test_document_keeps_entries_around_syntax_error():
-    problems = Diagnostics(Source("a.yaml", ""))
-    _, root = read_document(Source("a.yaml", "a: 1\nb:2\nc: 3\n"), problems)
-    assert isinstance(root, Mapping)
-    assert [entry.key.text for entry in root.entries] == ["a", "b", "c"]
-    assert len(problems) == 1
 
 
 @pytest.mark.parametrize("after", ["", " = x", ":x\nb: 1: 2", "\uff1a x", " - x: y: z"])
