@@ -43,19 +43,10 @@ def paths_of(panel: dict[str, Any]) -> list[str]:
 PATHS = [(name, path) for name, panel in PANELS.items() for path in paths_of(panel)]
 
 
-def types_of_reference() -> dict[str, str]:
-    """Return the type of each topic, according to the generated reference."""
-    rows = re.findall(
-        r"^\| `([^`]+)` \| `(\w+/msg/\w+)` \|",
-        (ROOT / "docs" / "ros_reference.md").read_text(),
-        re.MULTILINE,
-    )
-    return dict(rows)
-
-
 def reference_type(topic: str) -> str:
-    """Return the type of a topic; the host has its default name."""
-    known = types_of_reference()
+    """Return a topic's type by the generated reference; the host has its default name."""
+    reference = (ROOT / "docs" / "ros_reference.md").read_text()
+    known = dict(re.findall(r"^\| `([^`]+)` \| `(\w+/msg/\w+)` \|", reference, re.MULTILINE))
     name = topic.removeprefix("/")
     found = known.get(topic) or known.get(name) or known[re.sub("^agents/", "<host>/", name)]
     assert found

@@ -179,39 +179,32 @@ main()
 """
 
 
-def without_lab(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", WITHOUT_LAB, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+def python(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", program, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
 def test_help_without_lab_packages_states_the_requirement() -> None:
-    done = without_lab("--help")
+    done = python(WITHOUT_LAB, "--help")
     assert (done.returncode, done.stderr) == (0, "")
     assert re.search(r"^  replay +\w", done.stdout, re.MULTILINE)
-    assert "pip install mcap-ros2-support" in " ".join(without_lab("replay", "-h").stdout.split())
+    told = python(WITHOUT_LAB, "replay", "-h").stdout
+    assert "pip install mcap-ros2-support" in " ".join(told.split())
 
 
 @pytest.mark.parametrize("command", ["journal", "replay", "what-if"])
 def test_missing_package_is_reported(command: str) -> None:
-    done = without_lab(command, "a.mcap", "--json")
+    done = python(WITHOUT_LAB, command, "a.mcap", "--json")
     assert done.returncode == 1
     assert done.stderr.startswith("error: this command needs the package mcap; install it with")
     assert "pip install 'bt-agents[lab]'" in done.stderr
 
 
 def test_journal_node_without_packages_ends_with_message() -> None:
-    program = (
+    done = python(
         "import sys; sys.modules['mcap'] = None\n"
         "from bt_agents_lab import run_journal\n"
         "sys.exit(run_journal())"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60
     )
     assert done.returncode == 1
     assert done.stderr == (

@@ -24,14 +24,17 @@ def journaled(tmp_path_factory: pytest.TempPathFactory) -> JournaledSystem:
     return morning(tmp_path_factory.mktemp("journaled") / "trees")
 
 
+@pytest.fixture
+def path(journaled: JournaledSystem, tmp_path: Path) -> Path:
+    return journaled.write(tmp_path / "a.mcap")
+
+
 def shown(path: Path, *options: str) -> Result:
     return split_runner().invoke(trace, ["--journal", str(path), *options])
 
 
-def test_each_element_has_its_status_and_values(
-    journaled: JournaledSystem, tmp_path: Path
-) -> None:
-    rows = json.loads(shown(journaled.write(tmp_path / "a.mcap"), "1", "--json").stdout)
+def test_each_element_has_its_status_and_values(path: Path) -> None:
+    rows = json.loads(shown(path, "1", "--json").stdout)
     told = [(one["tick"], one["path"], one["status"], one["values"]) for one in rows]
     assert told[:4] == [
         (1, "tree/0.say", "running", {}),
@@ -42,10 +45,7 @@ def test_each_element_has_its_status_and_values(
     assert told[-1][1:] == ("tree", "success", {})
 
 
-def test_people_and_tables_get_the_values_as_text(
-    journaled: JournaledSystem, tmp_path: Path
-) -> None:
-    path = journaled.write(tmp_path / "a.mcap")
+def test_people_and_tables_get_the_values_as_text(path: Path) -> None:
     lines = shown(path, "1", "--wide").stdout.splitlines()
     assert lines[0] == "bert, round 1"
     assert any("success" in line and "answer = 'kind'" in line for line in lines)
@@ -53,17 +53,14 @@ def test_people_and_tables_get_the_values_as_text(
     assert rows[2]["values"] == "answer = 'kind'"
 
 
-def test_without_a_round_it_is_the_last_run(journaled: JournaledSystem, tmp_path: Path) -> None:
-    path = journaled.write(tmp_path / "a.mcap")
+def test_without_a_round_it_is_the_last_run(path: Path) -> None:
     assert shown(path).stdout == shown(path, "4").stdout
     assert shown(path).stdout.splitlines()[0].endswith("round 4")
 
 
-def test_a_round_without_a_run_is_named(journaled: JournaledSystem, tmp_path: Path) -> None:
-    result = shown(journaled.write(tmp_path / "a.mcap"), "9")
-    assert str(result.exception) == (
-        "no run of round 9 is in the journal; there are rounds 1, 2, 3, 4"
-    )
+def test_a_round_without_a_run_is_named(path: Path) -> None:
+    told = str(shown(path, "9").exception)
+    assert told == "no run of round 9 is in the journal; there are rounds 1, 2, 3, 4"
 
 
 def test_lost_messages_are_counted(journaled: JournaledSystem, tmp_path: Path) -> None:

@@ -116,13 +116,10 @@ def test_a_folder_without_skills_and_agents_is_empty(tmp_path):
     assert (trees.agents, trees.broken, dict(trees.symbols.skills)) == ((), (), {})
 
 
-def test_broken_scene_rejects_whole_folder(folder):
+def test_broken_or_missing_scene_rejects_whole_folder(folder):
     (folder / "scene.yaml").write_text("format: 1\n")
     with pytest.raises(ReadError, match=r"scene.yaml:1:1: error\[missing-key\]"):
         read_trees(folder)
-
-
-def test_missing_scene_rejects_whole_folder(folder):
     (folder / "scene.yaml").unlink()
     with pytest.raises(ReadError, match=r"error\[no-file\]"):
         read_trees(folder)

@@ -63,14 +63,13 @@ def test_never_known_person_names_are_warned_about_once(tmp_path, tree, what, pe
     assert re.search(f"nurse.yaml:{what}", problem)
 
 
-def test_person_known_by_name_is_not_warned_about(tmp_path):
-    assert not problems(tmp_path, SCENE + PERSONS + KNOWN, "tree: {check: person.visits > 1}")
+@pytest.mark.parametrize(
+    ("scene", "name"), [(PERSONS + KNOWN, "person.visits"), (SOURCE, "live.age")]
+)
+def test_known_or_seen_person_is_not_warned_about(tmp_path, scene, name):
+    assert not problems(tmp_path, SCENE + scene, f"tree: {{check: {name} > 1}}")
 
 
 def test_value_of_unseen_person_is_warned_about(tmp_path):
     (problem,) = problems(tmp_path, SCENE, "tree: {check: live.age > 2}")
     assert problem.startswith("scene.yaml:3 nobody-known: no source sees a person")
-
-
-def test_value_of_seen_person_is_not_warned_about(tmp_path):
-    assert not problems(tmp_path, SCENE + SOURCE, "tree: {check: live.age > 2}")

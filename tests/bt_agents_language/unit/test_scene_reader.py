@@ -49,7 +49,6 @@ def test_sources_and_mood_are_optional():
 @pytest.mark.parametrize(
     ("old", "new", "error"),
     [
-        ("2 s}", "2 s, field: x}", "7:77: error[duplicate-key]"),
         ("good, stale_after: 2 s", "bad, stale_after: 2 s", "7:53: error[unknown-ros-field]"),
         ("p, type: known_msgs", "p, type: other", "7:28: error[unknown-ros-type]"),
         ("good, stale_after: 2 s", "a b, stale_after: 2 s", "7:55: error[bad-expression]"),
