@@ -217,17 +217,13 @@ def test_check_warns_about_unusable_plugin(clashing):
     assert "cannot be loaded: AttributeError" in printed
     assert "2 warnings" in printed
     assert "error" not in printed.replace("AttributeError", "")
-
-
-def test_plugin_named_like_skill_is_rejected_once(clashing):
-    printed = command(clashing, "check", "TREES")
     assert printed.count("node 'say' of their-nodes") == 1
     assert "has the name of the skill 'say' (" in printed
     assert "skills/robot.yaml" in printed
+
+
+def test_explain_lists_rejected_plugins_and_keeps_skill(clashing):
     assert command(clashing, "explain", "say", "--dir", "TREES").startswith("say skill Speak")
-
-
-def test_explain_lists_rejected_plugins(clashing):
     printed = command(clashing, "explain", "--dir", "TREES")
     assert "left out node 'hop' of their-nodes" in printed
     assert "blink" in printed
