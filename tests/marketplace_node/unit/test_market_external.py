@@ -156,8 +156,7 @@ def test_host_dying_during_wait_is_skipped(market: MarketHarness) -> None:
     market.scene()
     market.bid()
     market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
-    market.die()
-    market.wait(1.5)
+    market.lose(away_s=1.5)
     market.ranked(EXPRESS, GUIDE, PLAIN)
 
     assert market.goal.agent == PLAIN
@@ -170,9 +169,7 @@ def test_scene_arriving_during_wait_is_queued(market: MarketHarness) -> None:
     assert market.status.queued == 1
 
     market.ranked(EXPRESS)
-    market.accept()
-    market.end()
-    market.collect()
+    market.perform()
     assert [question.round for question in market.questions] == [1]
     assert market.calls[-1].scene.scene_id == "s2"
 
@@ -183,9 +180,7 @@ def test_strategy_switch_during_wait_applies_next_round(market: MarketHarness) -
     market.ranked(EXPRESS)
     assert market.goal.agent == EXPRESS
 
-    market.accept()
-    market.end()
-    market.collect()
+    market.perform()
     market.scene("s2")
     market.bid()
     assert market.goal.agent == GUIDE
@@ -194,8 +189,7 @@ def test_strategy_switch_during_wait_applies_next_round(market: MarketHarness) -
 
 def test_stalled_market_extends_wait_accordingly(market: MarketHarness) -> None:
     asked(market)
-    since, market.now = market.now, market.now + 30.0
-    market.do(market.market.extend_after_stall(since, market.now))
+    market.stall(30.0)
     market.beat()
     market.ranked(EXPRESS)
 

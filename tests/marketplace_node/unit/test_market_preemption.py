@@ -107,8 +107,7 @@ def test_scene_waits_without_margin(
     assert market.auction.reason == words
     assert (market.status.state, market.status.queued) == (State.RUNNING, 1)
     assert market.all(CancelGoal) == []
-    market.end()
-    market.collect()
+    market.finish()
     assert market.status.scene_id == "s2"
 
 
@@ -343,8 +342,7 @@ def test_a_challenge_ends_with_the_run(
         market.bid(vectors={EXPRESS: FAR})
         market.accept()
         assert market.calls[-1].scene.scene_id == "s2", "then it is asked about anew"
-        market.end(goal=market.goal)
-        market.collect()
+        market.finish(goal=market.goal)
     assert market.ends[0] == ("s1", end if what != "again" else "SUCCEEDED")
 
 

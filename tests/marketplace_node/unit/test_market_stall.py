@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from bt_agents.engine.run import RunLimits
 from bt_agents_language.model.specs import MOST_CLEAN_UP_S
 from market_harness import EXPRESS, GUIDE, MarketHarness, scene
@@ -12,18 +10,9 @@ from marketplace_node.effects import State
 from marketplace_node.settings import Settings
 
 
-@pytest.fixture
-def market() -> MarketHarness:
-    harness = MarketHarness()
-    harness.register()
-    return harness
-
-
 def hold_up(market: MarketHarness, lasted_s: float) -> None:
     """Let time pass without the market; then it reads the queued messages."""
-    since = market.now
-    market.now += lasted_s
-    market.do(market.market.extend_after_stall(since, market.now))
+    market.stall(lasted_s)
     market.do(market.market.tick(market.now))
 
 
