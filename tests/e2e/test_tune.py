@@ -104,8 +104,3 @@ def test_file_differing_from_loaded_version_is_not_written(
     assert "error[" in ask("keep", code=1)
     assert file.read_text() == broken
     assert up.stop()[0] == 0
-
-
-def test_tune_without_system_says_how_to_start_it(ask: Ask) -> None:
-    for words in (["tune"], ["preset"], ["keep"]):
-        assert "bt-agents up" in ask(*words, code=1)
