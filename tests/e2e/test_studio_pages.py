@@ -13,13 +13,13 @@ import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 from bt_agents_lab.recorder.reading import JournalReader
-from bt_agents_tools.launcher.domain_lock import reserve_domain
 from checkout import ROOT
 from studio_browser import (
     LIMIT_MS,
     System,
     announce,
     box,
+    enter,
     open_page,
     open_values,
     serve,
@@ -276,6 +276,7 @@ def test_profile_history_shows_causes_of_changes(page: Page) -> None:
     page.get_by_role("button", name="Bad").click()
     panel = page.get_by_label("Feedback", exact=True)
     newest = panel.locator(".shared-lines li").first
+    expect(newest).to_contain_text("negative · button")
     expect(newest).to_contain_text("learning rate 0.5 · weight")
     panel.get_by_label("Profiles over time").select_option("asker|")
     expect(panel.locator(".course circle title").first).to_contain_text("negative, button")
@@ -288,15 +289,14 @@ def test_profile_history_shows_causes_of_changes(page: Page) -> None:
 def test_concurrent_edits_warn_page_and_lose_nothing(
     page: Page, browser: Browser, system: System
 ) -> None:
+    name = "#tunable-asker-patience"
     other = browser.new_context().new_page()
     other.goto(system.address)
     expect(other.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
-    name = "#tunable-asker-patience"
     for one in (page, other):
         open_values(one, "asker")
     page.locator(name).fill("30")
-    other.locator(name).fill("40")
-    other.locator(name).press("Enter")
+    enter(other.locator(name), "40")
     told = page.get_by_role("main").get_by_role("alert")
     expect(told).to_contain_text("It has changed meanwhile: 60 → 40 by studio")
     page.locator(name).press("Enter")
@@ -331,11 +331,9 @@ def test_stale_page_cannot_undo_unseen_change(
         open_values(one, "asker")
         expect(one.locator(name)).to_have_value("60")
     held.set()
-    page.locator(name).fill("40")
-    page.locator(name).press("Enter")
+    enter(page.locator(name), "40")
     expect(page.get_by_label("Changes")).to_contain_text("1 min → 40 s")
-    late.locator(name).fill("30")
-    late.locator(name).press("Enter")
+    enter(late.locator(name), "30")
     expect(late.locator(".fields-row", has=late.locator(name)).locator("output")).to_contain_text(
         "asker.patience was changed from 1 min to 40 s by studio"
     )
@@ -369,15 +367,13 @@ def test_learning_rate_freezes_and_profile_moves_and_resets(page: Page) -> None:
 def test_kept_change_is_previewed_before_writing(page: Page, folder: Path) -> None:
     file = folder / "agents" / "asker.yaml"
     open_values(page, "asker")
-    page.locator("#tunable-asker-patience").fill("50")
-    page.locator("#tunable-asker-patience").press("Enter")
+    enter(page.locator("#tunable-asker-patience"), "50")
     expect(page.get_by_label("Changes")).to_contain_text("1 min → 50 s")
     keep = page.get_by_label("Keep in the files")
     keep.get_by_role("button", name="Show what would be written").click()
     expect(keep.locator("pre")).to_contain_text("+  patience: {default: 50 s,")
     assert file.read_text() == ASKER
-    page.locator("#tunable-asker-patience").fill("45")
-    page.locator("#tunable-asker-patience").press("Enter")
+    enter(page.locator("#tunable-asker-patience"), "45")
     expect(page.get_by_label("Changes")).to_contain_text("50 s → 45 s")
     keep.get_by_role("button", name="Write", exact=True).click()
     expect(keep.locator("output")).to_contain_text("have changed since the change was shown")
@@ -407,19 +403,3 @@ def test_system_health_shows_worst_first_with_since_time(page: Page, folder: Pat
     finally:
         file.write_text(before)
     expect(files).to_contain_text("OK")
-
-
-def test_pages_explain_how_to_enable_missing_journal(
-    browser: Browser, tmp_path: Path, folder: Path
-) -> None:
-    system = System(tmp_path, str(folder), ROS_DOMAIN_ID=str(reserve_domain()))
-    try:
-        system.start()
-        page = browser.new_context().new_page()
-        page.goto(system.address)
-        open_page(page, "World")
-        panel = page.get_by_label("Recording", exact=True)
-        expect(panel).to_contain_text("'bt-agents up --journal' starts", timeout=LIMIT_MS)
-        page.context.close()
-    finally:
-        system.end()
