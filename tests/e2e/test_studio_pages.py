@@ -237,20 +237,6 @@ def test_current_values_are_given_by_checkbox_or_keyboard(page: Page) -> None:
     stop(page)
 
 
-def test_dry_run_names_winner_and_its_tipping_point(page: Page) -> None:
-    open_page(page, "Market")
-    panel = page.get_by_label("Who would win?")
-    panel.locator("#dry-run-age").fill("1")
-    expect(panel).to_contain_text("asker would win")
-    panel.get_by_role("button", name="Draw the map").click()
-    expect(panel).to_contain_text("Computed from these bids")
-    expect(panel.locator(".dry_run-map title", has_text="listener").first).to_be_attached()
-    panel.locator("#dry-run-age").fill("5")
-    expect(panel).to_contain_text("listener would win")
-    panel.get_by_role("button", name="Move the scene there").click()
-    expect(panel).to_contain_text("asker would win")
-
-
 def test_page_switches_strategy_as_command_does(page: Page, system: System) -> None:
     open_page(page, "Market")
     panel = page.get_by_label("Strategy", exact=True)

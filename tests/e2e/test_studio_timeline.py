@@ -151,26 +151,6 @@ def test_click_shows_moment_it_points_at(page: Page, began_s: float) -> None:
     assert len(seen.blocks) == 6
 
 
-def test_arrow_keys_go_from_event_to_event(page: Page, began_s: float) -> None:
-    bar = timeline(page)
-    bar.focus()
-    for at_s, told in (
-        (60, r"Agent: guide · running · started"),
-        (50, r"Faults: .*camera: no picture"),
-        (40, r"Feedback: .*by button"),
-        (12, r"Robot: .*Good morning"),
-    ):
-        page.keyboard.press("ArrowLeft")
-        expect(bar).to_have_attribute("aria-valuetext", re.compile(told))
-        assert Seen(page).now == pytest.approx(began_s + at_s, abs=0.2)
-    page.keyboard.press("ArrowRight")
-    assert Seen(page).now == pytest.approx(began_s + 40, abs=0.2)
-    for _ in range(3):
-        page.keyboard.press("ArrowRight")
-    expect(page.get_by_role("button", name="Back to now")).to_have_count(0)
-    expect(bar).to_have_attribute("aria-valuetext", re.compile("^Now; "))
-
-
 def test_wheel_zooms_at_the_pointer(page: Page, began_s: float) -> None:
     before = Seen(page)
     said = before.block("ROBOT", "SAY")
@@ -443,48 +423,6 @@ def test_bookmark_goes_into_the_recording(
     assert seen.marks == [pytest.approx(seen.place(began_s + 45), abs=2)]
     page.mouse.move(seen.marks[0] + 1, box(timeline(page))["y"] + 40)
     expect(page.locator(".timeline-hover")).to_have_text(re.compile("Bookmark: it went wrong$"))
-
-
-def test_recording_is_started_and_stopped_from_timeline(
-    page: Page, studio: BackgroundStudio, began_s: float
-) -> None:
-    idle = replace(recording(), recording=False)
-    studio.put("recording", "", idle)
-    menu(page, "Record").locator("summary").click()
-    panel = page.get_by_label("Recording", exact=True)
-    expect(panel).to_contain_text("Nothing is recorded now")
-    panel.get_by_label("Label of the recording").fill("a class")
-    start = panel.get_by_role("button", name="Start")
-    expect(start).to_be_in_viewport(ratio=1)
-    start.click()
-    expect(panel.locator("output")).to_have_text("done")
-    started = replace(recording(), label="a class", since_s=began_s + 20)
-    studio.put("recording", "", started)
-    going_on = event("RECORDING", "RECORDING", began_s + 20, None, "a class")
-    studio.put("events", "recording", going_on)
-    expect(panel).to_contain_text("a class is being recorded")
-    stop = panel.get_by_role("button", name="Stop")
-    expect(stop).to_be_in_viewport(ratio=1)
-    stop.click()
-    expect(panel.locator("output")).to_have_text("done")
-    asked = [fields for _, service, fields in studio.caller.calls if service == "journal/record"]
-    assert [(one["action"], one.get("label")) for one in asked] == [(0, "a class"), (1, None)]
-    # Its span is a line of the timeline until it is stopped.
-    expect(page.locator(".timeline-block[data-lane=RECORDING] rect")).to_be_in_viewport(ratio=1)
-    seen = Seen(page)
-    shown = seen.block("RECORDING", "RECORDING")
-    assert shown["left"] == pytest.approx(seen.place(began_s + 20), abs=2)
-    assert shown["right"] == pytest.approx(seen.right, abs=3)
-    studio.put("events", "recording", replace(going_on, kind="RECORDED", ended_s=began_s + 70))
-    ended = page.locator(".timeline-block[data-kind=RECORDED]")
-    expect(ended).to_contain_text("a class")
-    seen = Seen(page)
-    shown = seen.block("RECORDING", "RECORDED")
-    assert shown["right"] == pytest.approx(seen.place(began_s + 70), abs=2)
-    menu(page, "Record").locator("summary").click()
-    expect(panel).not_to_be_visible()
-    page.mouse.move((shown["left"] + shown["right"]) / 2, shown["top"] + 3)
-    expect(page.locator(".timeline-hover")).to_have_text(re.compile("Recording: .*a class$"))
 
 
 def test_viewer_cannot_record_from_timeline(browser: Browser, studio: BackgroundStudio) -> None:

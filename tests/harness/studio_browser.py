@@ -21,12 +21,9 @@ LIMIT_MS = 30_000
 
 
 class System:
-    """A running system and its studio, by default of the shipped trees folder.
+    """A running system and its studio."""
 
-    ``others`` are additional environment variables, for example another ROS domain.
-    """
-
-    def __init__(self, state: Path, trees: str = "trees", *options: str, **others: str) -> None:
+    def __init__(self, state: Path, trees: str, *options: str) -> None:
         self._state = state
         self._trees = trees
         self._options = options
@@ -35,7 +32,6 @@ class System:
             "XDG_STATE_HOME": str(state),
             "PYTHONUNBUFFERED": "1",
             "COLUMNS": "120",
-            **others,
         }
         self.programs: list[Program] = []
 

@@ -87,11 +87,17 @@ def harness() -> FeedbackHarness:
     return FeedbackHarness()
 
 
-def test_lease_change_applies_to_current_run(harness):
+@pytest.fixture
+def running(harness: FeedbackHarness) -> FeedbackHarness:
+    """A feedback controller during a run of the guide."""
     harness.controller.on_run_started(run())
-    harness.controller.set_lease(5.0)
-    harness.controller.receive(scene(5.0, 2.0))
-    assert len(harness.at(1.2).tick()) == 1
+    return harness
+
+
+def test_lease_change_applies_to_current_run(running):
+    running.controller.set_lease(5.0)
+    running.controller.receive(scene(5.0, 2.0))
+    assert len(running.at(1.2).tick()) == 1
     usual = FeedbackHarness()
     usual.controller.on_run_started(run())
     usual.controller.receive(scene(5.0, 2.0))
@@ -153,11 +159,10 @@ def test_next_check_is_due_when_hold_time_completes(harness):
     assert harness.controller.due == math.inf
 
 
-def test_firing_rule_moves_profile_away_and_stops_run(harness):
-    harness.controller.on_run_started(run())
-    assert harness.controller.watching
-    assert harness.controller.receive(scene(5.0, 2.5)) == ()
-    (outcome,) = harness.at(1.0).tick()
+def test_firing_rule_moves_profile_away_and_stops_run(running):
+    assert running.controller.watching
+    assert running.controller.receive(scene(5.0, 2.5)) == ()
+    (outcome,) = running.at(1.0).tick()
     assert outcome.change is not None
     cause = outcome.change.revision.cause
     assert outcome.change.after == (2.5, 2.75)
@@ -167,7 +172,7 @@ def test_firing_rule_moves_profile_away_and_stops_run(harness):
     assert (cause.epoch, cause.round, cause.scene_id) == ("e", 1, "s1")
     assert outcome.stop is not None
     assert (outcome.stop.run, outcome.stop.live) == (run(), scene(5.0, 2.5))
-    assert not harness.controller.watching
+    assert not running.controller.watching
 
 
 def test_firing_rule_stops_run_even_without_profile_change(harness):
@@ -181,19 +186,17 @@ def test_firing_rule_stops_run_even_without_profile_change(harness):
     assert outcome.stop is not None
 
 
-def test_live_scene_of_another_interaction_is_ignored(harness):
-    harness.controller.on_run_started(run())
-    harness.controller.receive(scene(5.0, 1.0, scene_id="s0"))
-    assert harness.at(2.0).tick() == ()
+def test_live_scene_of_another_interaction_is_ignored(running):
+    running.controller.receive(scene(5.0, 1.0, scene_id="s0"))
+    assert running.at(2.0).tick() == ()
 
 
 @pytest.mark.parametrize("end", ["on_run_ended", "on_run_cancelling"])
-def test_ended_or_cancelling_run_is_not_watched(harness, end):
-    harness.controller.on_run_started(run())
-    harness.controller.receive(scene(5.0, 2.0))
-    getattr(harness.controller, end)(run())
-    assert harness.at(2.0).tick() == harness.controller.receive(scene(5.0, 2.0)) == ()
-    assert not harness.controller.watching
+def test_ended_or_cancelling_run_is_not_watched(running, end):
+    running.controller.receive(scene(5.0, 2.0))
+    getattr(running.controller, end)(run())
+    assert running.at(2.0).tick() == running.controller.receive(scene(5.0, 2.0)) == ()
+    assert not running.controller.watching
 
 
 def test_events_of_another_run_change_nothing(harness):
@@ -245,13 +248,12 @@ def test_run_is_watched_once_its_card_arrives():
     assert harness.controller.watching
 
 
-def test_repeated_card_does_not_refire_rule(harness):
-    harness.controller.on_run_started(run())
-    harness.controller.receive(scene(5.0, 2.0))
-    assert len(harness.at(1.0).tick()) == 1
-    harness.controller.register_card(CARD)
-    harness.controller.receive(scene(5.0, 2.0))
-    assert harness.at(2.5).tick() == ()
+def test_repeated_card_does_not_refire_rule(running):
+    running.controller.receive(scene(5.0, 2.0))
+    assert len(running.at(1.0).tick()) == 1
+    running.controller.register_card(CARD)
+    running.controller.receive(scene(5.0, 2.0))
+    assert running.at(2.5).tick() == ()
 
 
 def test_rule_teaches_run_once_across_node_restart(harness):
@@ -306,25 +308,23 @@ def test_estimated_and_default_values_teach_nothing():
 # --- credit to the nodes of the tree --------------------------------------------------------
 
 
-def test_mood_change_is_credited_to_leaf_running_then(harness):
-    harness.controller.on_run_started(run())
-    harness.controller.on_leaf(run().key, "tree/0.say")
-    harness.at(0.5).receive(scene(5.0, 2.5))
-    harness.at(1.0).on_leaf(run().key, "tree/1.ask")
-    (outcome,) = harness.at(1.5).tick()
+def test_mood_change_is_credited_to_leaf_running_then(running):
+    running.controller.on_leaf(run().key, "tree/0.say")
+    running.at(0.5).receive(scene(5.0, 2.5))
+    running.at(1.0).on_leaf(run().key, "tree/1.ask")
+    (outcome,) = running.at(1.5).tick()
     assert outcome.change is not None
     assert outcome.change.revision.cause.leaf == "tree/0.say"
 
 
-def test_feedback_is_credited_to_running_or_named_leaf(harness):
-    harness.controller.on_run_started(run())
-    harness.controller.on_leaf(run().key, "tree/0.say")
+def test_feedback_is_credited_to_running_or_named_leaf(running):
+    running.controller.on_leaf(run().key, "tree/0.say")
     given = FeedbackRequest(kind=FeedbackKind.POSITIVE, source="button")
-    assert harness.controller.give(given).revision.cause.leaf == "tree/0.say"
+    assert running.controller.give(given).revision.cause.leaf == "tree/0.say"
     named = replace(given, leaf="tree/4.ask")
-    assert harness.controller.give(named).revision.cause.leaf == "tree/4.ask"
-    harness.controller.on_run_ended(run())
-    assert harness.controller.give(given).revision.cause.leaf == ""
+    assert running.controller.give(named).revision.cause.leaf == "tree/4.ask"
+    running.controller.on_run_ended(run())
+    assert running.controller.give(given).revision.cause.leaf == ""
 
 
 def test_run_end_reports_mood_per_leaf(harness):
@@ -593,23 +593,22 @@ def full(harness: FeedbackHarness, on: bool) -> None:
                 harness.controller.give(replace(given, reason=reason))
 
 
-def test_lesson_during_full_disk_is_recorded_later(harness):
-    harness.controller.on_run_started(run())
-    harness.controller.receive(scene(5.0, 2.5))
-    full(harness, on=True)
-    (outcome,) = harness.at(1.0).tick()
+def test_lesson_during_full_disk_is_recorded_later(running):
+    running.controller.receive(scene(5.0, 2.5))
+    full(running, on=True)
+    (outcome,) = running.at(1.0).tick()
     assert outcome.change is None
     assert "STORAGE_FULL" in outcome.problem
     assert outcome.problem.endswith("; it is tried again until there is room")
     assert outcome.stop is not None
-    assert harness.controller.retry() == ()
-    harness.controller.on_run_ended(run())
-    full(harness, on=False)
-    (late,) = harness.controller.retry()
+    assert running.controller.retry() == ()
+    running.controller.on_run_ended(run())
+    full(running, on=False)
+    (late,) = running.controller.retry()
     assert late.change is not None
     assert (late.change.after, late.stop) == ((2.5, 2.75), None)
-    assert harness.profiles.recorded("rule/e/1/guide/0") is not None
-    assert harness.controller.retry() == ()
+    assert running.profiles.recorded("rule/e/1/guide/0") is not None
+    assert running.controller.retry() == ()
 
 
 def test_pending_lessons_during_full_disk_are_bounded(harness):
