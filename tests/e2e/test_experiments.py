@@ -5,19 +5,18 @@ from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from programs import Ask
 
 pytestmark = pytest.mark.e2e
 
 TARGETS = {"agent_1": 1.0, "agent_3": 3.0, "agent_5": 5.0}
 
 
-def test_experiment_3_matches_closed_form_each_round(
-    ask: Callable[..., str], tmp_path: Path
-) -> None:
+def test_experiment_3_matches_closed_form_each_round(ask: Ask, tmp_path: Path) -> None:
     table = tmp_path / "rounds.csv"
     said = " ".join(
         ask("experiment", "run", "3", "--ros", "--rounds", "60", "--out", str(table)).split()
@@ -55,7 +54,7 @@ def test_experiment_3_matches_closed_form_each_round(
     ids=["1", "2", "recommended"],
 )
 def test_experiments_match_with_and_without_ros(
-    ask: Callable[..., str], words: tuple[str, ...], rounds: str, strategies: int
+    ask: Ask, words: tuple[str, ...], rounds: str, strategies: int
 ) -> None:
     said = " ".join(ask("experiment", "run", *words, "--ros", "--rounds", rounds).split())
     assert (

@@ -15,7 +15,7 @@ import pytest
 
 from command_server import CommandServer
 from postgres_server import running_server
-from programs import ROOT, Program, children, wait_for
+from programs import ROOT, Program, Start, children, wait_for
 
 pytestmark = pytest.mark.e2e
 
@@ -37,7 +37,7 @@ def run(
 
 
 def test_robot_joins_fleet_shares_learning_and_shows_origins(
-    trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
+    trees: Path, tmp_path: Path, start: Start, start_up: Start, run: Callable[..., str]
 ) -> None:
     agent = trees / "agents" / AGENT.name
     text = agent.read_text()
@@ -45,8 +45,7 @@ def test_robot_joins_fleet_shares_learning_and_shows_origins(
     agent.write_text(text.replace("update: huber}", "update: huber, share: everything}"))
 
     with running_server() as server:
-        up = start("up", "--no-voice", "--no-studio", folder=tmp_path)
-        up.until("ready")
+        up = start_up(folder=tmp_path)
         assert "NOT_JOINED" in run("fleet", "status", code=1)
         assert "joined as anna" in run("fleet", "join", server.address, "--robot", "anna")
         (settings,) = (tmp_path / "state").rglob("fleet.json")
@@ -77,18 +76,16 @@ def test_robot_joins_fleet_shares_learning_and_shows_origins(
         status = run("fleet", "status")
         assert re.search(r"^anna +2 ", status, re.M)
         assert "200 steps of other robots taken in, 0 refused" in status
-        code, _ = fleet.stop()
-        assert code == 0, fleet.output
+        assert fleet.stop()[0] == 0, fleet.output
         found = json.loads(run("fleet", "status", "--json"))
         assert [one["robot"] for one in found["robots"]] == ["anna", "ben"]
         assert "anna has left the fleet" in run("fleet", "leave", "--erase", "--yes")
         assert not settings.exists()
-        code, _ = up.stop()
-        assert code == 0, up.output
+        assert up.stop()[0] == 0, up.output
 
 
 def test_up_syncs_joined_robot_and_restarts_fleet_process(
-    trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
+    trees: Path, tmp_path: Path, start: Start, start_up: Start, run: Callable[..., str]
 ) -> None:
     agent = trees / "agents" / AGENT.name
     agent.write_text(agent.read_text().replace("huber}", "huber, share: everything}"))
@@ -98,8 +95,7 @@ def test_up_syncs_joined_robot_and_restarts_fleet_process(
 
     with running_server() as server:
         run("fleet", "join", server.address, "--robot", "anna")
-        up = start("up", "--no-voice", "--no-studio", folder=tmp_path)
-        up.until("ready")
+        up = start_up(folder=tmp_path)
         up.until("fleet up to date")
         teach()
         wait_for(lambda: server.execute("SELECT 1 FROM step"))
@@ -115,8 +111,7 @@ def test_up_syncs_joined_robot_and_restarts_fleet_process(
         up.until("fleet is back")
         teach()
         wait_for(lambda: server.execute("SELECT 1 FROM step OFFSET 1"))
-        code, _ = up.stop()
-        assert code == 0, up.output
+        assert up.stop()[0] == 0, up.output
         assert "had to be killed" not in up.output
         for options, count in (
             (("--no-voice", "--no-studio", "--no-fleet"), 0),
@@ -126,8 +121,7 @@ def test_up_syncs_joined_robot_and_restarts_fleet_process(
             other = start("up", *options, folder=tmp_path)
             other.until("fleet up to date" if count else "ready")
             assert len(fleet_processes(other)) == count
-            code, _ = other.stop()
-            assert code == 0, other.output
+            assert other.stop()[0] == 0, other.output
 
 
 def fleet_process(up: Program) -> int:

@@ -219,20 +219,6 @@ def test_visitor_stop_works_or_reports_that_it_cannot(page: Page, tablet: Page) 
     expect(tablet.get_by_role("alert")).to_contain_text("The robot does not answer")
 
 
-def test_visitor_sees_only_robot_and_cannot_tune(tablet: Page) -> None:
-    assert tablet.get_by_role("navigation").count() == 0
-    assert tablet.get_by_label("Shown moment").count() == 0
-    asked = """async ([path, body]) => (await fetch(path, {
-        method: "POST",
-        headers: {"Content-Type": "application/json"},
-        body: JSON.stringify(body),
-    })).status"""
-    for operation in ("tune", "operate", "profiles"):
-        assert tablet.evaluate(asked, [f"/api/do/{operation}", {"host": "/agents"}]) == 403
-    state = tablet.evaluate("async () => Object.keys(await (await fetch('/api/state')).json())")
-    assert set(state) <= {"sequence", "live", "parts", "robot"}
-
-
 def test_open_page_recovers_after_studio_is_killed(
     page: Page, tablet: Page, system: System
 ) -> None:

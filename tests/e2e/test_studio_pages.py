@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import re
 import shutil
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_lab.recorder.reading import JournalReader
 from checkout import ROOT
@@ -296,40 +295,6 @@ def test_concurrent_edits_warn_page_and_lose_nothing(
     ).first.click()
     expect(other.locator(name)).to_have_value("60")
     other.context.close()
-
-
-def test_stale_page_cannot_undo_unseen_change(
-    page: Page, browser: Browser, system: System
-) -> None:
-    context = browser.new_context()
-    held = threading.Event()
-
-    def hold(socket: WebSocketRoute) -> None:
-        server = socket.connect_to_server()
-        server.on_message(lambda text: None if held.is_set() else socket.send(text))
-
-    context.route_web_socket("**/api/socket", hold)
-    late = context.new_page()
-    late.goto(system.address)
-    expect(late.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
-    name = "#tunable-asker-patience"
-    for one in (page, late):
-        open_values(one, "asker")
-        expect(one.locator(name)).to_have_value("60")
-    held.set()
-    enter(page.locator(name), "40")
-    expect(page.get_by_label("Changes")).to_contain_text("1 min → 40 s")
-    enter(late.locator(name), "30")
-    expect(late.locator(".fields-row", has=late.locator(name)).locator("output")).to_contain_text(
-        "asker.patience was changed from 1 min to 40 s by studio"
-    )
-    expect(late.locator(name)).to_have_value("30")
-    expect(page.locator(name)).to_have_value("40")
-    context.close()
-    page.get_by_label("asker", exact=True).get_by_role(
-        "button", name="As in the file"
-    ).first.click()
-    expect(page.locator(name)).to_have_value("60")
 
 
 def test_learning_rate_freezes_and_profile_moves_and_resets(page: Page) -> None:

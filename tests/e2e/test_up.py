@@ -8,22 +8,18 @@ import os
 import re
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import HANG_S, Program, alive, children, node_of, nodes, wait_for
+from programs import HANG_S, Ask, Program, Start, alive, children, node_of, nodes, wait_for
 
 pytestmark = pytest.mark.e2e
-
-Start = Callable[..., Program]
-Ask = Callable[..., str]
 
 
 @pytest.mark.parametrize("layout", [(), ("--one-process",)], ids=["processes", "one process"])
 def test_system_runs_explains_learns_cancels_and_remembers(
-    start: Start, ask: Ask, layout: tuple[str, ...]
+    start: Start, start_up: Start, ask: Ask, layout: tuple[str, ...]
 ) -> None:
     up = start("up", "--no-voice", *layout)
     up.until("ready")
@@ -53,15 +49,12 @@ def test_system_runs_explains_learns_cancels_and_remembers(
     assert json.loads(ask("status", "--json"))["market"]["round"] == 1
     assert re.search(r"^1,attentive_guide,/agents,1\.0,", ask("why", "--csv"), re.M)
     assert re.search(r",attentive_guide\.patience,8\.0,8\.0,", ask("tune", "--csv"))
-    code, _ = up.stop()
-    assert code == 0, up.output
+    assert up.stop()[0] == 0, up.output
     assert "Traceback" not in up.output
 
-    again = start("up", "--no-voice", "--no-studio", *layout)
-    again.until("ready")
+    again = start_up(*layout)
     assert re.search(r"attentive_guide +age 4\.1,.*revision 1", ask("status"))
-    code, _ = again.stop()
-    assert code == 0
+    assert again.stop()[0] == 0, again.output
 
 
 def check_that_errors_take_one_line(ask: Ask) -> None:
@@ -81,7 +74,7 @@ def test_command_without_system_says_how_to_start_it(ask: Ask, command: str) -> 
 
 
 def test_broken_agent_file_is_reported_while_others_run(
-    start: Start, ask: Ask, trees: Path
+    start_up: Start, ask: Ask, trees: Path
 ) -> None:
     broken, untyped = (
         trees / "agents" / f"{name}.yaml" for name in ("playful_companion", "silent_text")
@@ -89,8 +82,7 @@ def test_broken_agent_file_is_reported_while_others_run(
     text = broken.read_text()
     broken.write_text(text.replace("sequence:", "sequenze:").replace("profile:", "profle:"))
     untyped.write_text(untyped.read_text().replace("std_msgs/msg/Bool", "nav9_msgs/msg/Bool"))
-    up = start("up", str(trees), "--no-voice", "--no-studio")
-    up.until("ready")
+    up = start_up(str(trees))
     assert re.search(r"playful_companion\.yaml:\d+:\d+: error\[", up.output)
     assert up.output.count("error[") >= 2
     assert "winner" not in ask("trigger", "age=1", "familiarity=1", "mood=4")
@@ -170,10 +162,9 @@ def test_agent_completes_run_after_killed_components_restart(
     assert not [pid for pid in pids if alive(pid)]
 
 
-def test_single_process_restarts_like_a_component(start: Start, ask: Ask, trees: Path) -> None:
+def test_single_process_restarts_like_a_component(start_up: Start, ask: Ask, trees: Path) -> None:
     leave_only_the_greeter(trees)
-    up = start("up", str(trees), "--one-process", "--no-voice", "--no-studio")
-    up.until("ready after")
+    up = start_up(str(trees), "--one-process")
     os.kill(node_of(up.process.pid, "bt_agents_ros.one_process"), signal.SIGKILL)
     up.until(r"^system ended \(killed by signal 9\): starting it again in 0\.5 s")
     up.until(r"^system is back after \d+\.\d s")
@@ -184,9 +175,8 @@ def test_single_process_restarts_like_a_component(start: Start, ask: Ask, trees:
     assert seconds < AT_ONCE_S
 
 
-def test_ctrl_c_during_restart_delay_ends_everything(start: Start) -> None:
-    up = start("up", "--no-voice", "--no-studio")
-    up.until("ready after")
+def test_ctrl_c_during_restart_delay_ends_everything(start_up: Start) -> None:
+    up = start_up()
     for _ in range(2):  # so that the wait is a whole second
         os.kill(process_of(up, "robot"), signal.SIGKILL)
         up.until("robot ended")
@@ -218,7 +208,7 @@ def test_up_exits_with_error_of_unstartable_component(
     assert "ledger.sqlite" in up.output
 
 
-def test_second_concurrent_system_exits_and_names_first(start: Start) -> None:
+def test_second_concurrent_system_exits_and_names_first(start: Start, start_up: Start) -> None:
     both = [start("up", "--no-voice", "--no-studio") for _ in range(2)]
     wait_for(lambda: any(up.process.poll() is not None for up in both))
     [loser] = [up for up in both if up.process.poll() is not None]
@@ -231,6 +221,5 @@ def test_second_concurrent_system_exits_and_names_first(start: Start) -> None:
     winner.until("ready after")
     assert start("demo", "--no-voice").wait() == 1
     assert winner.stop()[0] == 0
-    again = start("up", "--no-voice", "--no-studio")
-    again.until("ready after")
+    again = start_up()
     assert again.stop()[0] == 0

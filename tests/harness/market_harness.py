@@ -245,12 +245,16 @@ class MarketHarness:
         since, self.now = self.now, self.now + lasted_s
         self.do(self.market.extend_after_stall(since, self.now))
 
+    def award(self, scene_id: str = "s1") -> None:
+        """Announce a scene, and let the host bid for it; by default the guide wins."""
+        self.scene(scene_id)
+        self.bid()
+
     def run(self, scene_id: str = "s1") -> RunGoal:
         """Start a run of the guide."""
         if not self.ids:
             self.register()
-        self.scene(scene_id)
-        self.bid()
+        self.award(scene_id)
         self.accept()
         return self.goal
 

@@ -137,6 +137,10 @@ class Program:
         return code, time.monotonic() - start
 
 
+Start = Callable[..., Program]
+Ask = Callable[..., str]
+
+
 def wait_for(is_so: Callable[[], object]) -> None:
     """Wait until a condition outside the program holds."""
     end = time.monotonic() + HANG_S

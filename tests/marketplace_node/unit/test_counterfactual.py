@@ -123,8 +123,7 @@ def test_the_search_compares_so_much_and_no_more(
 def test_search_runs_only_on_request() -> None:
     market = MarketHarness()
     market.register()
-    market.scene()
-    market.bid()
+    market.award()
     sent, published = (
         next(i for i, effect in enumerate(market.effects) if isinstance(effect, kind))
         for kind in (SendGoal, PublishAuction)

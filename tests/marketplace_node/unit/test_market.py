@@ -31,9 +31,7 @@ def impatient() -> MarketHarness:
 
 
 def test_interaction_passes_through_all_states(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
-    market.accept()
+    market.run()
     market.wait(3.0)
     market.end()
     market.collect("moved")
@@ -68,8 +66,7 @@ def test_status_names_live_hosts_and_agents(market: MarketHarness) -> None:
 
 def test_round_closes_at_deadline_despite_silent_host(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
-    market.scene()
-    market.bid()
+    market.award()
     market.wait(0.4)
     assert market.status.state is State.BIDDING
 
@@ -149,8 +146,7 @@ def test_bids_without_an_open_round_are_only_noted(
 
 
 def test_a_refused_goal_goes_to_the_next_best(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     market.refuse()
     assert market.goal.agent == EXPRESS
     market.accept()
@@ -161,8 +157,7 @@ def test_a_refused_goal_goes_to_the_next_best(market: MarketHarness) -> None:
 
 
 def test_interaction_ends_when_all_hosts_refuse_run(impatient: MarketHarness) -> None:
-    impatient.scene()
-    impatient.bid()
+    impatient.award()
     impatient.refuse()
     impatient.refuse()
 
@@ -190,8 +185,7 @@ def test_silent_host_loses_award_and_late_acceptance(two: MarketHarness) -> None
 
 
 def test_acceptance_after_interaction_is_cancelled(impatient: MarketHarness) -> None:
-    impatient.scene()
-    impatient.bid()
+    impatient.award()
     first = impatient.goal
     impatient.wait(2.1)
     assert impatient.status.state is State.IDLE

@@ -431,8 +431,7 @@ def test_scene_gets_outcome_of_run_ended_before_crash(market: MarketHarness) -> 
 
 def test_scene_with_unstarted_run_goes_first_after_restart(market: MarketHarness) -> None:
     market.scene("s1")
-    market.scene("s2")
-    market.bid()
+    market.award("s2")
     after = restarted(market)
     serve_next(after)
 
@@ -440,8 +439,7 @@ def test_scene_with_unstarted_run_goes_first_after_restart(market: MarketHarness
 
 
 def test_report_of_unknown_run_does_not_end_scene(market: MarketHarness) -> None:
-    market.scene("s1")
-    market.bid()
+    market.award("s1")
     goal = market.goal
     after = restarted(market)
     report(after, goal, RunOutcome.LOST)

@@ -40,8 +40,7 @@ def test_only_a_pinned_agent_may_bid(market: MarketHarness) -> None:
 
 def test_bid_against_pin_is_refused(market: MarketHarness) -> None:
     market.operate(OperatorAction.PIN, EXPRESS)
-    market.scene()
-    market.bid()
+    market.award()
 
     assert [bid.agent for bid in market.auction.decision.ranking] == [EXPRESS]
     assert {code for code, _ in refusals(market).values()} == {"NOT_PINNED"}
@@ -98,8 +97,7 @@ def test_veto_stops_running_agent_and_asks_others(market: MarketHarness) -> None
 
 
 def test_veto_before_start_reassigns_run(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     goal = market.goal
     market.operate(OperatorAction.VETO, GUIDE)
     assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
@@ -266,8 +264,7 @@ def test_restarted_market_continues_run_counts() -> None:
     _, effects = again.market.restore_overrides(market.all(StoreOverrides)[-1].text, again.now)
     again.do(effects)
     assert again.status.starved == (EXPRESS,)
-    again.scene()
-    again.bid()
+    again.award()
 
     terms = again.auction.decision.terms
     assert (terms.runs, terms.last_run) == ({GUIDE: 1}, {GUIDE: 1})

@@ -156,8 +156,7 @@ def test_running_agent_with_silent_host_is_infinitely_far() -> None:
     market = MarketHarness(on_new_scene="preempt")
     market.register()
     market.register("/others", PLAIN)
-    market.scene()
-    market.bid()
+    market.award()
     market.bid("/others", {PLAIN: FAR})
     market.accept()
     market.scene("s2")
@@ -477,8 +476,7 @@ def ranked_outside() -> MarketHarness:
     """Return a market in which the guide runs by an external ranking."""
     market = MarketHarness(on_new_scene="preempt", strategy="external")
     market.register()
-    market.scene()
-    market.bid()
+    market.award()
     market.ranked(GUIDE)
     market.accept()
     return market

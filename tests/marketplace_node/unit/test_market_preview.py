@@ -48,8 +48,7 @@ def test_preview_predicts_random_draws() -> None:
     for number in range(12):
         market.bid(round=market.preview())
         foretold = [bid.agent for bid in outcome(market).decision.ranking]
-        market.scene(f"s{number}")
-        market.bid()
+        market.award(f"s{number}")
         assert [bid.agent for bid in market.auction.decision.ranking] == foretold
         market.perform()
     winners = {publish.decision.ranking[0].agent for publish in market.all(PublishAuction)}

@@ -26,8 +26,7 @@ def test_bids_received_during_stall_count(market: MarketHarness) -> None:
 
 
 def test_goal_accepted_during_stall_runs(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     hold_up(market, 5.0)
     market.accept()
 

@@ -122,8 +122,7 @@ def test_refusing_winner_is_starved_but_running_substitute_not() -> None:
     market = MarketHarness(starvation_rounds=3)
     market.register()
     for number in range(4):
-        market.scene(f"s{number}")
-        market.bid()
+        market.award(f"s{number}")
         market.refuse()
         market.perform()
 
@@ -147,8 +146,7 @@ def test_preempting_scene_is_compared_with_shadow_once() -> None:
 def test_shadow_is_not_compared_with_fallback_strategy() -> None:
     market = MarketHarness(strategy="external", shadow_strategy="manhattan")
     market.register()
-    market.scene()
-    market.bid()
+    market.award()
     market.ranked(failure="no")
 
     assert market.auction.decision.ranked.shadow_winner

@@ -133,8 +133,7 @@ def test_cancel_while_bidding_stops_the_round(market: MarketHarness) -> None:
 
 
 def test_cancel_while_awarding_cancels_on_acceptance(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     goal = market.goal
     market.cancel("button", again=True)
     assert market.status.state is State.CANCELLING
@@ -151,8 +150,7 @@ def test_cancel_while_awarding_cancels_on_acceptance(market: MarketHarness) -> N
 def test_cancel_while_awarding_ends_unless_host_accepts(
     market: MarketHarness, answer: str
 ) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     market.cancel("button")
     if answer == "refused":
         market.refuse()

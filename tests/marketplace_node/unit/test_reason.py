@@ -17,8 +17,7 @@ NAN = math.nan
 
 
 def test_award_shows_its_sum_and_margin_to_next(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
+    market.award()
 
     assert market.auction.reason == (
         "attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; "
