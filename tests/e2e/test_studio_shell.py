@@ -93,6 +93,11 @@ def until_stopped(page: Page, studio: BackgroundStudio) -> None:
     wait_for(page, lambda: stops(studio))
 
 
+def stop_the_run(page: Page, studio: BackgroundStudio) -> None:
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, studio)
+
+
 def run_again(page: Page, studio: BackgroundStudio) -> None:
     """Let the greeter run, whoever has stopped it."""
     studio.caller.calls.clear()
@@ -120,8 +125,7 @@ def test_every_page_tells_and_stops_the_run(page: Page, running: BackgroundStudi
 
 def test_stop_works_whichever_agent_is_shown(page: Page, running: BackgroundStudio) -> None:
     page.get_by_label("Agent").select_option("carrier")
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
 
 
 def test_strip_follows_and_stops_while_page_looks_back(
@@ -131,8 +135,7 @@ def test_strip_follows_and_stops_while_page_looks_back(
     expect(strip(page)).to_contain_text("Now:runningThe greeter")
     running.put("live", "", live(4.0))
     expect(strip(page)).to_contain_text("mood 4")
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
     running.put("market", "", market("CANCELLING"))
     expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
     page.get_by_role("button", name="Back to now").click()
@@ -157,8 +160,7 @@ def test_single_or_typed_escape_stops_nothing(page: Page, running: BackgroundStu
     page.get_by_role("searchbox").focus()
     page.keyboard.press("Escape")
     page.keyboard.press("Escape")
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
     assert len(stops(running)) == 1
 
 
@@ -315,8 +317,7 @@ def test_half_open_connection_is_shown_and_replaced(
     # The next connection is silent, too, and no reason to show anything else.
     page.wait_for_timeout(4000)
     expect(phase).to_have_text(STALE, timeout=1)
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
     socket.is_swallowed = False
     expect(phase).to_have_text("connected")
     expect(strip(page)).to_contain_text("mood 5")
@@ -376,8 +377,7 @@ def test_pasted_address_signs_in_the_open_tab(browser: Browser, running: Backgro
         page.goto(running.address)
         expect(page.locator(".phase")).to_have_text("connected")
         assert token not in page.url
-        strip(page).get_by_role("button", name="Stop").click()
-        until_stopped(page, running)
+        stop_the_run(page, running)
 
 
 def test_refused_tab_follows_sign_in_of_another(
@@ -487,8 +487,7 @@ def test_question_mark_lists_keys_and_stops_nothing(page: Page, running: Backgro
     page.keyboard.press("Escape")
     page.get_by_role("searchbox").press("?")
     expect(shown).to_be_hidden()
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
     assert len(stops(running)) == 1
 
 
