@@ -166,17 +166,6 @@ def test_rate_outside_0_to_1_is_rejected(rate):
         direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), rate)
 
 
-@pytest.mark.parametrize(("rate", "cycles"), [(0.05, 92), (0.2, 22), (0.5, 7)])
-def test_first_paper_experiment_converges_in_known_cycles(rate, cycles):
-    goal: Vector = (5.0, 4.0, 1.0)
-    profile: Vector = (2.5, 2.5, 2.5)
-    count = 0
-    while sum(abs(g - p) for g, p in zip(goal, profile, strict=True)) >= 0.05:
-        profile = direct(profile, goal, rate).after
-        count += 1
-    assert count == cycles
-
-
 # --- rates, weights and bounds --------------------------------------------------------------
 
 
