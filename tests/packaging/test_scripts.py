@@ -190,7 +190,7 @@ def test_first_run_installs_and_second_only_plays(machine: Machine):
 
 
 @pytest.fixture
-def installed(machine: Machine) -> Machine:
+def prepared(machine: Machine) -> Machine:
     """A machine on which the demo has run once."""
     machine.has_python("python3", "3.11")
     machine.demo()
@@ -208,18 +208,18 @@ def installed(machine: Machine) -> Machine:
     ids=["interface", "without compilation", "no Python"],
 )
 def test_demo_installs_only_what_a_change_needs(
-    installed: Machine, change: str, asked: list[str]
+    prepared: Machine, change: str, asked: list[str]
 ) -> None:
-    assert subprocess.run(change, shell=True, cwd=installed.checkout).returncode == 0
-    assert installed.demo().stdout.endswith("played demo\n")
-    assert installed.was_asked() == asked
+    assert subprocess.run(change, shell=True, cwd=prepared.checkout).returncode == 0
+    assert prepared.demo().stdout.endswith("played demo\n")
+    assert prepared.was_asked() == asked
 
 
-def test_test_tools_are_added_to_existing_environment(installed: Machine) -> None:
-    setup = installed.checkout / "scripts" / "setup.bash"
-    done = installed.run("bash", "-c", f"source '{setup}' && set_up dev")
+def test_test_tools_are_added_to_existing_environment(prepared: Machine) -> None:
+    setup = prepared.checkout / "scripts" / "setup.bash"
+    done = prepared.run("bash", "-c", f"source '{setup}' && set_up dev")
     assert done.returncode == 0, done.stdout
-    assert installed.was_asked() == ["sync", "export", "pip"]
+    assert prepared.was_asked() == ["sync", "export", "pip"]
 
 
 def test_second_checkout_of_user_compiles_nothing(machine: Machine, tmp_path: Path):
