@@ -430,8 +430,8 @@ def test_scene_gets_outcome_of_run_ended_before_crash(market: MarketHarness) -> 
 
 
 def test_scene_with_unstarted_run_goes_first_after_restart(market: MarketHarness) -> None:
-    market.scene("s1")
-    market.award("s2")
+    market.award("s1")
+    market.scene("s2")
     after = restarted(market)
     serve_next(after)
 
