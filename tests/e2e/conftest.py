@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from browser import chromium
 from command_server import CommandServer, command_server
-from programs import ROOT, Program, children
+from programs import ROOT, Ask, Program, Start, children
 from studio_browser import LIMIT_MS, System, opened_page
 
 
@@ -30,7 +30,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 
 @pytest.fixture
-def start(environment: dict[str, str]) -> Iterator[Callable[..., Program]]:
+def start(environment: dict[str, str]) -> Iterator[Start]:
     """Start ``bt-agents`` with arguments, in the checkout or another folder."""
     programs: list[Program] = []
 
@@ -51,6 +51,18 @@ def start(environment: dict[str, str]) -> Iterator[Callable[..., Program]]:
             program.close()
 
 
+@pytest.fixture
+def start_up(start: Start) -> Start:
+    """Start a system without voice and studio; wait until it is ready."""
+
+    def start_one(*arguments: str, **place: Path) -> Program:
+        up = start("up", *arguments, "--no-voice", "--no-studio", **place)
+        up.until("ready after")
+        return up
+
+    return start_one
+
+
 @pytest.fixture(scope="session")
 def commands() -> Iterator[CommandServer]:
     """All commands, loaded once."""
@@ -59,7 +71,7 @@ def commands() -> Iterator[CommandServer]:
 
 
 @pytest.fixture
-def ask(commands: CommandServer, environment: dict[str, str]) -> Callable[..., str]:
+def ask(commands: CommandServer, environment: dict[str, str]) -> Ask:
     """Run a short command to its end; return its output. ``None`` allows any exit code."""
 
     def ask_one(*arguments: str, code: int | None = 0) -> str:

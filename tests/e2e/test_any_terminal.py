@@ -24,7 +24,7 @@ import pytest
 
 from bt_agents_tools.cli.main import all_commands
 from command_server import CommandServer, Ended, command_server
-from programs import HANG_S, ROOT, alive, children
+from programs import HANG_S, ROOT, alive, children, wait_for
 from tree_harness import TREES
 
 pytestmark = pytest.mark.e2e
@@ -161,13 +161,6 @@ def test_up_without_home_asks_for_state_folder(commands: CommandServer, tmp_path
     )
 
 
-def wait_for(done: Callable[[], bool]) -> None:
-    end = time.monotonic() + HANG_S
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.1)
-
-
 @contextmanager
 def started(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     """Start a command in its own process group; kill the group and close everything at the end."""
@@ -251,13 +244,6 @@ try:
 except KeyboardInterrupt:
     sys.exit(7)
 """
-
-
-def test_ctrl_c_swallowed_by_library_is_raised_again() -> None:
-    program = subprocess.run([sys.executable, "-c", _SWALLOWED], timeout=HANG_S, check=False)
-    assert program.returncode == 7
-
-
 _CAUGHT = """
 import signal, time
 from bt_agents_ros.signals import end_silently, interruptible
@@ -270,9 +256,12 @@ with interruptible():
 """
 
 
-def test_ctrl_c_caught_by_command_is_raised_once() -> None:
-    program = subprocess.run([sys.executable, "-c", _CAUGHT], timeout=HANG_S, check=False)
-    assert program.returncode == 0
+@pytest.mark.parametrize(
+    ("program", "code"), [(_SWALLOWED, 7), (_CAUGHT, 0)], ids=["swallowed", "caught"]
+)
+def test_only_swallowed_ctrl_c_is_raised_again(program: str, code: int) -> None:
+    done = subprocess.run([sys.executable, "-c", program], timeout=HANG_S, check=False)
+    assert done.returncode == code
 
 
 def is_at_work(pid: int) -> bool:

@@ -3,17 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import Program
+from programs import Ask, Start
 
 pytestmark = pytest.mark.e2e
 
-Start = Callable[..., Program]
-Ask = Callable[..., str]
 
 AGENT = """
 format: 1
@@ -41,13 +38,12 @@ visits:
 
 
 def test_person_answers_presses_button_and_visits(
-    start: Start, ask: Ask, trees: Path, tmp_path: Path
+    start: Start, start_up: Start, ask: Ask, trees: Path, tmp_path: Path
 ) -> None:
     for path in (trees / "agents").iterdir():
         path.unlink()
     (trees / "agents" / "asker.yaml").write_text(AGENT)
-    up = start("up", str(trees), "--no-voice", "--no-studio")
-    up.until("ready")
+    up = start_up(str(trees))
     assert "the robot asks nothing now" in ask("answer")
     assert "NO_QUESTION" in ask("answer", "yes", code=1)
     assert "NOBODY_LISTENS" in ask("press", "buttons/confirm", code=1)

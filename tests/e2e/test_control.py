@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import Program
+from programs import Ask, Start
 
 pytestmark = pytest.mark.e2e
 
@@ -28,7 +27,7 @@ tree:
 """
 
 
-def until(ask: Callable[..., str], words: str, *command: str) -> str:
+def until(ask: Ask, words: str, *command: str) -> str:
     """Repeat a command until its output contains these words; return the output."""
     shown = ""
     for _ in range(30):
@@ -39,14 +38,11 @@ def until(ask: Callable[..., str], words: str, *command: str) -> str:
     return shown
 
 
-def test_run_stops_at_breakpoint_steps_and_resumes(
-    start: Callable[..., Program], ask: Callable[..., str], trees: Path
-) -> None:
+def test_run_stops_at_breakpoint_steps_and_resumes(start_up: Start, ask: Ask, trees: Path) -> None:
     for path in (trees / "agents").iterdir():
         path.unlink()
     (trees / "agents" / "greeter.yaml").write_text(AGENT)
-    up = start("up", str(trees), "--no-voice", "--no-studio")
-    up.until("ready")
+    up = start_up(str(trees))
     assert "no agent is running" in ask("pause", code=1)
     assert "no breakpoints" in ask("breakpoint")
     assert "did you mean '1.wait'" in ask("breakpoint", "greeter", "1.wiat", code=1)

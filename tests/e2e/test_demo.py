@@ -8,17 +8,15 @@ import re
 import signal
 import time
 import urllib.request
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from bt_agents_tools.launcher.supervisor import FIRST_LIMIT_S, STOP_LIMIT_S
-from programs import HANG_S, ROOT, Program, alive, children, nodes
+from programs import HANG_S, ROOT, Start, alive, children, nodes
 
 pytestmark = pytest.mark.e2e
-
-Start = Callable[..., Program]
 
 
 def without_times(line: str) -> str:

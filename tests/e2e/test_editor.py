@@ -35,14 +35,21 @@ def shipped() -> list[Path]:
     return [ROOT / "trees" / "scene.yaml", *sorted(found)]
 
 
-@pytest.mark.parametrize("before", ["  ▮", "  sequence:\n    - ▮", "  sequence:\n    - s▮"])
-def test_node_completion_offers_nodes_skills_and_decorators(server, before):
-    assert server.completions(FILE, HEAD + before).keys() >= WORDS
-
-
-def test_completion_beside_node_offers_its_modifiers(server):
-    offered = server.completions(FILE, f"{HEAD}  sequence:\n    - say: Hello.\n      ▮")
-    assert offered.keys() >= {*DECORATORS, "name"}
+@pytest.mark.parametrize(
+    ("before", "words"),
+    [
+        ("  ▮", WORDS),
+        ("  sequence:\n    - ▮", WORDS),
+        ("  sequence:\n    - s▮", WORDS),
+        ("  sequence:\n    - say: Hello.\n      ▮", {*DECORATORS, "name"}),
+        ("  say: x\n  retry: ▮", {"forever"}),
+        ("  parallel:\n    succeed_on: ▮", {"all", "one"}),
+        ("  log:\n    level: ▮", {"info", "warning", "error"}),
+        ("  ask:\n    ▮", {"text", "choices", "wait"}),
+    ],
+)
+def test_completion_offers_what_may_stand_there(server, before, words):
+    assert server.completions(FILE, HEAD + before).keys() >= words
 
 
 def test_completed_node_includes_required_fields(server):
@@ -58,19 +65,6 @@ def test_completion_below_profile_offers_scene_parameters(server):
     offered = server.completions(FILE, f"{TOP}profile:\n  ▮")
     assert offered.keys() >= set(SPACE.names)
     assert offered["age"]["insertText"] == "age: ${1:3}"
-
-
-@pytest.mark.parametrize(
-    ("before", "words"),
-    [
-        ("  say: x\n  retry: ▮", {"forever"}),
-        ("  parallel:\n    succeed_on: ▮", {"all", "one"}),
-        ("  log:\n    level: ▮", {"info", "warning", "error"}),
-        ("  ask:\n    ▮", {"text", "choices", "wait"}),
-    ],
-)
-def test_completion_offers_allowed_field_values(server, before, words):
-    assert server.completions(FILE, HEAD + before).keys() >= words
 
 
 @pytest.mark.parametrize(

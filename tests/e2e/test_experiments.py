@@ -5,19 +5,18 @@ from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from programs import Ask
 
 pytestmark = pytest.mark.e2e
 
 TARGETS = {"agent_1": 1.0, "agent_3": 3.0, "agent_5": 5.0}
 
 
-def test_experiment_3_matches_closed_form_each_round(
-    ask: Callable[..., str], tmp_path: Path
-) -> None:
+def test_experiment_3_matches_closed_form_each_round(ask: Ask, tmp_path: Path) -> None:
     table = tmp_path / "rounds.csv"
     said = " ".join(
         ask("experiment", "run", "3", "--ros", "--rounds", "60", "--out", str(table)).split()
@@ -45,22 +44,20 @@ def test_experiment_3_matches_closed_form_each_round(
         profiles[row["agent"]] = float(row["after_age"])
 
 
-def test_experiment_1_matches_with_and_without_ros(ask: Callable[..., str]) -> None:
-    said = " ".join(ask("experiment", "run", "1", "--ros", "--rounds", "40").split())
-    assert "40 rounds through ROS against 40 without it: equal" in said
-    assert "not equal" not in said
-
-
-def test_experiment_2_matches_with_and_without_ros(ask: Callable[..., str]) -> None:
-    said = ask("experiment", "run", "2", "--ros", "--rounds", "20", "--seed", "4")
-    said = " ".join(said.split())
-    assert said.count("20 rounds through ROS against 20 without it: equal") == 3
-    assert "not equal" not in said
-
-
-def test_recommended_settings_match_with_and_without_ros(ask: Callable[..., str]) -> None:
-    said = ask(
-        *("experiment", "run", "recommended", "--ros", "--rounds", "40"),
-        *("--strategy", "bounded_ucb"),
+@pytest.mark.parametrize(
+    ("words", "rounds", "strategies"),
+    [
+        (("1",), "40", 1),
+        (("2", "--seed", "4"), "20", 3),
+        (("recommended", "--strategy", "bounded_ucb"), "40", 1),
+    ],
+    ids=["1", "2", "recommended"],
+)
+def test_experiments_match_with_and_without_ros(
+    ask: Ask, words: tuple[str, ...], rounds: str, strategies: int
+) -> None:
+    said = " ".join(ask("experiment", "run", *words, "--ros", "--rounds", rounds).split())
+    assert (
+        said.count(f"{rounds} rounds through ROS against {rounds} without it: equal") == strategies
     )
-    assert "40 rounds through ROS against 40 without it: equal" in " ".join(said.split())
+    assert "not equal" not in said

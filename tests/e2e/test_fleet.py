@@ -8,7 +8,6 @@ import os
 import re
 import signal
 import stat
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,18 +15,11 @@ import pytest
 
 from command_server import CommandServer
 from postgres_server import running_server
-from programs import HANG_S, ROOT, Program, children
+from programs import ROOT, Program, Start, children, wait_for
 
 pytestmark = pytest.mark.e2e
 
 AGENT = ROOT / "trees" / "agents" / "attentive_guide.yaml"
-
-
-def until(done: Callable[[], object]) -> None:
-    end = time.monotonic() + HANG_S
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.05)
 
 
 @pytest.fixture
@@ -45,7 +37,7 @@ def run(
 
 
 def test_robot_joins_fleet_shares_learning_and_shows_origins(
-    trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
+    trees: Path, tmp_path: Path, start: Start, start_up: Start, run: Callable[..., str]
 ) -> None:
     agent = trees / "agents" / AGENT.name
     text = agent.read_text()
@@ -53,8 +45,7 @@ def test_robot_joins_fleet_shares_learning_and_shows_origins(
     agent.write_text(text.replace("update: huber}", "update: huber, share: everything}"))
 
     with running_server() as server:
-        up = start("up", "--no-voice", "--no-studio", folder=tmp_path)
-        up.until("ready")
+        up = start_up(folder=tmp_path)
         assert "NOT_JOINED" in run("fleet", "status", code=1)
         assert "joined as anna" in run("fleet", "join", server.address, "--robot", "anna")
         (settings,) = (tmp_path / "state").rglob("fleet.json")
@@ -63,7 +54,7 @@ def test_robot_joins_fleet_shares_learning_and_shows_origins(
         fleet.until("up to date")
 
         run("feedback", "direct", "age=5", "--agent", "attentive_guide", "--reason", "for Anna")
-        until(lambda: server.execute("SELECT 1 FROM step WHERE event = 'feedback'"))
+        wait_for(lambda: server.execute("SELECT 1 FROM step WHERE event = 'feedback'"))
         assert "for Anna" not in str(server.execute("SELECT row_to_json(step)::text FROM step"))
 
         server.execute("INSERT INTO robot (robot) VALUES ('ben')")
@@ -73,7 +64,7 @@ def test_robot_joins_fleet_shares_learning_and_shows_origins(
             "weight, changes, stamp - of_ben.n FROM step, generate_series(1, 200) AS of_ben (n) "
             "WHERE event = 'feedback'"
         )
-        until(lambda: "ben" in run("profile", "history", "attentive_guide"))
+        wait_for(lambda: "ben" in run("profile", "history", "attentive_guide"))
         history = run("profile", "history", "attentive_guide")
         assert re.search(r"201 .* fleet +ben +age .* direct there, its step 1, with 199", history)
 
@@ -81,22 +72,20 @@ def test_robot_joins_fleet_shares_learning_and_shows_origins(
         fleet.until("DATABASE_AWAY")
         run("feedback", "direct", "age=5", "--agent", "attentive_guide")
         server.start()
-        until(lambda: server.execute("SELECT 1 FROM step WHERE robot = 'anna' OFFSET 1") != [])
+        wait_for(lambda: server.execute("SELECT 1 FROM step WHERE robot = 'anna' OFFSET 1") != [])
         status = run("fleet", "status")
         assert re.search(r"^anna +2 ", status, re.M)
         assert "200 steps of other robots taken in, 0 refused" in status
-        code, _ = fleet.stop()
-        assert code == 0, fleet.output
+        assert fleet.stop()[0] == 0, fleet.output
         found = json.loads(run("fleet", "status", "--json"))
         assert [one["robot"] for one in found["robots"]] == ["anna", "ben"]
         assert "anna has left the fleet" in run("fleet", "leave", "--erase", "--yes")
         assert not settings.exists()
-        code, _ = up.stop()
-        assert code == 0, up.output
+        assert up.stop()[0] == 0, up.output
 
 
 def test_up_syncs_joined_robot_and_restarts_fleet_process(
-    trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
+    trees: Path, tmp_path: Path, start: Start, start_up: Start, run: Callable[..., str]
 ) -> None:
     agent = trees / "agents" / AGENT.name
     agent.write_text(agent.read_text().replace("huber}", "huber, share: everything}"))
@@ -106,11 +95,10 @@ def test_up_syncs_joined_robot_and_restarts_fleet_process(
 
     with running_server() as server:
         run("fleet", "join", server.address, "--robot", "anna")
-        up = start("up", "--no-voice", "--no-studio", folder=tmp_path)
-        up.until("ready")
+        up = start_up(folder=tmp_path)
         up.until("fleet up to date")
         teach()
-        until(lambda: server.execute("SELECT 1 FROM step"))
+        wait_for(lambda: server.execute("SELECT 1 FROM step"))
         second = start("fleet", "run", folder=tmp_path)
         second.until("FLEET_RUNS")
         assert second.stop()[0] == 0, second.output
@@ -122,30 +110,18 @@ def test_up_syncs_joined_robot_and_restarts_fleet_process(
         up.until("fleet ended .killed by signal 9.: starting it again")
         up.until("fleet is back")
         teach()
-        until(lambda: server.execute("SELECT 1 FROM step OFFSET 1"))
-        code, _ = up.stop()
-        assert code == 0, up.output
+        wait_for(lambda: server.execute("SELECT 1 FROM step OFFSET 1"))
+        assert up.stop()[0] == 0, up.output
         assert "had to be killed" not in up.output
-        alone = start("up", "--no-voice", "--no-studio", "--no-fleet", folder=tmp_path)
-        alone.until("ready")
-        assert fleet_processes(alone) == []
-        code, _ = alone.stop()
-        assert code == 0, alone.output
-
-
-def test_only_feedback_part_starts_fleet_process(
-    trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
-) -> None:
-    with running_server() as server:
-        run("fleet", "join", server.address, "--robot", "anna")
-        found = {}
-        for part in ("market", "feedback"):
-            up = start("up", "--only", part, folder=tmp_path)
-            up.until("fleet up to date" if part == "feedback" else "ready")
-            found[part] = len(fleet_processes(up))
-            code, _ = up.stop()
-            assert code == 0, up.output
-        assert found == {"market": 0, "feedback": 1}
+        for options, count in (
+            (("--no-voice", "--no-studio", "--no-fleet"), 0),
+            (("--only", "market"), 0),
+            (("--only", "feedback"), 1),
+        ):
+            other = start("up", *options, folder=tmp_path)
+            other.until("fleet up to date" if count else "ready")
+            assert len(fleet_processes(other)) == count
+            assert other.stop()[0] == 0, other.output
 
 
 def fleet_process(up: Program) -> int:

@@ -7,12 +7,11 @@ import json
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import HANG_S, ROOT, Program
+from programs import HANG_S, ROOT, Start
 from skipped_tests import NAMESPACES
 
 pytestmark = pytest.mark.e2e
@@ -44,10 +43,9 @@ def test_idle_system_sends_few_datagrams_and_stays_discoverable(
 
 
 def test_concurrent_commands_are_all_answered(
-    start: Callable[..., Program], environment: dict[str, str]
+    start: Start, start_up: Start, environment: dict[str, str]
 ) -> None:
-    up = start("up", "--no-voice", "--no-studio")
-    up.until("ready")
+    up = start_up()
     asking = [start("status") for _ in range(AT_ONCE)]
     for one in asking:
         assert one.wait() == 0, one.output

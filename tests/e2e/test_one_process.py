@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.supervisor import Component
 from graph import fresh_graph
 from processes import NodeProcess, System, write_trees
-from programs import ROOT, Program
+from programs import ROOT, Start
 
 pytestmark = pytest.mark.e2e
 
@@ -159,7 +159,7 @@ class HearMarket(py_trees.behaviour.Behaviour):
 
 
 def test_plugin_hears_process_peers_through_provided_node(
-    tmp_path: Path, start: Callable[..., Program], environment: dict[str, str]
+    tmp_path: Path, start: Start, start_up: Start, environment: dict[str, str]
 ) -> None:
     place = tmp_path / "installed"
     info = place / "their_nodes-1.0.dist-info"
@@ -170,12 +170,10 @@ def test_plugin_hears_process_peers_through_provided_node(
     (info / "entry_points.txt").write_text(f"[bt_agents.nodes]\n{entry}\n")
     environment["PYTHONPATH"] = str(place)
     trees = write_trees(tmp_path / "a", leo=(5, "sequence: [hear_market: {}, wait: 0.1 s]"))
-    up = start("up", str(trees), "--one-process", "--no-robot", "--no-voice", "--no-studio")
-    up.until("ready")
+    up = start_up(str(trees), "--one-process", "--no-robot")
     start("trigger", "age=5")
     up.until("succeeded")
-    code, _ = up.stop()
-    assert code == 0, up.output
+    assert up.stop()[0] == 0, up.output
 
 
 def launch_nodes() -> tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str, str]]:

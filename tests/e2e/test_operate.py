@@ -6,18 +6,15 @@ from __future__ import annotations
 import json
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from model_server import model_server, says, sends
-from programs import Program, node_of
+from programs import Ask, Start, node_of
 
 pytestmark = pytest.mark.e2e
 
-Start = Callable[..., Program]
-Ask = Callable[..., str]
 MRS_SMITH = ("age=4.5", "familiarity=1", "mood=3")
 
 

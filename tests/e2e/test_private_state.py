@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from programs import Program
+from programs import Ask, Start
 
 pytestmark = pytest.mark.e2e
 
@@ -25,7 +25,7 @@ def for_everybody() -> Iterator[None]:
 
 @pytest.mark.usefixtures("for_everybody")
 def test_session_files_are_private_during_and_after_run(
-    start: Callable[..., Program], ask: Callable[..., str], tmp_path: Path
+    start: Start, ask: Ask, tmp_path: Path
 ) -> None:
     kept = tmp_path / "kept"
     up = start("up", "--no-voice", "--no-studio", "--state", str(kept), "--memory", "--journal")

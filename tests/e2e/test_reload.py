@@ -4,23 +4,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import Program
+from programs import Ask, Start
 
 pytestmark = pytest.mark.e2e
 
 
 def test_an_author_edits_agents_of_a_running_system(
-    start: Callable[..., Program], ask: Callable[..., str], trees: Path
+    start_up: Start, ask: Ask, trees: Path
 ) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
     first = file.read_text()
-    up = start("up", str(trees), "--no-voice", "--no-studio")
-    up.until("ready")
+    up = start_up(str(trees))
     file.write_text(first.replace("default: 8 s", "default: 12 s"))
     up.until(re.escape("attentive_guide: version 2 in force (patience: 8 s → 12 s)"))
     file.write_text(first.replace("- light: green", "- light: green\n    - wait: 1 s"))

@@ -14,14 +14,13 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from checkout import ROOT
-from npm_packages import installed_packages
 from programs import node_of
 from studio_browser import (
     LIMIT_MS,
     System,
     announce,
     come,
-    look_back,
+    enter,
     open_page,
     open_values,
     opened_page,
@@ -31,9 +30,6 @@ from studio_browser import (
 )
 
 pytestmark = pytest.mark.e2e
-
-PAGES = ("live", "market", "tune", "world", "system", "person")
-RULES = "{runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa', 'wcag22aa']}"
 
 
 @pytest.fixture(scope="module")
@@ -46,24 +42,24 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         running.end()
 
 
-def test_played_scene_shows_tree_round_and_reasons(page: Page) -> None:
-    serve(page, "an evening guest", age=4.5, mood=2)
+def test_played_scene_shows_reasons_until_it_is_stopped(page: Page) -> None:
+    guest = "<img src=x onerror=document.title='taken'>"  # shown as text
+    serve(page, guest, age=4.5, mood=2)
     expect(page.locator("[role=treeitem][data-status=RUNNING]").first).to_be_visible()
-    expect(page.get_by_label("What happened")).to_contain_text("started")
+    log = page.get_by_label("What happened")
+    expect(log).to_contain_text("started")
     page.locator("[role=treeitem]").first.click()
     expect(page.get_by_label("Node", exact=True)).to_contain_text("trees/agents/")
     open_page(page, "Market")
     shown = page.get_by_label("Bids", exact=True)
     expect(shown.locator("tr[data-winner]")).to_have_count(1)
-    expect(shown).to_contain_text("an evening guest")
-    stop(page)
-
-
-def test_stop_ends_run_and_names_its_requester(page: Page) -> None:
-    serve(page, "somebody to stop", age=4.5, mood=2)
+    expect(shown).to_contain_text(guest)
+    assert page.locator("img").count() == 0
+    assert "taken" not in page.title()
     strip(page).get_by_role("button", name="Stop").click()
     expect(strip(page)).to_contain_text("idle")
-    expect(page.get_by_label("What happened")).to_contain_text("stopped from the studio")
+    open_page(page, "Live")
+    expect(log).to_contain_text("stopped from the studio")
 
 
 def test_run_stops_at_breakpoint_steps_resumes_and_succeeds(page: Page) -> None:
@@ -97,29 +93,20 @@ def test_run_stops_at_breakpoint_steps_resumes_and_succeeds(page: Page) -> None:
     expect(page.locator(".live-run")).to_contain_text("succeeded")
 
 
-def test_tuning_and_undo_appear_on_other_pages(
+def test_tuning_undo_and_refusal_appear_on_pages(
     page: Page, browser: Browser, system: System
 ) -> None:
-    other = browser.new_context().new_page()
-    other.goto(system.to_look)
-    expect(other.locator(".phase")).to_have_text("connected")
-    for one in (page, other):
-        open_values(one, "attentive_guide")
     name = "#tunable-attentive_guide-patience"
-    page.locator(name).fill("12")
-    page.locator(name).press("Enter")
-    expect(other.locator(name)).to_have_value("12")
-    expect(page.get_by_label("Changes")).to_contain_text("8 s → 12 s")
-    page.get_by_label("Changes").get_by_role("button", name="Undo").click()
-    expect(other.locator(name)).to_have_value("8")
-    other.context.close()
-
-
-def test_out_of_range_value_gives_command_line_error(page: Page) -> None:
-    open_values(page, "attentive_guide")
-    field = page.locator("#tunable-attentive_guide-patience")
-    field.fill("99")
-    field.press("Enter")
+    field = page.locator(name)
+    with opened_page(browser, system.to_look) as other:
+        for one in (page, other):
+            open_values(one, "attentive_guide")
+        enter(field, "12")
+        expect(other.locator(name)).to_have_value("12")
+        expect(page.get_by_label("Changes")).to_contain_text("8 s → 12 s")
+        page.get_by_label("Changes").get_by_role("button", name="Undo").click()
+        expect(other.locator(name)).to_have_value("8")
+    enter(field, "99")
     told = page.locator(".fields-row", has=field).locator("output")
     expect(told).to_contain_text("99 s, expected 2 s to 30 s")
     expect(told).to_be_in_viewport()
@@ -129,29 +116,10 @@ def test_out_of_range_value_gives_command_line_error(page: Page) -> None:
 @pytest.fixture
 def tablet(browser: Browser, system: System) -> Iterator[Page]:
     """The page Person, in a browser of its own."""
-    context = browser.new_context(viewport={"width": 1024, "height": 768})
-    opened = context.new_page()
-    opened.set_default_timeout(LIMIT_MS)
-    errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    opened.goto(system.for_person)
-    expect(opened.locator(".phase")).to_have_text("connected")
-    yield opened
-    context.close()
-    assert errors == []
-
-
-def test_visitor_converses_with_robot_and_appears_in_market(page: Page, tablet: Page) -> None:
-    stop(page)
-    come(tablet, "an older adult", "meets it for the first time", "neutral")
-    question = tablet.get_by_label("Your answer")
-    expect(tablet.get_by_label("The robot says")).to_contain_text("Hello")
-    expect(question.get_by_role("button").first).to_be_visible()
-    question.get_by_role("button").first.click()
-    expect(tablet.locator(".person-told")).to_contain_text("Your answer: ")
-    open_page(page, "Market")
-    expect(page.get_by_label("Bids", exact=True)).to_contain_text("a visitor at the screen")
-    stop(page)
+    with opened_page(browser, system.for_person) as opened:
+        opened.set_viewport_size({"width": 1024, "height": 768})
+        expect(opened.locator(".phase")).to_have_text("connected")
+        yield opened
 
 
 def test_falling_visitor_mood_changes_market_winner(page: Page, tablet: Page) -> None:
@@ -159,6 +127,7 @@ def test_falling_visitor_mood_changes_market_winner(page: Page, tablet: Page) ->
     come(tablet, "an older adult", "meets it for the first time", "neutral")
     expect(tablet.get_by_label("The robot says")).to_contain_text("Hello. I carry your luggage")
     open_page(page, "Market")
+    expect(page.get_by_label("Bids", exact=True)).to_contain_text("a visitor at the screen")
     expect(strip(page)).to_have_attribute("data-state", "RUNNING")
     rounds = page.get_by_label("Rounds").get_by_role("button")
     before = rounds.count()
@@ -177,16 +146,27 @@ def test_falling_visitor_mood_changes_market_winner(page: Page, tablet: Page) ->
 
 def test_visitor_answers_in_text_and_by_keyboard(page: Page, tablet: Page) -> None:
     stop(page)
+    told = tablet.locator(".person-told")
     come(tablet, "an adult", "works with it every day", "neutral")
-    words = tablet.get_by_role("textbox", name="Your answer")
-    words.fill("Gate 12")
-    words.press("Enter")
-    expect(tablet.locator(".person-told")).to_have_text("Your answer: Gate 12")
+    enter(tablet.get_by_role("textbox", name="Your answer"), "Gate 12")
+    expect(told).to_have_text("Your answer: Gate 12")
     stop(page)
     come(tablet, "an older adult", "meets it for the first time", "neutral")
     expect(tablet.get_by_label("Your answer").get_by_role("button")).to_be_visible()
     tablet.keyboard.press("1")
-    expect(tablet.locator(".person-told")).to_have_text("Your answer: yes")
+    expect(told).to_have_text("Your answer: yes")
+    stop(page)
+
+
+def test_single_switch_suffices_to_answer(page: Page, tablet: Page) -> None:
+    stop(page)
+    come(tablet, "an older adult", "meets it for the first time", "neutral")
+    tablet.get_by_role("button", name="One button").click()
+    choice = tablet.get_by_label("Your answer").get_by_role("button").first
+    expect(choice).to_be_focused()
+    # A touch anywhere presses the focused button.
+    tablet.mouse.click(5, 400)
+    expect(tablet.locator(".person-told")).to_contain_text("Your answer: ")
     stop(page)
 
 
@@ -209,18 +189,6 @@ def test_browser_speaks_each_text_once_when_allowed(page: Page, tablet: Page) ->
     ]
     tablet.get_by_role("button", name="Stop").click()
     expect(tablet.get_by_role("alert")).not_to_be_empty()
-    stop(page)
-
-
-def test_single_switch_suffices_to_answer(page: Page, tablet: Page) -> None:
-    stop(page)
-    come(tablet, "an older adult", "meets it for the first time", "neutral")
-    tablet.get_by_role("button", name="One button").click()
-    choice = tablet.get_by_label("Your answer").get_by_role("button").first
-    expect(choice).to_be_focused()
-    # A touch anywhere presses the focused button.
-    tablet.mouse.click(5, 400)
-    expect(tablet.locator(".person-told")).to_contain_text("Your answer: ")
     stop(page)
 
 
@@ -255,20 +223,6 @@ def test_visitor_stop_works_or_reports_that_it_cannot(page: Page, tablet: Page) 
     expect(tablet.get_by_role("alert")).to_contain_text("The robot does not answer")
 
 
-def test_visitor_sees_only_robot_and_cannot_tune(tablet: Page) -> None:
-    assert tablet.get_by_role("navigation").count() == 0
-    assert tablet.get_by_label("Shown moment").count() == 0
-    asked = """async ([path, body]) => (await fetch(path, {
-        method: "POST",
-        headers: {"Content-Type": "application/json"},
-        body: JSON.stringify(body),
-    })).status"""
-    for operation in ("tune", "operate", "profiles"):
-        assert tablet.evaluate(asked, [f"/api/do/{operation}", {"host": "/agents"}]) == 403
-    state = tablet.evaluate("async () => Object.keys(await (await fetch('/api/state')).json())")
-    assert set(state) <= {"sequence", "live", "parts", "robot"}
-
-
 def test_open_page_recovers_after_studio_is_killed(
     page: Page, tablet: Page, system: System
 ) -> None:
@@ -279,40 +233,6 @@ def test_open_page_recovers_after_studio_is_killed(
     come(tablet, "a child", "meets it for the first time", "content")
     expect(tablet.get_by_label("The robot says")).not_to_contain_text("says nothing yet")
     stop(page)
-
-
-def test_view_only_link_cannot_change_anything(browser: Browser, system: System) -> None:
-    page = browser.new_context().new_page()
-    page.goto(system.to_look)
-    open_page(page, "World")
-    expect(page.get_by_role("button", name="Announce the scene")).to_be_disabled()
-    expect(page.get_by_label("Play the world")).to_contain_text("This link is for viewing only")
-    page.context.close()
-
-
-def test_tab_without_key_in_address_is_view_only(browser: Browser, system: System) -> None:
-    with opened_page(browser, system.address) as page:
-        expect(page.locator(".phase")).to_have_text("connected")
-        other = page.context.new_page()
-        other.goto(system.address.partition("#")[0])
-        panel = other.get_by_label("Play the world")
-        open_page(other, "World")
-        expect(panel.get_by_role("button", name="Announce the scene")).to_be_disabled()
-        expect(panel).to_contain_text("This tab is for viewing only")
-        other.goto(system.address)
-        open_page(other, "World")
-        panel.get_by_role("button", name="Announce the scene").click()
-        expect(panel.locator(".operation-answer")).not_to_be_empty()
-        expect(panel).not_to_contain_text("This tab is for viewing only")
-        stop(page)
-
-
-def test_unprinted_address_shows_nothing(browser: Browser, system: System) -> None:
-    page = browser.new_context().new_page()
-    page.goto(system.address.partition("#")[0])
-    expect(page.locator(".phase")).to_contain_text("Not signed in", timeout=LIMIT_MS)
-    assert page.locator("[role=treeitem]").count() == 0
-    page.context.close()
 
 
 @pytest.mark.parametrize("language", ["en-US@posix", "C", "", "xx-invalid", "de-DE", "ar-EG"])
@@ -362,30 +282,6 @@ def test_unloadable_page_says_why(browser: Browser, system: System) -> None:
     page.context.close()
 
 
-def test_feedback_moves_a_profile_and_can_be_undone(page: Page) -> None:
-    # No agent fits exactly, or nothing could move.
-    serve(page, "somebody who judges", age=1.2, familiarity=4.8, mood=1.3)
-    stop(page)
-    open_page(page, "Market")
-    page.get_by_role("button", name="Bad").click()
-    newest = page.get_by_label("Feedback").locator("li").first
-    expect(newest).to_contain_text("negative · button")
-    newest.get_by_role("button", name="Undo").click()
-    expect(page.get_by_label("Feedback").locator("output")).not_to_be_empty()
-
-
-def test_run_is_stopped_while_page_shows_earlier_moment(page: Page) -> None:
-    serve(page, "the last guest", age=4.5, mood=2)
-    scene = page.get_by_label("Scene", exact=True)
-    expect(scene).to_contain_text("the last guest")
-    look_back(page)
-    expect(scene).not_to_contain_text("the last guest")
-    stop(page)
-    expect(scene).not_to_contain_text("the last guest")
-    page.get_by_role("button", name="Back to now").click()
-    expect(scene).to_contain_text("the last guest")
-
-
 def test_recording_can_be_inspected(page: Page) -> None:
     serve(page, "somebody recorded", age=4.5, mood=2)
     stop(page)
@@ -412,69 +308,30 @@ PROCESSES = {
 WITH_HEARTBEAT = ("marketplace", "agents", "robot")
 
 
-@pytest.mark.parametrize("name", PROCESSES)
-def test_open_page_continues_after_killed_process_restarts(
-    page: Page, system: System, name: str
-) -> None:
+def test_open_page_continues_after_killed_process_restarts(page: Page, system: System) -> None:
     open_page(page, "System")
-    part = page.get_by_label("Parts").locator("li", has_text=name)
-    row = page.get_by_label("Processes").locator(
-        "tr", has=page.locator("th", has_text=re.compile(f"^{name}\\s*$"))
-    )
-    expect(row).to_contain_text(re.compile(r"up\d\d:\d\d:\d\d.* MB"))
-    if name in WITH_HEARTBEAT:
-        expect(part).to_contain_text("alive")
-    pid = node_of(system.up.process.pid, PROCESSES[name])
-    if name in WITH_HEARTBEAT:
-        # It may be restarted before its loss is noticed.
-        os.kill(pid, signal.SIGSTOP)
-        expect(part).to_contain_text("silent since")
-    os.kill(pid, signal.SIGKILL)
-    system.up.until(f"{name} is back")
-    expect(row).to_contain_text("killed by signal 9")
-    expect(row.locator(".system-level")).to_have_text("up")
-    expect(row.get_by_role("cell", name=str(pid), exact=True)).to_have_count(0)
-    if name in WITH_HEARTBEAT:
-        expect(part).to_contain_text("alive")
-    # A run that the page does not show yet could not be stopped below, and would delay the next.
-    serve(page, f"after {name}", age=4.5, mood=2)
-    system.up.until(f"scene  .*after {name}")
-    system.up.until("run  .* starts")
-    expect(page.locator("[role=treeitem][data-status=RUNNING]").first).to_be_visible()
-    stop(page)
-
-
-def test_name_with_markup_is_shown_as_text(page: Page) -> None:
-    name = "<img src=x onerror=document.title='taken'>"
-    serve(page, name, age=4.5, mood=2)
-    assert page.locator("img").count() == 0
-    assert "taken" not in page.title()
-    stop(page)
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_page_is_accessible(page: Page, scheme: str) -> None:
-    axe = (installed_packages() / "axe-core" / "axe.min.js").read_text("utf-8")
-    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
-    for name in PAGES:
-        page.goto(
-            re.sub(r"/#.*", f"/{name}", page.url.partition("#")[0].rpartition("/")[0] + "/#")
+    for name, module in PROCESSES.items():
+        part = page.get_by_label("Parts").locator("li", has_text=name)
+        row = page.get_by_label("Processes").locator(
+            "tr", has=page.locator("th", has_text=re.compile(f"^{name}\\s*$"))
         )
-        expect(page.locator(".phase")).to_have_text("connected")
-        page.evaluate(axe)
-        found = page.evaluate(f"axe.run(document, {RULES})")
-        assert [(one["id"], one["nodes"][0]["html"]) for one in found["violations"]] == []
-
-
-def test_tree_is_navigable_by_keyboard(page: Page) -> None:
-    serve(page, "somebody for keys", age=4.5, mood=2)
+        expect(row).to_contain_text(re.compile(r"up\d\d:\d\d:\d\d.* MB"))
+        if name in WITH_HEARTBEAT:
+            expect(part).to_contain_text("alive")
+        pid = node_of(system.up.process.pid, module)
+        if name in WITH_HEARTBEAT:
+            # It may be restarted before its loss is noticed.
+            os.kill(pid, signal.SIGSTOP)
+            expect(part).to_contain_text("silent since")
+        os.kill(pid, signal.SIGKILL)
+        system.up.until(f"{name} is back")
+        expect(row).to_contain_text("killed by signal 9")
+        expect(row.locator(".system-level")).to_have_text("up")
+        expect(row.get_by_role("cell", name=str(pid), exact=True)).to_have_count(0)
+        if name in WITH_HEARTBEAT:
+            expect(part).to_contain_text("alive")
+    serve(page, "after all of that", age=4.5, mood=2)
     expect(page.locator("[role=treeitem][data-status=RUNNING]").first).to_be_visible()
-    page.get_by_role("tree").focus()
-    page.keyboard.press("Home")
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("ArrowRight")
-    chosen = page.locator('[role="treeitem"][aria-selected="true"]')
-    expect(chosen).to_have_count(1)
     stop(page)
 
 

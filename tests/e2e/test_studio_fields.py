@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from bt_agents_studio.records import PresetRecord
-from studio_browser import open_page, opened_page
+from studio_browser import enter, open_page, opened_page
 from studio_entries import HOST, agent, part, run, tunable, tunings
 from studio_harness import BackgroundStudio, background_studio
 
@@ -128,14 +128,18 @@ def undo(page: Page) -> Locator:
     return page.locator(".undo")
 
 
+def take_back(page: Page, answer: str = "done") -> None:
+    """Undo the newest change."""
+    undo(page).get_by_role("button").click()
+    expect(undo(page)).to_have_text(answer)
+
+
 def test_change_is_taken_back_from_another_page(page: Page, host: Host) -> None:
-    field(page).fill("12")
-    field(page).press("Enter")
+    enter(field(page), "12")
     open_page(page, "Market")
     expect(undo(page)).to_have_text("guide.patience: 8 s → 12 s Undo")
     expect(undo(page)).to_be_in_viewport()
-    undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("done")
+    take_back(page)
     assert host.values == ["12 s", "8 s"]
 
 
@@ -146,32 +150,26 @@ def test_slider_moves_are_taken_back_together(page: Page, host: Host) -> None:
         expect(undo(page)).not_to_have_text(before)
         expect(undo(page)).to_contain_text("guide.patience: 8 s → ")
     assert len(host.values) == 3
-    undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("done")
+    take_back(page)
     assert host.values[-1] == "8 s"
 
 
 def test_overtaken_change_is_not_taken_back(page: Page, host: Host) -> None:
-    field(page).fill("12")
-    field(page).press("Enter")
+    enter(field(page), "12")
     expect(undo(page)).to_contain_text("8 s → 12 s")
     host.set("guide.patience", "3 s")
-    undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("done")
+    take_back(page)
     assert host.values == ["12 s", "3 s"]
 
 
 def test_late_answer_leaves_the_next_change_on_offer(page: Page, host: Host) -> None:
-    field(page).fill("12")
-    field(page).press("Enter")
+    enter(field(page), "12")
     expect(undo(page)).to_contain_text("8 s → 12 s")
     host.is_slow = True
-    undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("undoing …")
+    take_back(page, "undoing …")
     expect(field(page)).to_have_value("8")
     host.is_slow = False
-    field(page, "fine").fill("2")
-    field(page, "fine").press("Enter")
+    enter(field(page, "fine"), "2")
     expect(undo(page)).to_have_text("guide.fine: 0.00123456789 s → 2 s Undo")
     host.answer_late()
     page.wait_for_timeout(300)
@@ -183,8 +181,7 @@ def test_applied_preset_is_taken_back(page: Page, host: Host) -> None:
     preset.locator("summary").click()
     preset.get_by_role("button", name="Apply").click()
     expect(undo(page)).to_have_text("done Undo")
-    undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("done")
+    take_back(page)
     assert [one["preset"] for one in host.other] == ["evening"]
     assert host.values == ["8 s"]
 
@@ -217,8 +214,7 @@ def test_profile_value_is_shown_unrounded(page: Page, host: Host) -> None:
     page.get_by_text("Profile", exact=True).click()
     shown = page.locator("#profile-guide-age-value")
     expect(shown).to_have_value("1.23456789")
-    shown.fill("1.87654321")
-    shown.press("Enter")
+    enter(shown, "1.87654321")
     expect(page.locator("details details output")).to_have_text("done")
     [given] = host.other
     assert given["values"][0] == 1.87654321
@@ -237,18 +233,14 @@ def test_half_typed_profile_value_is_not_sent(page: Page, host: Host) -> None:
 def test_profile_value_is_taken_back_unless_changed(page: Page, host: Host) -> None:
     page.get_by_text("Profile", exact=True).click()
     shown = page.locator("#profile-guide-age-value")
-    shown.fill("2")
-    shown.press("Enter")
+    enter(shown, "2")
     expect(undo(page)).to_contain_text(f"guide: age {AGE} → 2")
-    undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("done")
+    take_back(page)
     assert host.age == AGE
-    shown.fill("2.5")
-    shown.press("Enter")
+    enter(shown, "2.5")
     expect(undo(page)).to_contain_text("→ 2.5")
     host.age = 4.5
-    undo(page).get_by_role("button").click()
-    expect(undo(page)).to_have_text("age of guide is 4.5 now")
+    take_back(page, "age of guide is 4.5 now")
     assert host.age == 4.5
 
 
@@ -258,8 +250,7 @@ def test_reset_profile_is_taken_back_unless_changed(page: Page, host: Host) -> N
     for host.age, answer in ((in_file, "done"), (4.5, "age of guide is 4.5 now")):
         profile = page.locator("details details")
         profile.get_by_role("button", name="As in the file").click()
-        undo(page).get_by_role("button").click()
-        expect(undo(page)).to_have_text(answer)
+        take_back(page, answer)
 
 
 def test_reset_profile_forgets_waiting_values(page: Page, host: Host) -> None:
@@ -354,8 +345,7 @@ def test_pressed_scene_slider_drops_half_typed_value(page: Page, host: Host) -> 
 
 def test_typed_value_survives_an_absent_studio(page: Page, host: Host) -> None:
     page.route("**/api/do/*", lambda route: route.abort())
-    field(page).fill("11")
-    field(page).press("Enter")
+    enter(field(page), "11")
     row = page.locator(".fields-row", has=field(page))
     expect(row.locator("output")).to_have_text("the studio does not answer")
     expect(row.locator("output")).to_be_in_viewport()
@@ -385,11 +375,12 @@ def test_running_agent_is_first_and_open(page: Page) -> None:
     expect(page.locator("#tunable-carrier-volume")).to_be_visible()
 
 
-@pytest.mark.parametrize("text", ["volume", "LOUD it"])
-def test_values_are_found_by_name_and_description(page: Page, text: str) -> None:
-    page.get_by_role("searchbox").fill(text)
-    expect(page.locator("#tunable-carrier-volume")).to_be_in_viewport()
-    expect(field(page)).to_have_count(0)
+def test_values_are_found_by_name_and_description(page: Page) -> None:
+    for text in ("volume", "LOUD it"):
+        page.get_by_role("searchbox").fill(text)
+        expect(page.locator("#tunable-carrier-volume")).to_be_in_viewport()
+        expect(field(page)).to_have_count(0)
+        page.get_by_role("searchbox").fill("")
 
 
 def test_preset_shows_its_changes_and_is_deleted(page: Page, host: Host) -> None:
@@ -408,8 +399,7 @@ def test_preset_shows_its_changes_and_is_deleted(page: Page, host: Host) -> None
 def test_changes_carry_the_name_of_their_author(page: Page, host: Host) -> None:
     page.get_by_label("Your name").fill("Anna")
     for text in ("12", "13"):
-        field(page).fill(text)
-        field(page).press("Enter")
+        enter(field(page), text)
         expect(field(page)).to_have_value(text)
         expect(page.locator("input[data-draft]")).to_have_count(0)
         page.reload()

@@ -58,14 +58,16 @@ def test_only_announced_scene_names_its_person(page: Page, studio: BackgroundStu
         assert fields.get("name") == name
 
 
-def test_operation_is_sent_once_while_it_waits(page: Page, studio: BackgroundStudio) -> None:
+def test_operation_is_sent_once_while_it_waits(
+    page: Page, studio: BackgroundStudio, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked: list[Future[Any]] = []
 
     def wait(*_: object) -> Future[Any]:
         asked.append(Future())
         return asked[-1]
 
-    studio.caller.call = wait  # type: ignore[method-assign]
+    monkeypatch.setattr(studio.caller, "call", wait)
     open_page(page, "World")
     button = page.get_by_role("button", name="Announce the scene")
     button.click()
@@ -107,15 +109,13 @@ def test_visitor_gets_code_of_reachable_studio_only(page: Page, studio: Backgrou
     page.unroute("**/api/do/person_link")
 
 
-@pytest.mark.parametrize("name", CHANGING)
-def test_viewer_sees_why_controls_are_disabled(
-    browser: Browser, studio: BackgroundStudio, name: str
-) -> None:
+def test_viewer_sees_why_controls_are_disabled(browser: Browser, studio: BackgroundStudio) -> None:
     with opened_page(browser, studio.address_for(SessionRole.VIEW)) as page:
-        open_page(page, name.capitalize())
-        expect(page.get_by_text("This link is for viewing only").first).to_be_in_viewport()
-        for label in CHANGING[name]:
-            expect(page.get_by_role("button", name=label, exact=True).first).to_be_disabled()
+        for name, labels in CHANGING.items():
+            open_page(page, name.capitalize())
+            expect(page.get_by_text("This link is for viewing only").first).to_be_in_viewport()
+            for label in labels:
+                expect(page.get_by_role("button", name=label, exact=True).first).to_be_disabled()
 
 
 def test_operator_is_told_that_files_stay(page: Page) -> None:
@@ -125,12 +125,19 @@ def test_operator_is_told_that_files_stay(page: Page) -> None:
     expect(keep.get_by_role("button")).to_be_disabled()
 
 
-def test_tab_without_key_is_told_so(page: Page, studio: BackgroundStudio) -> None:
+def test_tab_without_key_views_until_it_signs_in(page: Page, studio: BackgroundStudio) -> None:
     other = page.context.new_page()
     other.goto(studio.address.partition("#")[0])
     open_page(other, "World")
+    panel = other.get_by_label("Play the world")
+    button = panel.get_by_role("button", name="Announce the scene")
     expect(other.get_by_text("This tab is for viewing only").first).to_be_in_viewport()
-    expect(other.get_by_role("button", name="Announce the scene")).to_be_disabled()
+    expect(button).to_be_disabled()
+    other.goto(studio.address)
+    open_page(other, "World")
+    button.click()
+    expect(panel.locator(".operation-answer")).not_to_be_empty()
+    expect(panel).not_to_contain_text("This tab is for viewing only")
 
 
 def test_earlier_moment_cannot_be_changed(page: Page, studio: BackgroundStudio) -> None:

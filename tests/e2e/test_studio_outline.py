@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The outline of a tree of 2,000 nodes in the studio: following, scrolling, search and keys."""
+"""Outline and map of a tree of 2,000 nodes in the studio: following, search, keys and zoom."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from studio_browser import opened_page
+from studio_browser import enter, opened_page
 from studio_harness import BackgroundStudio, background_studio
-from studio_records import large_tree, run
+from studio_records import large_tree, run, status
 
 pytestmark = pytest.mark.e2e
 
@@ -36,6 +36,11 @@ def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
     with opened_page(browser, studio.address) as opened:
         expect(row(opened, TIP)).to_be_in_viewport(ratio=1)
         yield opened
+
+
+def open_map(page: Page) -> None:
+    page.get_by_role("button", name="Map", exact=True).click()
+    expect(row(page, TIP)).to_be_in_viewport()
 
 
 def row(page: Page, path: str) -> Locator:
@@ -161,18 +166,20 @@ def test_rows_tell_their_place_in_tree(page: Page) -> None:
         expect(one).to_have_accessible_name(f"{title} , has not run")
 
 
-def test_search_unfolds_and_shows_row(page: Page) -> None:
+@pytest.mark.parametrize(("drawing", "ratio"), [("Outline", 1.0), ("Map", 0.0)])
+def test_search_unfolds_and_shows_row(page: Page, drawing: str, ratio: float) -> None:
+    page.get_by_role("button", name=drawing, exact=True).click()
+    group, leaf = row(page, "tree/50.sequence"), row(page, "tree/50.sequence/3.say")
     search = page.get_by_role("searchbox")
-    search.fill("group 50")
-    search.press("Enter")
-    group = row(page, "tree/50.sequence")
-    expect(group).to_be_in_viewport(ratio=1)
+    enter(search, "group 50")
+    expect(group).to_be_in_viewport(ratio=ratio)
     group.dblclick()
     expect(group).to_have_attribute("aria-expanded", "false")
-    search.fill("sentence 50 3")
-    search.press("Enter")
-    expect(row(page, "tree/50.sequence/3.say")).to_be_in_viewport(ratio=1)
-    expect(row(page, "tree/50.sequence/3.say")).to_have_attribute("data-found", "true")
+    expect(leaf).to_have_count(0)
+    enter(search, "sentence 50 3")
+    expect(leaf).to_be_in_viewport(ratio=ratio)
+    expect(leaf).to_have_attribute("data-found", "true")
+    expect(group).to_have_attribute("aria-expanded", "true")
 
 
 def test_chosen_drawing_is_kept(page: Page) -> None:
@@ -184,3 +191,110 @@ def test_chosen_drawing_is_kept(page: Page) -> None:
     page.get_by_role("button", name="Outline", exact=True).click()
     expect(row(page, TIP)).to_be_in_viewport(ratio=1)
     expect(page.locator(".outline")).to_be_in_viewport()
+
+
+# --- the map ---------------------------------------------------------------------------------
+
+
+def middle(found: Locator) -> tuple[float, float]:
+    box = found.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_only_nodes_near_viewport_are_drawn(page: Page) -> None:
+    open_map(page)
+    assert page.locator("[role=treeitem]").count() < 200
+    tree(page).focus()
+    page.keyboard.press("Home")
+    expect(row(page, "tree")).to_be_in_viewport()
+    expect(row(page, TIP)).to_have_count(0)
+    page.get_by_role("button", name="Jump to the tip").click()
+    expect(row(page, TIP)).to_be_in_viewport()
+    expect(row(page, TIP)).to_have_attribute("data-tip", "true")
+    assert page.locator("[role=treeitem]").count() < 200
+
+
+def test_search_results_are_stepped_forwards_and_backwards(page: Page) -> None:
+    open_map(page)
+    search = page.get_by_role("searchbox")
+    search.fill("sentence 42")
+    expect(page.get_by_label("Tree")).to_contain_text("19 found")
+    for path, number in (("0", 1), ("1", 2)):
+        search.press("Enter")
+        expect(row(page, f"tree/42.sequence/{path}.say")).to_be_in_viewport()
+        expect(page.get_by_label("Tree")).to_contain_text(f"{number} of 19 found")
+    for path in ("0", "18"):
+        search.press("Shift+Enter")
+        expect(row(page, f"tree/42.sequence/{path}.say")).to_be_in_viewport()
+
+
+def test_the_wheel_zooms_at_the_pointer(page: Page) -> None:
+    open_map(page)
+    for _ in range(3):
+        page.get_by_role("button", name="larger").click()
+    group = row(page, "tree/50.sequence")
+    enter(page.get_by_role("searchbox"), "group 50")
+    expect(group).to_be_in_viewport()
+    before = middle(group)
+    page.mouse.move(*before)
+    page.mouse.wheel(0, 150)
+    expect(tree(page)).to_have_attribute("data-zoom", "1.56")
+    assert middle(group) == pytest.approx(before, abs=2)
+
+
+def test_drag_moves_tree_without_selecting(page: Page) -> None:
+    open_map(page)
+    page.get_by_role("button", name="Jump to the tip").click()
+    expect(row(page, TIP)).to_be_in_viewport()
+    x, y = middle(row(page, TIP))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60, steps=4)
+    page.mouse.up()
+    assert middle(row(page, TIP)) == pytest.approx((x, y - 60), abs=2)
+    expect(page.locator('[aria-selected="true"]')).to_have_count(0)
+    row(page, TIP).click()
+    expect(row(page, TIP)).to_have_attribute("aria-selected", "true")
+
+
+def test_keyboard_zooms_fits_searches_and_finds_tip(page: Page) -> None:
+    open_map(page)
+    tree(page).focus()
+    page.keyboard.press("End")
+    last = row(page, LAST)
+    expect(last).to_be_in_viewport()
+    expect(last).to_be_focused()
+    page.keyboard.press("t")
+    expect(row(page, TIP)).to_be_in_viewport()
+    page.keyboard.press("0")
+    expect(page.locator(".tree-name")).to_have_count(0)
+    for _ in range(8):
+        page.keyboard.press("+")
+    expect(page.locator(".tree-name").first).to_be_visible()
+    page.keyboard.press("/")
+    expect(page.get_by_role("searchbox")).to_be_focused()
+
+
+def test_tooltip_shows_full_names_and_reasons(page: Page, studio: BackgroundStudio) -> None:
+    open_map(page)
+    path = "tree/80.sequence/10.say"
+    reason = "the robot does not speak, as its server has not answered for ten seconds"
+    studio.put("nodes", f"{AGENT}|{path}", status("FAILURE", reason))
+    expect(row(page, path)).to_have_attribute("data-status", "FAILURE")
+    said = row(page, path).locator("> title").text_content() or ""
+    assert "sentence 80 10 to somebody" in said
+    assert reason in said
+    assert path in said
+
+
+def test_click_on_map_scrolls_tree_there(page: Page) -> None:
+    open_map(page)
+    strip = page.locator(".tree_map-map")
+    box = strip.bounding_box()
+    assert box is not None
+    strip.click(position={"x": box["width"] / 2, "y": box["height"] - 2})
+    expect(row(page, LAST)).to_be_visible()
+    mark = strip.locator("div").bounding_box()
+    assert mark is not None
+    assert mark["y"] + mark["height"] == pytest.approx(box["y"] + box["height"], abs=8)

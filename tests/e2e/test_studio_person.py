@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.access import SessionRole
-from studio_browser import System, come, opened_page, strip
+from studio_browser import System, come, open_page, opened_page, strip
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -105,3 +105,9 @@ def test_closed_page_ends_run_and_reload_does_not(
         expect(strip(page)).to_have_attribute("data-state", "RUNNING")
     expect(page.get_by_label("What happened")).to_contain_text("no page Person is open")
     expect(strip(page)).to_have_attribute("data-state", "IDLE")
+
+
+def test_pages_explain_how_to_enable_missing_journal(page: Page) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Recording", exact=True)
+    expect(panel).to_contain_text("'bt-agents up --journal' starts")

@@ -16,20 +16,13 @@ from types import SimpleNamespace
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
-from bt_agents_studio.records import (
-    AgentRecord,
-    MarketRecord,
-    RoundRecord,
-    RunRecord,
-    SceneRecord,
-    TreeNodeRecord,
-    TreeRecord,
-    ValueRecord,
-)
+import studio_entries
+from bt_agents_studio.records import MarketRecord, RoundRecord, SceneRecord, TreeRecord
 from programs import Program
-from studio_browser import box, look_back, open_page, opened_page, strip
-from studio_entries import tunable
+from studio_browser import box, look_back, open_page, opened_page, strip, wait_for
+from studio_entries import agent, auction, scene, tunable
 from studio_harness import BackgroundStudio, background_studio
+from studio_records import node, run
 
 pytestmark = pytest.mark.e2e
 
@@ -39,104 +32,26 @@ ACCEPTED = SimpleNamespace(accepted=True, code="", message="stopping greeter")
 
 
 def market(state: str, number: int = 7) -> MarketRecord:
-    return MarketRecord(
-        **dict.fromkeys(("scene_id", "scene_label", "shadow_strategy", "pinned", "message"), ""),
-        **dict.fromkeys(("waiting", "awaited_hosts", "strategies"), ()),
-        **dict.fromkeys(("vetoed", "starved", "problems"), ()),
-        epoch="x",
-        state=state,
-        since_s=time.time(),
-        round=number,
-        agent="" if state == "IDLE" else "greeter",
-        host="agents",
-        hosts=1,
-        agents=2,
-        strategy="manhattan",
-    )
-
-
-def agent(name: str, title: str) -> AgentRecord:
-    return AgentRecord(
-        **dict.fromkeys(("tags", "rules", "problems"), ()),
-        name=name,
-        title=title,
-        description="",
-        host="agents",
-        profile={},
-        current={},
-        revision=0,
-        learning_rate=0.5,
-        version=1,
-        waiting=False,
-        degraded=False,
-    )
+    ran = "" if state == "IDLE" else "greeter"
+    return replace(studio_entries.market(), state=state, round=number, agent=ran, host="agents")
 
 
 def tree(name: str) -> TreeRecord:
-    place = {"file": "a.yaml", "line": 1, "column": 1}
     nodes = (
-        TreeNodeRecord(path="tree", parent=-1, kind="sequence", name=f"all of {name}", **place),
-        TreeNodeRecord(path=TIP, parent=0, kind="say", name=f'say "I am {name}."', **place),
+        node("tree", -1, "sequence", f"all of {name}"),
+        node(TIP, 0, "say", f'say "I am {name}."'),
     )
     return TreeRecord(agent=name, host="agents", nodes=nodes)
 
 
-def run(name: str) -> RunRecord:
-    now = time.time()
-    return RunRecord(
-        **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
-        **dict.fromkeys(("stop_reason", "message"), ""),
-        **dict.fromkeys(("ticks", "overruns"), 0),
-        agent=name,
-        host="agents",
-        round=7,
-        event="STARTED",
-        outcome="NONE",
-        stopped_by="NOT_SAID",
-        began_s=now,
-        ended_s=None,
-        tick=1,
-        tip=TIP,
-        orphans=(),
-        duration_s=0.0,
-    )
-
-
 def held_round(number: int) -> RoundRecord:
-    return RoundRecord(
-        **dict.fromkeys(("intervention", "shadow_strategy", "shadow_winner", "reason"), ""),
-        **dict.fromkeys(("ranking", "refused", "silent_hosts"), ()),
-        at_s=time.time(),
-        epoch="x",
-        round=number,
-        follows=0,
-        scene=replace(live(2.0), label=f"scene {number}"),
-        outcome="AWARDED",
-        closed_by="ALL_ANSWERED",
-        preview=False,
-        duration_s=0.1,
-        strategy="manhattan",
-        options={},
-        winner="greeter",
-        margin=None,
-        change={},
-        explanation=f"because of {number}",
-    )
+    of = scene(f"scene {number}")
+    return replace(auction("greeter"), round=number, scene=of, explanation=f"because of {number}")
 
 
 def live(mood: float) -> SceneRecord:
-    value = ValueRecord(
-        name="mood", value=mood, origin="MEASURED", age_s=0.0, std=None, confidence=1.0, source=""
-    )
-    return SceneRecord(
-        **dict.fromkeys(("scene_id", "label", "person_id", "place"), ""),
-        **dict.fromkeys(("persons", "visits"), 1),
-        at_s=time.time(),
-        person=True,
-        urgent=False,
-        remembered={},
-        values=(value,),
-    )
+    unknown = scene("")
+    return replace(unknown, values=(replace(unknown.values[1], value=mood, origin="MEASURED"),))
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +59,7 @@ def studio() -> Iterator[BackgroundStudio]:
     with background_studio() as served:
         served.put("market", "", market("IDLE", 6))
         for name, title in (("greeter", "The greeter"), ("carrier", "The carrier")):
-            served.put("agents", name, agent(name, title))
+            served.put("agents", name, replace(agent(name, title), host="agents"))
             served.put("trees", name, tree(name))
         served.put("tunables", "carrier.pace", tunable("carrier", "pace", 0.4))
         yield served
@@ -156,7 +71,7 @@ def running(studio: BackgroundStudio) -> BackgroundStudio:
     studio.caller.calls.clear()
     studio.caller.answered = ACCEPTED
     studio.put("market", "", market("RUNNING"))
-    studio.put("runs", "greeter", run("greeter"))
+    studio.put("runs", "greeter", replace(run("greeter", TIP), round=7))
     studio.put("live", "", live(2.0))
     return studio
 
@@ -179,38 +94,42 @@ def stops(studio: BackgroundStudio) -> list[str]:
 
 def until_stopped(page: Page, studio: BackgroundStudio) -> None:
     """Wait until the system is told to stop."""
-    for _ in range(300):
-        if stops(studio):
-            return
-        page.wait_for_timeout(100)
-    pytest.fail("nobody was told to stop")
+    wait_for(page, lambda: stops(studio))
 
 
-def test_strip_tells_agent_node_time_and_mood(page: Page) -> None:
+def stop_the_run(page: Page, studio: BackgroundStudio) -> None:
+    strip(page).get_by_role("button", name="Stop").click()
+    until_stopped(page, studio)
+
+
+def run_again(page: Page, studio: BackgroundStudio) -> None:
+    """Let the greeter run, whoever has stopped it."""
+    studio.caller.calls.clear()
+    for state in ("IDLE", "RUNNING"):
+        studio.put("market", "", market(state))
+        expect(strip(page)).to_have_attribute("data-state", state)
+
+
+def test_every_page_tells_and_stops_the_run(page: Page, running: BackgroundStudio) -> None:
+    button = strip(page).get_by_role("button", name="Stop", exact=True)
     for name in STRIPPED:
+        run_again(page, running)
         open_page(page, name)
         expect(strip(page)).to_be_in_viewport()
         expect(strip(page)).to_contain_text('runningThe greetersay "I am greeter."since ')
         expect(strip(page)).to_contain_text("mood 2")
-
-
-@pytest.mark.parametrize("name", STRIPPED)
-def test_every_page_stops_the_run(page: Page, running: BackgroundStudio, name: str) -> None:
-    open_page(page, name)
-    button = strip(page).get_by_role("button", name="Stop", exact=True)
-    expect(button).to_be_in_viewport()
-    button.click()
-    until_stopped(page, running)
-    running.put("market", "", market("CANCELLING"))
-    expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
-    running.put("market", "", market("IDLE"))
-    expect(button).to_be_disabled()
+        expect(button).to_be_in_viewport()
+        button.click()
+        until_stopped(page, running)
+        running.put("market", "", market("CANCELLING"))
+        expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
+        running.put("market", "", market("IDLE"))
+        expect(button).to_be_disabled()
 
 
 def test_stop_works_whichever_agent_is_shown(page: Page, running: BackgroundStudio) -> None:
     page.get_by_label("Agent").select_option("carrier")
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
 
 
 def test_strip_follows_and_stops_while_page_looks_back(
@@ -220,25 +139,23 @@ def test_strip_follows_and_stops_while_page_looks_back(
     expect(strip(page)).to_contain_text("Now:runningThe greeter")
     running.put("live", "", live(4.0))
     expect(strip(page)).to_contain_text("mood 4")
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
     running.put("market", "", market("CANCELLING"))
     expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
     page.get_by_role("button", name="Back to now").click()
     expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
 
 
-@pytest.mark.parametrize("name", [*STRIPPED, "Person"])
-def test_escape_twice_stops_from_any_page(
-    page: Page, running: BackgroundStudio, name: str
-) -> None:
-    open_page(page, name)
-    if name == "Person":  # a document of its own, which has to load
-        expect(page).to_have_url(re.compile("/person"))
-    expect(page.get_by_role("button", name="Stop", exact=True).first).to_be_enabled()
-    page.keyboard.press("Escape")
-    page.keyboard.press("Escape")
-    until_stopped(page, running)
+def test_escape_twice_stops_from_any_page(page: Page, running: BackgroundStudio) -> None:
+    for name in (*STRIPPED, "Person"):
+        run_again(page, running)
+        open_page(page, name)
+        if name == "Person":  # a document of its own, which has to load
+            expect(page).to_have_url(re.compile("/person"))
+        expect(page.get_by_role("button", name="Stop", exact=True).first).to_be_enabled()
+        page.keyboard.press("Escape")
+        page.keyboard.press("Escape")
+        until_stopped(page, running)
 
 
 def test_single_or_typed_escape_stops_nothing(page: Page, running: BackgroundStudio) -> None:
@@ -247,8 +164,7 @@ def test_single_or_typed_escape_stops_nothing(page: Page, running: BackgroundStu
     page.get_by_role("searchbox").focus()
     page.keyboard.press("Escape")
     page.keyboard.press("Escape")
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
     assert len(stops(running)) == 1
 
 
@@ -405,8 +321,7 @@ def test_half_open_connection_is_shown_and_replaced(
     # The next connection is silent, too, and no reason to show anything else.
     page.wait_for_timeout(4000)
     expect(phase).to_have_text(STALE, timeout=1)
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
     socket.is_swallowed = False
     expect(phase).to_have_text("connected")
     expect(strip(page)).to_contain_text("mood 5")
@@ -461,12 +376,12 @@ def test_pasted_address_signs_in_the_open_tab(browser: Browser, running: Backgro
     bare, _, token = running.address.partition("#")
     with opened_page(browser, bare) as page:
         expect(page.locator(".phase")).to_contain_text("Not signed in")
+        expect(page.locator("[role=treeitem]")).to_have_count(0)
         # After a paste into the address bar, only the part after # differs.
         page.goto(running.address)
         expect(page.locator(".phase")).to_have_text("connected")
         assert token not in page.url
-        strip(page).get_by_role("button", name="Stop").click()
-        until_stopped(page, running)
+        stop_the_run(page, running)
 
 
 def test_refused_tab_follows_sign_in_of_another(
@@ -576,8 +491,7 @@ def test_question_mark_lists_keys_and_stops_nothing(page: Page, running: Backgro
     page.keyboard.press("Escape")
     page.get_by_role("searchbox").press("?")
     expect(shown).to_be_hidden()
-    strip(page).get_by_role("button", name="Stop").click()
-    until_stopped(page, running)
+    stop_the_run(page, running)
     assert len(stops(running)) == 1
 
 

@@ -151,26 +151,6 @@ def test_click_shows_moment_it_points_at(page: Page, began_s: float) -> None:
     assert len(seen.blocks) == 6
 
 
-def test_arrow_keys_go_from_event_to_event(page: Page, began_s: float) -> None:
-    bar = timeline(page)
-    bar.focus()
-    for at_s, told in (
-        (60, r"Agent: guide · running · started"),
-        (50, r"Faults: .*camera: no picture"),
-        (40, r"Feedback: .*by button"),
-        (12, r"Robot: .*Good morning"),
-    ):
-        page.keyboard.press("ArrowLeft")
-        expect(bar).to_have_attribute("aria-valuetext", re.compile(told))
-        assert Seen(page).now == pytest.approx(began_s + at_s, abs=0.2)
-    page.keyboard.press("ArrowRight")
-    assert Seen(page).now == pytest.approx(began_s + 40, abs=0.2)
-    for _ in range(3):
-        page.keyboard.press("ArrowRight")
-    expect(page.get_by_role("button", name="Back to now")).to_have_count(0)
-    expect(bar).to_have_attribute("aria-valuetext", re.compile("^Now; "))
-
-
 def test_wheel_zooms_at_the_pointer(page: Page, began_s: float) -> None:
     before = Seen(page)
     said = before.block("ROBOT", "SAY")

@@ -4,24 +4,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import Program
+from programs import Ask, Start
 
 pytestmark = pytest.mark.e2e
 
-Start = Callable[..., Program]
-Ask = Callable[..., str]
 
-
-def test_author_tunes_running_system_and_keeps_result(start: Start, ask: Ask, trees: Path) -> None:
+def test_author_tunes_running_system_and_keeps_result(
+    start_up: Start, ask: Ask, trees: Path
+) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
     before = file.read_text()
-    up = start("up", str(trees), "--no-voice", "--no-studio")
-    up.until("ready")
+    up = start_up(str(trees))
     table = ask("tune", "attentive_guide")
     assert re.search(r"  patience +8 s +2 s to 30 s +how long to wait for an answer", table)
     assert "large_print" in ask("tune")
@@ -82,8 +79,7 @@ def test_author_tunes_running_system_and_keeps_result(start: Start, ask: Ask, tr
     assert "nothing to keep" in ask("keep")
     assert up.stop()[0] == 0
 
-    again = start("up", str(trees), "--no-voice", "--no-studio")
-    again.until("ready")
+    again = start_up(str(trees))
     assert re.search(r"  patience +12 s +2 s to 30 s", ask("tune", "attentive_guide"))
     assert re.search(r"^tick_rate +30 +file: 20", ask("tune"), re.MULTILINE)
     assert "care home" in ask("preset")
@@ -93,19 +89,13 @@ def test_author_tunes_running_system_and_keeps_result(start: Start, ask: Ask, tr
 
 
 def test_file_differing_from_loaded_version_is_not_written(
-    start: Start, ask: Ask, trees: Path
+    start_up: Start, ask: Ask, trees: Path
 ) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
-    up = start("up", str(trees), "--no-voice", "--no-studio")
-    up.until("ready")
+    up = start_up(str(trees))
     ask("tune", "attentive_guide", "patience=12")
     broken = file.read_text().replace("sequence:", "sequenze:")
     file.write_text(broken)
     assert "error[" in ask("keep", code=1)
     assert file.read_text() == broken
     assert up.stop()[0] == 0
-
-
-def test_tune_without_system_says_how_to_start_it(ask: Ask) -> None:
-    for words in (["tune"], ["preset"], ["keep"]):
-        assert "bt-agents up" in ask(*words, code=1)

@@ -8,25 +8,22 @@ import os
 import re
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import HANG_S, Program, alive, children, node_of, nodes
+from programs import HANG_S, Ask, Program, Start, alive, children, node_of, nodes, wait_for
 
 pytestmark = pytest.mark.e2e
-
-Start = Callable[..., Program]
-Ask = Callable[..., str]
 
 
 @pytest.mark.parametrize("layout", [(), ("--one-process",)], ids=["processes", "one process"])
 def test_system_runs_explains_learns_cancels_and_remembers(
-    start: Start, ask: Ask, layout: tuple[str, ...]
+    start: Start, start_up: Start, ask: Ask, layout: tuple[str, ...]
 ) -> None:
     up = start("up", "--no-voice", *layout)
     up.until("ready")
+    check_that_errors_take_one_line(ask)
     assert "sources: no reading so far: person/age" in ask("scene")
     decision = ask("trigger", "age=4.5", "familiarity=1", "mood=3", "--label", "Mrs Smith")
     assert "attentive_guide" in decision
@@ -52,19 +49,15 @@ def test_system_runs_explains_learns_cancels_and_remembers(
     assert json.loads(ask("status", "--json"))["market"]["round"] == 1
     assert re.search(r"^1,attentive_guide,/agents,1\.0,", ask("why", "--csv"), re.M)
     assert re.search(r",attentive_guide\.patience,8\.0,8\.0,", ask("tune", "--csv"))
-    code, _ = up.stop()
-    assert code == 0, up.output
+    assert up.stop()[0] == 0, up.output
+    assert "Traceback" not in up.output
 
-    again = start("up", "--no-voice", "--no-studio", *layout)
-    again.until("ready")
+    again = start_up(*layout)
     assert re.search(r"attentive_guide +age 4\.1,.*revision 1", ask("status"))
-    code, _ = again.stop()
-    assert code == 0
+    assert again.stop()[0] == 0, again.output
 
 
-def test_command_line_error_takes_one_line(start: Start, ask: Ask) -> None:
-    up = start("up", "--no-voice", "--no-studio")
-    up.until("ready")
+def check_that_errors_take_one_line(ask: Ask) -> None:
     assert "name=number" in ask("trigger", "age=nan", code=2)
     assert "OUT_OF_RANGE" in ask("trigger", "age=9", code=1)
     assert "UNKNOWN_PARAMETER" in ask("trigger", "size=3", code=1)
@@ -73,36 +66,29 @@ def test_command_line_error_takes_one_line(start: Start, ask: Ask) -> None:
     assert "error" in ask("cancel", code=1)
     assert "error" in ask("feedback", "positive", code=1)
     assert "idle" in ask("status")
-    assert "Traceback" not in up.output
 
 
-def test_query_without_system_says_how_to_start_it(ask: Ask) -> None:
-    said = ask("status", code=1)
-    assert "bt-agents up" in said
+@pytest.mark.parametrize("command", ["status", "tune", "preset", "keep"])
+def test_command_without_system_says_how_to_start_it(ask: Ask, command: str) -> None:
+    assert "bt-agents up" in ask(command, code=1)
 
 
 def test_broken_agent_file_is_reported_while_others_run(
-    start: Start, ask: Ask, trees: Path
+    start_up: Start, ask: Ask, trees: Path
 ) -> None:
-    broken = trees / "agents" / "playful_companion.yaml"
+    broken, untyped = (
+        trees / "agents" / f"{name}.yaml" for name in ("playful_companion", "silent_text")
+    )
     text = broken.read_text()
     broken.write_text(text.replace("sequence:", "sequenze:").replace("profile:", "profle:"))
-    up = start("up", str(trees), "--no-voice", "--no-studio")
-    up.until("ready")
+    untyped.write_text(untyped.read_text().replace("std_msgs/msg/Bool", "nav9_msgs/msg/Bool"))
+    up = start_up(str(trees))
     assert re.search(r"playful_companion\.yaml:\d+:\d+: error\[", up.output)
     assert up.output.count("error[") >= 2
     assert "winner" not in ask("trigger", "age=1", "familiarity=1", "mood=4")
     status = ask("status")
     assert "attentive_guide" in status
     assert "problem: " in status
-    assert up.stop()[0] == 0
-
-
-def test_unknown_ros_type_is_named_at_load(start: Start, trees: Path) -> None:
-    agent = trees / "agents" / "silent_text.yaml"
-    agent.write_text(agent.read_text().replace("std_msgs/msg/Bool", "nav9_msgs/msg/Bool"))
-    up = start("up", str(trees), "--no-voice", "--no-studio")
-    up.until("ready")
     assert up.stop()[0] == 0
     logs = "".join(
         path.read_text() for path in Path(trees).parent.glob("state/bt-agents/logs/*/agents.log")
@@ -138,12 +124,23 @@ tree: {say: Hello.}
 """
 
 
-def test_agent_completes_run_after_killed_components_restart(
-    start: Start, ask: Ask, trees: Path
-) -> None:
+def leave_only_the_greeter(trees: Path) -> None:
     for agent in (trees / "agents").iterdir():
         agent.unlink()
     (trees / "agents" / "greeter.yaml").write_text(GREETER)
+
+
+def until_the_greeter_succeeds(up: Program, ask: Ask) -> None:
+    end = time.monotonic() + HANG_S
+    while "greeter succeeded" not in up.seen(1.0):
+        assert time.monotonic() < end, up.output
+        ask("trigger", "age=3", code=None)
+
+
+def test_agent_completes_run_after_killed_components_restart(
+    start: Start, ask: Ask, trees: Path
+) -> None:
+    leave_only_the_greeter(trees)
     up = start("up", str(trees), "--no-voice")
     up.until("ready after")
     for component in COMPONENTS:
@@ -155,10 +152,7 @@ def test_agent_completes_run_after_killed_components_restart(
         assert Path(ended.partition("(log: ")[2].rstrip(")\n")).is_file()
         up.until(rf"^{component} is back after \d+\.\d s")
         assert process_of(up, component) != pid
-    end = time.monotonic() + HANG_S
-    while "greeter succeeded" not in up.seen(1.0):
-        assert time.monotonic() < end, up.output
-        ask("trigger", "age=3", "--label", "after all that", code=None)
+    until_the_greeter_succeeds(up, ask)
     assert len(nodes(up.process.pid)) == len(COMPONENTS)
     pids = children(up.process.pid)
     code, seconds = up.stop()
@@ -168,37 +162,21 @@ def test_agent_completes_run_after_killed_components_restart(
     assert not [pid for pid in pids if alive(pid)]
 
 
-def test_single_process_restarts_like_a_component(start: Start, ask: Ask, trees: Path) -> None:
-    for agent in (trees / "agents").iterdir():
-        agent.unlink()
-    (trees / "agents" / "greeter.yaml").write_text(GREETER)
-    up = start("up", str(trees), "--one-process", "--no-voice", "--no-studio")
-    up.until("ready after")
+def test_single_process_restarts_like_a_component(start_up: Start, ask: Ask, trees: Path) -> None:
+    leave_only_the_greeter(trees)
+    up = start_up(str(trees), "--one-process")
     os.kill(node_of(up.process.pid, "bt_agents_ros.one_process"), signal.SIGKILL)
     up.until(r"^system ended \(killed by signal 9\): starting it again in 0\.5 s")
     up.until(r"^system is back after \d+\.\d s")
-    end = time.monotonic() + HANG_S
-    while "greeter succeeded" not in up.seen(1.0):
-        assert time.monotonic() < end, up.output
-        ask("trigger", "age=3", code=None)
+    until_the_greeter_succeeds(up, ask)
     assert len(nodes(up.process.pid)) == 1
     code, seconds = up.stop()
     assert code == 0
     assert seconds < AT_ONCE_S
 
 
-def test_failed_part_ends_single_process_with_its_error(start: Start, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    ledger = str(tmp_path / "file" / "ledger.sqlite")
-    up = start("up", "--one-process", "--no-voice", "--no-studio", "--ledger", ledger)
-    assert up.wait() == 1
-    assert "system ended with exit code 1; the end of its log:" in up.output
-    assert "ledger.sqlite" in up.output
-
-
-def test_ctrl_c_during_restart_delay_ends_everything(start: Start) -> None:
-    up = start("up", "--no-voice", "--no-studio")
-    up.until("ready after")
+def test_ctrl_c_during_restart_delay_ends_everything(start_up: Start) -> None:
+    up = start_up()
     for _ in range(2):  # so that the wait is a whole second
         os.kill(process_of(up, "robot"), signal.SIGKILL)
         up.until("robot ended")
@@ -214,22 +192,25 @@ def test_ctrl_c_during_restart_delay_ends_everything(start: Start) -> None:
     assert "Traceback" not in up.output
 
 
-def test_up_exits_with_error_of_unstartable_component(start: Start, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("layout", "name"),
+    [((), "feedback"), (("--one-process",), "system")],
+    ids=["apart", "together"],
+)
+def test_up_exits_with_error_of_unstartable_component(
+    start: Start, tmp_path: Path, layout: tuple[str, ...], name: str
+) -> None:
     (tmp_path / "file").write_text("")
-    up = start(
-        "up", "--no-voice", "--no-studio", "--ledger", str(tmp_path / "file" / "ledger.sqlite")
-    )
+    ledger = str(tmp_path / "file" / "ledger.sqlite")
+    up = start("up", "--no-voice", "--no-studio", "--ledger", ledger, *layout)
     assert up.wait() == 1
-    assert "feedback ended with exit code 1; the end of its log:" in up.output
+    assert f"{name} ended with exit code 1; the end of its log:" in up.output
     assert "ledger.sqlite" in up.output
 
 
-def test_second_concurrent_system_exits_and_names_first(start: Start) -> None:
+def test_second_concurrent_system_exits_and_names_first(start: Start, start_up: Start) -> None:
     both = [start("up", "--no-voice", "--no-studio") for _ in range(2)]
-    end = time.monotonic() + HANG_S
-    while all(up.process.poll() is None for up in both):
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_for(lambda: any(up.process.poll() is not None for up in both))
     [loser] = [up for up in both if up.process.poll() is not None]
     [winner] = [up for up in both if up is not loser]
     assert loser.wait() == 1
@@ -240,6 +221,5 @@ def test_second_concurrent_system_exits_and_names_first(start: Start) -> None:
     winner.until("ready after")
     assert start("demo", "--no-voice").wait() == 1
     assert winner.stop()[0] == 0
-    again = start("up", "--no-voice", "--no-studio")
-    again.until("ready after")
+    again = start_up()
     assert again.stop()[0] == 0

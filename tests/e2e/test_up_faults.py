@@ -9,27 +9,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
 
 import pytest
 
 from bt_agents_core.liveness import LONGEST_PAUSE_S
-from programs import HANG_S, ROOT, Program, children, node_of, nodes
+from programs import HANG_S, ROOT, Ask, Program, Start, children, node_of, nodes, wait_for
 
 pytestmark = pytest.mark.e2e
 
-Start = Callable[..., Program]
-Ask = Callable[..., str]
 MRS_SMITH = ("trigger", "age=4.5", "familiarity=1", "mood=3")
 HOST = "bt_agents.host.node"
-
-
-def wait_for(done: Callable[[], bool]) -> None:
-    end = time.monotonic() + HANG_S
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.1)
 
 
 def kill_component(up: Program, module: str, number: int = signal.SIGKILL) -> None:
@@ -37,9 +27,8 @@ def kill_component(up: Program, module: str, number: int = signal.SIGKILL) -> No
     os.kill(node_of(up.process.pid, module), number)
 
 
-def up_with_a_run(start: Start, ask: Ask) -> Program:
-    up = start("up", "--no-voice", "--no-studio")
-    up.until("ready")
+def up_with_a_run(start_up: Start, ask: Ask) -> Program:
+    up = start_up()
     assert "attentive_guide" in ask(*MRS_SMITH)
     up.until("says: Hello")
     return up
@@ -61,28 +50,23 @@ def cancel_the_run(up: Program, ask: Ask) -> None:
     assert "Traceback" not in up.output
 
 
-def test_killed_host_loses_run_and_next_trigger_runs(start: Start, ask: Ask) -> None:
-    up = up_with_a_run(start, ask)
-    kill_component(up, "bt_agents.host.node")
+def test_killed_host_and_market_end_no_service(start_up: Start, ask: Ask) -> None:
+    up = up_with_a_run(start_up, ask)
+    kill_component(up, HOST)
     until_all(up, "attentive_guide lost", "agents is back")
     assert "attentive_guide" in ask(*MRS_SMITH)
     until_all(up, "attentive_guide starts", "says: Hello")
-    cancel_the_run(up, ask)
-
-
-def test_scene_is_auctioned_again_after_market_is_killed(start: Start, ask: Ask) -> None:
-    up = up_with_a_run(start, ask)
+    # The scene of a killed market is auctioned again.
     kill_component(up, "marketplace_node.node")
     until_all(up, "marketplace is back", "attentive_guide starts", "says: Hello")
     cancel_the_run(up, ask)
 
 
-def test_hanging_market_and_host_are_killed_and_replaced(start: Start, ask: Ask) -> None:
-    up = start("up", "--no-voice", "--no-studio")
-    up.until("ready")
+def test_hanging_market_and_host_are_killed_and_replaced(start_up: Start, ask: Ask) -> None:
+    up = start_up()
     assert "attentive_guide" in ask("status")  # by then both have been received
     kill_component(up, "marketplace_node.node", signal.SIGSTOP)
-    kill_component(up, "bt_agents.host.node", signal.SIGSTOP)
+    kill_component(up, HOST, signal.SIGSTOP)
     up.until(r"hangs \(no heartbeat for \d+ s\): killing it")
     up.until("is back after")
     up.until("is back after")
@@ -95,8 +79,8 @@ def test_hanging_market_and_host_are_killed_and_replaced(start: Start, ask: Ask)
     assert "Traceback" not in up.output
 
 
-def test_next_scene_runs_after_long_pause(start: Start, ask: Ask) -> None:
-    up = up_with_a_run(start, ask)
+def test_next_scene_runs_after_long_pause(start_up: Start, ask: Ask) -> None:
+    up = up_with_a_run(start_up, ask)
     paused = [up.process.pid, *children(up.process.pid)]
     try:
         for pid in paused:

@@ -6,17 +6,13 @@ from __future__ import annotations
 import os
 import re
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import Program, node_of
+from programs import Ask, Start, node_of
 
 pytestmark = pytest.mark.e2e
-
-Start = Callable[..., Program]
-Ask = Callable[..., str]
 
 
 def test_options_and_parameter_file_survive_market_restart(

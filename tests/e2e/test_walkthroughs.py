@@ -6,13 +6,13 @@ from __future__ import annotations
 import re
 import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
 
 from command_server import CommandServer
-from programs import ROOT, Program
+from programs import ROOT, Program, Start
 
 pytestmark = pytest.mark.e2e
 
@@ -66,11 +66,7 @@ def at_noon() -> str:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_walkthrough_commands_print_documented_output(
-    page: str,
-    start: Callable[..., Program],
-    commands: CommandServer,
-    environment: dict[str, str],
-    tmp_path: Path,
+    page: str, start: Start, commands: CommandServer, environment: dict[str, str], tmp_path: Path
 ) -> None:
     environment["TZ"] = at_noon()
     folder = ROOT if page in ON_SHIPPED_TREES else tmp_path / "place"

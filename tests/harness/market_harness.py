@@ -171,6 +171,16 @@ class MarketHarness:
     def collect(self, message: str = "nothing to learn") -> None:
         self.do(self.market.collected(self.status.round, message, self.now))
 
+    def finish(self, outcome: int = 1, goal: RunGoal | None = None) -> None:
+        """End a run, and collect its feedback."""
+        self.end(outcome, goal=goal)
+        self.collect()
+
+    def perform(self) -> None:
+        """Let the host run its goal to the end."""
+        self.accept()
+        self.finish()
+
     def cancel(
         self,
         reason: str = "enough",
@@ -225,12 +235,26 @@ class MarketHarness:
         """Let a host fall silent."""
         self.busy.pop(host)
 
+    def lose(self, host: str = "/agents", away_s: float = 1.0) -> None:
+        """Let a host fall silent for some time."""
+        self.die(host)
+        self.wait(away_s)
+
+    def stall(self, lasted_s: float) -> None:
+        """Let time pass without the market."""
+        since, self.now = self.now, self.now + lasted_s
+        self.do(self.market.extend_after_stall(since, self.now))
+
+    def award(self, scene_id: str = "s1") -> None:
+        """Announce a scene, and let the host bid for it; by default the guide wins."""
+        self.scene(scene_id)
+        self.bid()
+
     def run(self, scene_id: str = "s1") -> RunGoal:
         """Start a run of the guide."""
         if not self.ids:
             self.register()
-        self.scene(scene_id)
-        self.bid()
+        self.award(scene_id)
         self.accept()
         return self.goal
 

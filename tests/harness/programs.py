@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -134,6 +135,18 @@ class Program:
         self.process.send_signal(number)
         code = self.wait(20.0)
         return code, time.monotonic() - start
+
+
+Start = Callable[..., Program]
+Ask = Callable[..., str]
+
+
+def wait_for(is_so: Callable[[], object]) -> None:
+    """Wait until a condition outside the program holds."""
+    end = time.monotonic() + HANG_S
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 def children(pid: int) -> list[int]:

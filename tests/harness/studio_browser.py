@@ -14,18 +14,16 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Error, Locator, Page, expect
 
+from npm_packages import installed_packages
 from programs import Program, children
 
 LIMIT_MS = 30_000
 
 
 class System:
-    """A running system and its studio, by default of the shipped trees folder.
+    """A running system and its studio."""
 
-    ``others`` are additional environment variables, for example another ROS domain.
-    """
-
-    def __init__(self, state: Path, trees: str = "trees", *options: str, **others: str) -> None:
+    def __init__(self, state: Path, trees: str, *options: str) -> None:
         self._state = state
         self._trees = trees
         self._options = options
@@ -34,7 +32,6 @@ class System:
             "XDG_STATE_HOME": str(state),
             "PYTHONUNBUFFERED": "1",
             "COLUMNS": "120",
-            **others,
         }
         self.programs: list[Program] = []
 
@@ -91,6 +88,12 @@ def open_values(page: Page, agent: str) -> None:
     group = page.get_by_label(agent, exact=True).locator("details").first
     if group.get_attribute("open") is None:
         group.locator("summary").first.click()
+
+
+def enter(field: Locator, text: str) -> None:
+    """Type a value into a field, and press Enter."""
+    field.fill(text)
+    field.press("Enter")
 
 
 def announce(page: Page, label: str, **values: float) -> None:
@@ -171,3 +174,14 @@ def style(found: Locator, name: str) -> str:
     value = found.evaluate("(one, name) => getComputedStyle(one)[name]", name)
     assert isinstance(value, str)
     return value
+
+
+def found_by_axe(page: Page, what: str, rules: str) -> list[tuple[str, str, str]]:
+    """Return colour scheme, rule and element of each violation of accessibility."""
+    page.evaluate((installed_packages() / "axe-core" / "axe.min.js").read_text("utf-8"))
+    violations = []
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        found = page.evaluate(f"axe.run({what}, {rules})")["violations"]
+        violations += [(scheme, one["id"], one["nodes"][0]["html"]) for one in found]
+    return violations

@@ -11,6 +11,8 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import asynccontextmanager, contextmanager
+from functools import wraps
+from inspect import Signature, signature
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -148,18 +150,33 @@ class ServedStudio:
         self.server.changed()
 
 
-def served(
+def run_served(
     test: Callable[[ServedStudio], Awaitable[None]],
     limit_s: float = LIMIT_S,
     journal: Path | None = None,
 ) -> None:
-    """Run a test while its studio is served."""
+    """Run a function while its studio is served."""
 
     async def run() -> None:
         async with serving(journal) as one:
             await asyncio.wait_for(test(one), limit_s)
 
     asyncio.run(run())
+
+
+def served(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    """Serve a studio, the first argument of a test, while the test runs.
+
+    Its journals are in the ``tmp_path`` of the test, if it takes one.
+    """
+
+    @wraps(test)
+    def run(**fixtures: Any) -> None:
+        run_served(lambda one: test(one, **fixtures), journal=fixtures.get("tmp_path"))
+
+    _, *parameters = signature(test).parameters.values()
+    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return run
 
 
 @asynccontextmanager
@@ -227,7 +244,7 @@ def background_studio(journal: Path | None = None) -> Iterator[BackgroundStudio]
         made.set_result((one, asyncio.get_running_loop(), ended))
         await ended.wait()
 
-    thread = threading.Thread(target=served, args=(wait, HANG_S, journal), daemon=True)
+    thread = threading.Thread(target=run_served, args=(wait, HANG_S, journal), daemon=True)
     thread.start()
     one, loop, ended = made.result(LIMIT_S)
     try:

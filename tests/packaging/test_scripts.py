@@ -189,33 +189,37 @@ def test_first_run_installs_and_second_only_plays(machine: Machine):
     assert machine.was_asked() == []
 
 
-def test_changed_interface_is_installed_into_same_environment(machine: Machine):
+@pytest.fixture
+def prepared(machine: Machine) -> Machine:
+    """A machine on which the demo has run once."""
     machine.has_python("python3", "3.11")
     machine.demo()
     machine.was_asked()
-    (machine.checkout / "bt_agents_interfaces" / "msg" / "New.msg").write_text("bool new\n")
-    assert machine.demo().stdout.endswith("played demo\n")
-    assert machine.was_asked() == ["sync", "export", "build", "pip"]
+    return machine
 
 
-def test_change_without_compilation_reuses_existing_wheel(machine: Machine):
-    machine.has_python("python3", "3.11")
-    machine.demo()
-    machine.was_asked()
-    with (machine.checkout / "uv.lock").open("a", encoding="utf-8") as lock:
-        lock.write("\n")
-    assert machine.demo().stdout.endswith("played demo\n")
-    assert machine.was_asked() == ["sync", "export", "pip"]
+@pytest.mark.parametrize(
+    ("change", "asked"),
+    [
+        ("echo bool new > bt_agents_interfaces/msg/New.msg", ["sync", "export", "build", "pip"]),
+        ("echo >> uv.lock", ["sync", "export", "pip"]),
+        ("rm .venv/bin/python", ["venv", "sync", "export", "pip"]),
+    ],
+    ids=["interface", "without compilation", "no Python"],
+)
+def test_demo_installs_only_what_a_change_needs(
+    prepared: Machine, change: str, asked: list[str]
+) -> None:
+    assert subprocess.run(change, shell=True, cwd=prepared.checkout).returncode == 0
+    assert prepared.demo().stdout.endswith("played demo\n")
+    assert prepared.was_asked() == asked
 
 
-def test_test_tools_are_added_to_existing_environment(machine: Machine):
-    machine.has_python("python3", "3.11")
-    machine.demo()
-    machine.was_asked()
-    setup = machine.checkout / "scripts" / "setup.bash"
-    done = machine.run("bash", "-c", f"source '{setup}' && set_up dev")
+def test_test_tools_are_added_to_existing_environment(prepared: Machine) -> None:
+    setup = prepared.checkout / "scripts" / "setup.bash"
+    done = prepared.run("bash", "-c", f"source '{setup}' && set_up dev")
     assert done.returncode == 0, done.stdout
-    assert machine.was_asked() == ["sync", "export", "pip"]
+    assert prepared.was_asked() == ["sync", "export", "pip"]
 
 
 def test_second_checkout_of_user_compiles_nothing(machine: Machine, tmp_path: Path):
@@ -246,12 +250,3 @@ def test_failed_install_shows_log_and_is_repeated(machine: Machine):
     assert machine.was_asked() == ["bootstrap", "venv", "sync"]
     assert machine.demo().stdout.endswith("played demo\n")
     assert machine.was_asked() == ["venv", "sync", "export", "build", "pip"]
-
-
-def test_environment_without_its_python_is_recreated(machine: Machine):
-    machine.has_python("python3", "3.11")
-    machine.demo()
-    machine.was_asked()
-    (machine.checkout / ".venv" / "bin" / "python").unlink()
-    assert machine.demo().returncode == 0
-    assert machine.was_asked() == ["venv", "sync", "export", "pip"]

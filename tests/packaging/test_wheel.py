@@ -32,10 +32,6 @@ def test_wheel_names_its_requirements(wheel: Path, pyproject: dict[str, Any]):
         assert f"{name}{','.join(sorted(''.join(versions).split(',')))}" in named
 
 
-def test_installed_command_prints_its_version(installed: Any, pyproject: dict[str, Any]):
-    assert pyproject["project"]["version"] in installed.run("bt-agents", "--version")
-
-
 def test_the_installed_interfaces_can_be_used(installed: Any):
     code = (
         "from bt_agents_interfaces import action, msg, srv\n"

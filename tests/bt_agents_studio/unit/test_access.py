@@ -47,6 +47,11 @@ def _access(clock: _Clock | None = None) -> AccessControl:
     return AccessControl(hosts, scheme="http", random_bytes=_bytes(), clock=clock or _Clock())
 
 
+def _signed_in(role: SessionRole) -> tuple[AccessControl, str]:
+    access = _access()
+    return access, access.log_in(access.token(role))
+
+
 def _request(**fields: str) -> WebRequest:
     plain = WebRequest(
         method="GET", host=HOST, origin="", fetch_site="", content_type="", session=""
@@ -131,8 +136,7 @@ def test_session_limits_are_separate_per_role() -> None:
     ],
 )
 def test_possible_cross_site_request_is_rejected(fields: dict[str, str], code: str) -> None:
-    access = _access()
-    session = access.log_in(access.token(SessionRole.OPERATE))
+    access, session = _signed_in(SessionRole.OPERATE)
     request = _request(session=session, **fields)
     assert _code(lambda: access.check(request, ALL_ROLES)) == code
     assert _code(lambda: access.check_sender(request)) == code
@@ -148,8 +152,7 @@ def test_possible_cross_site_request_is_rejected(fields: dict[str, str], code: s
     ],
 )
 def test_change_requires_origin_and_json(fields: dict[str, str], code: str) -> None:
-    access = _access()
-    session = access.log_in(access.token(SessionRole.OPERATE))
+    access, session = _signed_in(SessionRole.OPERATE)
     request = _request(method="POST", session=session, key=access.key(session), **fields)
     assert _code(lambda: access.check(request, OPERATORS)) == code
     assert _code(lambda: access.check_sender(request)) == code
@@ -159,8 +162,7 @@ def test_change_requires_origin_and_json(fields: dict[str, str], code: str) -> N
 
 
 def test_change_without_body_requires_only_origin() -> None:
-    access = _access()
-    session = access.log_in(access.token(SessionRole.PERSON))
+    access, session = _signed_in(SessionRole.PERSON)
     request = _request(method="DELETE", session=session, key=access.key(session))
     assert _code(lambda: access.check(request, ALL_ROLES)) == "NO_ORIGIN"
     assert access.check(replace(request, origin=OWN), ALL_ROLES) is SessionRole.PERSON
@@ -188,8 +190,7 @@ def test_later_session_has_the_same_key() -> None:
 
 
 def test_key_is_exposed_nowhere_else() -> None:
-    access = _access()
-    session = access.log_in(access.token(SessionRole.OPERATE))
+    access, session = _signed_in(SessionRole.OPERATE)
     assert access.key(session) not in access.text()
     assert access.key(session) not in (session, access.token(SessionRole.OPERATE))
 
@@ -206,8 +207,7 @@ def test_operation_is_allowed_only_for_its_roles(allowed: frozenset[SessionRole]
 
 
 def test_socket_requires_origin() -> None:
-    access = _access()
-    session = access.log_in(access.token(SessionRole.VIEW))
+    access, session = _signed_in(SessionRole.VIEW)
     request = _request(session=session, opens_socket=True)
     assert _code(lambda: access.check(request, ALL_ROLES)) == "NO_ORIGIN"
     assert access.check(replace(request, origin=OWN), ALL_ROLES) is SessionRole.VIEW

@@ -45,41 +45,35 @@ async def ask(
         return dict(await answer.json())
 
 
-def test_operators_get_the_address_of_the_page_person() -> None:
-    async def test(one: ServedStudio) -> None:
-        done = await ask(one, "person_link", SessionRole.OPERATE)
-        record = done["record"]
-        assert record == {
-            "address": f"{one.origin}/person#{one.access.token(SessionRole.PERSON)}",
-            "is_local": True,
-        }
-        for role in (SessionRole.VIEW, SessionRole.PERSON):
-            assert (await ask(one, "person_link", role))["code"] == "FORBIDDEN"
-
-    served(test)
+@served
+async def test_operators_get_the_address_of_the_page_person(one: ServedStudio) -> None:
+    done = await ask(one, "person_link", SessionRole.OPERATE)
+    record = done["record"]
+    assert record == {
+        "address": f"{one.origin}/person#{one.access.token(SessionRole.PERSON)}",
+        "is_local": True,
+    }
+    for role in (SessionRole.VIEW, SessionRole.PERSON):
+        assert (await ask(one, "person_link", role))["code"] == "FORBIDDEN"
 
 
-def test_answers_and_messages_are_forwarded() -> None:
-    async def test(one: ServedStudio) -> None:
-        done = await ask(one, "answer", text="yes")
-        assert done == {"accepted": True, "code": "", "message": "answered yes"}
-        done = await ask(one, "publish", topic="door", values=["data=1"])
-        assert done["message"] == "published on door"
-        assert one.caller.calls == [
-            ("answer", {"text": "yes"}),
-            ("publish", {"topic": "door", "values": ["data=1"]}),
-        ]
-
-    served(test)
+@served
+async def test_answers_and_messages_are_forwarded(one: ServedStudio) -> None:
+    done = await ask(one, "answer", text="yes")
+    assert done == {"accepted": True, "code": "", "message": "answered yes"}
+    done = await ask(one, "publish", topic="door", values=["data=1"])
+    assert done["message"] == "published on door"
+    assert one.caller.calls == [
+        ("answer", {"text": "yes"}),
+        ("publish", {"topic": "door", "values": ["data=1"]}),
+    ]
 
 
 @pytest.mark.parametrize("name", ["answer", "dry_run", "keep", "publish", "strategy"])
-def test_viewer_may_use_no_own_operation(name: str) -> None:
-    async def test(one: ServedStudio) -> None:
-        assert (await ask(one, name, SessionRole.VIEW))["code"] == "FORBIDDEN"
-        assert one.caller.calls == []
-
-    served(test)
+@served
+async def test_viewer_may_use_no_own_operation(one: ServedStudio, name: str) -> None:
+    assert (await ask(one, name, SessionRole.VIEW))["code"] == "FORBIDDEN"
+    assert one.caller.calls == []
 
 
 @pytest.mark.parametrize(
@@ -96,13 +90,13 @@ def test_viewer_may_use_no_own_operation(name: str) -> None:
         ("dry_run", {"across": "age", "up": "mood", "names": ["age"], "values": [1]}, "BAD_FIELD"),
     ],
 )
-def test_invalid_request_is_rejected(name: str, fields: dict[str, Any], code: str) -> None:
-    async def test(one: ServedStudio) -> None:
-        done = await ask(one, name, **fields)
-        assert (done.get("accepted", False), done["code"]) == (False, code)
-        assert one.caller.calls == []
-
-    served(test)
+@served
+async def test_invalid_request_is_rejected(
+    one: ServedStudio, name: str, fields: dict[str, Any], code: str
+) -> None:
+    done = await ask(one, name, **fields)
+    assert (done.get("accepted", False), done["code"]) == (False, code)
+    assert one.caller.calls == []
 
 
 def previewed(strategy: str) -> Any:
@@ -119,39 +113,33 @@ def previewed(strategy: str) -> Any:
 DRY_RUN = {"names": ["age", "mood"], "values": [1, 3], "across": "age", "up": "mood"}
 
 
-def test_dry_run_asks_once_for_computable_map() -> None:
-    async def test(one: ServedStudio) -> None:
-        one.caller.previewed = previewed("manhattan")
-        record = (await ask(one, "dry_run", **DRY_RUN))["record"]
-        assert one.caller.calls == [("preview", {"age": 1.0, "mood": 3.0})]
-        assert record["round"]["winner"] == "young"
-        assert (record["map"]["agents"], record["map"]["is_asked"]) == (["old", "young"], False)
-        assert record["map"]["winners"][0] == 1
-        assert record["map"]["winners"][-1] == 0
-
-    served(test)
+@served
+async def test_dry_run_asks_once_for_computable_map(one: ServedStudio) -> None:
+    one.caller.previewed = previewed("manhattan")
+    record = (await ask(one, "dry_run", **DRY_RUN))["record"]
+    assert one.caller.calls == [("preview", {"age": 1.0, "mood": 3.0})]
+    assert record["round"]["winner"] == "young"
+    assert (record["map"]["agents"], record["map"]["is_asked"]) == (["old", "young"], False)
+    assert record["map"]["winners"][0] == 1
+    assert record["map"]["winners"][-1] == 0
 
 
-def test_dry_run_samples_bounded_points_for_other_strategies() -> None:
-    async def test(one: ServedStudio) -> None:
-        one.caller.previewed = previewed("softmax")
-        record = (await ask(one, "dry_run", **DRY_RUN))["record"]
-        assert len(one.caller.calls) == 1 + 7 * 7
-        assert record["map"]["is_asked"]
-        assert record["map"]["winners"] == [0] * 49
-
-    served(test)
+@served
+async def test_dry_run_samples_bounded_points_for_other_strategies(one: ServedStudio) -> None:
+    one.caller.previewed = previewed("softmax")
+    record = (await ask(one, "dry_run", **DRY_RUN))["record"]
+    assert len(one.caller.calls) == 1 + 7 * 7
+    assert record["map"]["is_asked"]
+    assert record["map"]["winners"] == [0] * 49
 
 
-def test_dry_run_without_sides_draws_no_map() -> None:
-    async def test(one: ServedStudio) -> None:
-        one.caller.previewed = previewed("softmax")
-        scene = {name: DRY_RUN[name] for name in ("names", "values")}
-        record = (await ask(one, "dry_run", **scene))["record"]
-        assert len(one.caller.calls) == 1
-        assert (record["round"]["winner"], record["map"]) == ("young", None)
-
-    served(test)
+@served
+async def test_dry_run_without_sides_draws_no_map(one: ServedStudio) -> None:
+    one.caller.previewed = previewed("softmax")
+    scene = {name: DRY_RUN[name] for name in ("names", "values")}
+    record = (await ask(one, "dry_run", **scene))["record"]
+    assert len(one.caller.calls) == 1
+    assert (record["round"]["winner"], record["map"]) == ("young", None)
 
 
 def add_strategies(one: ServedStudio) -> None:
@@ -171,21 +159,17 @@ def add_strategies(one: ServedStudio) -> None:
     }
 
 
-def test_strategy_and_options_are_set_together() -> None:
-    async def test(one: ServedStudio) -> None:
-        add_strategies(one)
-        option = {"name": "c", "minimum": 0.0, "maximum": 100.0, "description": "how much"}
-        read = await ask(one, "strategy")
-        assert read["record"]["options"] == {"manhattan": [], "ucb": [option | {"value": 1.0}]}
-        assert one.caller.calls == []
-        done = await ask(
-            one, "strategy", SessionRole.OPERATE, name="ucb", options=["c"], values=[0.5]
-        )
-        assert one.caller.calls == [("set", {"strategy": "ucb", "ucb.c": 0.5})]
-        assert done["message"] == "ucb ranks the bids from the next round on"
-        assert done["record"]["options"]["ucb"] == [option | {"value": 0.5}]
-
-    served(test)
+@served
+async def test_strategy_and_options_are_set_together(one: ServedStudio) -> None:
+    add_strategies(one)
+    option = {"name": "c", "minimum": 0.0, "maximum": 100.0, "description": "how much"}
+    read = await ask(one, "strategy")
+    assert read["record"]["options"] == {"manhattan": [], "ucb": [option | {"value": 1.0}]}
+    assert one.caller.calls == []
+    done = await ask(one, "strategy", SessionRole.OPERATE, name="ucb", options=["c"], values=[0.5])
+    assert one.caller.calls == [("set", {"strategy": "ucb", "ucb.c": 0.5})]
+    assert done["message"] == "ucb ranks the bids from the next round on"
+    assert done["record"]["options"]["ucb"] == [option | {"value": 0.5}]
 
 
 @pytest.mark.parametrize(
@@ -209,39 +193,33 @@ def test_strategy_and_options_are_set_together() -> None:
         ),
     ],
 )
-def test_invalid_strategy_is_refused_in_words(
-    fields: dict[str, Any], code: str, words: str
+@served
+async def test_invalid_strategy_is_refused_in_words(
+    one: ServedStudio, fields: dict[str, Any], code: str, words: str
 ) -> None:
-    async def test(one: ServedStudio) -> None:
-        add_strategies(one)
-        done = await ask(one, "strategy", **fields)
-        assert done == {"accepted": False, "code": code, "message": words}
-        assert one.caller.calls == []
-
-    served(test)
+    add_strategies(one)
+    done = await ask(one, "strategy", **fields)
+    assert done == {"accepted": False, "code": code, "message": words}
+    assert one.caller.calls == []
 
 
-def test_refusal_of_market_is_passed_on() -> None:
-    async def test(one: ServedStudio) -> None:
-        add_strategies(one)
-        one.caller.not_set = "not during the show"
+@served
+async def test_refusal_of_market_is_passed_on(one: ServedStudio) -> None:
+    add_strategies(one)
+    one.caller.not_set = "not during the show"
+    done = await ask(one, "strategy", name="ucb")
+    assert done == {"accepted": False, "code": "", "message": "not during the show"}
+
+
+@served
+async def test_incomplete_answer_about_strategies_is_refused(one: ServedStudio) -> None:
+    add_strategies(one)
+    for rest in ({"ucb.c": (ParameterDescriptor(), 1.0)}, {}):
+        del one.caller.parameters["ucb.c"]
+        one.caller.parameters |= rest
         done = await ask(one, "strategy", name="ucb")
-        assert done == {"accepted": False, "code": "", "message": "not during the show"}
-
-    served(test)
-
-
-def test_incomplete_answer_about_strategies_is_refused() -> None:
-    async def test(one: ServedStudio) -> None:
-        add_strategies(one)
-        for rest in ({"ucb.c": (ParameterDescriptor(), 1.0)}, {}):
-            del one.caller.parameters["ucb.c"]
-            one.caller.parameters |= rest
-            done = await ask(one, "strategy", name="ucb")
-            assert (done["accepted"], done["code"]) == (False, "NO_ANSWER")
-        assert one.caller.calls == []
-
-    served(test)
+        assert (done["accepted"], done["code"]) == (False, "NO_ANSWER")
+    assert one.caller.calls == []
 
 
 @pytest.fixture
@@ -262,105 +240,91 @@ def tuned(trees: Path, patience: float) -> dict[str, tuple[Path, Sequence[Parame
     return {"/agents": (trees, states)}
 
 
-def test_keep_shows_diff_then_writes_exactly_that_diff(trees: Path) -> None:
+@served
+async def test_keep_shows_diff_then_writes_exactly_that_diff(
+    one: ServedStudio, trees: Path
+) -> None:
     file = trees / "agents" / "waiter.yaml"
-
-    async def test(one: ServedStudio) -> None:
-        one.caller.hosts = tuned(trees, 20.0)
-        record = (await ask(one, "keep"))["record"]
-        assert "+  patience: {default: 20 s," in record["diff"]
-        assert file.read_text() == AGENT
-        one.caller.hosts = tuned(trees, 25.0)
-        changed = await ask(one, "keep", digest=record["digest"])
-        assert (changed["accepted"], changed["code"]) == (False, "CHANGED_MEANWHILE")
-        assert file.read_text() == AGENT
-        one.caller.hosts = tuned(trees, 20.0)
-        done = await ask(one, "keep", digest=record["digest"])
-        assert done["message"] == f"waiter.patience: 5 s → 20 s  in {file}"
-        assert file.read_text() == AGENT.replace("default: 5 s", "default: 20 s")
-
-    served(test)
+    one.caller.hosts = tuned(trees, 20.0)
+    record = (await ask(one, "keep"))["record"]
+    assert "+  patience: {default: 20 s," in record["diff"]
+    assert file.read_text() == AGENT
+    one.caller.hosts = tuned(trees, 25.0)
+    changed = await ask(one, "keep", digest=record["digest"])
+    assert (changed["accepted"], changed["code"]) == (False, "CHANGED_MEANWHILE")
+    assert file.read_text() == AGENT
+    one.caller.hosts = tuned(trees, 20.0)
+    done = await ask(one, "keep", digest=record["digest"])
+    assert done["message"] == f"waiter.patience: 5 s → 20 s  in {file}"
+    assert file.read_text() == AGENT.replace("default: 5 s", "default: 20 s")
 
 
-def test_untuned_host_has_nothing_to_keep(trees: Path) -> None:
-    async def test(one: ServedStudio) -> None:
-        one.caller.hosts = tuned(trees, 5.0)
-        done = await ask(one, "keep")
-        assert (done["accepted"], done["record"]["diff"]) == (True, "")
-
-    served(test)
+@served
+async def test_untuned_host_has_nothing_to_keep(one: ServedStudio, trees: Path) -> None:
+    one.caller.hosts = tuned(trees, 5.0)
+    done = await ask(one, "keep")
+    assert (done["accepted"], done["record"]["diff"]) == (True, "")
 
 
-def test_broken_file_is_reported_and_nothing_written(trees: Path) -> None:
+@served
+async def test_broken_file_is_reported_and_nothing_written(one: ServedStudio, trees: Path) -> None:
     file = trees / "agents" / "waiter.yaml"
-
-    async def test(one: ServedStudio) -> None:
-        one.caller.hosts = tuned(trees, 20.0)
-        file.write_text(AGENT + "tree: twice\n")
-        done = await ask(one, "keep")
-        assert not done["accepted"]
-        assert "waiter.yaml" in done["message"]
-
-    served(test)
+    one.caller.hosts = tuned(trees, 20.0)
+    file.write_text(AGENT + "tree: twice\n")
+    done = await ask(one, "keep")
+    assert not done["accepted"]
+    assert "waiter.yaml" in done["message"]
 
 
-def test_bag_is_listed_but_not_downloadable(tmp_path: Path) -> None:
+@served
+async def test_bag_is_listed_but_not_downloadable(one: ServedStudio, tmp_path: Path) -> None:
     bag = tmp_path / "rosbag2_2026"
     bag.mkdir()
     (bag / "metadata.yaml").write_text("what it holds")
-
-    async def test(one: ServedStudio) -> None:
-        one.studio._journal = tmp_path
-        async with one.client(SessionRole.VIEW) as client:
-            found = await (await client.get("/api/journals")).json()
-            assert found == [{"name": "rosbag2_2026", "bytes": 13, "label": ""}]
-            refused = await client.get("/api/journals/rosbag2_2026")
-            assert (refused.status, (await refused.json())["code"]) == (400, "NO_FILE")
-
-    served(test)
+    async with one.client(SessionRole.VIEW) as client:
+        found = await (await client.get("/api/journals")).json()
+        assert found == [{"name": "rosbag2_2026", "bytes": 13, "label": ""}]
+        refused = await client.get("/api/journals/rosbag2_2026")
+        assert (refused.status, (await refused.json())["code"]) == (400, "NO_FILE")
 
 
-def test_labelled_recordings_are_listed_and_downloadable(tmp_path: Path) -> None:
+@served
+async def test_labelled_recordings_are_listed_and_downloadable(
+    one: ServedStudio, tmp_path: Path
+) -> None:
     file = JournalFile(tmp_path / "journal-2026-03-01_001.mcap")
     file.add(recorded(1), 1)
     file.close()
     content = file.path.read_bytes()
     (tmp_path / "secret.sqlite").write_text("secret")
-
-    async def test(one: ServedStudio) -> None:
-        one.studio._journal = tmp_path
-        async with one.client(SessionRole.VIEW) as client:
-            found = await (await client.get("/api/journals")).json()
-            assert found == [{"name": file.path.name, "bytes": len(content), "label": ""}]
-            answer = await client.get(f"/api/journals/{file.path.name}")
-            assert await answer.read() == content
-            assert answer.headers["X-Content-Type-Options"] == "nosniff"
-            assert answer.headers["Content-Disposition"].startswith("attachment")
-            for name in ("secret.sqlite", "..%2fsecret.sqlite", "%2fetc%2fpasswd"):
-                refused = await client.get(f"/api/journals/{name}")
-                assert (refused.status, (await refused.json())["code"]) == (404, "NO_JOURNAL")
-        async with one.client() as client:
-            assert (await client.get(f"/api/journals/{file.path.name}")).status == 401
-
-    served(test)
+    async with one.client(SessionRole.VIEW) as client:
+        found = await (await client.get("/api/journals")).json()
+        assert found == [{"name": file.path.name, "bytes": len(content), "label": ""}]
+        answer = await client.get(f"/api/journals/{file.path.name}")
+        assert await answer.read() == content
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert answer.headers["Content-Disposition"].startswith("attachment")
+        for name in ("secret.sqlite", "..%2fsecret.sqlite", "%2fetc%2fpasswd"):
+            refused = await client.get(f"/api/journals/{name}")
+            assert (refused.status, (await refused.json())["code"]) == (404, "NO_JOURNAL")
+    async with one.client() as client:
+        assert (await client.get(f"/api/journals/{file.path.name}")).status == 401
 
 
-def test_recording_and_bookmarks_are_shown_while_journal_exists() -> None:
-    async def test(one: ServedStudio) -> None:
-        studio, at_s = one.studio, 1000.0
-        status = RecordingStatus(recording=True, file="a.mcap", label="class")
-        studio.receive(f"{TYPES}RecordingStatus", status, at_s, False)
-        for _ in range(2):  # a latched one comes again
-            studio.receive(f"{TYPES}Bookmark", Bookmark(label="odd"), at_s, False)
-        heard = {"door": ListeningRecord(type="std_msgs/msg/Bool", fields={"data": "boolean"})}
-        studio.graph(heard, True)
-        assert studio.store.get("recording").label == "class"
-        assert len(studio.store.keys("bookmarks")) == 1
-        assert studio.store.keys("listening") == ("door",)
-        studio.graph({}, False)
-        assert studio.store.get("recording") is None
-        assert studio.store.keys("listening") == ()
-        [mark] = studio.history.newest("bookmarks", BookmarkRecord)
-        assert mark.label == "odd"
-
-    served(test)
+@served
+async def test_recording_and_bookmarks_are_shown_while_journal_exists(one: ServedStudio) -> None:
+    studio, at_s = one.studio, 1000.0
+    status = RecordingStatus(recording=True, file="a.mcap", label="class")
+    studio.receive(f"{TYPES}RecordingStatus", status, at_s, False)
+    for _ in range(2):  # a latched one comes again
+        studio.receive(f"{TYPES}Bookmark", Bookmark(label="odd"), at_s, False)
+    heard = {"door": ListeningRecord(type="std_msgs/msg/Bool", fields={"data": "boolean"})}
+    studio.graph(heard, True)
+    assert studio.store.get("recording").label == "class"
+    assert len(studio.store.keys("bookmarks")) == 1
+    assert studio.store.keys("listening") == ("door",)
+    studio.graph({}, False)
+    assert studio.store.get("recording") is None
+    assert studio.store.keys("listening") == ()
+    [mark] = studio.history.newest("bookmarks", BookmarkRecord)
+    assert mark.label == "odd"

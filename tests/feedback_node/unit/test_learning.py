@@ -44,31 +44,10 @@ def negative(profile: Vector, scene: Vector, rate: float, **more: Any) -> Step:
     return step(FeedbackKind.NEGATIVE, profile, scene, rate=rate, space=SPACE, **more)
 
 
-@pytest.mark.parametrize(
-    ("target", "rate", "after"),
-    [
-        ((5.0, 4.0, 1.0), 0.2, (3.0, 2.8, 2.2)),
-        ((5.0, 4.0, 1.0), 1.0, (5.0, 4.0, 1.0)),
-        ((5.0, 4.0, 1.0), 0.0, (2.5, 2.5, 2.5)),
-        ((5.0, NAN, NAN), 0.5, (3.75, 2.5, 2.5)),
-    ],
-)
-def test_direct_feedback_moves_known_values_by_rate(target, rate, after):
-    made = direct((2.5, 2.5, 2.5), target, rate)
-    assert made.after == pytest.approx(after)
-
-
 def test_positive_feedback_moves_towards_known_scene_values():
     made = positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
     assert made.after == (3.5, 3.0, 2.5)
     assert made.text == "age 3 → 3.5, mood 3 → 2.5"
-
-
-def test_negative_feedback_moves_away_by_the_same_step():
-    towards = positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
-    away = negative((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
-    assert away.after == (2.5, 3.0, 3.5)
-    assert [a - 3.0 for a in away.after] == [3.0 - t for t in towards.after]
 
 
 @pytest.mark.parametrize(
@@ -118,11 +97,6 @@ def test_unmoved_perfect_fit_suggests_declaring_retreat():
     )
     there = negative((1.0, 2.0, 4.0), (1.0, NAN, NAN), 0.5, rule=AWAY)
     assert there.text == "the profile stays: it has retreated as far as its file says"
-
-
-def test_negative_feedback_stops_at_range_limit():
-    made = negative((4.9, 1.2, 3.0), (1.0, 5.0, 3.0), 1.0)
-    assert made.after == (5.0, 1.0, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -176,34 +150,20 @@ def test_unchanged_profile_states_reason(made, text):
     ],
 )
 def test_invalid_feedback_vector_is_rejected(code, target):
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match=f"^{code}:"):
         direct((3.0, 3.0, 3.0), target, 0.2)
-    assert refusal.value.code == code
 
 
 @pytest.mark.parametrize("feedback", [positive, negative])
 def test_scene_without_known_values_teaches_nothing(feedback):
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match=r"^NO_SCENE:"):
         feedback((3.0, 3.0, 3.0), (NAN, NAN, NAN), 0.2)
-    assert refusal.value.code == "NO_SCENE"
 
 
 @pytest.mark.parametrize("rate", [-0.1, 1.1, NAN, math.inf])
 def test_rate_outside_0_to_1_is_rejected(rate):
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match=r"^OUT_OF_RANGE:"):
         direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), rate)
-    assert refusal.value.code == "OUT_OF_RANGE"
-
-
-@pytest.mark.parametrize(("rate", "cycles"), [(0.05, 92), (0.2, 22), (0.5, 7)])
-def test_first_paper_experiment_converges_in_known_cycles(rate, cycles):
-    goal: Vector = (5.0, 4.0, 1.0)
-    profile: Vector = (2.5, 2.5, 2.5)
-    count = 0
-    while sum(abs(g - p) for g, p in zip(goal, profile, strict=True)) >= 0.05:
-        profile = direct(profile, goal, rate).after
-        count += 1
-    assert count == cycles
 
 
 # --- rates, weights and bounds --------------------------------------------------------------
@@ -383,11 +343,6 @@ def test_single_wrong_negative_does_not_move_positive_median():
 def test_share_of_wrong_feedback_is_estimated(wrong, expected):
     right = [(4.0 + 0.02 * number, 2.0, NAN) for number in range(10 - wrong)]
     assert false_rate([*right, *[(1.0, 5.0, 3.0)] * wrong], SPACE) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("count", [0, 1, 7])
-def test_wrong_share_is_unknown_for_little_feedback(count):
-    assert math.isnan(false_rate([(4.0, 2.0, 1.0)] * count, SPACE))
 
 
 def test_slightly_varying_feedback_is_not_wrong():

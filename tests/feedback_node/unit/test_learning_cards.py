@@ -10,7 +10,6 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import LearningRule, Update
-from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.learning import cards as cards_module
@@ -21,15 +20,9 @@ from feedback_node.learning.cards import (
     read_card,
     read_learning,
 )
+from scene_spaces import AGE_AND_MOOD as SPACE
 
 NAN = math.nan
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "mood")
-    ),
-    mood="mood",
-)
 PLAIN = LearningEntry(update="plain", window=5, rates=(NAN, NAN))
 
 

@@ -11,7 +11,7 @@ import pytest
 from bt_agents_core import profile_layers as layers_module
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.scene import Origin, Scene, SceneValue
 from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import profiles as profiles_module
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
@@ -19,30 +19,15 @@ from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import IMPORT, RevisionCause
+from scene_spaces import AGE_AND_MOOD as SPACE
 
 NAN = math.nan
 ANNA, LOBBY = "person/anna", "place/lobby"
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "mood")
-    )
-)
 
 
 def learning(*layers: str, general: float = 0.0, **fields: object) -> LearningEntry:
-    return LearningEntry(
-        **{
-            "update": "plain",
-            "rates": (NAN, NAN),
-            "width": (1.0, 1.0),
-            "window": 5,
-            "drift": (NAN, NAN),
-            "layers": layers,
-            "general": general,
-            **fields,
-        }
-    )
+    described = {"update": "plain", "window": 5, "layers": layers, "general": general}
+    return LearningEntry(**described | fields)
 
 
 def guide(entry: LearningEntry, **fields: object) -> AgentEntry:

@@ -11,21 +11,15 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from feedback_node.learning.cards import AgentEntry, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import MOST_HOSTS, Profiles
 from feedback_node.ledger import Ledger
+from scene_spaces import AGE_AND_MOOD as SPACE
 
 NAN = math.nan
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "mood")
-    ),
-    mood="mood",
-)
 GUIDE = AgentEntry(name="guide", profile=(4.0, 3.0), revision=0, learning_rate=0.5)
 EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.2)
 
@@ -225,15 +219,6 @@ def test_agent_with_undelivered_profile_is_listed_until_confirmed():
     known.not_delivered("guide")
     known.register_card(card())
     assert known.differing == ()
-
-
-def test_same_feedback_id_returns_the_recorded_change():
-    known = profiles(GUIDE)
-    first, again = teach(known), teach(known)
-    assert (first.fresh, again.fresh) == (True, False)
-    assert again.revision == first.revision
-    assert (again.before, again.after) == (first.before, first.after)
-    assert known.table() == (("guide", "", 1, (4.5, 3.0)),)
 
 
 def test_narrowed_range_clamps_learned_profile():

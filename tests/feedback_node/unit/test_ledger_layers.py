@@ -15,7 +15,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
-from feedback_node.ledger.rows import LAYER, RevisionCause, hidden
+from feedback_node.ledger.rows import LAYER, RevisionCause
 
 ANNA = "person/anna"
 FIRST = {"age": 4.0, "mood": 3.0}
@@ -40,14 +40,6 @@ def teach(ledger: Ledger, feedback_id: str, layer: str = "", age: float = 5.0) -
 
 def ages(ledger: Ledger, layer: str = "") -> list[float]:
     return [row.profile["age"] for row in ledger.history("guide", layer)]
-
-
-def test_each_layer_counts_its_own_revisions(ledger):
-    begin(ledger)
-    teach(ledger, "f1", ANNA)
-    teach(ledger, "f2")
-    assert (ages(ledger), ages(ledger, ANNA)) == ([4.0, 5.0], [4.0, 5.0])
-    assert [row.layer for row in ledger.layers("guide")] == [ANNA]
 
 
 def test_several_layers_are_recorded_atomically(ledger):
@@ -117,8 +109,7 @@ def traces(path: Path, *words: str) -> list[str]:
     return [word for word in words if word.encode() in content]
 
 
-def test_forgotten_layer_leaves_no_trace_in_any_file(tmp_path):
-    path = tmp_path / "ledger.sqlite"
+def test_forgotten_layer_leaves_no_trace_in_any_file(path):
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST, "express": FIRST})
         begin(ledger)
@@ -137,24 +128,6 @@ def test_forgotten_layer_leaves_no_trace_in_any_file(tmp_path):
         assert len(ledger.history("guide")) == 151
 
 
-def test_forgotten_feedback_is_not_applied_again(ledger):
-    begin(ledger)
-    teach(ledger, "f1", ANNA)
-    ledger.forget([("guide", ANNA)])
-    known = ledger.append("guide", FIRST, RevisionCause(feedback_id="f1"))
-    assert (known.profile, known.cause.feedback_id) == ({}, hidden("f1"))
-    assert ages(ledger) == [4.0]
-
-
-def test_forgotten_layer_starts_anew(ledger):
-    for number in range(3):
-        begin(ledger)
-        teach(ledger, f"f{number}", ANNA)
-        assert ages(ledger, ANNA) == [4.0, 5.0]
-        ledger.forget([("guide", ANNA)])
-    assert ages(ledger, ANNA) == []
-
-
 def test_general_profile_cannot_be_forgotten(ledger):
     with pytest.raises(Refused, match="UNKNOWN_LAYER"):
         ledger.forget([("guide", "")])
@@ -164,8 +137,7 @@ def test_general_profile_cannot_be_forgotten(ledger):
     assert ages(ledger, ANNA) == [4.0]
 
 
-def test_open_reader_delays_erasure_until_it_closes(tmp_path):
-    path = tmp_path / "ledger.sqlite"
+def test_open_reader_delays_erasure_until_it_closes(path):
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
         begin(ledger)
@@ -199,8 +171,7 @@ def test_next_start_completes_erasure_after_crash(tmp_path):
         assert traces(after, "anna") == []
 
 
-def test_open_reader_does_not_grow_log_during_erasure(tmp_path):
-    path = tmp_path / "ledger.sqlite"
+def test_open_reader_does_not_grow_log_during_erasure(path):
     log = path.with_name(path.name + "-wal")
     with Ledger(path) as ledger, closing(sqlite3.connect(path, isolation_level=None)) as reader:
         ledger.enter({"guide": FIRST})

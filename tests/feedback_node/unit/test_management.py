@@ -141,9 +141,8 @@ def document(*profiles: Any, **fields: Any) -> str:
 )
 def test_invalid_document_is_rejected_and_imports_nothing(managed, text, code):
     before = managed.profiles.table()
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{code}:"):
         managed.execute(ManagementAction.IMPORT, document=text)
-    assert refused.value.code == code
     assert managed.profiles.table() == before
 
 
@@ -201,9 +200,8 @@ def test_person_is_forgotten_by_one_or_all_agents(managed):
 )
 def test_invalid_order_is_rejected_with_code(managed, action, fields, code):
     before = managed.profiles.table()
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{code}:"):
         managed.execute(action, **fields)
-    assert refused.value.code == code
     assert managed.profiles.table() == before
 
 

@@ -3,29 +3,22 @@
 
 from __future__ import annotations
 
-import itertools
 import math
+import re
 from collections.abc import Callable
-from random import Random
 from typing import Any
 
 import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodAction, MoodRule
 from feedback_node.rules import MIN_REPEAT_S, Fired, Watch
+from scene_spaces import AGE_AND_MOOD as SPACE
 
 NAN = math.nan
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "mood")
-    ),
-    mood="mood",
-)
 
 
 class Clock:
@@ -146,16 +139,6 @@ def test_unknown_mood_restarts_hold_time(gap):
     story.see(2.0, scene(2.5))
     assert story.tick(2.9) == []
     assert len(story.tick(3.0)) == 1
-
-
-def test_silent_scene_layer_leaves_nothing_known():
-    story = Story(rule(WORSE, 4.0))
-    story.see(0.0, scene(2.5))
-    assert story.tick(1.1) == story.tick(9.0) == []
-    for second in range(10, 14):
-        assert story.see(second, scene(2.5)) == []
-    assert story.tick(13.9) == []
-    assert len(story.tick(14.0)) == 1
 
 
 @pytest.mark.parametrize(
@@ -311,18 +294,6 @@ def test_always_true_release_does_not_cause_chatter():
     assert MIN_REPEAT_S == 1.0
 
 
-@pytest.mark.parametrize(("hold_s", "cooldown_s"), [(0.0, 2.0), (0.5, 2.0), (1.0, 0.0)])
-def test_flapping_mood_fires_at_most_once_per_period(hold_s, cooldown_s):
-    """The mood crosses the threshold at random; two firings are never closer than both."""
-    random = Random(7)
-    story = Story(rule(WORSE, hold_s, release="mood.change > -1", cooldown_s=cooldown_s))
-    looks = [random.choice((2.95, 3.05)) for _ in range(60)]
-    fired = firings(story, lambda at: looks[int(at * 2)], 29.0)
-    assert len(fired) >= 3
-    gaps = [later - earlier for earlier, later in itertools.pairwise(fired)]
-    assert min(gaps) >= hold_s + cooldown_s - 1e-9
-
-
 def test_firing_states_start_of_hold_and_previous_count():
     story = Story(rule(WORSE, 1.0, cooldown_s=2.0))
     trace = []
@@ -367,10 +338,8 @@ def test_run_without_rules_is_over_at_once():
     ],
 )
 def test_meaningless_rule_is_rejected(when, hold_s, give):
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match=rf"^BAD_RULE: .*{re.escape(when)}"):
         restore_mood_rule(SPACE, when=when, hold_s=hold_s, give=give)
-    assert refusal.value.code == "BAD_RULE"
-    assert when in refusal.value.reason
 
 
 @pytest.mark.parametrize(

@@ -3,18 +3,13 @@
 
 from __future__ import annotations
 
-from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.model.experiment import FeedbackErrors, PreparedFeedback
 from feedback_node.simulated_feedback import SimulatedFeedback
+from scene_spaces import AGE_AND_MOOD as SPACE
 
 A, B = (1.0, 1.0), (5.0, 5.0)
 C = (3.0, 3.0)
 WRONG = (2.0, 2.0)
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1, maximum=5, default=3) for name in ("age", "mood")
-    )
-)
 
 
 def test_sequence_is_used_in_order_for_any_agent():

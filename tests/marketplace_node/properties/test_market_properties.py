@@ -97,8 +97,7 @@ class AnyMarket(RuleBasedStateMachine):
 
     @rule(lasted_s=st.sampled_from([0.5, 2.5, 30.0]))
     def hold_the_market_up(self, lasted_s: float) -> None:
-        since, self.harness.now = self.harness.now, self.harness.now + lasted_s
-        self.harness.do(self.harness.market.extend_after_stall(since, self.harness.now))
+        self.harness.stall(lasted_s)
 
     @rule(host=hosts, round_number=st.sampled_from([1, 99]), own=st.booleans())
     def run_something_else(self, host: str, round_number: int, own: bool) -> None:

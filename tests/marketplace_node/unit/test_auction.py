@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import math
+from array import array
 from typing import Any
 
+import numpy as np
 import pytest
 
 from market_harness import EXPRESS, GUIDE, SPACE, scene
@@ -138,16 +140,44 @@ def test_single_bid_of_wrong_length_names_its_agent(vector: tuple[float, ...]) -
         ((4.0, -math.inf, 3.0), "NOT_FINITE"),
         ((4.0, 1.5, 5.5), "OUT_OF_RANGE"),
         ((0.0, 0.0, 0.0), "OUT_OF_RANGE"),
+        (("x", 1.5, 3.0), "NOT_A_NUMBER"),
     ],
 )
-def test_bad_vector_refuses_only_its_agent(vector: tuple[float, ...], code: str) -> None:
+def test_bad_vector_refuses_only_its_agent(vector: tuple[Any, ...], code: str) -> None:
     opened = auction()
     opened.take(bids(vectors=(*vector, 3.0, 5.0, 3.5)))
     decision = close(opened)
 
     assert refusals(decision) == [(GUIDE, code)]
-    assert [bid.agent for bid in decision.ranking] == [EXPRESS]
+    assert [(bid.agent, bid.vector) for bid in decision.ranking] == [(EXPRESS, (3.0, 5.0, 3.5))]
     assert math.isnan(decision.margin)
+
+
+@pytest.mark.parametrize("kind", [tuple, list, lambda v: array("d", v), np.array])
+def test_vectors_and_weights_accept_any_sequence_type(kind: Any) -> None:
+    vectors, weights = (*FINE, 3.0, 5.0, 3.5), (1.0, 2.0, 1.0, 1.0, 1.0, 1.0)
+    opened = auction()
+    opened.take(bids(vectors=kind(vectors), weights=kind(weights)))
+    ranking = close(opened).ranking
+
+    assert [bid.vector for bid in ranking] == [vectors[:3], vectors[3:]]
+    assert [bid.weights for bid in ranking] == [weights[:3], ()]
+
+
+@pytest.mark.parametrize(
+    ("weights", "refused"),
+    [
+        ((1.0, math.nan, 1.0, 1.0, 1.0, 1.0), (GUIDE, "OUT_OF_RANGE")),
+        ((1.0, 1.0, 1.0, 1.0, 1.0, -1.0), (EXPRESS, "OUT_OF_RANGE")),
+        ((1.0, 1.0, 1.0, 1.0, 1.0, 1001.0), (EXPRESS, "OUT_OF_RANGE")),
+        ((1.0, 1.0, 1.0), ("", "WRONG_LENGTH")),
+    ],
+)
+def test_invalid_weights_are_refused(weights: tuple[float, ...], refused: tuple[str, str]) -> None:
+    opened = auction()
+    opened.take(bids(weights=weights))
+
+    assert refusals(close(opened)) == [refused]
 
 
 @pytest.mark.parametrize(

@@ -42,23 +42,21 @@ def change(
     return found
 
 
-def test_parameter_requiring_smallest_change_is_named() -> None:
-    found = change((4.0, 1.0, 3.0), (4.0, 1.0, 3.0), (2.0, 2.0, 3.0), last_run={"a": 1})
-
-    assert (found.names, found.values) == (("age",), (2.5,))
+TWO = ((4.0, 1.0, 3.0), (2.0, 2.0, 3.0))
+BETWEEN = ((5.0, 3.0, 3.0), (1.0, 3.0, 3.0), (2.0, 3.0, 4.5))
 
 
-def test_change_exceeds_tie_when_tie_loses() -> None:
-    found = change((4.0, 1.0, 3.0), (4.0, 1.0, 3.0), (2.0, 2.0, 3.0), last_run={"b": 1})
+@pytest.mark.parametrize(
+    ("vectors", "last_run", "age"),
+    [(TWO, {"a": 1}, 2.5), (TWO, {"b": 1}, 2.45), (BETWEEN, {}, 2.95)],
+    ids=["a tie wins", "a tie loses", "it also beats the bid in between"],
+)
+def test_parameter_requiring_smallest_change_is_named(
+    vectors: tuple[tuple[float, ...], ...], last_run: dict[str, int], age: float
+) -> None:
+    found = change(vectors[0], *vectors, last_run=last_run)
 
-    assert found.values == (2.45,)
-
-
-def test_change_also_beats_bids_in_between() -> None:
-    found = change((5.0, 3.0, 3.0), (5.0, 3.0, 3.0), (1.0, 3.0, 3.0), (2.0, 3.0, 4.5))
-
-    assert found.names == ("age",)
-    assert found.values == (2.95,)
+    assert (found.names, found.values) == (("age",), (age,))
 
 
 @pytest.mark.parametrize(
@@ -125,8 +123,7 @@ def test_the_search_compares_so_much_and_no_more(
 def test_search_runs_only_on_request() -> None:
     market = MarketHarness()
     market.register()
-    market.scene()
-    market.bid()
+    market.award()
     sent, published = (
         next(i for i, effect in enumerate(market.effects) if isinstance(effect, kind))
         for kind in (SendGoal, PublishAuction)

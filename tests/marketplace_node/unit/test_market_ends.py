@@ -29,8 +29,7 @@ def run_to(outcome: int) -> Callable[[MarketHarness], None]:
     def play(market: MarketHarness) -> None:
         market.bid()
         market.accept()
-        market.end(outcome=outcome)
-        market.collect()
+        market.finish(outcome=outcome)
 
     return play
 
@@ -38,8 +37,7 @@ def run_to(outcome: int) -> Callable[[MarketHarness], None]:
 def lost(market: MarketHarness) -> None:
     market.bid()
     market.accept()
-    market.die()
-    market.wait(1.0)
+    market.lose()
 
 
 def stopped_while_bidding(market: MarketHarness) -> None:
@@ -57,16 +55,14 @@ def stopped_while_running(market: MarketHarness) -> None:
     market.bid()
     market.accept()
     market.cancel()
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
 
 
 def stopped_without_a_follower(market: MarketHarness) -> None:
     market.bid()
     market.accept()
     market.cancel(again=True)
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
     market.bid(vectors={}, declined={EXPRESS: "is tired"})
 
 
@@ -121,19 +117,6 @@ def test_scene_without_id_is_noted_without_end() -> None:
     assert market.notes == ["EMPTY: scene: no scene_id; no end is announced"]
 
 
-@pytest.fixture
-def two() -> MarketHarness:
-    """A market that has awarded a scene to the first of two hosts."""
-    market = MarketHarness()
-    market.register()
-    market.register("/others", PLAIN)
-    market.scene()
-    market.bid()
-    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
-    assert market.goal.agent == GUIDE
-    return market
-
-
 def test_dead_host_promptly_loses_goal_to_next_best(two: MarketHarness) -> None:
     two.wait(0.125)
     two.die()
@@ -141,6 +124,7 @@ def test_dead_host_promptly_loses_goal_to_next_best(two: MarketHarness) -> None:
     while two.goal.agent != PLAIN:
         two.wait(1 / 16)
     assert two.now - died < 1.0
+    assert two.events == ["1 attentive_guide REFUSED", "1 professional_express REFUSED"]
     two.accept()
 
     starts = [run.goal.agent for run in two.all(Announced) if run.event is RunEventKind.STARTED]
@@ -150,16 +134,14 @@ def test_dead_host_promptly_loses_goal_to_next_best(two: MarketHarness) -> None:
 @pytest.mark.parametrize("when", ["before", "during", "after"])
 def test_late_host_never_runs_reassigned_goal(two: MarketHarness, when: str) -> None:
     first = two.goal
-    two.die()
-    two.wait(0.9)
+    two.lose(away_s=0.9)
     second = two.goal
     assert second.agent == PLAIN
     assert two.all(CancelGoal) == [CancelGoal(goal=first)], "it finds the cancel beside the goal"
     if when != "before":
         two.accept(second)
     if when == "after":
-        two.end(goal=second)
-        two.collect()
+        two.finish(goal=second)
     two.busy["/agents"] = 0
     two.beat("/agents")
     two.accept(first)
@@ -174,8 +156,7 @@ def test_late_host_never_runs_reassigned_goal(two: MarketHarness, when: str) -> 
 
 
 def test_restarted_host_does_not_receive_earlier_goal(two: MarketHarness) -> None:
-    two.die()
-    two.wait(0.9)
+    two.lose(away_s=0.9)
     two.register(instance="second")
     two.accept()
 
@@ -197,8 +178,7 @@ def test_host_death_during_run_is_noticed_promptly(two: MarketHarness) -> None:
 def test_lost_run_is_announced_after_stall_extension(two: MarketHarness) -> None:
     two.accept()
     two.die()
-    two.now += 5.0
-    two.do(two.market.extend_after_stall(two.now - 5.0, two.now))
+    two.stall(5.0)
     two.do(two.market.tick(two.now))
     assert two.status.state is State.RUNNING, "nobody has listened to its heartbeats"
     two.now += 0.5

@@ -23,8 +23,7 @@ def market() -> MarketHarness:
 
 
 def asked(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     assert [question.round for question in market.questions] == [1]
     assert market.all(PublishAuction) == []
 
@@ -55,8 +54,7 @@ def test_answer_decides_ranking(market: MarketHarness) -> None:
 
 def test_unnamed_agents_follow_by_distance(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
-    market.scene()
-    market.bid()
+    market.award()
     market.bid("/others", {PLAIN: (5.0, 1.0, 3.0)})
     market.ranked(EXPRESS)
 
@@ -117,8 +115,7 @@ def test_trivial_ranking_needs_no_question(
 
 def test_bids_during_wait_are_late(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
-    market.scene()
-    market.bid()
+    market.award()
     market.wait(0.6)
     market.bid("/others", {PLAIN: (5.0, 1.0, 3.0)})
     market.ranked(EXPRESS)
@@ -153,11 +150,9 @@ def test_host_dying_during_wait_is_skipped(market: MarketHarness) -> None:
             Settings(strategy="external", options={"external.limit": 5.0}), market.now
         )
     )
-    market.scene()
-    market.bid()
+    market.award()
     market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
-    market.die()
-    market.wait(1.5)
+    market.lose(away_s=1.5)
     market.ranked(EXPRESS, GUIDE, PLAIN)
 
     assert market.goal.agent == PLAIN
@@ -170,9 +165,7 @@ def test_scene_arriving_during_wait_is_queued(market: MarketHarness) -> None:
     assert market.status.queued == 1
 
     market.ranked(EXPRESS)
-    market.accept()
-    market.end()
-    market.collect()
+    market.perform()
     assert [question.round for question in market.questions] == [1]
     assert market.calls[-1].scene.scene_id == "s2"
 
@@ -183,19 +176,15 @@ def test_strategy_switch_during_wait_applies_next_round(market: MarketHarness) -
     market.ranked(EXPRESS)
     assert market.goal.agent == EXPRESS
 
-    market.accept()
-    market.end()
-    market.collect()
-    market.scene("s2")
-    market.bid()
+    market.perform()
+    market.award("s2")
     assert market.goal.agent == GUIDE
     assert len(market.questions) == 1
 
 
 def test_stalled_market_extends_wait_accordingly(market: MarketHarness) -> None:
     asked(market)
-    since, market.now = market.now, market.now + 30.0
-    market.do(market.market.extend_after_stall(since, market.now))
+    market.stall(30.0)
     market.beat()
     market.ranked(EXPRESS)
 

@@ -30,13 +30,6 @@ def run(**changes: Any) -> EarlierRun:
     return EarlierRun(**(values | changes))
 
 
-@pytest.fixture
-def market() -> MarketHarness:
-    harness = MarketHarness()
-    harness.register()
-    return harness
-
-
 def tell(market: MarketHarness, *runs: EarlierRun, host: str = "/agents") -> None:
     market.do(market.market.unreported(host, runs, market.now))
 

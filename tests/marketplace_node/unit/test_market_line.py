@@ -20,13 +20,6 @@ from marketplace_node.outcomes import RunEventKind, RunOutcome
 CROWD = tuple(f"s{number}" for number in range(1, 11))
 
 
-@pytest.fixture
-def market() -> MarketHarness:
-    harness = MarketHarness()
-    harness.register()
-    return harness
-
-
 def come_back(market: MarketHarness, instance: str = "second") -> None:
     market.register(instance=instance)
 
@@ -36,9 +29,7 @@ def serve(market: MarketHarness, *, rounds: int = 40) -> None:
     for _ in range(rounds):
         if market.status.state is State.BIDDING:
             market.bid()
-            market.accept()
-            market.end()
-            market.collect()
+            market.perform()
         market.wait(0.0625)
 
 
@@ -47,8 +38,7 @@ def test_queued_scenes_run_when_only_host_returns(market: MarketHarness, away_s:
     market.run()
     for name in CROWD[1:]:
         market.scene(name)
-    market.die()
-    market.wait(away_s)
+    market.lose(away_s=away_s)
     assert market.ends == [("s1", "LOST")]
     assert (market.status.state, market.status.queued) == (State.IDLE, 9)
     assert market.status.awaited_hosts == ("/agents",)
@@ -61,8 +51,7 @@ def test_queued_scenes_run_when_only_host_returns(market: MarketHarness, away_s:
 
 
 def test_absent_host_is_awaited_for_configured_time(market: MarketHarness) -> None:
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
     market.wait(4.7)
     assert market.over == []
@@ -74,8 +63,7 @@ def test_absent_host_is_awaited_for_configured_time(market: MarketHarness) -> No
 
 
 def test_wait_uses_current_setting(market: MarketHarness) -> None:
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
     settings = market.market.settings
     market.do(market.market.configure(type(settings)(host_wait_s=0), market.now))
@@ -110,8 +98,7 @@ def test_scene_declined_by_all_live_agents_ends_immediately(market: MarketHarnes
 def test_host_silent_during_round_is_asked_on_return(market: MarketHarness) -> None:
     market.scene("s1")
     market.scene("s2")
-    market.die()
-    market.wait(0.6)
+    market.lose(away_s=0.6)
     assert market.over == []
     assert market.status.awaited_hosts == ("/agents",)
     assert market.status.waiting == ("s1", "s2"), "its place is kept"
@@ -143,9 +130,7 @@ def test_scene_with_refused_run_is_auctioned_again(how: str) -> None:
     if how == "gone":
         come_back(market)
     market.bid(vectors={GUIDE: (4.0, 1.5, 3.0)})
-    market.accept()
-    market.end()
-    market.collect()
+    market.perform()
 
     assert market.ends == [("s1", "SUCCEEDED")]
 
@@ -174,8 +159,7 @@ def test_runnable_scenes_overtake_scenes_awaiting_host() -> None:
     market = MarketHarness()
     market.register("/agents", GUIDE)
     market.register("/others", PLAIN)
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
     market.bid("/others", {}, {PLAIN: "is not for this"})
     assert market.over == []
@@ -185,13 +169,10 @@ def test_runnable_scenes_overtake_scenes_awaiting_host() -> None:
     market.accept()
     market.register("/agents", GUIDE, instance="second")
     assert (market.status.scene_id, market.status.waiting) == ("s2", ("s1",))
-    market.end()
-    market.collect()
+    market.finish()
     market.bid("/others", {}, {PLAIN: "is not for this"})
     market.bid("/agents", {GUIDE: (4.0, 1.5, 3.0)})
-    market.accept()
-    market.end()
-    market.collect()
+    market.perform()
 
     assert market.ends == [("s2", "SUCCEEDED"), ("s1", "SUCCEEDED")]
 
@@ -200,8 +181,7 @@ def test_host_with_only_vetoed_agents_is_not_awaited() -> None:
     market = MarketHarness()
     market.register("/agents", GUIDE)
     market.operate(OperatorAction.VETO, GUIDE)
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
 
     assert market.ends == [("s1", "NO_BIDS")]
@@ -210,8 +190,7 @@ def test_host_with_only_vetoed_agents_is_not_awaited() -> None:
 def test_pinned_agent_with_absent_host_is_awaited(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.operate(OperatorAction.PIN, PLAIN)
-    market.die("/others")
-    market.wait(1.0)
+    market.lose("/others")
     market.scene("s1")
 
     assert market.over == []
@@ -219,8 +198,7 @@ def test_pinned_agent_with_absent_host_is_awaited(market: MarketHarness) -> None
 
 
 def test_scenes_awaiting_host_can_be_cancelled(market: MarketHarness) -> None:
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
     market.scene("s2")
     assert market.cancel(round_number=7)[0] is False
@@ -231,8 +209,7 @@ def test_scenes_awaiting_host_can_be_cancelled(market: MarketHarness) -> None:
 
 
 def test_scenes_awaiting_host_end_at_market_shutdown(market: MarketHarness) -> None:
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
     market.do(market.market.shut_down("shutting down", market.now))
 
@@ -245,8 +222,7 @@ def test_scenes_awaiting_host_end_at_market_shutdown(market: MarketHarness) -> N
 def test_queue_limit_applies_while_awaiting_host(mode: str, limit: int, code: str) -> None:
     market = MarketHarness(on_new_scene=mode, queue_limit=limit)
     market.register()
-    market.die()
-    market.wait(1.0)
+    market.lose()
     for name in ("s1", "s2", "s3"):
         market.scene(name)
 
@@ -258,8 +234,7 @@ def test_queue_limit_applies_while_awaiting_host(mode: str, limit: int, code: st
 def test_urgent_preempting_scene_goes_first_when_host_returns() -> None:
     market = MarketHarness(on_new_scene="preempt")
     market.register()
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
     market.scene("s2", urgent=True)
     come_back(market)
@@ -268,11 +243,9 @@ def test_urgent_preempting_scene_goes_first_when_host_returns() -> None:
 
 
 def test_stalled_market_extends_wait_for_host(market: MarketHarness) -> None:
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
-    since, market.now = market.now, market.now + 30.0
-    market.do(market.market.extend_after_stall(since, market.now))
+    market.stall(30.0)
     assert market.over == []
     come_back(market)
     serve(market)
@@ -321,9 +294,7 @@ def serve_next(market: MarketHarness) -> None:
     for _ in range(80):
         if market.status.state is State.BIDDING:
             market.bid(epoch="next")
-            market.accept()
-            market.end()
-            market.collect()
+            market.perform()
         market.wait(0.0625)
 
 
@@ -387,8 +358,7 @@ def test_queue_survives_market_restart(market: MarketHarness) -> None:
 
 def test_scene_accepted_before_restart_is_duplicate_afterwards(market: MarketHarness) -> None:
     market.run("s1")
-    market.end()
-    market.collect()
+    market.finish()
     market.scene("s2")
     after = restarted(market)
     for name in ("s1", "s2"):
@@ -408,11 +378,15 @@ def test_reported_run_end_ends_its_scene_once(market: MarketHarness) -> None:
 
 
 def test_run_is_lost_once_if_host_also_restarts(market: MarketHarness) -> None:
-    market.run()
+    goal = market.run()
     after = restarted(market, host=False)
     come_back(after)
+    report(after, goal, RunOutcome.SUCCEEDED)
     after.wait(20.0)
 
+    assert [(run.epoch, run.goal, run.outcome) for run in earlier_runs(after)] == [
+        ("epoch", goal, RunOutcome.LOST)
+    ]
     assert after.ends == [("s1", "LOST")]
     assert after.end_words == "the marketplace was restarted, and /agents was started again, too"
 
@@ -425,8 +399,10 @@ def test_unreported_run_is_lost_after_wait(market: MarketHarness) -> None:
     after.wait(0.2)
     assert after.ends == [("s1", "LOST")]
     report(after, goal, RunOutcome.SUCCEEDED)
+    after.wait(60.0)
 
     assert after.over == ["s1"], "a report that comes too late ends nothing again"
+    assert [run.outcome for run in earlier_runs(after)] == [RunOutcome.LOST]
 
 
 def test_run_still_stopping_on_host_is_awaited(market: MarketHarness) -> None:
@@ -454,9 +430,8 @@ def test_scene_gets_outcome_of_run_ended_before_crash(market: MarketHarness) -> 
 
 
 def test_scene_with_unstarted_run_goes_first_after_restart(market: MarketHarness) -> None:
-    market.scene("s1")
+    market.award("s1")
     market.scene("s2")
-    market.bid()
     after = restarted(market)
     serve_next(after)
 
@@ -464,8 +439,7 @@ def test_scene_with_unstarted_run_goes_first_after_restart(market: MarketHarness
 
 
 def test_report_of_unknown_run_does_not_end_scene(market: MarketHarness) -> None:
-    market.scene("s1")
-    market.bid()
+    market.award("s1")
     goal = market.goal
     after = restarted(market)
     report(after, goal, RunOutcome.LOST)
@@ -494,8 +468,7 @@ def test_unreported_run_survives_second_restart(market: MarketHarness) -> None:
 
 
 def test_queued_scenes_are_lost_after_long_outage(market: MarketHarness) -> None:
-    market.die()
-    market.wait(1.0)
+    market.lose()
     market.scene("s1")
     after = restarted(market, away_s=KEPT_S + 1)
 
@@ -505,8 +478,7 @@ def test_queued_scenes_are_lost_after_long_outage(market: MarketHarness) -> None
 
 def test_ended_scene_id_is_reusable_after_long_outage(market: MarketHarness) -> None:
     market.run()
-    market.end()
-    market.collect()
+    market.finish()
     after = restarted(market, away_s=KEPT_S + 1)
     after.scene("s1")
 
@@ -540,8 +512,7 @@ def test_scene_is_stored_and_removed_before_announcements(market: MarketHarness)
 def test_next_market_repeats_end_without_stored_announcement(market: MarketHarness) -> None:
     market.run()
     market.scene("s2")
-    market.end()
-    market.collect()
+    market.finish()
     once = restarted(market, host=False, at_once=True)
     again = restarted(once, at_once=True)
     later = restarted(once)
@@ -555,33 +526,11 @@ def test_next_market_repeats_end_without_stored_announcement(market: MarketHarne
 
 def test_end_is_announced_again_after_any_outage(market: MarketHarness) -> None:
     market.run()
-    market.end()
-    market.collect()
+    market.finish()
     after = restarted(market, away_s=KEPT_S + 1, at_once=True)
 
     assert after.ends == [("s1", "SUCCEEDED")]
     assert after.all(StoreScenes)[-1].ends == ()
-
-
-def test_run_is_lost_once_if_host_also_dies(market: MarketHarness) -> None:
-    goal = market.run()
-    after = restarted(market, host=False)
-    after.register(instance="second")
-    report(after, goal, RunOutcome.SUCCEEDED)
-
-    assert [(run.epoch, run.goal, run.outcome) for run in earlier_runs(after)] == [
-        ("epoch", goal, RunOutcome.LOST)
-    ]
-    assert after.ends == [("s1", "LOST")]
-
-
-def test_unreported_run_is_lost_once(market: MarketHarness) -> None:
-    market.run()
-    after = restarted(market)
-    after.wait(60.0)
-
-    assert [run.outcome for run in earlier_runs(after)] == [RunOutcome.LOST]
-    assert after.ends == [("s1", "LOST")]
 
 
 def test_possibly_unannounced_run_end_is_announced_again(market: MarketHarness) -> None:

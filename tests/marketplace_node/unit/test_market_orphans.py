@@ -59,9 +59,7 @@ def test_heartbeat_predating_run_end_stops_nothing(two: MarketHarness) -> None:
     two.scene("s1")
     bid(two, A)
     bid(two, B)
-    two.accept()
-    two.end()
-    two.collect()
+    two.perform()
     two.beat(A, round_number=1)
     two.scene("s2")
     assert two.calls[-1].hosts == 2
@@ -102,8 +100,7 @@ def test_endless_tree_is_awaited_for_limited_time(two: MarketHarness) -> None:
 
 def test_silent_host_is_not_awaited(two: MarketHarness) -> None:
     award_to_b_while_a_runs_for_another_market(two)
-    two.die(A)
-    two.wait(0.9)
+    two.lose(A, away_s=0.9)
 
     assert two.goal.host == B
 

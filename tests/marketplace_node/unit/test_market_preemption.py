@@ -33,6 +33,19 @@ def bid(market: MarketHarness, guide: tuple[float, ...], express: tuple[float, .
     market.bid(vectors={GUIDE: guide, EXPRESS: express}, round=market.calls[-1].round)
 
 
+def challenge(
+    market: MarketHarness,
+    guide: tuple[float, ...],
+    express: tuple[float, ...],
+    scene_id: str = "s2",
+    *,
+    urgent: bool = False,
+) -> None:
+    """Announce a scene, and answer its challenge."""
+    market.scene(scene_id, urgent=urgent)
+    bid(market, guide, express)
+
+
 def outcome(market: MarketHarness) -> AuctionOutcome:
     return market.auction.decision.outcome
 
@@ -49,8 +62,7 @@ def test_challenge_opens_while_run_continues(market: MarketHarness) -> None:
 
 
 def test_better_agent_preempts_run_and_opens_fresh_round(market: MarketHarness) -> None:
-    market.scene("s2")
-    bid(market, guide=MIDDLE, express=NEAR)
+    challenge(market, MIDDLE, NEAR)
 
     assert outcome(market) is AuctionOutcome.PREEMPTS
     assert market.auction.decision.winner is not None
@@ -70,8 +82,7 @@ def test_better_agent_preempts_run_and_opens_fresh_round(market: MarketHarness) 
 
 
 def test_feedback_on_preempted_run_delays_no_scene(market: MarketHarness) -> None:
-    market.scene("s2")
-    bid(market, guide=MIDDLE, express=NEAR)
+    challenge(market, MIDDLE, NEAR)
     market.end(outcome=3)
 
     assert len(market.all(Collect)) == 1
@@ -107,8 +118,7 @@ def test_scene_waits_without_margin(
     assert market.auction.reason == words
     assert (market.status.state, market.status.queued) == (State.RUNNING, 1)
     assert market.all(CancelGoal) == []
-    market.end()
-    market.collect()
+    market.finish()
     assert market.status.scene_id == "s2"
 
 
@@ -146,8 +156,7 @@ def test_running_agent_with_silent_host_is_infinitely_far() -> None:
     market = MarketHarness(on_new_scene="preempt")
     market.register()
     market.register("/others", PLAIN)
-    market.scene()
-    market.bid()
+    market.award()
     market.bid("/others", {PLAIN: FAR})
     market.accept()
     market.scene("s2")
@@ -184,8 +193,7 @@ def test_run_continues_without_bids(market: MarketHarness) -> None:
 def test_urgent_scene_stops_run_for_any_winner(
     market: MarketHarness, express: tuple[float, ...]
 ) -> None:
-    market.scene("s2", urgent=True)
-    bid(market, guide=MIDDLE, express=express)
+    challenge(market, MIDDLE, express, urgent=True)
 
     assert outcome(market) is AuctionOutcome.PREEMPTS
     assert market.auction.reason.startswith("urgent: ")
@@ -203,8 +211,7 @@ def test_urgent_scene_without_bids_stops_nothing(market: MarketHarness) -> None:
 
 def preempted(market: MarketHarness) -> None:
     """Let s2 preempt the run of s1, and its agent run."""
-    market.scene("s2")
-    bid(market, guide=MIDDLE, express=NEAR)
+    challenge(market, MIDDLE, NEAR)
     market.end(outcome=3)
     market.bid()
     market.accept()
@@ -212,8 +219,7 @@ def preempted(market: MarketHarness) -> None:
 
 def test_preemption_cooldown_blocks_next_preemption(market: MarketHarness) -> None:
     preempted(market)
-    market.scene("s3")
-    bid(market, guide=MIDDLE, express=NEAR)
+    challenge(market, MIDDLE, NEAR, "s3")
 
     assert outcome(market) is AuctionOutcome.WAITS
     assert market.auction.reason == (
@@ -222,8 +228,7 @@ def test_preemption_cooldown_blocks_next_preemption(market: MarketHarness) -> No
         "on, the scene waits"
     )
     market.wait(5.1)
-    market.scene("s4")
-    bid(market, guide=MIDDLE, express=NEAR)
+    challenge(market, MIDDLE, NEAR, "s4")
     assert outcome(market) is AuctionOutcome.PREEMPTS
     market.end(outcome=3)
     assert market.status.scene_id == "s4", "ahead of the line"
@@ -231,15 +236,13 @@ def test_preemption_cooldown_blocks_next_preemption(market: MarketHarness) -> No
 
 def test_urgent_scene_ignores_cooldown(market: MarketHarness) -> None:
     preempted(market)
-    market.scene("s3", urgent=True)
-    bid(market, guide=NEAR, express=FAR)
+    challenge(market, NEAR, FAR, "s3", urgent=True)
 
     assert outcome(market) is AuctionOutcome.PREEMPTS
 
 
 def test_run_succeeding_before_stop_is_not_preempted(market: MarketHarness) -> None:
-    market.scene("s2")
-    bid(market, guide=MIDDLE, express=NEAR)
+    challenge(market, MIDDLE, NEAR)
     market.end(outcome=1)
 
     assert market.ends == [("s1", "SUCCEEDED")]
@@ -291,8 +294,7 @@ def test_challenge_needs_no_queue_slot_until_it_waits() -> None:
         "0.0, margin 1.0: attentive_guide goes on, but 0 wait already and at most 0 may"
     )
 
-    market.scene("s4")
-    bid(market, guide=MIDDLE, express=NEAR)
+    challenge(market, MIDDLE, NEAR, "s4")
     market.end(outcome=3)
     assert market.status.scene_id == "s4"
 
@@ -343,8 +345,7 @@ def test_a_challenge_ends_with_the_run(
         market.bid(vectors={EXPRESS: FAR})
         market.accept()
         assert market.calls[-1].scene.scene_id == "s2", "then it is asked about anew"
-        market.end(goal=market.goal)
-        market.collect()
+        market.finish(goal=market.goal)
     assert market.ends[0] == ("s1", end if what != "again" else "SUCCEEDED")
 
 
@@ -471,13 +472,18 @@ def test_unresponsive_running_agent_is_excluded_after_preemption() -> None:
     assert "its run was stopped for scene 's2'" in market.auction.explanation
 
 
-def test_external_ranking_cannot_preempt_agent_for_itself() -> None:
+def ranked_outside() -> MarketHarness:
+    """Return a market in which the guide runs by an external ranking."""
     market = MarketHarness(on_new_scene="preempt", strategy="external")
     market.register()
-    market.scene()
-    market.bid()
+    market.award()
     market.ranked(GUIDE)
     market.accept()
+    return market
+
+
+def test_external_ranking_cannot_preempt_agent_for_itself() -> None:
+    market = ranked_outside()
     market.scene("s2", 3.25, 4.5, 3.0)
     market.bid(round=2)
     market.ranked(EXPRESS)
@@ -488,12 +494,7 @@ def test_external_ranking_cannot_preempt_agent_for_itself() -> None:
 
 
 def test_urgent_scene_does_not_await_external_ranking() -> None:
-    market = MarketHarness(on_new_scene="preempt", strategy="external")
-    market.register()
-    market.scene()
-    market.bid()
-    market.ranked(GUIDE)
-    market.accept()
+    market = ranked_outside()
     market.scene("s2", urgent=True)
     market.bid(round=2)
 

@@ -222,10 +222,8 @@ def test_host_above_limit_replaces_longest_dead_host() -> None:
     market = MarketHarness()
     for number in range(MOST_HOSTS):
         market.register(f"/h{number}", f"a{number}")
-    market.die("/h7")
-    market.wait(1.0)
-    market.die("/h3")
-    market.wait(1.0)
+    market.lose("/h7")
+    market.lose("/h3")
 
     assert market.register("/more", "more").accepted
     assert market.all(Disconnect) == [Disconnect(host="/h7")]

@@ -128,16 +128,12 @@ def test_status_lists_undecidable_rules_of_last_evaluation() -> None:
         UNDECIDED.replace("4:12", "3:12").replace("rule 2", "rule 1")
     ]
     assert [one.message for one in market.all(Alarm)] == [market.status.undecided[0].message]
-    market.accept()
-    market.end()
-    market.collect()
+    market.perform()
     assert market.status.undecided, "nothing has been looked at since"
     market.scene("s2", 3.0, 3.0, 3.0)
     market.bid()
     assert len(market.all(Alarm)) == 1, "it is logged once"
-    market.accept()
-    market.end()
-    market.collect()
+    market.perform()
     market.scene("s3", 4.0, 3.0, 3.0)
     market.bid()
     assert market.status.undecided == ()

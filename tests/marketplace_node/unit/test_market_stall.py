@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from bt_agents.engine.run import RunLimits
 from bt_agents_language.model.specs import MOST_CLEAN_UP_S
 from market_harness import EXPRESS, GUIDE, MarketHarness, scene
@@ -13,18 +11,9 @@ from marketplace_node.interaction.interaction import FEEDBACK_DEFERRED
 from marketplace_node.settings import Settings
 
 
-@pytest.fixture
-def market() -> MarketHarness:
-    harness = MarketHarness()
-    harness.register()
-    return harness
-
-
 def hold_up(market: MarketHarness, lasted_s: float) -> None:
     """Let time pass without the market; then it reads the queued messages."""
-    since = market.now
-    market.now += lasted_s
-    market.do(market.market.extend_after_stall(since, market.now))
+    market.stall(lasted_s)
     market.do(market.market.tick(market.now))
 
 
@@ -38,8 +27,7 @@ def test_bids_received_during_stall_count(market: MarketHarness) -> None:
 
 
 def test_goal_accepted_during_stall_runs(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     hold_up(market, 5.0)
     market.accept()
 

@@ -13,21 +13,13 @@ from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy
 
 
-@pytest.fixture
-def market() -> MarketHarness:
-    harness = MarketHarness()
-    harness.register()
-    return harness
-
-
 def test_cancel_stops_the_run_and_ends_the_interaction(market: MarketHarness) -> None:
     goal = market.run()
     assert market.cancel("button") == (True, "stopping attentive_guide")
     assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
     assert market.cancel("button") == (True, "attentive_guide is being stopped already")
     assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
 
     assert market.events[1:] == [
         "1 attentive_guide CANCELLING",
@@ -54,8 +46,7 @@ def test_status_shows_current_scene_under_first_scene_id(market: MarketHarness) 
     assert shown() == ("s1", first)
     market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
     assert shown() == ("s1", first), "the run that stops is for the scene as it was awarded"
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
     assert shown() == ("s1", now)
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
     market.accept()
@@ -65,8 +56,7 @@ def test_status_shows_current_scene_under_first_scene_id(market: MarketHarness) 
 def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: MarketHarness) -> None:
     market.run()
     market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
     call = market.calls[-1]
     assert (call.round, call.scene.scene_id, call.excluded) == (2, "s1+1", (GUIDE,))
     assert call.scene.get("mood") == 1.0
@@ -75,8 +65,7 @@ def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: Mark
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
     market.accept()
     market.cancel("bored again", again=True)
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
 
     assert market.auction.decision.terms.follows == 2
     assert "no other agents are registered" in market.auction.reason
@@ -88,8 +77,7 @@ def test_plain_stop_overrides_repeat_auction(market: MarketHarness) -> None:
     market.run()
     market.cancel("bored", again=True)
     market.cancel("stop")
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
 
     assert market.over == ["s1"]
 
@@ -108,8 +96,7 @@ def test_stop_during_feedback_collection_prevents_follow_up(market: MarketHarnes
 def test_run_succeeding_before_cancel_has_no_follow_up(market: MarketHarness) -> None:
     market.run()
     market.cancel("bored", again=True)
-    market.end(outcome=1)
-    market.collect()
+    market.finish(outcome=1)
 
     assert market.events[-1] == "1 attentive_guide ENDED SUCCEEDED"
     assert market.over == ["s1"]
@@ -146,8 +133,7 @@ def test_cancel_while_bidding_stops_the_round(market: MarketHarness) -> None:
 
 
 def test_cancel_while_awarding_cancels_on_acceptance(market: MarketHarness) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     goal = market.goal
     market.cancel("button", again=True)
     assert market.status.state is State.CANCELLING
@@ -164,8 +150,7 @@ def test_cancel_while_awarding_cancels_on_acceptance(market: MarketHarness) -> N
 def test_cancel_while_awarding_ends_unless_host_accepts(
     market: MarketHarness, answer: str
 ) -> None:
-    market.scene()
-    market.bid()
+    market.award()
     market.cancel("button")
     if answer == "refused":
         market.refuse()
@@ -203,8 +188,7 @@ def test_scenes_queue_in_order_up_to_limit() -> None:
     assert market.status.queued == 2
     assert market.status.waiting == ("s2", "s3")
     assert market.ends == [("s4", "QUEUE_FULL")]
-    market.end()
-    market.collect()
+    market.finish()
 
     assert (market.status.scene_id, market.status.finished_scene_id) == ("s2", "s1")
     market.scene("s5")
@@ -216,8 +200,7 @@ def test_queued_scenes_end_one_by_one_without_agents() -> None:
     market.run()
     for number in range(2, 10):
         market.scene(f"s{number}")
-    market.die()
-    market.wait(1.1)
+    market.lose(away_s=1.1)
 
     assert market.over == [f"s{number}" for number in range(1, 10)]
 
@@ -260,8 +243,7 @@ def test_stop_drops_queued_scenes() -> None:
     assert accepted
     assert words == "stopping attentive_guide; dropped 2 waiting scenes"
     assert market.ends == [("s2", "STOPPED"), ("s3", "STOPPED")]
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
     assert market.status.state is State.IDLE
 
 
@@ -271,8 +253,7 @@ def test_cancel_of_named_round_keeps_queued_scenes() -> None:
     market.scene("s2")
 
     assert market.cancel("the next, please", round_number=1) == (True, "stopping attentive_guide")
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
     assert market.status.scene_id == "s2"
 
 
@@ -296,10 +277,3 @@ def test_stop_cause_is_announced_before_cancel_and_afterwards(market: MarketHarn
     ended = market.all(AnnounceRun)[-1]
     for one in (cancelling, ended):
         assert (one.stopped_by, one.stop_reason) == (StoppedBy.OPERATOR, "it is late")
-
-
-def test_run_ending_by_itself_names_no_stopper(market: MarketHarness) -> None:
-    market.run()
-    market.end()
-    ended = market.all(AnnounceRun)[-1]
-    assert (ended.stopped_by, ended.stop_reason) == (StoppedBy.NOT_SAID, "")

@@ -53,8 +53,7 @@ def starts(market: MarketHarness) -> list[str]:
 
 
 def test_next_run_waits_for_goals_of_dead_host(two: MarketHarness):
-    two.die(A)
-    two.wait(0.9)
+    two.lose(A, away_s=0.9)
     assert two.all(CancelOpenGoals) == [
         CancelOpenGoals(host=A, instance="first", goals=(DRIVE,), within_s=3.0)
     ]
@@ -68,16 +67,14 @@ def test_next_run_waits_for_goals_of_dead_host(two: MarketHarness):
 
 
 def test_lost_run_names_nodes_with_possibly_active_goals(two: MarketHarness):
-    two.die(A)
-    two.wait(0.9)
+    two.lose(A, away_s=0.9)
     [end] = [run for run in two.all(AnnounceRun) if run.outcome]
     assert (end.outcome.name, end.orphans) == ("LOST", ("tree/1.drive",))
 
 
 def test_run_reports_unconfirmed_goals_of_dead_host(two: MarketHarness):
     opens(two, A, DRIVE, SAY)
-    two.die(A)
-    two.wait(0.9)
+    two.lose(A, away_s=0.9)
     bid_of_b(two)
     goals_end(two, DRIVE)
     two.accept()
@@ -88,8 +85,7 @@ def test_run_reports_unconfirmed_goals_of_dead_host(two: MarketHarness):
         f"goals of {A} may go on, as their servers have not confirmed their end: "
         "/drive (tree/1.drive)"
     )
-    two.end()
-    two.collect()
+    two.finish()
     two.scene("s2")
     bid_of_b(two)
     two.accept()
@@ -98,16 +94,14 @@ def test_run_reports_unconfirmed_goals_of_dead_host(two: MarketHarness):
 
 def test_dead_host_without_open_goals_is_not_awaited(two: MarketHarness):
     opens(two, A)
-    two.die(A)
-    two.wait(0.9)
+    two.lose(A, away_s=0.9)
     bid_of_b(two)
     assert two.all(CancelOpenGoals) == []
     assert starts(two) == [GUIDE, EXPRESS]
 
 
 def test_restarted_host_also_waits_for_its_open_goals(two: MarketHarness):
-    two.die(A)
-    two.wait(0.9)
+    two.lose(A, away_s=0.9)
     two.register(A, GUIDE, instance="second")
     goals = two.all(CancelOpenGoals)
     assert [one.instance for one in goals] == ["first"]
@@ -122,10 +116,8 @@ def test_restarted_host_also_waits_for_its_open_goals(two: MarketHarness):
 
 
 def test_market_cancels_orphans_of_host_dying_after_run(two: MarketHarness):
-    two.end()
-    two.collect()
-    two.die(A)
-    two.wait(0.9)
+    two.finish()
+    two.lose(A, away_s=0.9)
     assert [one.goals for one in two.all(CancelOpenGoals)] == [(DRIVE,)]
     two.scene("s2")
     bid_of_b(two)
@@ -140,8 +132,7 @@ def test_run_ignoring_stop_has_its_goals_cancelled(two: MarketHarness):
 
 
 def test_goals_opened_during_cancellation_are_cancelled_next(two: MarketHarness):
-    two.die(A)
-    two.wait(0.9)
+    two.lose(A, away_s=0.9)
     bid_of_b(two)
     # It comes from a host that hung, and is read late.
     opens(two, A, SAY)
@@ -173,8 +164,7 @@ def test_unregistered_starts_are_bounded_and_evict_no_host():
 
 
 def test_stalled_market_takes_nothing_over_from_live_host(two: MarketHarness):
-    since = two.now
-    two.now += 5.0
+    since, two.now = two.now, two.now + 5.0
     two.beat(B, round_number=0)
     two.do(two.market.extend_after_stall(since, two.now))
     two.beat(A, round_number=1)
@@ -192,8 +182,7 @@ def next_market(market: MarketHarness) -> MarketHarness:
 
 
 def test_next_market_cancels_open_goals_of_dead_host(two: MarketHarness):
-    two.end()
-    two.collect()
+    two.finish()
     after = next_market(two)
     after.register(B, EXPRESS)
     after.scene("s2")
@@ -214,15 +203,13 @@ def test_surviving_host_keeps_its_goals_after_market_restart(two: MarketHarness)
     after.register(A, GUIDE)
     after.wait(10.0)
     assert after.all(CancelOpenGoals) == []
-    after.die(A)
-    after.wait(0.9)
+    after.lose(A, away_s=0.9)
     assert [one.goals for one in after.all(CancelOpenGoals)] == [(DRIVE,)]
 
 
 def test_next_market_does_not_await_host_without_goals(two: MarketHarness):
     opens(two, A)
-    two.end()
-    two.collect()
+    two.finish()
     after = next_market(two)
     after.register(B, EXPRESS)
     after.scene("s2")
@@ -231,8 +218,7 @@ def test_next_market_does_not_await_host_without_goals(two: MarketHarness):
 
 
 def test_next_market_finishes_goal_cancellation(two: MarketHarness):
-    two.die(A)
-    two.wait(0.9)
+    two.lose(A, away_s=0.9)
     assert two.all(StoreScenes)[-1].open_goals == (
         StoredGoals(host=A, instance="first", goals=(DRIVE,)),
     )
@@ -243,8 +229,7 @@ def test_next_market_finishes_goal_cancellation(two: MarketHarness):
 
 def test_stalled_market_waits_longer_for_earlier_hosts(two: MarketHarness):
     after = next_market(two)
-    since, after.now = after.now, after.now + 5.0
-    after.do(after.market.extend_after_stall(since, after.now))
+    after.stall(5.0)
     after.register(A, GUIDE)
     after.wait(1.0)
     assert after.all(CancelOpenGoals) == []

@@ -204,9 +204,8 @@ def test_slowly_sending_server_is_abandoned_in_time(
 
     server.reply = reply
     start = time.monotonic()
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(Refused, match=r"^NO_ANSWER:"):
         ask(server, limit_s=0.3)
-    assert caught.value.code == "NO_ANSWER"
     assert time.monotonic() - start < LIMIT_S, "a byte every 0.05 s must not keep it"
 
 
@@ -223,18 +222,15 @@ def test_untrusted_certificate_is_refused(tmp_path: Path) -> None:
         serving = threading.Thread(target=serve, daemon=True)
         serving.start()
         port = listening.getsockname()[1]
-        with pytest.raises(Refused) as caught:
+        with pytest.raises(Refused, match=r"(?i)certificate"):
             post(f"https://127.0.0.1:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
         serving.join(5.0)
-    assert "certificate" in caught.value.reason.lower()
 
 
 def test_unreachable_server_is_named() -> None:
     port = free_port()
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(Refused, match=rf"^UNREACHABLE:.*127\.0\.0\.1:{port}"):
         post(f"http://127.0.0.1:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
-    assert caught.value.code == "UNREACHABLE"
-    assert f"127.0.0.1:{port}" in caught.value.reason
 
 
 def test_slow_name_resolution_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -246,12 +242,11 @@ def test_slow_name_resolution_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(socket, "getaddrinfo", hangs)
     start = time.monotonic()
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(Refused, match=r"^NO_ANSWER:"):
         post("http://x.example/v1", {}, b"", limit_s=0.1, most=10)
     took = time.monotonic() - start
     over.set()
 
-    assert caught.value.code == "NO_ANSWER"
     assert took < 10.0
 
 
@@ -311,15 +306,13 @@ def test_response_is_not_decompressed(server: ModelServer) -> None:
 
 def test_name_invalid_for_certificates_is_refused(server: ModelServer) -> None:
     port = server.url.split(":")[2].split("/")[0]
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(Refused, match=r"^UNREACHABLE:"):
         post(f"https://127.0.0.1.:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
-    assert caught.value.code == "UNREACHABLE"
 
 
 def test_plain_http_behind_https_is_refused(server: ModelServer) -> None:
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(Refused, match=r"^(UNREACHABLE|NO_ANSWER):"):
         post(server.url.replace("http:", "https:"), {}, b"", limit_s=2.0, most=10)
-    assert caught.value.code in ("UNREACHABLE", "NO_ANSWER")
 
 
 @pytest.mark.parametrize(

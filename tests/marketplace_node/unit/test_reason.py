@@ -16,11 +16,8 @@ from ranked_rounds import bids, terms
 NAN = math.nan
 
 
-def test_award_shows_its_sum_and_margin_to_next() -> None:
-    market = MarketHarness()
-    market.register()
-    market.scene()
-    market.bid()
+def test_award_shows_its_sum_and_margin_to_next(market: MarketHarness) -> None:
+    market.award()
 
     assert market.auction.reason == (
         "attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; "
@@ -57,16 +54,11 @@ def tied(market: MarketHarness, scene_id: str) -> str:
     market.scene(scene_id)
     market.bid(vectors={GUIDE: (4.0, 2.0, 3.0), EXPRESS: (4.0, 2.0, 3.0)})
     reason = market.auction.reason
-    market.accept()
-    market.end()
-    market.collect()
+    market.perform()
     return reason.split("; ")[1]
 
 
-def test_tie_reason_names_least_recently_run_agent() -> None:
-    market = MarketHarness()
-    market.register()
-
+def test_tie_reason_names_least_recently_run_agent(market: MarketHarness) -> None:
     assert [tied(market, f"s{number}") for number in range(3)] == [
         "tied with professional_express: attentive_guide is first by name among those that "
         "have not run yet",
@@ -116,8 +108,7 @@ def test_a_follow_up_round_says_what_it_continues() -> None:
     market = MarketHarness()
     market.run()
     market.cancel("mood.change <= -1.0", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
-    market.end(outcome=3)
-    market.collect()
+    market.finish(outcome=3)
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
 
     assert market.auction.reason == (
@@ -130,6 +121,8 @@ def test_a_market_without_agents_says_so() -> None:
     market = MarketHarness(host_wait_s=0)
     market.scene()
 
+    assert market.calls == []
+    assert market.ends == [("s1", "NO_BIDS")]
     assert market.auction.reason == "no agents are registered"
     assert market.status.message == "scene 's1' is over: no agents are registered"
 
@@ -137,8 +130,7 @@ def test_a_market_without_agents_says_so() -> None:
 def test_unavailable_hosts_are_named_with_reason() -> None:
     market = MarketHarness(host_wait_s=0)
     market.register()
-    market.die()
-    market.wait(1.1)
+    market.lose(away_s=1.1)
     market.scene()
 
     assert market.auction.reason == ("nobody bids: /agents is not asked: it has no heartbeat")

@@ -214,8 +214,7 @@ def test_round_with_failing_ranking_ends_without_award(monkeypatch: pytest.Monke
     monkeypatch.setattr(auction, "decide", breaks)
     market = MarketHarness()
     market.register()
-    market.scene()
-    market.bid()
+    market.award()
 
     assert market.ends == [("s1", "NO_BIDS")]
     assert "the bids could not be ranked: RuntimeError: out of order" in market.auction.reason

@@ -99,6 +99,11 @@ class EncounterHarness:
         return value
 
 
+@pytest.fixture
+def harness() -> EncounterHarness:
+    return EncounterHarness()
+
+
 def words(scene: Scene) -> list[str]:
     return [
         v.name if v.origin is Origin.MISSING else f"{v.name} {v.origin.name.lower()} {v.value:g}"
@@ -106,8 +111,7 @@ def words(scene: Scene) -> list[str]:
     ]
 
 
-def test_scene_has_values_of_the_addressee():
-    harness = EncounterHarness()
+def test_scene_has_values_of_the_addressee(harness):
     anna, ben = {"age": 4.0, "mood": 2.0, "distance_m": 1.0}, {"age": 1.0, "distance_m": 2.0}
     harness.see(0.0, ben=ben, anna=anna)
     harness.hear(7.0)
@@ -124,8 +128,7 @@ def test_scene_has_values_of_the_addressee():
     assert words(of_ben) == ["age measured 1", "mood", "height", "noise measured 7"]
 
 
-def test_scene_without_person_is_separate():
-    harness = EncounterHarness()
+def test_scene_without_person_is_separate(harness):
     harness.hear(7.0)
     scene = harness.announce()
     assert (scene.person, scene.person_id, scene.persons) == (False, "", 0)
@@ -133,8 +136,7 @@ def test_scene_without_person_is_separate():
     assert harness.value("mood").source == "nobody is there"
 
 
-def test_scene_declared_without_person_ignores_passers_by():
-    harness = EncounterHarness()
+def test_scene_declared_without_person_ignores_passers_by(harness):
     harness.see(0.0, anna={"age": 4.0})
     scene = harness.announce(person=False, mood=1.0)
     assert (scene.person, scene.person_id) == (False, "")
@@ -143,8 +145,7 @@ def test_scene_declared_without_person_ignores_passers_by():
     assert not harness.scene().person
 
 
-def test_unmeasured_value_of_stranger_is_missing_or_default():
-    harness = EncounterHarness()
+def test_unmeasured_value_of_stranger_is_missing_or_default(harness):
     harness.see(0.0, anna={"height": 1.6})
     harness.announce()
     assert words(harness.scene()) == ["age default 3", "mood", "height measured 1.6", "noise"]
@@ -152,8 +153,7 @@ def test_unmeasured_value_of_stranger_is_missing_or_default():
     assert (age.std, age.confidence, age.source) == (pytest.approx(IGNORANCE), 0.0, "default")
 
 
-def test_stale_value_is_estimated_with_growing_uncertainty():
-    harness = EncounterHarness()
+def test_stale_value_is_estimated_with_growing_uncertainty(harness):
     for second in range(10):
         harness.see(float(second), anna={"age": 4.0, "mood": 2.0, "height": 1.6})
     harness.announce()
@@ -176,8 +176,7 @@ def test_stale_value_is_estimated_with_growing_uncertainty():
     assert age.confidence == pytest.approx(1 - (age.std / IGNORANCE) ** 2)
 
 
-def test_estimate_uncertainty_is_spread_of_measurements():
-    harness = EncounterHarness()
+def test_estimate_uncertainty_is_spread_of_measurements(harness):
     for second in range(100):
         harness.see(float(second), anna={"mood": 2.0 + 2.0 * (second % 2)})
     harness.announce()
@@ -187,8 +186,7 @@ def test_estimate_uncertainty_is_spread_of_measurements():
     assert mood.std == pytest.approx(1.0, abs=0.02)
 
 
-def test_known_person_is_remembered_and_stranger_is_not():
-    harness = EncounterHarness()
+def test_known_person_is_remembered_and_stranger_is_not(harness):
     for second in range(3):
         harness.see(
             float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0, "known": 0.0}
@@ -206,8 +204,7 @@ def test_known_person_is_remembered_and_stranger_is_not():
     assert age.value == pytest.approx(3.0, abs=0.05)
 
 
-def test_each_visit_counts_once_in_place_average():
-    harness = EncounterHarness()
+def test_each_visit_counts_once_in_place_average(harness):
     for number in range(4):
         for second in range(50 if number else 1):
             harness.see(
@@ -219,8 +216,7 @@ def test_each_visit_counts_once_in_place_average():
     assert harness.value("age").value == pytest.approx(2.0, abs=0.05)
 
 
-def test_estimated_and_given_values_are_not_remembered():
-    harness = EncounterHarness()
+def test_estimated_and_given_values_are_not_remembered(harness):
     harness.see(0.0, anna={"known": 1.0})
     harness.announce(age=5.0, mood=1.0)
     for second in range(1, 10):
@@ -230,14 +226,12 @@ def test_estimated_and_given_values_are_not_remembered():
     assert harness.memory.snapshot() == ({}, {})
 
 
-def test_reading_without_confidence_is_ignored():
-    harness = EncounterHarness()
+def test_reading_without_confidence_is_ignored(harness):
     harness.see(0.0, anna={"mood": 1.0, "sure": 0.0})
     assert words(harness.announce())[1] == "mood"
 
 
-def test_run_keeps_its_person_despite_nearer_one():
-    harness = EncounterHarness()
+def test_run_keeps_its_person_despite_nearer_one(harness):
     harness.see(0.0, anna={"mood": 4.0, "distance_m": 1.0})
     harness.announce()
     harness.running = "s"
@@ -254,8 +248,7 @@ def test_run_keeps_its_person_despite_nearer_one():
     assert harness.announce("t").person_id == "ben"
 
 
-def test_run_with_lost_person_keeps_values_without_substitute():
-    harness = EncounterHarness()
+def test_run_with_lost_person_keeps_values_without_substitute(harness):
     for second in range(3):
         harness.see(float(second), anna={"age": 5.0, "mood": 4.0, "distance_m": 1.0})
     harness.announce()
@@ -275,8 +268,7 @@ def test_run_with_lost_person_keeps_values_without_substitute():
     assert harness.memory.estimate("anna", "", "age", 1013.0) is None, "a stranger is forgotten"
 
 
-def test_run_without_person_adopts_first_one_who_comes():
-    harness = EncounterHarness()
+def test_run_without_person_adopts_first_one_who_comes(harness):
     harness.announce()
     harness.running = "s"
     harness.see(1.0, anna={"mood": 4.0, "distance_m": 1.0})
@@ -286,8 +278,7 @@ def test_run_without_person_adopts_first_one_who_comes():
     assert (harness.scene().person, harness.scene().person_id) == (False, "anna")
 
 
-def test_restarted_scene_layer_follows_person_of_run():
-    harness = EncounterHarness()
+def test_restarted_scene_layer_follows_person_of_run(harness):
     foreign = Scene(
         scene_id="s",
         label="",
@@ -302,8 +293,7 @@ def test_restarted_scene_layer_follows_person_of_run():
     assert (harness.scene().person_id, words(harness.scene())[1]) == ("anna", "mood measured 4")
 
 
-def test_given_value_lasts_until_newer_measurement_of_person():
-    harness = EncounterHarness()
+def test_given_value_lasts_until_newer_measurement_of_person(harness):
     harness.see(0.0, anna={"mood": 4.0, "distance_m": 1.0}, ben={"mood": 5.0, "distance_m": 2.0})
     harness.announce(mood=1.0)
     harness.see(1.0, anna={}, ben={"mood": 5.0})
@@ -312,8 +302,7 @@ def test_given_value_lasts_until_newer_measurement_of_person():
     assert words(harness.scene())[1] == "mood measured 3"
 
 
-def test_current_scene_follows_the_addressee():
-    harness = EncounterHarness()
+def test_current_scene_follows_the_addressee(harness):
     harness.see(0.0, anna={"distance_m": 1.0})
     harness.estimate.give("", {}, None, 0.0)
     assert harness.scene("").person_id == "anna"
@@ -383,8 +372,7 @@ def test_run_without_ids_keeps_values_of_departed_person():
 # --- forgetting -----------------------------------------------------------------------------
 
 
-def test_forgotten_person_is_unknown_until_next_visit():
-    harness = EncounterHarness()
+def test_forgotten_person_is_unknown_until_next_visit(harness):
     for second in range(3):
         harness.see(float(second), anna={"age": 5.0, "known": 1.0})
     assert harness.memory.forget(person="anna")
@@ -398,8 +386,7 @@ def test_forgotten_person_is_unknown_until_next_visit():
     assert set(harness.memory.snapshot(harness.estimate.encounters.known)[0]) == {"anna"}
 
 
-def test_place_can_be_forgotten():
-    harness = EncounterHarness()
+def test_place_can_be_forgotten(harness):
     harness.see(0.0, face1={"age": 5.0})
     harness.see(1.0)
     assert harness.memory.forget(place="lobby")
@@ -422,8 +409,7 @@ def test_person_not_seen_longest_is_forgotten_first():
 # --- state that survives a restart --------------------------------------------------------
 
 
-def test_only_known_persons_survive_restart():
-    harness = EncounterHarness()
+def test_only_known_persons_survive_restart(harness):
     for second in range(3):
         harness.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0})
     text = to_text(*harness.memory.snapshot(harness.estimate.encounters.known))
@@ -439,8 +425,7 @@ def test_only_known_persons_survive_restart():
     assert again.value("age").source == "anna, seen 2 times"
 
 
-def test_ids_gone_between_two_updates_leave_no_data():
-    harness = EncounterHarness()
+def test_ids_gone_between_two_updates_leave_no_data(harness):
     sources = harness.sources
     for picture in range(40):
         harness.estimate.encounters.persons.receive_ids([f"face{picture}"], 0.01 * picture)
@@ -452,8 +437,7 @@ def test_ids_gone_between_two_updates_leave_no_data():
     assert sources.people == frozenset()
 
 
-def test_short_tracking_gaps_create_no_new_visits():
-    harness = EncounterHarness()
+def test_short_tracking_gaps_create_no_new_visits(harness):
     for second in range(0, 120, 2):
         harness.see(float(second), anna={"age": 5.0, "known": 1.0})
         harness.see(second + 1.0)
@@ -470,8 +454,7 @@ def test_short_tracking_gaps_create_no_new_visits():
     assert persons["anna"].seen_at == 1119.0, "when they went, not when that was certain"
 
 
-def test_persons_out_of_sight_longest_leave_first():
-    harness = EncounterHarness()
+def test_persons_out_of_sight_longest_leave_first(harness):
     for number in range(MOST_AWAY + 10):
         harness.see(float(number), **{f"anna{number}": {"age": 5.0, "known": 1.0}})
     harness.see(100.0)
@@ -506,8 +489,7 @@ def test_room_reading_alone_is_not_a_personal_mood():
     assert harness.memory.snapshot({"anna"})[0]["anna"].values["mood"].mean == 5.0
 
 
-def test_measurements_count_at_most_once_per_second():
-    harness = EncounterHarness()
+def test_measurements_count_at_most_once_per_second(harness):
     for picture in range(61):
         harness.see(picture / 30.0, anna={"age": 5.0})
     assert harness.memory._persons["anna"].values["age"].weight == pytest.approx(

@@ -99,14 +99,18 @@ class KnownPersonsHarness:
         return f"{value.origin.name.lower()} {value.value:g}"
 
 
+@pytest.fixture
+def harness() -> KnownPersonsHarness:
+    return KnownPersonsHarness()
+
+
 def refusal(harness: KnownPersonsHarness, person: str, **values: object) -> str:
     with pytest.raises(Refused) as refused:
         harness.remember(person, **values)
     return refused.value.code
 
 
-def test_visits_are_counted_only_for_known_persons() -> None:
-    harness = KnownPersonsHarness()
+def test_visits_are_counted_only_for_known_persons(harness: KnownPersonsHarness) -> None:
     harness.see(0.0, "anna")
     assert (harness.begin("s").person_id, harness.scene().visits) == ("anna", 1)
     harness.see(1.0)
@@ -117,16 +121,9 @@ def test_visits_are_counted_only_for_known_persons() -> None:
     assert (harness.begin("u").person_id, harness.scene("u").visits) == ("7", 0)
 
 
-def test_short_absence_is_part_of_same_visit() -> None:
-    harness = KnownPersonsHarness()
-    harness.see(0.0, "anna")
-    harness.see(1.0)
-    harness.see(2.0, "anna")
-    assert harness.begin("s").visits == 1
-
-
-def test_remembered_values_appear_in_current_and_later_visits() -> None:
-    harness = KnownPersonsHarness()
+def test_remembered_values_appear_in_current_and_later_visits(
+    harness: KnownPersonsHarness,
+) -> None:
     harness.see(0.0, "anna", "ben")
     harness.remember("anna", favourite="tea", cups=2)
     assert harness.begin("s").remembered == {"favourite": "tea", "cups": 2.0}
@@ -139,8 +136,7 @@ def test_remembered_values_appear_in_current_and_later_visits() -> None:
     assert harness.begin("t").remembered == {"favourite": "water"}
 
 
-def test_invalid_remember_request_is_rejected_without_change() -> None:
-    harness = KnownPersonsHarness()
+def test_invalid_remember_request_is_rejected_without_change(harness: KnownPersonsHarness) -> None:
     harness.see(0.0, "anna", strangers=("7",))
     assert refusal(harness, "7", favourite="tea") == "UNKNOWN_PERSON"
     assert refusal(harness, "nobody", favourite="tea") == "UNKNOWN_PERSON"
@@ -150,8 +146,9 @@ def test_invalid_remember_request_is_rejected_without_change() -> None:
     assert harness.begin("s").remembered == {}
 
 
-def test_forgetting_person_drops_remembered_values_until_they_return() -> None:
-    harness = KnownPersonsHarness()
+def test_forgetting_person_drops_remembered_values_until_they_return(
+    harness: KnownPersonsHarness,
+) -> None:
     harness.see(0.0, "anna")
     harness.remember("anna", favourite="tea")
     assert harness.memory.forget(person="anna")
@@ -161,8 +158,7 @@ def test_forgetting_person_drops_remembered_values_until_they_return() -> None:
     assert "anna" not in persons
 
 
-def test_absent_person_is_remembered_across_restart() -> None:
-    harness = KnownPersonsHarness()
+def test_absent_person_is_remembered_across_restart(harness: KnownPersonsHarness) -> None:
     harness.see(0.0, "anna", strangers=("7",))
     harness.remember("anna", favourite="tea", cups=1)
     harness.see(1.0)
@@ -197,8 +193,7 @@ def test_memory_file_holds_only_values_declared_in_scene() -> None:
         read(**{f"k{number}": 1 for number in range(33)})
 
 
-def test_told_value_lasts_until_newer_measurement() -> None:
-    harness = KnownPersonsHarness()
+def test_told_value_lasts_until_newer_measurement(harness: KnownPersonsHarness) -> None:
     harness.see(0.0, "anna")
     harness.begin("s")
     harness.give("s", pain=8.0, noise=3.0)
@@ -213,8 +208,9 @@ def test_told_value_lasts_until_newer_measurement() -> None:
     assert harness.pain() == "measured 5"
 
 
-def test_personal_value_persists_across_interactions_unlike_scene_value() -> None:
-    harness = KnownPersonsHarness()
+def test_personal_value_persists_across_interactions_unlike_scene_value(
+    harness: KnownPersonsHarness,
+) -> None:
     harness.see(0.0, "anna")
     harness.begin("s")
     harness.give("s", pain=8.0, noise=3.0)
@@ -223,8 +219,7 @@ def test_personal_value_persists_across_interactions_unlike_scene_value() -> Non
     assert [one.origin for one in later.values] == [Origin.TOLD, Origin.MISSING]
 
 
-def test_personal_value_is_forgotten_when_person_leaves() -> None:
-    harness = KnownPersonsHarness()
+def test_personal_value_is_forgotten_when_person_leaves(harness: KnownPersonsHarness) -> None:
     harness.see(0.0, "anna")
     harness.begin("s")
     harness.give("s", told=False, pain=8.0)
@@ -236,8 +231,7 @@ def test_personal_value_is_forgotten_when_person_leaves() -> None:
     assert harness.pain() == "missing"
 
 
-def test_personal_value_does_not_pass_to_next_addressee() -> None:
-    harness = KnownPersonsHarness()
+def test_personal_value_does_not_pass_to_next_addressee(harness: KnownPersonsHarness) -> None:
     harness.see(0.0, "anna", "ben")
     harness.begin("s")
     harness.give("s", pain=8.0)
@@ -269,8 +263,7 @@ def test_value_without_measured_person_belongs_to_its_interaction() -> None:
     assert harness.pain() == "missing"
 
 
-def test_told_value_of_adopted_scene_stays_told() -> None:
-    harness = KnownPersonsHarness()
+def test_told_value_of_adopted_scene_stays_told(harness: KnownPersonsHarness) -> None:
     harness.see(0.0, "anna")
     harness.begin("s")
     harness.give("s", noise=3.0)

@@ -46,11 +46,6 @@ def test_uncertainty_grows_by_the_documented_formula(age_s):
     assert found.std(IGNORANCE, age_s) == pytest.approx(math.sqrt(expected))
 
 
-def test_sensor_uncertainty_is_part_of_estimate():
-    sure, unsure = running((3.0, 0.0, 1.0)), running((3.0, 0.8, 1.0))
-    assert unsure.std(IGNORANCE, 0.0) ** 2 - sure.std(IGNORANCE, 0.0) ** 2 == pytest.approx(0.32)
-
-
 def test_deviation_without_measurements_is_that_of_range():
     assert AGE.ignorance == IGNORANCE
 

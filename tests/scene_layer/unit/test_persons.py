@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy
 import pytest
@@ -21,24 +22,23 @@ from scene_layer.persons import LONGEST_ID, MOST_PERSONS, NOBODY, Persons, check
 HERE = Position(file="scene.yaml", line=1, column=1)
 
 
-def persons(
-    rule: str = "first",
-    *,
-    hold: float = 1.0,
-    better_by: float = 0.2,
-    lost_after: float = 0.5,
-    stale_after: float = 3.0,
-) -> Persons:
+def persons(rule: str = "first") -> Persons:
     tracked = TrackedSpec(
         topic="tracked",
         type="bt_agents_interfaces/msg/PersonIds",
         field="ids",
-        stale_after_s=stale_after,
-        lost_after_s=lost_after,
+        stale_after_s=3.0,
+        lost_after_s=0.5,
         position=HERE,
     )
-    addressee = AddresseeSpec(rule=AddresseeRule(rule), better_by=better_by, hold_s=hold)
+    addressee = AddresseeSpec(rule=AddresseeRule(rule), better_by=0.2, hold_s=1.0)
     return Persons(PersonsSpec(tracked=tracked, addressee=addressee))
+
+
+def see(crowd: Persons, ids: Iterable[str], ranks: dict[str, float], now: float) -> None:
+    """Receive the tracked persons and their ranks of one moment."""
+    crowd.receive_ids(ids, now)
+    crowd.update(ranks, now)
 
 
 Step = tuple[float, str | None, dict[str, float], str]
@@ -200,16 +200,14 @@ def test_addressee_follows_the_rule(rule: str, steps: list[Step]) -> None:
 )
 def test_addressee_reason_is_readable(rule, ids, ranks, words):
     crowd = persons(rule)
-    crowd.receive_ids(ids.split(), 0.0)
-    crowd.update(ranks, 0.0)
+    see(crowd, ids.split(), ranks, 0.0)
     assert crowd.reason == words
 
 
 def test_switch_and_loss_have_a_reason():
     crowd = persons("nearest")
     for now in (0.0, 2.0, 3.0):
-        crowd.receive_ids(["anna", "ben"], now)
-        crowd.update({"anna": 1.0, "ben": 1.5 if now < 1.0 else 0.5}, now)
+        see(crowd, ["anna", "ben"], {"anna": 1.0, "ben": 1.5 if now < 1.0 else 0.5}, now)
     assert crowd.reason == "ben has been nearer than anna for 1 s"
     crowd.receive_ids([], 3.5)
     crowd.update({}, 4.0)
@@ -217,7 +215,7 @@ def test_switch_and_loss_have_a_reason():
 
 
 def test_arrivals_and_departures_are_reported_once():
-    crowd = persons(lost_after=0.5)
+    crowd = persons()
     told = []
     for now, ids in [(0.0, "a b"), (0.1, "a b"), (0.2, "b"), (0.4, "b c"), (0.7, "b c")]:
         crowd.receive_ids(ids.split(), now)
@@ -233,11 +231,9 @@ def test_tracker_ids_may_be_numbers():
 
 def test_tracked_persons_take_precedence_over_new_ones():
     crowd = persons()
-    crowd.receive_ids(["anna"], 0.0)
-    crowd.update({}, 0.0)
+    see(crowd, ["anna"], {}, 0.0)
     others = [f"p{number}" for number in range(2 * MOST_PERSONS)]
-    crowd.receive_ids([*others, "anna"], 1.0)
-    crowd.update({}, 1.0)
+    see(crowd, [*others, "anna"], {}, 1.0)
     crowd.update({}, 1.6)
     assert crowd.addressee == "anna"
     assert len(crowd.tracked) == MOST_PERSONS
@@ -287,15 +283,13 @@ def test_duplicate_id_is_one_person():
 
 def test_first_of_ten_thousand_persons_are_tracked():
     crowd = persons()
-    crowd.receive_ids(["anna"], 0.0)
-    crowd.update({}, 0.0)
+    see(crowd, ["anna"], {}, 0.0)
     many = [f"p{number}" for number in range(10_000)]
     problem = crowd.receive_ids([*many, "anna"], 0.1)
     assert problem is not None
     assert problem.code == "TOO_MANY"
     crowd.update({}, 0.1)
     assert crowd.tracked == ("anna", *many[: MOST_PERSONS - 1])
-    crowd.receive_ids(reversed([*many, "anna"]), 0.2)
-    crowd.update({}, 0.2)
+    see(crowd, reversed([*many, "anna"]), {}, 0.2)
     assert len(crowd.tracked) == MOST_PERSONS
     assert crowd.addressee == "anna"

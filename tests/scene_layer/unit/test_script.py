@@ -34,6 +34,14 @@ def begin(performance: ScriptPerformance, scene_id: str, now: float = 0.0) -> Vi
     return found
 
 
+def begun(*visits: Visit, **more: object) -> ScriptPerformance:
+    """Return a performance whose first visit has begun with the scene s1."""
+    performance = play(*visits, **more)
+    performance.market(market(), 0.0)
+    begin(performance, "s1")
+    return performance
+
+
 def test_each_visit_begins_after_market_finishes_previous_one():
     a, b = visit("a"), visit("b")
     performance = play(a, b)
@@ -63,9 +71,7 @@ def test_first_visit_waits_for_idle_market_with_agents():
 
 
 def test_visit_ends_when_market_moved_to_another_scene():
-    performance = play(visit("a"), visit("b"))
-    performance.market(market(), 0.0)
-    begin(performance, "s1")
+    performance = begun(visit("a"), visit("b"))
     performance.market(market("s1", idle=False), 1.0)
     assert performance.over()
     assert performance.next(1.0) is None
@@ -75,9 +81,7 @@ def test_visit_ends_when_market_moved_to_another_scene():
 
 def test_visit_resumed_by_restarted_market_is_not_resent():
     a = visit("a", changes=(SceneChange(after_s=1.0, values={"mood": 2.0}),))
-    performance = play(a)
-    performance.market(market(), 0.0)
-    begin(performance, "s1")
+    performance = begun(a)
     performance.started("s1", 0.0)
     performance.market(market(epoch="new"), 1.0)
     assert not performance.over()
@@ -93,9 +97,7 @@ def test_visit_resumed_by_restarted_market_is_not_resent():
 
 def test_visit_unknown_to_restarted_market_is_sent_again():
     a = visit("a")
-    performance = play(a)
-    performance.market(market(), 0.0)
-    begin(performance, "s1")
+    performance = begun(a)
     performance.market(market(epoch="new"), 1.0)
     assert not performance.not_taken(1.0 + AGAIN_WITHIN_S)
     assert performance.not_taken(1.1 + AGAIN_WITHIN_S)
@@ -116,9 +118,7 @@ def test_scene_ignored_by_idle_market_is_sent_again():
 
 
 def test_busy_market_has_no_time_limit():
-    performance = play(visit("a"))
-    performance.market(market(), 0.0)
-    begin(performance, "s1", 0.0)
+    performance = begun(visit("a"))
     performance.market(market(idle=False), 0.1)
     assert not performance.not_taken(1000.0)
 
@@ -126,9 +126,7 @@ def test_busy_market_has_no_time_limit():
 def test_changes_come_once_timed_from_run_start():
     late = SceneChange(after_s=3.0, values={"mood": 1.0})
     early = SceneChange(after_s=1.0, values={"mood": 2.0})
-    performance = play(visit("a", changes=(late, early)))
-    performance.market(market(), 0.0)
-    begin(performance, "s1")
+    performance = begun(visit("a", changes=(late, early)))
     assert performance.due(100.0) == []
     performance.started("foreign", 100.0)
     assert performance.due(200.0) == []
@@ -157,9 +155,7 @@ def test_run_start_received_before_its_scene_counts():
 
 def test_faster_pace_brings_changes_sooner():
     change = SceneChange(after_s=10.0, values={"mood": 2.0})
-    performance = play(visit("a", changes=(change,)), pace=5.0)
-    performance.market(market(), 0.0)
-    begin(performance, "s1")
+    performance = begun(visit("a", changes=(change,)), pace=5.0)
     performance.started("s1", 0.0)
     assert performance.due(1.9) == []
     assert performance.due(2.0) == [change]
@@ -167,9 +163,7 @@ def test_faster_pace_brings_changes_sooner():
 
 def test_changes_of_finished_visit_are_dropped():
     change = SceneChange(after_s=1.0, values={"mood": 2.0})
-    performance = play(visit("a", changes=(change,)), visit("b"))
-    performance.market(market(), 0.0)
-    begin(performance, "s1")
+    performance = begun(visit("a", changes=(change,)), visit("b"))
     performance.started("s1", 0.0)
     performance.market(market("s1"), 0.5)
     assert performance.over()
@@ -180,9 +174,7 @@ def test_changes_of_finished_visit_are_dropped():
 
 def test_changes_that_were_not_due_are_named():
     early, late = (SceneChange(after_s=after, values={"mood": 1.0}) for after in (1.0, 5.0))
-    performance = play(visit("a", changes=(early, late)))
-    performance.market(market(), 0.0)
-    begin(performance, "s1")
+    performance = begun(visit("a", changes=(early, late)))
     assert performance.unmade == (early, late)
     performance.started("s1", 0.0)
     assert performance.due(2.0) == [early]

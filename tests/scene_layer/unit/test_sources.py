@@ -9,7 +9,6 @@ import pytest
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_core.source_mapping import inverted, mapped
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
@@ -18,14 +17,7 @@ from plain_message import message_of
 from scene_layer.fusion import Reading
 from scene_layer.health import Standing
 from scene_layer.sources import Sources
-
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "mood")
-    ),
-    mood="mood",
-)
+from scene_spaces import AGE_AND_MOOD as SPACE
 
 
 def source(
@@ -47,6 +39,11 @@ MOOD = source("mood")
 OTHER_MOOD = source("mood", topic="face/mood", line=2)
 PERSON = source("person")
 SPEC = SceneSpec(space=SPACE, sources=(AGE, MOOD, OTHER_MOOD), person=PERSON)
+
+
+@pytest.fixture
+def sources() -> Sources:
+    return Sources(SPEC)
 
 
 @pytest.mark.parametrize(
@@ -95,8 +92,7 @@ def read(sources: Sources, spec: SourceSpec, raw: object, now: float, person: st
         (5.5, "OUT_OF_RANGE"),
     ],
 )
-def test_bad_reading_is_rejected_and_last_good_kept(raw, code):
-    sources = Sources(SPEC)
+def test_bad_reading_is_rejected_and_last_good_kept(sources, raw, code):
     read(sources, MOOD, 4.0, 10.0)
     for count in (1, 2):
         with pytest.raises(Refused) as refused:
@@ -109,16 +105,14 @@ def test_bad_reading_is_rejected_and_last_good_kept(raw, code):
     assert (reading.value, reading.at, reading.stale_at) == (4.0, 10.0, 12.0)
 
 
-def test_reading_outside_map_is_clamped_but_infinity_rejected():
-    sources = Sources(SPEC)
+def test_reading_outside_map_is_clamped_but_infinity_rejected(sources):
     read(sources, AGE, 1e300, 0.0)
     assert sources.latest("age", 0.0).value == 5.0
     with pytest.raises(Refused, match="NOT_FINITE"):
         read(sources, AGE, math.inf, 1.0)
 
 
-def test_fresh_readings_of_several_sources_are_fused():
-    sources = Sources(SPEC)
+def test_fresh_readings_of_several_sources_are_fused(sources):
     read(sources, MOOD, 4.0, 1.0)
     read(sources, OTHER_MOOD, 2.0, 2.0)
     both = sources.latest("mood", 3.0)
@@ -127,8 +121,7 @@ def test_fresh_readings_of_several_sources_are_fused():
     assert sources.latest("mood", 3.5).value == 2.0
 
 
-def test_newest_reading_remains_when_all_are_stale():
-    sources = Sources(SPEC)
+def test_newest_reading_remains_when_all_are_stale(sources):
     read(sources, MOOD, 4.0, 1.0)
     read(sources, OTHER_MOOD, 2.0, 2.0)
     assert sources.latest("mood", 9.0).value == 2.0
@@ -136,16 +129,14 @@ def test_newest_reading_remains_when_all_are_stale():
     assert sources.reading(MOOD, 9.0) is None
 
 
-def test_changed_reading_is_distinguished_from_repetition():
-    sources = Sources(SPEC)
+def test_changed_reading_is_distinguished_from_repetition(sources):
     assert read(sources, MOOD, 4.0, 1.0)
     assert not read(sources, MOOD, 4.0, 2.0)
     assert read(sources, MOOD, 3.0, 3.0)
     assert read(sources, MOOD, 3.0, 9.0), "it had been stale, so it is news again"
 
 
-def test_boolean_is_read_as_zero_or_one():
-    sources = Sources(SPEC)
+def test_boolean_is_read_as_zero_or_one(sources):
     read(sources, PERSON, True, 1.0)
     assert sources.latest_person().value == 1.0
     read(sources, PERSON, False, 2.0)
@@ -208,9 +199,8 @@ def test_table_maps_words_and_rejects_unknown_ones():
     assert after(source, {"emotion": 7}).value == 3.0
     assert after(source, {"emotion": 7.0}).value == 3.0
     assert after(source, {"emotion": ""}) is None, "no word is no measurement"
-    with pytest.raises(Refused, match="'angry', expected one of happy, sad") as refused:
+    with pytest.raises(Refused, match=r"^UNKNOWN_WORD: .*'angry', expected one of happy, sad"):
         after(source, {"emotion": "angry"})
-    assert refused.value.code == "UNKNOWN_WORD"
 
 
 def test_nan_field_takes_value_after_else():
@@ -233,16 +223,14 @@ def test_reading_without_confidence_is_no_measurement():
 
 @pytest.mark.parametrize("sure", [1.01, -0.1, math.nan, math.inf, "high", None])
 def test_confidence_outside_0_to_1_is_rejected(sure):
-    with pytest.raises(Refused, match="expected 0 to 1") as refused:
+    with pytest.raises(Refused, match=r"^OUT_OF_RANGE: .*expected 0 to 1"):
         after(topic("data", "confidence: sure"), {"data": 2.0, "sure": sure})
-    assert refused.value.code == "OUT_OF_RANGE"
 
 
 @pytest.mark.parametrize("std", [-0.1, math.nan, math.inf, "small", None])
 def test_negative_standard_deviation_is_rejected(std):
-    with pytest.raises(Refused, match="expected 0 or more") as refused:
+    with pytest.raises(Refused, match=r"^OUT_OF_RANGE: .*expected 0 or more"):
         after(topic("data", "std: doubt"), {"data": 2.0, "doubt": std})
-    assert refused.value.code == "OUT_OF_RANGE"
 
 
 def test_standard_deviation_is_mapped_with_the_reading():
@@ -267,16 +255,14 @@ def test_table_leaves_standard_deviation_unmapped():
 def test_empty_list_is_ignored_but_missing_field_rejected():
     source = topic("faces.0.mood")
     assert after(source, {"faces": []}) is None
-    with pytest.raises(Refused, match=r"no field 'faces\.0\.mood'") as refused:
+    with pytest.raises(Refused, match=r"^UNKNOWN_FIELD: .*no field 'faces\.0\.mood'"):
         after(source, {"faces": [{"age": 3}]})
-    assert refused.value.code == "UNKNOWN_FIELD"
 
 
 def test_uncomputable_reading_is_rejected_and_counted():
     sources, spec = written(topic("msg.a / msg.b"))
-    with pytest.raises(Refused, match="by zero") as refused:
+    with pytest.raises(Refused, match=r"^NOT_COMPUTABLE: .*by zero"):
         sources.read(spec.sources[0], message_of({"a": 1, "b": 0}), 0.0)
-    assert refused.value.code == "NOT_COMPUTABLE"
     assert sources.refusals == {("face", "NOT_COMPUTABLE"): 1}
 
 
@@ -354,14 +340,12 @@ def test_place_is_constant_or_read_from_topic():
 )
 def test_place_must_be_a_short_text(text, code):
     sources, spec = written(topic("data"), f"place: {topic('data', name='where')}")
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{code}:"):
         read(sources, spec.place, text, 0.0)
-    assert refused.value.code == code
     assert sources.place(0.0) == ""
 
 
-def test_topic_standing_goes_from_unread_to_stale():
-    sources = Sources(SPEC)
+def test_topic_standing_goes_from_unread_to_stale(sources):
     assert set(sources.standings(now=0.0).values()) == {Standing.UNREAD}
     sources.read(AGE, message_of({"data": 20.0}), now=1.0)
     assert sources.standings(now=3.0)["sensors/age"] is Standing.FRESH
