@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.client import Client
 from rclpy.node import Node
 
+from bt_agents_core.delivery_queue import DeliveryQueue
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_ros.timers import steady_timer
 
@@ -46,10 +47,9 @@ class Outbox:
     ) -> None:
         self._node = node
         self._client = client
-        self._answer_s = answer_s
-        self._most = most
-        self._waiting: deque[_Request] = deque()
-        self._deadline: float | None = None
+        self._queue: DeliveryQueue[_Request] = DeliveryQueue(
+            time.monotonic, most=most, answer_s=answer_s
+        )
         self._sendings: deque[Any] = deque()
         self._late = False
         self._timer = steady_timer(node, _POLL_S, self._send, running=False)
@@ -57,7 +57,7 @@ class Outbox:
     @property
     def waiting(self) -> int:
         """Number of unanswered requests."""
-        return len(self._waiting)
+        return len(self._queue)
 
     @property
     def late(self) -> bool:
@@ -70,11 +70,9 @@ class Outbox:
         ``on_done`` is called once on the executor's thread, with the response, or with None if the
         request was dropped because the queue was full.
         """
-        dropped = None
-        if len(self._waiting) == self._most:
-            dropped = self._waiting.popleft()
+        dropped = self._queue.enqueue(_Request(request, on_done))
+        if dropped is not None:
             self._forget_sendings()
-        self._waiting.append(_Request(request, on_done))
         self._send()
         if self._timer.is_canceled():
             self._timer.reset()
@@ -96,21 +94,22 @@ class Outbox:
             )
 
     def _send(self) -> None:
-        if not self._waiting:
+        if not self._queue:
             self._timer.cancel()
             return
         if not self._client.service_is_ready():
             self._forget_sendings()
+            self._queue.peer_lost()
             self._warn_late("is not there")
             return
-        if self._deadline is not None:
-            if time.monotonic() < self._deadline:
-                return
+        if self._queue.overdue:
             self._warn_late("has not answered in time")
-        request = self._waiting[0]
+        request = self._queue.next_to_send
+        if request is None:
+            return
         if len(self._sendings) == _AWAITED:
             self._client.remove_pending_request(self._sendings.popleft())
-        self._deadline = time.monotonic() + self._answer_s
+        self._queue.sent()
         sending = self._client.call_async(request.message)
         self._sendings.append(sending)
         sending.add_done_callback(lambda future: self._on_response(request, future))
@@ -124,8 +123,7 @@ class Outbox:
             )
 
     def _forget_sendings(self) -> None:
-        """Drop the futures of everything sent so far to ignore late answers; send at once next."""
-        self._deadline = None
+        """Drop the futures of everything sent so far to ignore late answers."""
         while self._sendings:
             self._client.remove_pending_request(self._sendings.popleft())
 
@@ -135,12 +133,11 @@ class Outbox:
         if future.result().code == RefusalCode.STORAGE_FULL:
             self._warn_late("has no room on its disk")
             return
-        if not self._waiting or self._waiting[0] is not request:
+        if not self._queue.acknowledge(request):
             return
-        self._waiting.popleft()
         self._forget_sendings()
         self._send()
-        if self._late and not self._waiting:
+        if self._late and not self._queue:
             self._late = False
             self._node.get_logger().info(f"{self._client.srv_name} has answered all of them")
         request.on_done(future.result())

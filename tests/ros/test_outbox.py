@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from random import Random
 from typing import Any
 
 import pytest
@@ -171,18 +170,6 @@ def test_thousand_kept_requests_arrive_once_and_in_order(ros):
     server = Server(ros)
     ros.until(lambda: len(sender.answers) == 1000, limit_s=60.0)
     assert server.ids == names
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_requests_arrive_in_order_despite_lost_answers(ros, seed):
-    random = Random(seed)
-    server = Server(ros, lambda _: "swallow" if random.random() < 0.4 else "accept")
-    sender = Sender(ros, answer_s=0.05)
-    names = [str(number) for number in range(20)]
-    sender.put(*names)
-    ros.until(lambda: len(sender.answers) == 20, limit_s=60.0)
-    assert list(dict.fromkeys(server.ids)) == names
-    assert sender.outcomes == [(name, True) for name in names]
 
 
 # --- the feedback of trees ------------------------------------------------------------------
