@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,54 +21,45 @@ ResultRow = Mapping[str, object]
 """Row with the keys of :func:`result_columns`; missing cells are unknown."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ResultColumn:
-    """Column of the table.
+ResultColumns = Mapping[str, type]
+"""Key of each column → ``str``, ``int``, ``float`` or ``bool``."""
 
-    Attributes:
-        type: ``str``, ``int``, ``float`` or ``bool``.
-    """
-
-    key: str
-    type: type
-
-
-_FIXED = (
-    ResultColumn(key="row", type=str),
-    ResultColumn(key="epoch", type=str),
-    ResultColumn(key="round", type=int),
-    ResultColumn(key="time_s", type=float),
-    ResultColumn(key="scene_id", type=str),
-    ResultColumn(key="scene", type=str),
-    ResultColumn(key="strategy", type=str),
-    ResultColumn(key="preview", type=bool),
-    ResultColumn(key="outcome", type=str),
-    ResultColumn(key="agent", type=str),
-    ResultColumn(key="host", type=str),
-    ResultColumn(key="margin", type=float),
-    ResultColumn(key="rank", type=int),
-    ResultColumn(key="distance", type=float),
-    ResultColumn(key="bonus", type=float),
-    ResultColumn(key="score", type=float),
-    ResultColumn(key="runs", type=int),
-    ResultColumn(key="kind", type=str),
-    ResultColumn(key="source", type=str),
-    ResultColumn(key="layer", type=str),
-    ResultColumn(key="learning_rate", type=float),
-    ResultColumn(key="weight", type=float),
-    ResultColumn(key="wrong", type=bool),
-    ResultColumn(key="false_rate", type=float),
-    ResultColumn(key="reason", type=str),
-)
+_FIXED: ResultColumns = {
+    "row": str,
+    "epoch": str,
+    "round": int,
+    "time_s": float,
+    "scene_id": str,
+    "scene": str,
+    "strategy": str,
+    "preview": bool,
+    "outcome": str,
+    "agent": str,
+    "host": str,
+    "margin": float,
+    "rank": int,
+    "distance": float,
+    "bonus": float,
+    "score": float,
+    "runs": int,
+    "kind": str,
+    "source": str,
+    "layer": str,
+    "learning_rate": float,
+    "weight": float,
+    "wrong": bool,
+    "false_rate": float,
+    "reason": str,
+}
 
 _VECTORS = ("value", "before", "after", "target")
 """Vectors; each has a column for every scene parameter."""
 
 
-def result_columns(parameters: Sequence[str]) -> tuple[ResultColumn, ...]:
+def result_columns(parameters: Sequence[str]) -> ResultColumns:
     """Return the columns of results for these scene parameters."""
     vectors = (f"{of}_{name}" for of in _VECTORS for name in parameters)
-    return (*_FIXED, *(ResultColumn(key=key, type=float) for key in vectors))
+    return {**_FIXED, **dict.fromkeys(vectors, float)}
 
 
 def rows_of_decision(effect: PublishAuction) -> Iterator[ResultRow]:
@@ -259,29 +249,25 @@ class ResultFile:
         )
 
 
-def _known(row: ResultRow, columns: Sequence[ResultColumn]) -> list[object]:
+def _known(row: ResultRow, columns: ResultColumns) -> list[object]:
     """Return the cells of a row; None for unknown values, including NaN."""
-    found = (row.get(column.key) for column in columns)
+    found = map(row.get, columns)
     return [finite_or_none(cell) if isinstance(cell, float) else cell for cell in found]
 
 
-def _write_csv(
-    path: Path, columns: Sequence[ResultColumn], rows: Sequence[Sequence[object]]
-) -> None:
+def _write_csv(path: Path, columns: ResultColumns, rows: Sequence[Sequence[object]]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(column.key for column in columns)
+        writer.writerow(columns)
         writer.writerows(
             [str(cell).lower() if isinstance(cell, bool) else cell for cell in row] for row in rows
         )
 
 
-def _write_parquet(
-    path: Path, columns: Sequence[ResultColumn], rows: Sequence[Sequence[object]]
-) -> None:
+def _write_parquet(path: Path, columns: ResultColumns, rows: Sequence[Sequence[object]]) -> None:
     arrow, parquet = _import_pyarrow()
     types = {str: arrow.string(), int: arrow.int64(), float: arrow.float64(), bool: arrow.bool_()}
-    schema = arrow.schema([(column.key, types[column.type]) for column in columns])
+    schema = arrow.schema([(key, types[kind]) for key, kind in columns.items()])
     cells = [[row[place] for row in rows] for place in range(len(columns))]
     arrays = [arrow.array(c, type=f.type) for c, f in zip(cells, schema, strict=True)]
     parquet.write_table(arrow.table(arrays, schema=schema), path)
