@@ -521,6 +521,20 @@ class MappingReader:
         """Return an identifier."""
         return self.read(key, self._reading.name)
 
+    def known(
+        self, key: str, known: Collection[str], problem: str, otherwise: str = ""
+    ) -> str | None:
+        """Return one of some names; report another one as ``problem``, such as ``no input``.
+
+        The hint ``otherwise`` is for a name that is similar to none.
+        """
+        name = self.text(key)
+        if not name or name in known:
+            return name or None
+        hint = did_you_mean(name, known) or otherwise
+        self._reading.error("unknown-name", self.nodes[key], f"{problem} {quote(name)}", hint)
+        return None
+
     def integer(self, key: str) -> int | None:
         """Return an integer within the limits of the table."""
         return self.read(key, lambda n, w: self._reading.integer(n, w, *self._limits(key)))
