@@ -95,16 +95,15 @@ def run(
         if rounds is not None:
             spec = spec.shortened(rounds)
         start = time.monotonic()
-        # Each way consumes the feedback of its own copy.
         rows: list[ResultRow] = []
-        records = through_core(folder, with_seed(spec, spec.seed), settings, rows.append)
+        records = through_core(folder, spec, settings, rows.append)
         seconds = time.monotonic() - start
         agree = True
         if ros:
             from bt_agents_lab.cli.through_ros import through_ros
 
             rows = []
-            real = through_ros(folder, with_seed(spec, spec.seed), settings, rows.append)
+            real = through_ros(folder, spec, settings, rows.append)
             seconds = time.monotonic() - start
             agree = _compare(console, records, real)
             records = real
