@@ -621,6 +621,11 @@ def _shown(value: float, field_type: FieldType) -> str:
     return quantities.format_quantity(value, field_type, digits=6)
 
 
+def readable(values: Iterable[T | None]) -> tuple[T, ...]:
+    """Return what could be read, without the None for each wrong value."""
+    return tuple(value for value in values if value is not None)
+
+
 def adding(keys: Iterable[str]) -> str:
     """Return a hint that names every missing key."""
     lines = (f"'{key}: {FORMAT if key == 'format' else '…'}'" for key in keys)
