@@ -5,13 +5,12 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import Vector, finite_or_none
+from bt_agents_core.scene import finite_or_none
 from marketplace_node.outcomes import AuctionOutcome
 
 if TYPE_CHECKING:
@@ -22,122 +21,85 @@ ResultRow = Mapping[str, object]
 """Row with the keys of :func:`result_columns`; missing cells are unknown."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ResultColumn:
-    """Column of the table.
+ResultColumns = Mapping[str, type]
+"""Key of each column → ``str``, ``int``, ``float`` or ``bool``."""
 
-    Attributes:
-        type: ``str``, ``int``, ``float`` or ``bool``.
-    """
-
-    key: str
-    type: type
-
-
-_FIXED = (
-    ResultColumn(key="row", type=str),
-    ResultColumn(key="epoch", type=str),
-    ResultColumn(key="round", type=int),
-    ResultColumn(key="time_s", type=float),
-    ResultColumn(key="scene_id", type=str),
-    ResultColumn(key="scene", type=str),
-    ResultColumn(key="strategy", type=str),
-    ResultColumn(key="preview", type=bool),
-    ResultColumn(key="outcome", type=str),
-    ResultColumn(key="agent", type=str),
-    ResultColumn(key="host", type=str),
-    ResultColumn(key="margin", type=float),
-    ResultColumn(key="rank", type=int),
-    ResultColumn(key="distance", type=float),
-    ResultColumn(key="bonus", type=float),
-    ResultColumn(key="score", type=float),
-    ResultColumn(key="runs", type=int),
-    ResultColumn(key="kind", type=str),
-    ResultColumn(key="source", type=str),
-    ResultColumn(key="layer", type=str),
-    ResultColumn(key="learning_rate", type=float),
-    ResultColumn(key="weight", type=float),
-    ResultColumn(key="wrong", type=bool),
-    ResultColumn(key="false_rate", type=float),
-    ResultColumn(key="reason", type=str),
-)
+_FIXED: ResultColumns = {
+    "row": str,
+    "epoch": str,
+    "round": int,
+    "time_s": float,
+    "scene_id": str,
+    "scene": str,
+    "strategy": str,
+    "preview": bool,
+    "outcome": str,
+    "agent": str,
+    "host": str,
+    "margin": float,
+    "rank": int,
+    "distance": float,
+    "bonus": float,
+    "score": float,
+    "runs": int,
+    "kind": str,
+    "source": str,
+    "layer": str,
+    "learning_rate": float,
+    "weight": float,
+    "wrong": bool,
+    "false_rate": float,
+    "reason": str,
+}
 
 _VECTORS = ("value", "before", "after", "target")
 """Vectors; each has a column for every scene parameter."""
 
 
-def result_columns(parameters: Sequence[str]) -> tuple[ResultColumn, ...]:
+def result_columns(parameters: Sequence[str]) -> ResultColumns:
     """Return the columns of results for these scene parameters."""
     vectors = (f"{of}_{name}" for of in _VECTORS for name in parameters)
-    return (*_FIXED, *(ResultColumn(key=key, type=float) for key in vectors))
+    return {**_FIXED, **dict.fromkeys(vectors, float)}
 
 
 def rows_of_decision(effect: PublishAuction) -> Iterator[ResultRow]:
     """Return the rows of a round: the round, its accepted bids and its refused bids."""
-    decision, terms = effect.decision, effect.decision.terms
-    return _rows_of_round(
-        {
-            "epoch": terms.epoch,
-            "round": terms.round,
-            "scene_id": terms.scene.scene_id,
-            "scene": terms.scene.label,
-            "strategy": terms.strategy,
-            "preview": terms.preview,
-        },
-        terms.scene,
-        outcome=decision.outcome,
-        winner="" if decision.winner is None else decision.winner.agent,
-        margin=decision.margin,
-        reason=effect.reason,
-        ranking=decision.ranking,
-        refused=decision.refused,
-    )
+    decision = effect.decision
+    winner = "" if decision.winner is None else decision.winner.agent
+    return _rows_of_round(decision.terms, decision, winner, effect.reason, {})
 
 
 def rows_of_auction(auction: Any) -> Iterator[ResultRow]:
     """Return the rows of :func:`rows_of_decision`, with times, for an ``Auction`` message."""
-    return _rows_of_round(
-        {
-            "epoch": auction.epoch,
-            "round": auction.round,
-            "time_s": _seconds(auction.header.stamp),
-            "scene_id": auction.scene.scene_id,
-            "scene": auction.scene.label,
-            "strategy": auction.strategy,
-            "preview": auction.preview,
-        },
-        auction.scene,
-        outcome=AuctionOutcome(auction.outcome),
-        winner=auction.winner,
-        margin=auction.margin,
-        reason=auction.reason,
-        ranking=auction.ranking,
-        refused=auction.refused,
-    )
+    times = {"time_s": _seconds(auction.header.stamp)}
+    return _rows_of_round(auction, auction, auction.winner, auction.reason, times)
 
 
 def _rows_of_round(
-    common: ResultRow,
-    scene: Any,
-    *,
-    outcome: AuctionOutcome,
-    winner: str,
-    margin: float,
-    reason: str,
-    ranking: Iterable[Any],
-    refused: Iterable[Any],
+    terms: Any, decision: Any, winner: str, reason: str, times: ResultRow
 ) -> Iterator[ResultRow]:
-    names = [value.name for value in scene.values]
+    """Return the rows of a round; an ``Auction`` message has both its terms and its decision."""
+    common = {
+        **times,
+        "epoch": terms.epoch,
+        "round": terms.round,
+        "scene_id": terms.scene.scene_id,
+        "scene": terms.scene.label,
+        "strategy": terms.strategy,
+        "preview": terms.preview,
+    }
+    values = terms.scene.values
+    names = [value.name for value in values]
     yield {
         **common,
         "row": "round",
-        "outcome": outcome.name.lower(),
+        "outcome": AuctionOutcome(decision.outcome).name.lower(),
         "agent": winner or None,
-        "margin": margin,
+        "margin": decision.margin,
         "reason": reason,
-        **_vector("value", names, [value.value for value in scene.values]),
+        **_vector("value", names, [value.value for value in values]),
     }
-    for rank, bid in enumerate(ranking, start=1):
+    for rank, bid in enumerate(decision.ranking, start=1):
         yield {
             **common,
             "row": "bid",
@@ -151,7 +113,7 @@ def _rows_of_round(
             "runs": bid.runs,
             **_vector("value", names[: len(bid.vector)], bid.vector),
         }
-    for one in refused:
+    for one in decision.refused:
         yield {
             **common,
             "row": "bid",
@@ -166,49 +128,36 @@ def row_of_change(
     change: ProfileChange, parameters: Sequence[str], wrong: bool | None
 ) -> ResultRow:
     """Return the row of a profile change by feedback that was wrong, right or unknown."""
-    cause = change.revision.cause
-    return {
-        "row": "feedback",
-        "epoch": cause.epoch or None,
-        "round": cause.round or None,
-        "agent": change.revision.agent,
-        "kind": FeedbackKind(cause.kind).name.lower(),
-        "source": cause.source,
-        "layer": change.revision.layer,
-        "learning_rate": cause.rate,
-        "weight": cause.weight,
-        "wrong": wrong,
-        "false_rate": change.false_rate,
-        "reason": cause.reason,
-        **_change(parameters, change.before, change.after, change.target),
-    }
+    revision = change.revision
+    row = _row_of_feedback(revision.cause, revision, change, parameters)
+    return {**row, "learning_rate": revision.cause.rate, "wrong": wrong}
 
 
 def row_of_feedback(feedback: Any, wrong: bool | None = None) -> ResultRow:
     """Return the row of :func:`row_of_change`, with its time, for a ``Feedback`` message."""
+    row = _row_of_feedback(feedback, feedback, feedback, feedback.parameters)
+    times = {"time_s": _seconds(feedback.header.stamp)}
+    return {**row, **times, "learning_rate": feedback.learning_rate, "wrong": wrong}
+
+
+def _row_of_feedback(
+    cause: Any, revision: Any, change: Any, parameters: Sequence[str]
+) -> ResultRow:
+    """Return what the rows share; a ``Feedback`` message is cause, revision and change in one."""
     return {
         "row": "feedback",
-        "epoch": feedback.epoch or None,
-        "round": feedback.round or None,
-        "time_s": _seconds(feedback.header.stamp),
-        "agent": feedback.agent,
-        "kind": FeedbackKind(feedback.kind).name.lower(),
-        "source": feedback.source,
-        "layer": feedback.layer,
-        "learning_rate": feedback.learning_rate,
-        "weight": feedback.weight,
-        "wrong": wrong,
-        "false_rate": feedback.false_rate,
-        "reason": feedback.reason,
-        **_change(feedback.parameters, feedback.before, feedback.after, feedback.target),
-    }
-
-
-def _change(names: Sequence[str], before: Vector, after: Vector, target: Vector) -> ResultRow:
-    return {
-        **_vector("before", names, before),
-        **_vector("after", names, after),
-        **_vector("target", names, target),
+        "epoch": cause.epoch or None,
+        "round": cause.round or None,
+        "agent": revision.agent,
+        "kind": FeedbackKind(cause.kind).name.lower(),
+        "source": cause.source,
+        "layer": revision.layer,
+        "weight": cause.weight,
+        "false_rate": change.false_rate,
+        "reason": cause.reason,
+        **_vector("before", parameters, change.before),
+        **_vector("after", parameters, change.after),
+        **_vector("target", parameters, change.target),
     }
 
 
@@ -259,29 +208,25 @@ class ResultFile:
         )
 
 
-def _known(row: ResultRow, columns: Sequence[ResultColumn]) -> list[object]:
+def _known(row: ResultRow, columns: ResultColumns) -> list[object]:
     """Return the cells of a row; None for unknown values, including NaN."""
-    found = (row.get(column.key) for column in columns)
+    found = map(row.get, columns)
     return [finite_or_none(cell) if isinstance(cell, float) else cell for cell in found]
 
 
-def _write_csv(
-    path: Path, columns: Sequence[ResultColumn], rows: Sequence[Sequence[object]]
-) -> None:
+def _write_csv(path: Path, columns: ResultColumns, rows: Sequence[Sequence[object]]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(column.key for column in columns)
+        writer.writerow(columns)
         writer.writerows(
             [str(cell).lower() if isinstance(cell, bool) else cell for cell in row] for row in rows
         )
 
 
-def _write_parquet(
-    path: Path, columns: Sequence[ResultColumn], rows: Sequence[Sequence[object]]
-) -> None:
+def _write_parquet(path: Path, columns: ResultColumns, rows: Sequence[Sequence[object]]) -> None:
     arrow, parquet = _import_pyarrow()
     types = {str: arrow.string(), int: arrow.int64(), float: arrow.float64(), bool: arrow.bool_()}
-    schema = arrow.schema([(column.key, types[column.type]) for column in columns])
+    schema = arrow.schema([(key, types[kind]) for key, kind in columns.items()])
     cells = [[row[place] for row in rows] for place in range(len(columns))]
     arrays = [arrow.array(c, type=f.type) for c, f in zip(cells, schema, strict=True)]
     parquet.write_table(arrow.table(arrays, schema=schema), path)

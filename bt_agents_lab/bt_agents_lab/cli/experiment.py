@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -95,16 +94,15 @@ def run(
         if rounds is not None:
             spec = spec.shortened(rounds)
         start = time.monotonic()
-        # Each way consumes the feedback of its own copy.
         rows: list[ResultRow] = []
-        records = through_core(folder, with_seed(spec, spec.seed), settings, rows.append)
+        records = through_core(folder, spec, settings, rows.append)
         seconds = time.monotonic() - start
         agree = True
         if ros:
             from bt_agents_lab.cli.through_ros import through_ros
 
             rows = []
-            real = through_ros(folder, with_seed(spec, spec.seed), settings, rows.append)
+            real = through_ros(folder, spec, settings, rows.append)
             seconds = time.monotonic() - start
             agree = _compare(console, records, real)
             records = real
@@ -144,7 +142,8 @@ def plot(name: str, output: Path, seeds: int) -> None:
     with loading():
         from bt_agents_lab.experiments import claims, paper_figures, verdicts
 
-    if name not in ("all", "1", "2", "3"):
+    steps = {"1": 2, "2": 2, "3": 3, "all": 7}
+    if name not in steps:
         raise BtAgentsError(f"no figures of '{name}'; there are figures of 1, 2, 3 and all")
 
     def paper(folder: str) -> claims.Paper:
@@ -154,36 +153,33 @@ def plot(name: str, output: Path, seeds: int) -> None:
     runs = range(seeds)
     judged = []
 
-    def first() -> Iterator[None]:
-        one = paper("1")
-        paper_figures.first(output, one)
-        yield
-        judged.extend(claims.first(one))
-        yield
-
-    def second() -> Iterator[None]:
-        arms = {arm: paper(f"2-{arm}") for arm in claims.RATES}
-        paper_figures.second(output, arms, runs)
-        yield
-        judged.extend(claims.second(arms, runs))
-        yield
-
-    def third() -> Iterator[None]:
-        three = paper("3")
-        many = claims.played_third(three, runs)
-        yield
-        paper_figures.third(output, many, three.spec.rounds)
-        yield
-        judged.extend(claims.third(many))
-        yield
+    def drawn_and_judged() -> Iterator[None]:
+        """Yield after each step."""
+        if name in ("1", "all"):
+            one = paper("1")
+            paper_figures.first(output, one)
+            yield
+            judged.extend(claims.first(one))
+            yield
+        if name in ("2", "all"):
+            arms = {arm: paper(f"2-{arm}") for arm in claims.RATES}
+            paper_figures.second(output, arms, runs)
+            yield
+            judged.extend(claims.second(arms, runs))
+            yield
+        if name in ("3", "all"):
+            three = paper("3")
+            many = claims.played_third(three, runs)
+            yield
+            paper_figures.third(output, many, three.spec.rounds)
+            yield
+            judged.extend(claims.third(many))
+            yield
 
     console = Console()
-    steps = {"1": (first, 2), "2": (second, 2), "3": (third, 3)}
-    wanted = [step for of, step in steps.items() if name in ("all", of)]
     with progress_bar() as progress:
-        total = sum(count for _, count in wanted)
-        done = chain.from_iterable(step() for step, _ in wanted)
-        for _ in progress.track(done, total, description="drawing and judging"):
+        done = drawn_and_judged()
+        for _ in progress.track(done, steps[name], description="drawing and judging"):
             pass
         stem = "verdicts" if name == "all" else f"verdicts-{name}"
         _write(output / f"{stem}.md", verdicts.as_markdown(judged))

@@ -211,7 +211,7 @@ def through_core(
     settings: Settings | None = None,
     on_result: Callable[[ResultRow], None] = lambda _: None,
 ) -> list[FeedbackRecord]:
-    """Play a whole experiment, consuming its feedback, and return its rounds.
+    """Play a whole experiment and return its rounds.
 
     Without settings, agents are selected as in the paper. Rows of the table of results are passed
     on as they arise.

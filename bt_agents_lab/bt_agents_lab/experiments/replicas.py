@@ -81,7 +81,7 @@ def streams_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]
 
 
 def with_seed(spec: ExperimentSpec, seed: int) -> ExperimentSpec:
-    """Return an experiment with another seed, and with its feedback from the start."""
+    """Return an experiment with another seed."""
     errors = spec.feedback.errors
     return with_errors(
         replace(spec, seed=seed), None if errors is None else replace(errors, seed=seed)

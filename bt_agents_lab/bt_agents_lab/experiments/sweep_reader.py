@@ -39,7 +39,7 @@ from bt_agents_language.yaml.field_tables import (
     integer,
     number,
 )
-from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
 
@@ -176,9 +176,10 @@ def read_sweep(path: Path) -> SweepSpec:
             reading.problems.raise_if_any()
         world = _world(path.parent / folder)
         space = world.space
-        selections = [_selection(reading, node) for node in fields.items("strategies")]
-        learnings = [_learning(reading, node, space) for node in fields.items("updates")]
-        for key, found in (("strategies", selections), ("updates", learnings)):
+        strategies, updates = fields.items("strategies"), fields.items("updates")
+        selections = readable(_selection(reading, node) for node in strategies)
+        learnings = readable(_learning(reading, node, space) for node in updates)
+        for key, found in (("strategies", strategies), ("updates", updates)):
             if not found:
                 reading.error("missing-value", fields.nodes[key], f"'{key}' is empty", "name one")
         shares: tuple[float, ...] = (0.0,)
@@ -211,8 +212,8 @@ def read_sweep(path: Path) -> SweepSpec:
             seed=seed,
             shares=shares,
             wrong=wrong or "any",
-            selections=tuple(one for one in selections if one is not None),
-            learnings=tuple(one for one in learnings if one is not None),
+            selections=selections,
+            learnings=learnings,
         )
 
 
@@ -272,7 +273,7 @@ def _wrong(
     fields = reading.keys(node, _WRONG)
     if fields is None:
         return (0.0,), None
-    shares = [reading.number(item, "a share", 0, 1) for item in fields.items("shares")]
+    shares = readable(reading.number(item, "a share", 0, 1) for item in fields.items("shares"))
     says = fields.get("says")
     wrong: WrongFeedback | None = "any"
     if isinstance(says, Mapping):
@@ -280,7 +281,7 @@ def _wrong(
     elif says is not None:
         word = reading.choice(says, "'says'", ("any", "another"))
         wrong = None if word is None else "another" if word == "another" else "any"
-    return tuple(share for share in shares if share is not None), wrong
+    return shares, wrong
 
 
 def _person(reading: TypedReader, node: Node) -> Person | None:

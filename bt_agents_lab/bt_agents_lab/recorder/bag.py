@@ -12,7 +12,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import join_first, quote
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.source import read_source
-from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, entries_of, read_yaml
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 from bt_agents_language.yaml.yaml_reader import Sequence as YamlList
 
 METADATA = "metadata.yaml"
@@ -131,7 +131,7 @@ def _is_count(text: str) -> bool:
 
 def _text(node: Node | None, key: str) -> str:
     """Return the value of a key as text; empty if there is none."""
-    found = next((one.value for one in entries_of(node) if one.key.text == key), None)
+    found = node.get(key) if isinstance(node, Mapping) else None
     return found.text if isinstance(found, Scalar) else ""
 
 

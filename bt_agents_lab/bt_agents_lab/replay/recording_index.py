@@ -283,14 +283,14 @@ class _Indexer:
         if message.round == 1:
             self._whole.add(epoch)
         self._markets_of_epochs.setdefault(epoch, len(self._markets))
-        call = self._calls.pop((epoch, message.round), None)
+        call = self._calls.pop((epoch, message.round), _Call())
         one = Round(
             auction=message,
             runs=self._begun[epoch] if epoch in self._whole else None,
             space=self._known_space(),
-            excluded=call.excluded if call is not None else None,
-            pinned=call.pinned if call is not None else "",
-            vetoed=call.vetoed if call is not None else (),
+            excluded=call.excluded,
+            pinned=call.pinned,
+            vetoed=call.vetoed,
         )
         if one.runs is not None and one.runs + one.earlier < one.least:
             # A run that the journal has not received.
@@ -344,11 +344,11 @@ def _reason(error: Exception) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Call:
-    """Call for bids, with the pins and vetoes in force."""
+    """Call for bids, with the pins and vetoes in force; by default an unrecorded one."""
 
-    excluded: tuple[str, ...]
-    pinned: str
-    vetoed: tuple[str, ...]
+    excluded: tuple[str, ...] | None = None
+    pinned: str = ""
+    vetoed: tuple[str, ...] = ()
 
 
 _TAKEN = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.LOST)

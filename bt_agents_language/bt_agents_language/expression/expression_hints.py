@@ -54,7 +54,7 @@ def no_value(token: Token) -> ExpressionError:
 
 
 def with_phrase(
-    error: ExpressionError, text: str, range_of: Callable[[str], Range | None] | None
+    error: ExpressionError, text: str, range_of: Callable[[str], Range | None]
 ) -> ExpressionError:
     """Return the error, with a hint if the text contains a common phrase."""
     hint = _share_hint(text, range_of)
@@ -69,13 +69,13 @@ def with_phrase(
 _SHARE = re.compile(rf"({NAME})\s*([<>]=?|==)\s*([0-9]{{1,3}})\s*%(?!\s*[\w(])")
 
 
-def _share_hint(text: str, range_of: Callable[[str], Range | None] | None) -> str:
+def _share_hint(text: str, range_of: Callable[[str], Range | None]) -> str:
     """Return how to compare with a share of a range; empty if the text does not do that."""
     match = _SHARE.search(text)
     if match is None:
         return ""
     name, sign, share = match.groups()
-    limits = range_of(name) if range_of is not None else None
+    limits = range_of(name)
     if limits is None:
         return "'%' is the remainder of a division; write a plain number"
     value = limits.low + (limits.high - limits.low) * float(share) / 100

@@ -180,13 +180,17 @@ class Expression:
         return Undecided(f"cannot be decided: {told} ({why})", column)
 
 
+def _nothing_known(_: str) -> None:
+    """Return what is known of a name: nothing."""
+
+
 def parse_expression(
     text: str,
-    kind_of: Callable[[str], ValueKind | None] | None = None,
-    unit_of: Callable[[str], Dimension | None] | None = None,
+    kind_of: Callable[[str], ValueKind | None] = _nothing_known,
+    unit_of: Callable[[str], Dimension | None] = _nothing_known,
     words_of: Mapping[str, tuple[str, ...]] | None = None,
-    range_of: Callable[[str], Range | None] | None = None,
-    labels_of: Callable[[str], Labels | None] | None = None,
+    range_of: Callable[[str], Range | None] = _nothing_known,
+    labels_of: Callable[[str], Labels | None] = _nothing_known,
     texts: Mapping[str, str] | None = None,
     choices_of: Callable[[str], Sequence[str]] = lambda _: (),
 ) -> Expression:
@@ -253,8 +257,9 @@ def parse_parts(text: str) -> Part:
     Raises:
         ExpressionError: The text is not an expression.
     """
+    nothing = _nothing_known
     return _Parser(
-        tokenize(text), None, None, {}, None, lambda _: ANY_LABELS, {}, lambda _: ()
+        tokenize(text), nothing, nothing, {}, nothing, lambda _: ANY_LABELS, {}, lambda _: ()
     ).whole()
 
 
@@ -264,11 +269,11 @@ class _Parser:
     def __init__(
         self,
         tokens: list[Token],
-        kind_of: Callable[[str], ValueKind | None] | None,
-        unit_of: Callable[[str], Dimension | None] | None,
+        kind_of: Callable[[str], ValueKind | None],
+        unit_of: Callable[[str], Dimension | None],
         words_of: Mapping[str, tuple[str, ...]],
-        range_of: Callable[[str], Range | None] | None,
-        labels_of: Callable[[str], Labels | None] | None,
+        range_of: Callable[[str], Range | None],
+        labels_of: Callable[[str], Labels | None],
         texts: Mapping[str, str],
         choices_of: Callable[[str], Sequence[str]],
     ) -> None:
@@ -312,9 +317,7 @@ class _Parser:
     def _unexpected(self) -> ExpressionError:
         before = self._tokens[self._next - 1] if self._next else None
         after = None if self._at_end() else self._tokens[self._next + 1]
-        labels: Labels | None = None
-        if before is not None and self._labels_of is not None:
-            labels = self._labels_of(before.text)
+        labels = self._labels_of(before.text) if before is not None else None
         labels = None if labels is ANY_LABELS else labels
         return expression_hints.unexpected(self._token, before, after, labels)
 
@@ -448,8 +451,7 @@ class _Parser:
 
     def _domain(self, name: str) -> Domain:
         return Domain(
-            range=self._range_of(name) if self._range_of is not None else None,
-            texts=self._words_of.get(name) or self._choices_of(name),
+            range=self._range_of(name), texts=self._words_of.get(name) or self._choices_of(name)
         )
 
     def _attempt(self, check: Callable[P, T], *values: P.args, **named: P.kwargs) -> T | None:
@@ -557,13 +559,13 @@ class _Parser:
             )
         return Part(
             run=lambda lookup: lookup(name),
-            kind=self._kind_of(name) if self._kind_of is not None else None,
+            kind=self._kind_of(name),
             column=token.column,
             width=len(name),
-            unit=self._unit_of(name) if self._unit_of is not None else None,
+            unit=self._unit_of(name),
             words=self._words_of.get(name, ()),
-            range=self._range_of(name) if self._range_of is not None else None,
-            labels=self._labels_of(name) if self._labels_of is not None else None,
+            range=self._range_of(name),
+            labels=self._labels_of(name),
             name=name,
         )
 

@@ -12,7 +12,7 @@ from bt_agents_language.fields.scope import RESERVED, NameScope
 from bt_agents_language.fields.values import plain, read_value
 from bt_agents_language.model.specs import FieldSpec
 from bt_agents_language.yaml.field_tables import ANY, TEXT, Either, FieldDecl, KeyTable, WordChoice
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar
 
 TYPES = tuple(one.value for one in FieldType)
@@ -41,11 +41,8 @@ def read_inputs(
     reading: TypedReader, node: Node, what: str, kind: str = "input"
 ) -> tuple[FieldSpec, ...]:
     """Return declared inputs or outputs; report wrong ones, but keep them if possible."""
-    inputs = (
-        _read_input(reading, entry, kind)
-        for entry in reading.entries(node, f"the {kind}s of {what}", "names and types")
-    )
-    return tuple(one for one in inputs if one is not None)
+    entries = reading.entries(node, f"the {kind}s of {what}", "names and types")
+    return readable(_read_input(reading, entry, kind) for entry in entries)
 
 
 def _read_input(reading: TypedReader, entry: MappingEntry, kind: str) -> FieldSpec | None:

@@ -9,6 +9,7 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NoReturn
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import WEEKDAYS
@@ -67,20 +68,12 @@ class Assigned:
     choices: tuple[str, ...] = ()
 
 
-class _NoTextInside:
-    """Texts that a text may name: none, so that no text can contain itself."""
-
-    def languages(self) -> list[str]:
-        return []
-
-    def speaking(self, _: str) -> _NoTextInside:
-        return self
-
-    def find(self, name: str) -> WrittenText:
-        raise NoText(
-            f"a text cannot insert another one, '{TEXT_PREFIX}{name[:80]}'",
-            "insert both where they are needed",
-        )
+def _no_text_inside(name: str) -> NoReturn:
+    """Refuse a name in a text, so that no text can contain itself."""
+    raise NoText(
+        f"a text cannot insert another one, '{TEXT_PREFIX}{name[:80]}'",
+        "insert both where they are needed",
+    )
 
 
 class NameScope:
@@ -121,7 +114,7 @@ class NameScope:
         self._lenient = lenient
         self._ranges = {HOUR: Range(0, 23), **(ranges or {})}
         self._labels = dict(labels or {})
-        self._texts = texts
+        self._find_text = texts.find if texts is not None else None
 
     def and_message(self, name: str, fields: MessageFields) -> NameScope:
         """Return these names and the fields of a message; both share their records."""
@@ -138,7 +131,7 @@ class NameScope:
     def without_texts(self) -> NameScope:
         """Return these names without texts, for use in a text; both share their records."""
         names = copy(self)
-        names._texts = _NoTextInside()
+        names._find_text = _no_text_inside
         return names
 
     def text(self, name: str) -> WrittenText:
@@ -147,9 +140,9 @@ class NameScope:
         Raises:
             NoText: There is no such text.
         """
-        if self._texts is None:
+        if self._find_text is None:
             raise NoText(f"there is no text '{name[:80]}': this file is in no trees folder")
-        return self._texts.find(name.removeprefix(TEXT_PREFIX))
+        return self._find_text(name.removeprefix(TEXT_PREFIX))
 
     def _plain_text(self, name: str) -> str:
         """Return the text of a name in an expression, if it is one text without names."""

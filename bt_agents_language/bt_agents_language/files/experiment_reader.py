@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace, Vector
@@ -24,7 +24,7 @@ from bt_agents_language.yaml.field_tables import (
     one_of,
 )
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
 
 MAX_ROUNDS = 1_000_000
@@ -96,7 +96,9 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
         title = fields.text("title")
         rounds = fields.integer("rounds")
         seed = fields.integer("seed")
-        scenes = [read_vector(reading, node, "a scene", space) for node in fields.items("scenes")]
+        scenes = readable(
+            read_vector(reading, node, "a scene", space) for node in fields.items("scenes")
+        )
         feedback = None
         if (node := fields.get("feedback")) is not None:
             feedback = _feedback(reading, node, space.profiles, seed or 0)
@@ -105,11 +107,7 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
         assert seed is not None
         assert feedback is not None
         return ExperimentSpec(
-            title=title,
-            rounds=rounds,
-            seed=seed,
-            scenes=tuple(scene for scene in scenes if scene is not None),
-            feedback=feedback,
+            title=title, rounds=rounds, seed=seed, scenes=scenes, feedback=feedback
         )
 
 
@@ -136,7 +134,7 @@ def _feedback(
     return PreparedFeedback(
         each=each,
         sequences=_sequences(reading, fields, space, each),
-        sequence=_opinions(reading, fields.items("sequence"), space),
+        sequence=readable(_opinion(reading, item, space) for item in fields.items("sequence")),
         repeat=bool(fields.boolean("repeat")),
         errors=None if errors_node is None else _errors(reading, errors_node, space, seed),
     )
@@ -163,17 +161,10 @@ def _sequences(
                 f"{quote(agent)} stands under 'each', too",
                 "leave it there if it always gets the same feedback, else here",
             )
-        opinions = _opinions(reading, items, space)
+        opinions = readable(_opinion(reading, item, space) for item in items)
         if agent is not None:
             sequences[agent] = opinions
     return sequences
-
-
-def _opinions(
-    reading: TypedReader, items: Iterable[Node], space: SceneSpace
-) -> tuple[Vector, ...]:
-    found = [_opinion(reading, item, space) for item in items]
-    return tuple(vector for vector in found if vector is not None)
 
 
 def _errors(

@@ -22,7 +22,7 @@ from bt_agents_language.yaml.field_tables import (
     KeyTable,
 )
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Node
 
 MARKET_FILE = "market.yaml"
@@ -84,9 +84,9 @@ def read_market(file: Path | Source, space: SceneSpace) -> tuple[MarketRule, ...
     with TypedReader.of(file) as reading:
         fields = reading.file(MARKET)
         names = scene_scope(space, scene_names(space, ("scene",)))
-        rules = [_rule(reading, node, names) for node in fields.items("rules")]
+        rules = readable(_rule(reading, node, names) for node in fields.items("rules"))
         reading.problems.raise_if_any()
-        return tuple(rule for rule in rules if rule is not None)
+        return rules
 
 
 def unknown_agents(rules: Iterable[MarketRule], known: Collection[str]) -> Iterator[Diagnostic]:

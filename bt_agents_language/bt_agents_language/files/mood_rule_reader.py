@@ -31,7 +31,7 @@ from bt_agents_language.yaml.field_tables import (
     Single,
     WordChoice,
 )
-from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Node
 
 _GIVES = {kind.name.lower(): kind for kind in (FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE)}
@@ -79,8 +79,7 @@ def read_mood_rules(
     reading: TypedReader, agent: MappingReader, space: SceneSpace
 ) -> tuple[MoodRule, ...]:
     """Return the mood rules of an agent file; report problems."""
-    rules = (_rule(reading, node, space) for node in agent.items("feedback"))
-    return tuple(rule for rule in rules if rule is not None)
+    return readable(_rule(reading, node, space) for node in agent.items("feedback"))
 
 
 def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> MoodRule | None:

@@ -166,7 +166,7 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
             )
         space = SceneSpace(
             parameters=tuple(parameters.values()),
-            mood=_mood(reading, fields, names),
+            mood=fields.known("mood", names, "there is no scene parameter"),
             remembers=_remembers(reading, fields),
         )
         persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
@@ -385,12 +385,3 @@ def _labels(
         if value is not None and text is not None:
             labels[value] = text
     return labels
-
-
-def _mood(reading: TypedReader, fields: MappingReader, names: list[str]) -> str | None:
-    mood = fields.text("mood")
-    if mood and mood not in names:
-        message = f"there is no scene parameter {quote(mood)}"
-        reading.error("unknown-name", fields.nodes["mood"], message, did_you_mean(mood, names))
-        return None
-    return mood or None

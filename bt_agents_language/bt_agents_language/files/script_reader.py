@@ -22,7 +22,7 @@ from bt_agents_language.yaml.field_tables import (
     SceneValues,
 )
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Node
 
 LONGEST_NAME = 100
@@ -86,9 +86,9 @@ def read_script(file: Path | Source, space: SceneSpace) -> Script:
     with TypedReader.of(file) as reading:
         fields = reading.file(SCRIPT)
         title = fields.text("title")
-        visits = [_visit(reading, node, space) for node in fields.items("visits")]
+        visits = readable(_visit(reading, node, space) for node in fields.items("visits"))
         reading.problems.raise_if_any()
-        return Script(title=title, visits=tuple(visit for visit in visits if visit is not None))
+        return Script(title=title, visits=visits)
 
 
 def _visit(reading: TypedReader, node: Node, space: SceneSpace) -> Visit | None:
@@ -97,14 +97,12 @@ def _visit(reading: TypedReader, node: Node, space: SceneSpace) -> Visit | None:
         return None
     scene = fields.get("scene")
     person = fields.boolean("person")
-    changes = [_change(reading, change, space) for change in fields.items("changes")]
+    changes = readable(_change(reading, change, space) for change in fields.items("changes"))
     return Visit(
         label=fields.text("label"),
         person=True if person is None else person,
         values=read_values(reading, scene, "'scene'", space) if scene is not None else {},
-        changes=tuple(
-            sorted((c for c in changes if c is not None), key=lambda change: change.after_s)
-        ),
+        changes=tuple(sorted(changes, key=lambda change: change.after_s)),
         answers=_answers(reading, fields),
         buttons=_buttons(reading, fields),
         urgent=bool(fields.boolean("urgent")),

@@ -68,7 +68,7 @@ def read_candidate(
     absent = interfaces is not None and package != "" and not interfaces.has_package(package)
     known = None if absent else interfaces
     outputs = _outputs(reading, fields, kind, type_name, skill, known, what, inline)
-    place = _place(reading, fields, skill, lenient=lenient)
+    place = _place(fields, skill, lenient=lenient)
     inputs = {one.name: one.type for one in skill.inputs}
     names = NameScope(inputs, hidden=dict.fromkeys(PLACE_NAMES, _NAME_PLACE), lenient=lenient)
     binding = read_binding(
@@ -88,15 +88,12 @@ def read_candidate(
     return BindingCandidate(robot=robot, binding=replace(binding, place=place))
 
 
-def _place(reading: TypedReader, fields: MappingReader, skill: SkillSpec, *, lenient: bool) -> str:
+def _place(fields: MappingReader, skill: SkillSpec, *, lenient: bool) -> str:
     """Return the input that names a place; empty if missing or wrong."""
-    name = fields.text("place")
-    if not name or name in skill.input_names or lenient:
-        return name
-    message = f"skill '{skill.name}' has no input {quote(name)}"
-    hint = did_you_mean(name, skill.input_names) or "write the name of one of its inputs"
-    reading.error("unknown-name", fields.nodes["place"], message, hint)
-    return ""
+    if lenient:
+        return fields.text("place")
+    problem, hint = f"skill '{skill.name}' has no input", "write the name of one of its inputs"
+    return fields.known("place", skill.input_names, problem, hint) or ""
 
 
 def _outputs(

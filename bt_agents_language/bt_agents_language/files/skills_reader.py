@@ -276,7 +276,7 @@ class SkillsReader:
         skill = SkillSpec(
             name=name,
             description=fields.text("description"),
-            main=_main(reading, fields, inputs),
+            main=fields.known("main", [one.name for one in inputs], "there is no input"),
             inputs=inputs,
             outputs=_outputs(reading, fields),
             binding=None,
@@ -306,18 +306,6 @@ def _amount(
 
 def _robot(reading: TypedReader, fields: MappingReader) -> str:
     return fields.name("robot") or PurePosixPath(reading.source.file).stem
-
-
-def _main(
-    reading: TypedReader, fields: MappingReader, inputs: tuple[FieldSpec, ...]
-) -> str | None:
-    main = fields.text("main")
-    known = [one.name for one in inputs]
-    if main and main not in known:
-        message = f"there is no input {quote(main)}"
-        reading.error("unknown-name", fields.nodes["main"], message, did_you_mean(main, known))
-        return None
-    return main or None
 
 
 def _outputs(reading: TypedReader, fields: MappingReader) -> tuple[FieldSpec, ...]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.nodes.node_type import MessageSource, NodeType
+from bt_agents_language.nodes.node_type import NodeType
 from bt_agents_language.nodes.ros_leaf import called_fields, read_ros_leaf
 
 ACTION = NodeType(
@@ -19,7 +19,7 @@ ACTION = NodeType(
     ),
     description="Sends a goal to a ROS action and waits for the result.",
     interface=BindingKind.ACTION,
-    message=MessageSource(kind=BindingKind.ACTION, section="result", prefix="result"),
+    message=BindingKind.ACTION,
     read=read_ros_leaf,
     idle=True,
     example="""\

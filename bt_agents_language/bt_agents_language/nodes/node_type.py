@@ -167,20 +167,6 @@ class SiblingKey:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MessageSource:
-    """ROS message that provides the ``outputs`` of a leaf.
-
-    Attributes:
-        section: Section of the interface type: ``result``.
-        prefix: Name of the message in the paths of outputs: ``msg``.
-    """
-
-    kind: BindingKind
-    section: str
-    prefix: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class Resources:
     """Resources outside the tree that a node of an agent uses.
 
@@ -317,7 +303,7 @@ class NodeType:
             decorator among them is a part of the composite.
         contrary: Decorator that the same node must not have.
         interface: Kind of the ROS interface that it names itself.
-        message: Source of its ``outputs``.
+        message: Kind of the ROS interface whose message provides its ``outputs``.
         read: Reader of its nodes; None reads them according to their fields.
         complete: Checks and completes the fields of a decorator: its value as written, and its
             fields as written and as read.
@@ -363,7 +349,7 @@ class NodeType:
     child_keys: Mapping[str, str] = field(default_factory=dict)
     contrary: str = ""
     interface: BindingKind | None = None
-    message: MessageSource | None = None
+    message: BindingKind | None = None
     read: Callable[[NodeReader, RawNode, str, NameScope], NodeSpec | None] | None = None
     complete: Callable[[TypedReader, Node, Mapping[str, Node], FieldValues], None] | None = None
     outcomes: Callable[[NodeSpec, Sequence[Outcomes]], Outcomes] = as_its_child

@@ -21,7 +21,7 @@ from bt_agents_language.nodes.node_type import (
     RawNode,
     Role,
 )
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
@@ -39,10 +39,9 @@ def _read_succeed_on(reading: TypedReader, raw: RawNode, node: Node) -> Plain:
     """Return ``all``, ``one``, a number, or the places of the named children."""
     what = "'succeed_on'"
     if isinstance(node, SequenceNode):
-        places = [_place(reading, raw, item) for item in node.items]
-        if not places:
+        if not node.items:
             reading.error("missing-value", node, f"{what} names no child", "name one")
-        return tuple(place for place in places if place is not None)
+        return readable(_place(reading, raw, item) for item in node.items)
     if not isinstance(node, Scalar) or node.text in ("all", "one") or node.empty:
         return reading.text(node, what) or "all"
     if not node.text.lstrip("+-").isdigit():

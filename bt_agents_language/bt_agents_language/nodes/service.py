@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.nodes.node_type import MessageSource, NodeType
+from bt_agents_language.nodes.node_type import NodeType
 from bt_agents_language.nodes.ros_leaf import called_fields, read_ros_leaf
 
 SERVICE = NodeType(
@@ -17,7 +17,7 @@ SERVICE = NodeType(
     ),
     description="Calls a ROS service.",
     interface=BindingKind.SERVICE,
-    message=MessageSource(kind=BindingKind.SERVICE, section="response", prefix="result"),
+    message=BindingKind.SERVICE,
     read=read_ros_leaf,
     idle=True,
     example="""\

@@ -10,7 +10,6 @@ from bt_agents_language.model.specs import Literal, NodeSpec
 from bt_agents_language.nodes.endings import EITHER, ENDLESS
 from bt_agents_language.nodes.node_type import (
     Content,
-    MessageSource,
     NodeField,
     NodeReader,
     NodeType,
@@ -110,7 +109,7 @@ WAIT_FOR = NodeType(
         ),
     ),
     description="Waits until a condition is true, or for a message on a topic.",
-    message=MessageSource(kind=BindingKind.TOPIC, section="message", prefix="msg"),
+    message=BindingKind.TOPIC,
     read=_read,
     outcomes=lambda spec, children: EITHER | ENDLESS,
     waits=Waits.EVENT,

@@ -13,14 +13,14 @@ from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import ANY_LABELS, ValueKind
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.fields.bindings import FEEDBACK
+from bt_agents_language.fields.bindings import FEEDBACK, RECEIVED
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.interfaces import Interfaces, MessageFields
 from bt_agents_language.fields.references import ONE_NAME, unmarked_expression
 from bt_agents_language.fields.scope import KINDS, Assigned, NameScope
 from bt_agents_language.fields.values import EXPECTED, may_be
 from bt_agents_language.model.specs import NOTHING, FieldSpec, SubtreeSpec
-from bt_agents_language.nodes.node_type import MessageSource, RawNode
+from bt_agents_language.nodes.node_type import RawNode
 from bt_agents_language.yaml.scalars import scalar_type
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
@@ -186,15 +186,15 @@ class AssignedNames:
             else scalar_type(node)
         )
 
-    def _message_outputs(self, source: MessageSource, value: MappingNode) -> Iterator[_Written]:
-        kind = source.kind
+    def _message_outputs(self, kind: BindingKind, value: MappingNode) -> Iterator[_Written]:
         named = value.get("type")
         type_name = named.text if isinstance(named, Scalar) else ""
-        message = MessageFields(self._interfaces, kind, type_name, source.section)
+        section = RECEIVED.get(kind, "message")
+        message = MessageFields(self._interfaces, kind, type_name, section)
         feedback = MessageFields(self._interfaces, kind, type_name, FEEDBACK)
         for item in entries_of(value.get("outputs")):
             path = item.value.text if isinstance(item.value, Scalar) else ""
-            fields, prefix = message, source.prefix
+            fields, prefix = message, "msg" if kind is BindingKind.TOPIC else "result"
             if kind is BindingKind.ACTION and path.startswith(f"{FEEDBACK}."):
                 fields, prefix = feedback, FEEDBACK
             yield item.key.text, item.key, fields.type_of(path.removeprefix(f"{prefix}.")), None

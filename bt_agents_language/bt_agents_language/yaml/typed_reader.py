@@ -521,6 +521,20 @@ class MappingReader:
         """Return an identifier."""
         return self.read(key, self._reading.name)
 
+    def known(
+        self, key: str, known: Collection[str], problem: str, otherwise: str = ""
+    ) -> str | None:
+        """Return one of some names; report another one as ``problem``, such as ``no input``.
+
+        The hint ``otherwise`` is for a name that is similar to none.
+        """
+        name = self.text(key)
+        if not name or name in known:
+            return name or None
+        hint = did_you_mean(name, known) or otherwise
+        self._reading.error("unknown-name", self.nodes[key], f"{problem} {quote(name)}", hint)
+        return None
+
     def integer(self, key: str) -> int | None:
         """Return an integer within the limits of the table."""
         return self.read(key, lambda n, w: self._reading.integer(n, w, *self._limits(key)))
@@ -605,6 +619,11 @@ class MappingReader:
 def _shown(value: float, field_type: FieldType) -> str:
     # Use more digits than rounding for people would keep.
     return quantities.format_quantity(value, field_type, digits=6)
+
+
+def readable(values: Iterable[T | None]) -> tuple[T, ...]:
+    """Return what could be read, without the None for each wrong value."""
+    return tuple(value for value in values if value is not None)
 
 
 def adding(keys: Iterable[str]) -> str:

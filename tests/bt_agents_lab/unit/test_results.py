@@ -77,15 +77,15 @@ def test_csv_and_parquet_hold_same_typed_data(tmp_path: Path) -> None:
     texts, values = rows_in(tmp_path / "r.csv"), rows_in(tmp_path / "r.parquet")
     assert len(texts) == len(values) == len(rows)
     columns = result_columns(names)
-    assert list(values[0]) == list(texts[0]) == [column.key for column in columns]
+    assert list(values[0]) == list(texts[0]) == list(columns)
     for text, value, row in zip(texts, values, rows, strict=True):
-        for column in columns:
-            found, given = value[column.key], row.get(column.key)
+        for key, kind in columns.items():
+            found, given = value[key], row.get(key)
             unknown = given is None or (isinstance(given, float) and math.isnan(given))
             assert found == (None if unknown else given)
-            assert found is None or type(found) is column.type
+            assert found is None or type(found) is kind
             shown = "" if found is None else str(found)
-            assert text[column.key] == (shown.lower() if column.type is bool else shown)
+            assert text[key] == (shown.lower() if kind is bool else shown)
 
 
 def test_decided_and_published_rounds_give_the_same_rows() -> None:
@@ -138,4 +138,4 @@ def test_every_column_is_documented_with_its_type() -> None:
     words = {str: "text", int: "whole number", float: "number", bool: "true or false"}
     documented = re.findall(r"^\| `(\w+)` \| ([a-z ]+) \|", page, re.MULTILINE)
     columns = result_columns(["NAME"])
-    assert documented == [(column.key, words[column.type]) for column in columns]
+    assert documented == [(key, words[kind]) for key, kind in columns.items()]

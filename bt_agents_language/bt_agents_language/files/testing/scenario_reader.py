@@ -59,7 +59,7 @@ from bt_agents_language.yaml.field_tables import (
     WordChoice,
     integer,
 )
-from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, several
 
@@ -228,10 +228,6 @@ class ScenarioReader:
             self._reading.wrong_type(
                 scene, "'scene'", "a mapping such as {age: 4, mood: 3}", Shape.MAPPING
             )
-        rules = map(self._rule, fields.entries("answers"))
-        variants = map(self._variant, fields.entries("variants"))
-        replacements = map(self._replacement, fields.entries("replace"))
-        happenings = map(self._happening, fields.items("during"))
         return Scenario(
             scene=values,
             person=True if person is None else person,
@@ -240,10 +236,10 @@ class ScenarioReader:
             tunables=self._tuned(fields.entries("tunables")),
             seed=fields.integer("seed") or 0,
             picks=self._picks(fields.get("picks")),
-            answers=tuple(one for one in rules if one is not None),
-            variants=tuple(one for one in variants if one is not None),
-            replace=tuple(one for one in replacements if one is not None),
-            during=tuple(one for one in happenings if one is not None),
+            answers=readable(map(self._rule, fields.entries("answers"))),
+            variants=readable(map(self._variant, fields.entries("variants"))),
+            replace=readable(map(self._replacement, fields.entries("replace"))),
+            during=readable(map(self._happening, fields.items("during"))),
         )
 
     def _picks(self, node: Node | None) -> tuple[str, ...]:

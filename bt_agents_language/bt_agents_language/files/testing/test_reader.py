@@ -57,7 +57,7 @@ from bt_agents_language.yaml.field_tables import (
     WordChoice,
 )
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, several
 
@@ -392,8 +392,7 @@ class _Expectations:
 
     def _uses(self, items: Iterable[Node], *, any_skill: bool = False) -> tuple[SkillUse, ...]:
         """Return uses of skills, with ``any_skill`` also of skills outside the agent's trees."""
-        uses = (self._use(item, any_skill) for item in items)
-        return tuple(use for use in uses if use is not None)
+        return readable(self._use(item, any_skill) for item in items)
 
     def _use(self, node: Node, any_skill: bool) -> SkillUse | None:
         if isinstance(node, Scalar):
