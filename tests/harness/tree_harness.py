@@ -13,7 +13,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.run import Run, RunLimits, StatusChange
+from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
@@ -158,10 +158,15 @@ class TreeHarness:
         return [(c.status.name, c.message) for c in self.changes if c.path == path]
 
     @property
+    def result(self) -> RunResult:
+        """The result of the run, which has ended."""
+        assert self.run.result is not None
+        return self.run.result
+
+    @property
     def message(self) -> str:
         """The reason for the run's outcome."""
-        assert self.run.result is not None
-        return self.run.result.message
+        return self.result.message
 
     @property
     def outcome(self) -> str:

@@ -9,40 +9,6 @@ from bt_agents.engine.scripted_environment import ScriptedReply
 from tree_harness import FAILS, LONG, TreeHarness, scene
 
 
-def test_sequence_runs_children_in_order() -> None:
-    #  t | first | second | sequence
-    #  0 |   R   |   -    |   R
-    #  1 |   S   |   R    |   R
-    #  2 |       |   S    |   S
-    harness = TreeHarness(
-        """
-        sequence:
-          - say: first
-          - say: second
-        """,
-        answers={"say": [ScriptedReply(after_s=1.0)]},
-    )
-    assert harness.tick() == "running"
-    assert harness.said == ["first"]
-    assert harness.after(1.0) == "running"
-    assert harness.said == ["first", "second"]
-    assert harness.after(1.0) == "succeeded"
-
-
-def test_sequence_fails_with_reason_of_first_failing_child() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - drive: gate 12
-          - say: never
-        """,
-        answers={"drive": FAILS},
-    )
-    assert harness.tick() == "failed"
-    assert harness.said == []
-    assert "drive aborted: motor off" in harness.message
-
-
 def test_check_fails_when_its_value_is_missing() -> None:
     harness = TreeHarness("check: scene.age > 2", awarded=scene(mood=3))
     assert harness.tick() == "failed"
@@ -74,13 +40,6 @@ def test_condition_indexes_list_and_fails_out_of_range() -> None:
     short.tick()
     short.environment.arrive("scan", {"ranges": [0.2]})
     assert short.tick() == "failed"
-
-
-def test_skill_fails_when_its_result_condition_is_false() -> None:
-    harness = TreeHarness(
-        "ask: Where to?", answers={"ask": [ScriptedReply(result={"answer": ""})]}
-    )
-    assert harness.tick() == "failed"
 
 
 def test_raw_leaves_send_their_declared_fields() -> None:
@@ -157,38 +116,6 @@ def test_only_live_names_follow_the_live_scene() -> None:
     assert harness.tick() == "running"
     harness.set_mood(2.0)
     assert harness.after(1.0) == "succeeded"
-
-
-def test_cancel_halts_leaves_cleans_up_and_settles() -> None:
-    #  t    | say       | show      | on_cancel | run
-    #  0    | R         | R         |           | R
-    #  0    | cancelled | cancel    |           | cleaning
-    #  0    |           |           | R (light) | cleaning
-    #  1    |           | ended     | S         | cancelled
-    harness = TreeHarness(
-        """
-        parallel:
-          children:
-            - say: x
-            - show: y
-        """,
-        head="on_cancel: {light: red}",
-        answers={
-            "say": LONG,
-            "show": [ScriptedReply(after_s=100.0, cancel_s=1.0)],
-            "set_light": [ScriptedReply(result={"accepted": True})],
-        },
-    )
-    harness.tick()
-    harness.changes = harness.run.cancel("enough")
-    assert {change.path for change in harness.changes} >= {"tree"}
-    assert harness.environment.running() == ["show"]
-    assert harness.tick() == "running"
-    assert harness.asked == ["say", "show", "set_light"]
-    assert harness.after(1.0) == "cancelled"
-    assert harness.run.result is not None
-    assert harness.run.result.orphans == ()
-    assert harness.run.result.message == "enough"
 
 
 def test_tick_reports_only_changes_in_order() -> None:

@@ -76,10 +76,6 @@ def test_quantity_is_shown_with_its_unit() -> None:
     assert as_written(90.0, FieldType.DURATION) == "1.5 min"
 
 
-def test_long_value_is_truncated() -> None:
-    assert len(as_written("x" * 10_000)) == 200
-
-
 def running(harness: TreeHarness) -> list[Countdown]:
     return Countdowns(harness.root).running(harness.run.deadlines, harness.environment.clock())
 

@@ -49,23 +49,6 @@ def test_retry_reports_its_attempt_number() -> None:
     ]
 
 
-def test_retry_without_pause_makes_one_attempt_per_tick() -> None:
-    harness = TreeHarness("drive: x\nretry: forever", answers={"drive": FAILS})
-    for number in range(1, 6):
-        assert harness.tick() == "running"
-        assert len(harness.asked) == number
-
-
-def test_endless_retry_ends_at_first_success() -> None:
-    harness = TreeHarness(
-        "drive: x\nretry: {attempts: forever, pause: 1 s}",
-        answers={"drive": [*FAILS * 20, ScriptedReply()]},
-    )
-    assert harness.tick(20, step_s=1.0) == "running"
-    assert harness.after(1.0) == "succeeded"
-    assert len(harness.asked) == 21
-
-
 def test_running_pause_follows_tuned_duration() -> None:
     harness = TreeHarness(
         "drive: x\nretry: {attempts: 5, pause: '${rest}'}", head=REST, answers={"drive": FAILS}
@@ -193,14 +176,11 @@ def test_repeat_until_true_condition_runs_once() -> None:
     assert len(harness.said) == 1
 
 
-def test_until_waits_for_missing_value_but_fails_undecided() -> None:
+def test_until_waits_for_missing_value() -> None:
     harness = TreeHarness("say: x\nrepeat: {until: live.age >= 4}", awarded=scene(mood=3))
     assert harness.tick(2) == "running"
     harness.set_live("age", 4.0)
     assert harness.tick() == "succeeded"
-    harness = TreeHarness("say: x\nrepeat: {until: 1 / live.mood > 0}", awarded=scene(mood=0))
-    assert harness.tick() == "failed"
-    assert "by zero" in harness.message
 
 
 def test_repeat_with_until_succeeds_at_its_count() -> None:
@@ -221,26 +201,3 @@ def test_until_reads_outputs_of_its_round() -> None:
     )
     assert harness.tick() == "running"
     assert harness.tick() == "succeeded"
-
-
-def test_timeout_applies_to_each_retry_attempt() -> None:
-    harness = TreeHarness(
-        "say: x\ntimeout: 2 s\nretry: {attempts: 2, pause: 9 s}", answers={"say": LONG}
-    )
-    harness.tick()
-    assert harness.after(2.0) == "running"
-    assert harness.environment.running() == []
-    harness.after(9.0)
-    assert harness.environment.running() == ["say"]
-    assert harness.after(2.0) == "failed"
-    assert len(harness.said) == 2
-
-
-def test_retry_around_repeat_resets_round_count() -> None:
-    harness = TreeHarness(
-        "drive: x\nrepeat: 2\nretry: 2",
-        answers={"drive": [ScriptedReply(), *FAILS, ScriptedReply()]},
-    )
-    assert harness.tick(3) == "running"
-    assert harness.tick() == "succeeded"
-    assert len(harness.asked) == 4

@@ -307,14 +307,6 @@ def test_non_plain_data_does_not_leave_blackboard() -> None:
     assert not py_trees.blackboard.Blackboard.exists("leak")
 
 
-def test_cancel_halts_plugin() -> None:
-    harness = TreeHarness(plugged(Nod, times=Literal(value=3)))
-    harness.tick()
-    harness.run.cancel("enough")
-    assert harness.outcome == "cancelled"
-    assert Nod.made[0].status is Status.INVALID
-
-
 def test_plugin_gets_copies_without_access_to_run() -> None:
     given = {"list": [1, 2]}
     harness = TreeHarness(

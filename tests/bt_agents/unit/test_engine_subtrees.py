@@ -38,14 +38,6 @@ def test_caller_renames_subtree_outputs() -> None:
     assert harness.run._context.scope.blackboard == {"four": 4, "eight": 8}
 
 
-def test_subtree_outputs_keep_their_names_by_default() -> None:
-    harness = TreeHarness(
-        "sequence:\n  - subtree: double\n    with: {n: 3}\n  - say: ${twice}", head=COUNT
-    )
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["6"]
-
-
 def test_subtree_writes_stay_local_to_their_call() -> None:
     # Only the first call writes 'half'; the second sees neither that value nor the caller's.
     head = """

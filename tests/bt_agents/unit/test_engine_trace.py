@@ -110,8 +110,8 @@ def test_a_tick_reports_a_limited_number_of_values() -> None:
 
 @pytest.mark.parametrize(
     "value",
-    [10**5000, [[0] * 1000] * 1000, {"k" * 9999: {"v" * 9999: 1}}],
-    ids=["number", "list", "mapping"],
+    [10**5000, "x" * 9999, [[0] * 1000] * 1000, {"k" * 9999: {"v" * 9999: 1}}],
+    ids=["number", "text", "list", "mapping"],
 )
 def test_long_values_are_shortened(value: object) -> None:
     assert len(as_written(value)) <= 200  # type: ignore[arg-type]
