@@ -70,16 +70,6 @@ def test_undo_restores_value_as_a_new_revision():
     ]  # fmt: skip
 
 
-def test_redo_reapplies_change_and_is_undoable():
-    desk = Desk(a_x=1)
-    desk.set(a_x=2)
-    desk.undo()
-    desk.redo()
-    assert desk.values == {"a.x": 2}
-    desk.undo()
-    assert desk.values == {"a.x": 1}
-
-
 def test_new_change_clears_redo():
     desk = Desk(a_x=1, b_x=1)
     desk.set(a_x=2)
@@ -93,27 +83,6 @@ def test_new_change_clears_redo():
 def test_undo_and_redo_refuse_when_empty(word):
     with pytest.raises(Refused, match=f"NOTHING_TO_{word.upper()}: no change of a to {word}"):
         getattr(Desk(a_x=1), word)("a")
-
-
-def test_values_set_together_are_undone_together():
-    desk = Desk(a_x=1, b_x=1)
-    desk.set(a_x=2, b_x=2)
-    desk.undo("b")
-    assert desk.values == {"a.x": 1, "b.x": 1}
-    desk.redo("a")
-    assert desk.values == {"a.x": 2, "b.x": 2}
-
-
-def test_agent_undo_keeps_later_changes_of_others():
-    desk = Desk(a_x=1, b_x=1)
-    desk.set(a_x=2)
-    desk.set(b_x=2)
-    desk.undo("a")
-    assert desk.values == {"a.x": 1, "b.x": 2}
-    desk.undo()
-    assert desk.values == {"a.x": 1, "b.x": 1}
-    desk.redo("b")
-    assert desk.values == {"a.x": 1, "b.x": 2}
 
 
 def test_change_with_later_dependents_cannot_be_undone():

@@ -17,16 +17,3 @@ def test_each_act_describes_its_visible_effect() -> None:
     assert _shown(ask) == (ActKind.ASK, "Shall we go?", "", ("Yes",), 1.0)
     assert _shown(Show("map", "Gate 4", 0.0, pace=1.0)) == (ActKind.SHOW, "Gate 4", "map", (), 1.0)
     assert _shown(Drive("gate", pace=1.0)) == (ActKind.DRIVE, "gate", "", (), 1.0)
-
-
-def test_question_waits_from_end_of_speech_to_answer() -> None:
-    ask = Ask("Shall we go?", ["Yes", "No"], 10.0, pace=1.0, voice=None)
-    ask.begin(0.0)
-    assert not ask.is_waiting
-    assert not ask.begins_waiting(0.1)
-    assert ask.begins_waiting(ask.duration_s)
-    assert ask.is_waiting
-    assert not ask.receive("perhaps")
-    assert ask.is_waiting
-    assert ask.receive("yes")
-    assert not ask.is_waiting

@@ -204,7 +204,9 @@ def asked(*choices: str, wait_s: float = 4.0) -> Ask:
 
 def test_question_begins_waiting_once_after_speech():
     act = asked()
+    assert not act.is_waiting
     assert [act.begins_waiting(now) for now in (100.5, 101.2, 101.3)] == [False, True, False]
+    assert act.is_waiting
 
 
 def test_first_answer_ends_the_question():
@@ -213,6 +215,7 @@ def test_first_answer_ends_the_question():
     assert act.receive("  later ")
     assert act.answer == "later"
     assert act.is_over(101.3)
+    assert not act.is_waiting
     assert not act.receive("now"), "the first answer counts"
 
 

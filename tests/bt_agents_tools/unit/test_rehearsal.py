@@ -96,11 +96,6 @@ def test_text_outside_choices_is_not_an_answer() -> None:
     assert result.duration_s == pytest.approx(0.4 + 6 * 0.06 + 4.0)
 
 
-def test_choices_match_case_insensitively() -> None:
-    result = rehearsed("ask: {text: Which?, choices: [bag]}", "answers: {ask: Bag}")
-    assert result.outcome is TreeOutcome.SUCCEEDED
-
-
 @pytest.mark.parametrize(
     ("choices", "typed", "later"), [(["Yes", "no"], " yES ", "Yes"), ([], " Both ", "Both")]
 )
@@ -138,16 +133,6 @@ def test_a_skill_can_fail_in_every_way(answer: str, words: str) -> None:
     assert result.outcome is TreeOutcome.FAILED
     assert words in result.message
     assert "(tree, a.yaml:" in result.message
-
-
-def test_endless_skill_is_stopped_by_its_timeout() -> None:
-    result = rehearsed("drive: gate 7\ntimeout: 30 s", "answers: {drive: {ends: never}}")
-    assert result.outcome is TreeOutcome.FAILED
-    assert result.duration_s == 30.0
-    assert events_of(result, EventKind.STOPS, EventKind.GIVES_UP) == [
-        (30.0, "timeout"),
-        (30.0, "drive"),
-    ]
 
 
 def test_failure_is_reported_before_its_consequences() -> None:
@@ -193,22 +178,6 @@ def test_endless_tree_is_ended() -> None:
     result = rehearse(spec, SPACE, scenario(spec), limits=Limits(duration_s=60.0))
     assert result.outcome is None
     assert "still runs after 1:00.1" in result.message
-
-
-def test_one_hour_wait_takes_few_ticks() -> None:
-    result = rehearsed(
-        """
-        sequence:
-          - say: Good night.
-          - wait: 1 h
-          - say: Good morning.
-        """,
-        "during: [{after: 30 min, mood: 3.1}]",
-        head=RULES,
-    )
-    assert result.outcome is TreeOutcome.SUCCEEDED
-    assert result.duration_s > 3600.0
-    assert result.ticks < 12
 
 
 def test_one_hour_of_speech_ticks_only_on_events() -> None:

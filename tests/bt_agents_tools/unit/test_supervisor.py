@@ -388,17 +388,6 @@ def test_startup_time_does_not_count_as_uptime(watched: Watched) -> None:
     assert "starting it again in 1 s" in watched.end("agents", pid)[0]
 
 
-def test_restart_delay_stays_short_with_sufficient_uptime(watched: Watched) -> None:
-    watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
-    for start in range(1, 4):
-        pid = watched.up("agents", start)
-        watched.supervisor.poll()
-        watched.now += 11.0
-        assert "starting it again in 0.5 s" in watched.end("agents", pid)[0]
-        watched.now += 0.5
-        watched.supervisor.poll()
-
-
 def test_secret_is_passed_only_to_its_process(
     watched: Watched, monkeypatch: pytest.MonkeyPatch
 ) -> None:
