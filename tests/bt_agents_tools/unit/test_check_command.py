@@ -261,16 +261,10 @@ def test_a_watch_checks_again_only_after_a_change(trees):
     )
     changed = []
     with pytest.raises(KeyboardInterrupt):
-        changed.extend(iter_all(watched((), shown.append, steps), changed))
+        changed.extend(watched((), shown.append, steps))
     assert [len(checked.problems) for checked in shown] == [0, 1, 0]
     assert changed == [("trees/agents/two.yaml",)] * 2
     assert steps.slept == [PERIOD_S] * 5
-
-
-def iter_all(source, seen: list) -> list:
-    for one in source:
-        seen.append(one)
-    return []
 
 
 def test_watch_survives_temporarily_missing_folder(trees, capsys):
@@ -280,7 +274,7 @@ def test_watch_survives_temporarily_missing_folder(trees, capsys):
         lambda: Path("scene.yaml").rename(trees / "scene.yaml"),
     )
     with pytest.raises(KeyboardInterrupt):
-        iter_all(watched(("trees",), shown.append, steps), [])
+        list(watched(("trees",), shown.append, steps))
     assert len(shown) == 2
     assert "error: " in capsys.readouterr().err
 
@@ -301,7 +295,7 @@ def test_watch_detects_new_changed_and_deleted_files(tmp_path):
     )
     seen = []
     with pytest.raises(KeyboardInterrupt):
-        iter_all(changes(lambda: poll([tmp_path], (".yaml",)), steps), seen)
+        seen.extend(changes(lambda: poll([tmp_path], (".yaml",)), steps))
     assert seen == [(str(tmp_path / "a.yaml"),)] * 3
 
 

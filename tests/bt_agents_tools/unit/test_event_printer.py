@@ -68,92 +68,19 @@ def change(path: str, status: int, message: str = "", name: str = "", **values: 
     )  # fmt: skip
 
 
-def tree(*changes: Message, tick: int = 7) -> tuple[str, Message]:
+def tree(tick: int, *changes: Message) -> tuple[str, Message]:
     return "tree", Message(agent="a", epoch="e", round=2, tick=tick, changes=list(changes))
 
 
-SHOWN: dict[str, tuple[tuple[str, Any], list[str]]] = {
-    "values with labels, and missing values": (
-        ("scene", scene()),
-        ["    scene  age 1 (a child), familiarity missing, mood 3 (neutral)"],
-    ),
-    "an empty scene without a person": (
-        ("scene", scene(mood=math.nan, age=math.nan, person=False)),
-        ["    scene  no person, nothing else is known"],
-    ),
-    "label and urgency of a scene": (
-        ("scene", scene(label="[Mrs] Smith", urgent=True)),
-        ["    scene  urgent [Mrs] Smith: age 1 (a child), familiarity missing, mood 3 (neutral)"],
-    ),
-    "the end of a run": (
-        (
-            "run",
-            run_event(3, outcome=4, duration_s=1.5, ticks=30, message="no heartbeat", orphans=[]),
-        ),
-        ["      run  a lost after 1.5 s, 30 ticks: no heartbeat"],
-    ),
-    "who stops a run": (
-        ("run", run_event(2, stopped_by=2, message="mood.change <= -1 held 2 s")),
-        ["      run  stopping a (mood rule): mood.change <= -1 held 2 s"],
-    ),
-    "ended nodes, then started ones, parents first": (
-        tree(
-            change("tree/0.say", 2),
-            change("tree/1.sequence/0.ask", 1, "Where to?"),
-            change("tree/1.sequence", 1),
-            change("tree/1.sequence@timeout", 1),
-            change("tree/2.wait", 0),
-        ),
-        [
-            "     tree     7   ✔ 0.say",
-            "     tree     7   ▶ 1.sequence",
-            "     tree     7     ▶ 0.ask Where to?",
-        ],
-    ),
-    "changed values with their node": (
-        tree(change("tree/0.ask", 2, answer="'yes'", sure="[b]")),
-        ["     tree     7   ✔ 0.ask answer = 'yes', sure = [b]"],
-    ),
-    "a modifier that causes a failure": (
-        tree(change("tree/0.say@timeout", 3, "not done within 5 s")),
-        ["     tree     7   ✘ 0.say@timeout not done within 5 s"],
-    ),
-    "the profile before and after a feedback": (
-        (
-            "feedback",
-            feedback(
-                2,
-                reason="mood.change <= -1 held 1 s",
-                before=[4.0, 1.5, 3.0],
-                after=[4.1, 1.4, 3.0],
-            ),
-        ),
-        [
-            " feedback  negative for a by mood rule: mood.change <= -1 held 1 s",
-            "  profile  a [4, 1.5, 3] → [4.1, 1.4, 3] (revision 3)",
-        ],
-    ),
-    "the author of a tuned profile": (
-        (
-            "feedback",
-            feedback(3, source="tuning", reason="tuned by root", before=[4.0], after=[5.0]),
-        ),
-        [" feedback  set for a by tuning: tuned by root", "  profile  a [4] → [5] (revision 3)"],
-    ),
-    "a text of the user, never parsed as markup": (
-        ("act", "says: [red]hello[/red]"),
-        ["    robot  says: [red]hello[/red]"],
-    ),
-    "a long foreign text, truncated": (
-        ("act", "x" * 20_000),
-        [f"    robot  {'x' * (LONGEST_TEXT - 1)}…"],
-    ),
-}
+def test_scene_shows_value_labels_and_missing_values() -> None:
+    assert told(("scene", scene())) == [
+        "    scene  age 1 (a child), familiarity missing, mood 3 (neutral)"
+    ]
 
 
-@pytest.mark.parametrize(("event", "lines"), SHOWN.values(), ids=SHOWN)
-def test_each_event_is_shown_in_words(event: tuple[str, Any], lines: list[str]) -> None:
-    assert told(event) == lines
+def test_empty_scene_without_person_is_stated_in_words() -> None:
+    nobody = scene(mood=math.nan, age=math.nan, person=False)
+    assert told(("scene", nobody)) == ["    scene  no person, nothing else is known"]
 
 
 def test_auction_shows_bids_refusals_and_reason() -> None:
@@ -179,6 +106,12 @@ def test_challenge_says_whether_run_continues() -> None:
     )[1:] == [
         f"challenge  the run is stopped  {words}: a is stopped",
         f"challenge  the run goes on  {words}: a goes on, the scene waits",
+    ]
+
+
+def test_scene_shows_label_and_urgency() -> None:
+    assert told(("scene", scene(label="[Mrs] Smith", urgent=True))) == [
+        "    scene  urgent [Mrs] Smith: age 1 (a child), familiarity missing, mood 3 (neutral)"
     ]
 
 
@@ -222,7 +155,7 @@ def test_awaited_hosts_are_named_on_change() -> None:
 
 
 def cleaning() -> tuple[str, Message]:
-    return tree(change("on_cancel", 1), tick=9)
+    return tree(9, change("on_cancel", 1))
 
 
 def test_run_stopped_by_host_is_shown() -> None:
@@ -298,6 +231,11 @@ def test_scene_end_is_shown_unless_run_reported_it() -> None:
     )[1:] == ["    scene  'Anna' queue full: 10 wait, at most 10 may"]
 
 
+def test_run_end_shows_outcome_in_words() -> None:
+    ended = run_event(3, outcome=4, duration_s=1.5, ticks=30, message="no heartbeat", orphans=[])
+    assert told(("run", ended)) == ["      run  a lost after 1.5 s, 30 ticks: no heartbeat"]
+
+
 def test_mood_is_shown_during_runs_on_change() -> None:
     assert told(
         ("live", scene(mood=1.0)),
@@ -313,12 +251,57 @@ def test_mood_is_shown_during_runs_on_change() -> None:
     ]
 
 
+def test_tick_shows_ended_nodes_then_started_parents_first() -> None:
+    changes = [
+        change("tree/0.say", 2),
+        change("tree/1.sequence/0.ask", 1, "Where to?"),
+        change("tree/1.sequence", 1),
+        change("tree/1.sequence@timeout", 1),
+        change("tree/2.wait", 0),
+    ]
+    assert told(tree(7, *changes)) == [
+        "     tree     7   ✔ 0.say",
+        "     tree     7   ▶ 1.sequence",
+        "     tree     7     ▶ 0.ask Where to?",
+    ]
+
+
+def test_changed_values_are_shown_with_their_node() -> None:
+    assert told(tree(7, change("tree/0.ask", 2, answer="'yes'", sure="[b]"))) == [
+        "     tree     7   ✔ 0.ask answer = 'yes', sure = [b]"
+    ]
+
+
 def test_run_start_is_shown_once_before_first_tick() -> None:
-    first, again = tree(change("tree/0.say", 1), tick=1), run_event(1, round=3)
+    first, again = tree(1, change("tree/0.say", 1)), run_event(1, round=3)
     assert told(first, ("run", run_event(1)), ("run", again)) == [
         "      run  a starts",
         "     tree     1   ▶ 0.say",
         "      run  a starts",
+    ]
+
+
+def test_modifier_is_shown_when_it_causes_failure() -> None:
+    assert told(tree(7, change("tree/0.say@timeout", 3, "not done within 5 s"))) == [
+        "     tree     7   ✘ 0.say@timeout not done within 5 s"
+    ]
+
+
+def test_feedback_shows_the_profile_before_and_after() -> None:
+    negative = feedback(
+        2, reason="mood.change <= -1 held 1 s", before=[4.0, 1.5, 3.0], after=[4.1, 1.4, 3.0]
+    )
+    assert told(("feedback", negative)) == [
+        " feedback  negative for a by mood rule: mood.change <= -1 held 1 s",
+        "  profile  a [4, 1.5, 3] → [4.1, 1.4, 3] (revision 3)",
+    ]
+
+
+def test_tuned_profile_names_its_author() -> None:
+    tuned = feedback(3, source="tuning", reason="tuned by root", before=[4.0], after=[5.0])
+    assert told(("feedback", tuned)) == [
+        " feedback  set for a by tuning: tuned by root",
+        "  profile  a [4] → [5] (revision 3)",
     ]
 
 
@@ -331,6 +314,11 @@ def test_long_line_wraps_at_words_within_its_column() -> None:
         "      run  a succeeded after 1.5 s, 30",
         "           ticks: all is said",
     ]
+
+
+def test_long_foreign_text_is_truncated() -> None:
+    (line,) = told(("act", "x" * 20_000))
+    assert line == f"    robot  {'x' * (LONGEST_TEXT - 1)}…"
 
 
 def test_printed_lines_are_limited_during_event_flood() -> None:
@@ -358,6 +346,10 @@ def test_run_counts_are_bounded() -> None:
     assert max(len(agent) for agent, _ in printer.runs) == 180
 
 
+def test_user_text_is_never_parsed_as_markup() -> None:
+    assert told(("act", "says: [red]hello[/red]")) == ["    robot  says: [red]hello[/red]"]
+
+
 def test_summary_shows_full_profiles_on_narrow_terminal() -> None:
     output = io.StringIO()
     story = EventPrinter(Console(file=output, width=80, color_system=None), SPACE)
@@ -370,6 +362,13 @@ def test_summary_shows_full_profiles_on_narrow_terminal() -> None:
         r"attentive_guide +– +negative +\[4, 1\.5, 3\] → \[4\.12, 1\.28, 3\]\n", shown
     )
     assert re.search(r"professional_express +– +– +\[3, 5, 3\]\n", shown)
+
+
+def test_stop_names_its_requester() -> None:
+    stopped = run_event(2, stopped_by=2, message="mood.change <= -1 held 2 s")
+    assert told(("run", stopped)) == [
+        "      run  stopping a (mood rule): mood.change <= -1 held 2 s"
+    ]
 
 
 def test_summary_names_only_profile_parameters() -> None:
@@ -398,9 +397,9 @@ def test_node_name_shows_values_of_its_references(
     name: str, message: str, filled: list[str]
 ) -> None:
     lines = told(
-        tree(change("tree", 1, message, name), tick=1),
-        tree(change("tree", 2, "", name), tick=2),
-        tree(change("tree", 3, "it is broken", name), tick=3),
+        tree(1, change("tree", 1, message, name)),
+        tree(2, change("tree", 2, "", name)),
+        tree(3, change("tree", 3, "it is broken", name)),
     )
     shown = [re.split(r"tree +[123] ", line)[1].strip() for line in lines if "tree" in line]
     assert shown == [*filled, f"✘ {name} it is broken"]
