@@ -21,16 +21,12 @@ def harness(tree: str, awarded: Scene = ANNA, **answers: ScriptedReply) -> TreeH
     return TreeHarness(tree, awarded=awarded, answers=replies)
 
 
-def test_known_person_has_name_and_visits() -> None:
-    one = harness("say: ${person.name} ${person.visits}")
+@pytest.mark.parametrize(("visits", "text"), [(2, "anna 2"), (0, "nobody 0")])
+def test_only_known_person_has_name_and_visits(visits: int, text: str) -> None:
+    tree = "say: ${person.name else 'nobody'} ${person.visits else 0}"
+    one = harness(tree, replace(ANNA, visits=visits))
     assert one.tick() == "succeeded"
-    assert one.said == ["anna 2"]
-
-
-def test_unknown_person_has_neither_name_nor_visits() -> None:
-    one = harness("say: Hello ${person.name else 'you'}!", replace(ANNA, visits=0))
-    assert one.tick() == "succeeded"
-    assert one.said == ["Hello you!"]
+    assert one.said == [text]
 
 
 def test_later_arrival_becomes_person_of_empty_run() -> None:

@@ -175,4 +175,6 @@ def test_wait_reports_its_condition_only_once() -> None:
     assert told == ["not so yet: live.mood > 4 (live.mood is 3)"]
     harness.set_mood(3.5)
     harness.after(10.0)
-    assert "not so yet: live.mood > 4 (live.mood is 3.5)" in harness.message
+    assert harness.message.startswith(
+        "not done within 10 s: not so yet: live.mood > 4 (live.mood is 3.5) (tree@timeout"
+    )

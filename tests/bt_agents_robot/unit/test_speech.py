@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_robot.acts import CLIP_S, Ask, Drive, Say, Show
+from bt_agents_robot.acts import CLIP_S, Act, ActKind, Ask, Drive, Say, Show
 from bt_agents_robot.speech import (
     LONGEST_TEXT,
     Voice,
@@ -285,3 +285,15 @@ def test_drive_without_reachable_destination_is_refused():
 
 def test_act_is_described_in_one_line():
     assert say("Hello.\n  Who are you?").line == "says: Hello. Who are you?"
+
+
+def _shown(act: Act) -> tuple[ActKind, str, str, tuple[str, ...], float]:
+    return act.kind, act.text, act.clip, act.choices, act.rate
+
+
+def test_each_act_describes_its_visible_effect():
+    ask = Ask("Shall we go?", ["Yes", " "], 0.0, pace=1.0, voice=None)
+    assert _shown(say(" Hello ", 1.5)) == (ActKind.SAY, "Hello", "", (), 1.5)
+    assert _shown(ask) == (ActKind.ASK, "Shall we go?", "", ("Yes",), 1.0)
+    assert _shown(Show("map", "Gate 4", 0.0, pace=1.0)) == (ActKind.SHOW, "Gate 4", "map", (), 1.0)
+    assert _shown(Drive("gate", pace=1.0)) == (ActKind.DRIVE, "gate", "", (), 1.0)
