@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -50,11 +51,17 @@ class Followed:
         return sum(self.track.take_cancel() for _ in range(3))
 
 
+def sent(**how: Any) -> Followed:
+    """Return a goal that was sent to its server."""
+    subject = Followed(**how)
+    subject.track.sent()
+    return subject
+
+
 @pytest.fixture
 def running() -> Followed:
     """A goal that its server has accepted."""
-    subject = Followed()
-    subject.track.sent()
+    subject = sent()
     subject.track.accepted()
     return subject
 
@@ -70,8 +77,7 @@ def test_missing_server_is_unreachable_and_needs_no_cancel() -> None:
 
 
 def test_abandoned_goal_is_cancelled_on_late_acceptance() -> None:
-    subject = Followed(timeouts=Timeouts(accept_s=2.0))
-    subject.track.sent()
+    subject = sent(timeouts=Timeouts(accept_s=2.0))
     assert subject.after(2.0) is GoalState.UNREACHABLE
     assert subject.track.message == ("its server does not answer (no word about the goal for 2 s)")
     assert (subject.track.confirmed, subject.cancels()) == (False, 0)
@@ -84,8 +90,7 @@ def test_abandoned_goal_is_cancelled_on_late_acceptance() -> None:
 
 
 def test_abandoned_goal_needs_no_cancel_after_rejection() -> None:
-    subject = Followed()
-    subject.track.sent()
+    subject = sent()
     subject.after(3.0)
     subject.track.ended(GoalState.REJECTED)
     assert subject.track.confirmed
@@ -101,8 +106,7 @@ def test_cancel_ends_goal_before_sending() -> None:
 
 
 def test_early_cancel_takes_effect_once_on_acceptance() -> None:
-    subject = Followed()
-    subject.track.sent()
+    subject = sent()
     subject.track.cancel()
     assert (subject.track.state, subject.cancels()) == (GoalState.PENDING, 0)
     subject.track.accepted()
@@ -115,8 +119,7 @@ def test_early_cancel_takes_effect_once_on_acceptance() -> None:
 
 
 def test_cancelled_goal_needs_no_cancel_after_rejection() -> None:
-    subject = Followed()
-    subject.track.sent()
+    subject = sent()
     subject.track.cancel()
     subject.track.ended(GoalState.REJECTED)
     assert (subject.track.state, subject.track.confirmed) == (GoalState.REJECTED, True)
@@ -187,8 +190,7 @@ def test_action_has_no_default_result_timeout(running: Followed) -> None:
 
 
 def test_late_result_times_out_and_cancels_goal() -> None:
-    subject = Followed(timeouts=Timeouts(result_s=60.0))
-    subject.track.sent()
+    subject = sent(timeouts=Timeouts(result_s=60.0))
     subject.after(2.0)
     subject.track.accepted()
     assert subject.after(59.9) is GoalState.ACTIVE
@@ -198,8 +200,7 @@ def test_late_result_times_out_and_cancels_goal() -> None:
 
 
 def test_result_after_timeout_only_confirms_the_end() -> None:
-    subject = Followed(timeouts=Timeouts(result_s=60.0))
-    subject.track.sent()
+    subject = sent(timeouts=Timeouts(result_s=60.0))
     subject.track.accepted()
     subject.after(60.0)
     subject.track.ended(GoalState.SUCCEEDED)
@@ -223,8 +224,7 @@ def test_goal_survives_brief_server_absence(running: Followed) -> None:
 
 
 def silent_goal() -> Followed:
-    subject = Followed(heartbeat=BEAT)
-    subject.track.sent()
+    subject = sent(heartbeat=BEAT)
     subject.clock.advance(2.0)
     subject.track.accepted()
     return subject
@@ -261,8 +261,7 @@ def test_stalled_process_reads_queued_heartbeats_first() -> None:
 
 
 def test_goal_is_due_at_its_next_deadline() -> None:
-    subject = Followed(heartbeat=BEAT, timeouts=Timeouts(accept_s=2.0, result_s=1.1))
-    subject.track.sent()
+    subject = sent(heartbeat=BEAT, timeouts=Timeouts(accept_s=2.0, result_s=1.1))
     assert subject.track.due == GRAPH_S
     subject.after(1.9)
     assert subject.track.due == pytest.approx(2.0)
@@ -278,8 +277,7 @@ def test_goal_is_due_at_its_next_deadline() -> None:
 
 
 def test_service_has_default_timeout_and_needs_no_cancel() -> None:
-    subject = Followed(kind=BindingKind.SERVICE)
-    subject.track.sent()
+    subject = sent(kind=BindingKind.SERVICE)
     assert subject.track.state is GoalState.ACTIVE
     assert subject.after(9.9) is GoalState.ACTIVE
     assert subject.after(0.1) is GoalState.TIMED_OUT
@@ -288,8 +286,7 @@ def test_service_has_default_timeout_and_needs_no_cancel() -> None:
 
 
 def test_abandoned_request_is_over() -> None:
-    subject = Followed(kind=BindingKind.SERVICE)
-    subject.track.sent()
+    subject = sent(kind=BindingKind.SERVICE)
     subject.track.cancel()
     assert (subject.track.state, subject.track.confirmed) == (GoalState.CANCELLED, True)
 

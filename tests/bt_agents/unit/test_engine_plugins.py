@@ -234,7 +234,7 @@ def test_remapped_blackboard_key_is_removed() -> None:
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "shutdown"])
 def test_unattached_blackboard_client_is_removed(place: str) -> None:
     harness = TreeHarness(plugged(registering(place)))
-    assert harness.tick() == "succeeded"
+    assert harness.tick(2) == "succeeded"
     assert_nothing_registered()
 
 
@@ -252,7 +252,7 @@ def test_clients_of_others_stay() -> None:
     other = py_trees.blackboard.Client(name="other")
     other.register_key("/loose", py_trees.common.Access.READ)
     try:
-        assert TreeHarness(plugged(registering("init"))).tick() == "succeeded"
+        assert TreeHarness(plugged(registering("init"))).tick(2) == "succeeded"
         assert other.loose == 5
         assert "other" in py_trees.blackboard.Blackboard.clients.values()
     finally:
@@ -262,31 +262,13 @@ def test_clients_of_others_stay() -> None:
 def registering(place: str) -> type:
     """Return a class whose method keeps a blackboard client outside its attributes."""
 
-    class Loose(Nod):
-        def __init__(self, name: str) -> None:
-            super().__init__(name)
-            self.use("init")
+    def register() -> Status:
+        board = py_trees.blackboard.Client(name="loose")
+        board.register_key("/loose", py_trees.common.Access.WRITE)
+        board.set("/loose", 5)
+        return Status.SUCCESS
 
-        def use(self, here: str) -> None:
-            if here == place:
-                board = py_trees.blackboard.Client(name="loose")
-                board.register_key("/loose", py_trees.common.Access.WRITE)
-                board.set("/loose", 5)
-
-        def setup(self, **kwargs: Any) -> None:
-            self.use("setup")
-
-        def initialise(self) -> None:
-            self.use("initialise")
-
-        def update(self) -> Status:
-            self.use("update")
-            return Status.SUCCESS
-
-        def shutdown(self) -> None:
-            self.use("shutdown")
-
-    return Loose
+    return misbehaving(place, register)
 
 
 def assert_nothing_registered() -> None:

@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import re
-import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 
 import pytest
 
@@ -20,7 +17,7 @@ from bt_agents_tools.rehearsal.events import EventKind
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from bt_agents_tools.rehearsal.transcript import transcript
 from file_texts import read_agent_text, read_scene_text, read_skills_text
-from rehearsal_harness import events_of, rehearsed, scenario, spoken_texts
+from rehearsal_harness import documented_tree, events_of, rehearsed, scenario, spoken_texts
 from tree_harness import SPACE, SYMBOLS, agent
 
 RULES = """
@@ -335,11 +332,9 @@ def test_the_same_seed_gives_the_same_picks() -> None:
 
 @pytest.mark.parametrize(("after", "shown_s"), [("5 s", 5.0), ("3 min", 120.0)])
 def test_documented_text_is_shown_until_button_press(after: str, shown_s: float) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
-    examples = re.findall(r"```yaml\ntree:\n(.*?)```", page, re.DOTALL)
-    [example] = [one for one in examples if "when you have it" in one]
+    tree = documented_tree("language.md", "when you have it")
     press = "publish: {topic: buttons/confirm, message: {data: true}}"
-    result = rehearsed(textwrap.dedent(example), f"during: [{{after: {after}, {press}}}]")
+    result = rehearsed(tree, f"during: [{{after: {after}, {press}}}]")
     ended = events_of(result, EventKind.STOPS, EventKind.SUCCEEDS)
     assert ended[0] == (shown_s, "show")
     assert result.outcome is TreeOutcome.SUCCEEDED
@@ -349,10 +344,8 @@ def test_documented_text_is_shown_until_button_press(after: str, shown_s: float)
     ("answer", "does"), [("no", ["ask", "say"]), ("yes", ["ask", "say", "drive", "say"])]
 )
 def test_documented_tree_ends_early(answer: str, does: list[str]) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
-    section = page.partition("### End early")[2]
-    example = section.partition("```yaml\ntree:\n")[2].partition("```")[0]
-    result = rehearsed(textwrap.dedent(example), f"answers: {{ask: {answer}}}")
+    tree = documented_tree("language.md", "Then I wish you a good flight")
+    result = rehearsed(tree, f"answers: {{ask: {answer}}}")
     assert result.outcome is TreeOutcome.SUCCEEDED
     assert [use.skill for use in result.uses] == does
 

@@ -48,15 +48,18 @@ def test_restart_delay_doubles_to_limit_and_resets(lives: list[float], waits: li
     assert [backoff.next_wait(life) for life in lives] == waits
 
 
-UP_FOR_EVER = """
+UP = """
 import os, signal, time
 def main():
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
-    os.write(int(os.environ["BT_AGENTS_READY"]), b"up")
+    os.write(int(os.environ["BT_AGENTS_READY"]), b'''%s''')
     print("pid", os.getpid(), flush=True)
     while True:
         time.sleep(60)
 """
+UP_FOR_EVER = UP % "up"
+
+
 BROKEN = """
 def main():
     print("error: scene.yaml is broken", flush=True)
@@ -264,16 +267,6 @@ def test_hang_detection_awaits_heartbeat_after_long_pause(watched: Watched) -> N
     assert watched.wait(10.0) == [HANGS]
 
 
-UP_WITH_REPORT = """
-import os, signal, time
-def main():
-    signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
-    os.write(int(os.environ["BT_AGENTS_READY"]), b'''%s''')
-    while True:
-        time.sleep(60)
-"""
-
-
 def parameters(folder: Path, values: str) -> ParameterFile:
     path = folder / "my.yaml"
     path.write_text(f"/**: {{ros__parameters: {values}}}")
@@ -283,7 +276,7 @@ def parameters(folder: Path, values: str) -> ParameterFile:
 def test_parameters_are_judged_after_last_report(watched: Watched, tmp_path: Path) -> None:
     file = parameters(tmp_path, "{pace: 2.0, tick_rate: 9.0, tick_rat: 9.0}")
     robot, agents = (
-        replace(watched.write(name, UP_WITH_REPORT % json.dumps({f"/{name}": said})), file=file)
+        replace(watched.write(name, UP % json.dumps({f"/{name}": said})), file=file)
         for name, said in (
             ("robot", {"tick_rate": "", "tick_rat": ""}),
             ("agents", {"pace": "", "tick_rat": "tick_rate"}),
