@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import ast
 import re
-import subprocess
 import sys
 
 import click
@@ -13,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from bt_agents_tools.cli.main import _MEANT, TASKS, all_commands, bt_agents, main
+from programs import printed_by
 
 LOADED = """
 import sys
@@ -20,14 +20,6 @@ from bt_agents_tools.cli.main import bt_agents
 bt_agents({arguments!r}, standalone_mode=False)
 print(sorted(n for n in sys.modules if n.startswith("bt_agents") and "." in n))
 """
-
-
-def printed(program: str) -> list[str]:
-    """Return the lines that a program prints in a process of its own."""
-    command = [sys.executable, "-c", program]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
 
 
 @pytest.mark.parametrize("name", all_commands())
@@ -73,7 +65,7 @@ def test_argument_that_is_not_utf8_is_refused(
 
 
 def test_help_loads_no_command() -> None:
-    loaded = ast.literal_eval(printed(LOADED.format(arguments=["--help"]))[-1])
+    loaded = ast.literal_eval(printed_by(LOADED.format(arguments=["--help"]))[-1])
     assert not {entry.module for entry in all_commands().values()} & {*loaded}
     assert "bt_agents_tools.cli.main" in loaded
 
@@ -110,7 +102,7 @@ def test_suggested_commands_exist_and_hide_no_command() -> None:
 
 
 def test_version_loads_no_command() -> None:
-    version, loaded = printed(LOADED.format(arguments=["--version"]))
+    version, loaded = printed_by(LOADED.format(arguments=["--version"]))
     assert version.startswith("bt-agents, version ")
     assert ast.literal_eval(loaded) == [
         "bt_agents_core.diagnostic",
@@ -127,7 +119,7 @@ def test_version_loads_no_command() -> None:
 
 
 def test_commands_load_ros_only_when_called():
-    printed(
+    printed_by(
         "import sys\n"
         "from bt_agents_tools.cli.main import all_commands\n"
         "for name, command in all_commands().items():\n"

@@ -14,6 +14,7 @@ from click.testing import CliRunner, Result
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.main import bt_agents
+from programs import printed_by
 from tree_harness import TREES
 
 AGENT = """
@@ -178,14 +179,11 @@ def test_pytest_runs_each_case_with_same_report(trees: Path) -> None:
 
 
 def test_pytest_plugin_loads_neither_ros_nor_engine() -> None:
-    script = (
+    loaded = printed_by(
         "import sys, bt_agents_tools.rehearsal.pytest_plugin; "
         "print([m for m in ('rclpy', 'py_trees', 'yaml', 'rich') if m in sys.modules])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
+    assert loaded == ["[]"]
 
 
 @pytest.mark.parametrize(
