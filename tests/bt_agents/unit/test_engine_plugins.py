@@ -415,16 +415,6 @@ def test_plugin_raising_in_shutdown_does_not_disturb_end(place: str) -> None:
     assert any(text.endswith("RuntimeError: no nerve (tree, a.yaml:7:3)") for text in told)
 
 
-def test_plugin_with_unexpected_fields_fails() -> None:
-    class Bare(py_trees.behaviours.Success):
-        def __init__(self, name: str) -> None:
-            super().__init__(name)
-
-    harness = TreeHarness(plugged(Bare, depth=Literal(value=1)))
-    assert harness.tick() == "failed"
-    assert "unexpected keyword argument 'depth'" in harness.message
-
-
 def test_field_without_value_fails_before_creating_plugin() -> None:
     harness = TreeHarness(plugged(Nod, age=Reference(name="scene.age")), awarded=scene(mood=3))
     assert harness.tick() == "failed"

@@ -54,9 +54,7 @@ def write(name: str, text: str) -> Path:
 
 
 def run(*arguments: str) -> tuple[int, str]:
-    result = split_runner().invoke(check, arguments)
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
+    result = split_runner().invoke(check, arguments, catch_exceptions=False)
     return result.exit_code, result.stdout
 
 

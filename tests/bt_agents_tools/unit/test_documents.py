@@ -81,11 +81,11 @@ PATROL = """
 
 
 def blocks(language: str) -> list[tuple[str, str]]:
-    found = []
-    for path in DOCUMENTS:
-        for text in re.findall(rf"```{language}\n(.*?)```", path.read_text(), re.DOTALL):
-            found.append((path.name, text))
-    return found
+    return [
+        (path.name, text)
+        for path in DOCUMENTS
+        for text in re.findall(rf"```{language}\n(.*?)```", path.read_text(), re.DOTALL)
+    ]
 
 
 TRANSCRIPTS = [

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,7 +21,12 @@ from bt_agents_interfaces.msg import (
     Trees,
 )
 from bt_agents_ros.messages import header_at, to_time
-from bt_agents_tools.cli.commands.status import market_text, shown_agents
+from bt_agents_tools.cli.commands.status import (
+    differing_agents,
+    market_text,
+    rule_problems,
+    shown_agents,
+)
 from bt_agents_tools.cli.formatting import node_names, since_text
 
 SINCE_S = time.mktime((2026, 5, 4, 10, 11, 12, 0, 0, -1))
@@ -126,3 +132,16 @@ def test_node_names_come_from_latest_trees_of_agent():
 def test_only_the_first_agents_are_shown(most, shown):
     cards = [HostCard(agents=[AgentCard()] * 3)] * 3
     assert [len(agents) for agents in shown_agents(cards, most)] == shown
+
+
+def test_undecidable_market_and_mood_rules_are_reported():
+    of_market = SimpleNamespace(file="market.yaml", line=4, message="rule 1 cannot be decided")
+    of_mood = SimpleNamespace(file="", line=0, message="the mood rule cannot be decided")
+    market = SimpleNamespace(problems=[of_market])
+    assert rule_problems(market, SimpleNamespace(problems=[of_mood])) == [of_market, of_mood]
+    assert rule_problems(market, None) == [of_market]
+
+
+def test_agents_bidding_with_differing_profile_are_listed():
+    assert differing_agents(SimpleNamespace(differing=["guide"])) == ["guide"]
+    assert differing_agents(None) == ()
