@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from random import Random
+from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -182,3 +183,10 @@ class TreeHarness:
     def asked(self) -> list[str]:
         """Names of all goals and requests so far, in order."""
         return [g.goal.name for g in self.environment.goals]
+
+
+def started(tree: str | NodeSpec, **how: Any) -> TreeHarness:
+    """Return the run of a tree after its first tick; see :class:`TreeHarness`."""
+    harness = TreeHarness(tree, **how)
+    harness.tick()
+    return harness

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import FAILS, LONG, TreeHarness, scene
+from tree_harness import FAILS, LONG, TreeHarness, scene, started
 
 
 def test_check_fails_when_its_value_is_missing() -> None:
@@ -36,8 +36,7 @@ def test_condition_indexes_list_and_fails_out_of_range() -> None:
     assert harness.tick() == "running"
     harness.environment.arrive("scan", {"ranges": [3.0, 0.2]})
     assert harness.tick() == "succeeded"
-    short = TreeHarness(tree)
-    short.tick()
+    short = started(tree)
     short.environment.arrive("scan", {"ranges": [0.2]})
     assert short.tick() == "failed"
 
@@ -119,14 +118,13 @@ def test_only_live_names_follow_the_live_scene() -> None:
 
 
 def test_tick_reports_only_changes_in_order() -> None:
-    harness = TreeHarness(
+    harness = started(
         """
         sequence:
           - check: scene.age == 3
           - wait: 1 s
         """
     )
-    harness.tick()
     assert [(c.path.rpartition("/")[2], c.status.name) for c in harness.changes] == [
         ("0.check", "SUCCESS"),
         ("1.wait", "RUNNING"),

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import TreeHarness
+from tree_harness import TreeHarness, started
 
 LONG = {"say": [ScriptedReply(after_s=100.0)]}
 
@@ -94,8 +94,7 @@ def test_removing_breakpoint_releases_held_node() -> None:
 
 
 def test_breakpoint_set_during_run_takes_effect() -> None:
-    harness = TreeHarness("sequence: [{say: one}, {say: two}]", answers=LONG)
-    harness.tick()
+    harness = started("sequence: [{say: one}, {say: two}]", answers=LONG)
     harness.run.set_breakpoints(("tree/1.say",))
     harness.after(100.0)
     assert (harness.run.held, harness.said) == (("tree/1.say",), ["one"])

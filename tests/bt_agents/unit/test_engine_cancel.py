@@ -13,7 +13,7 @@ from bt_agents.engine.run import RunLimits, TreeOutcome
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.engine.ticker import Ticker
 from bt_agents_core.stop_cause import Cancellation
-from tree_harness import TreeHarness
+from tree_harness import TreeHarness, started
 
 LONG = ScriptedReply(after_s=100.0)
 STUBBORN = ScriptedReply(after_s=100.0, cancel_s=math.inf)
@@ -23,8 +23,7 @@ SPEAKS = "sequence: [{say: hello}, {show: {text: x}}]"
 
 def cancelled(head: str, *says: ScriptedReply) -> TreeHarness:
     """Return a run that was cancelled while it was speaking."""
-    harness = TreeHarness(SPEAKS, head=head, answers={"say": says or [LONG]})
-    harness.tick()
+    harness = started(SPEAKS, head=head, answers={"say": says or [LONG]})
     harness.changes = harness.run.cancel("enough")
     return harness
 
@@ -103,8 +102,7 @@ def test_cancel_after_end_keeps_the_result() -> None:
 
 
 def test_run_waits_for_pending_goal_to_be_cancelled() -> None:
-    harness = TreeHarness(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
-    harness.tick()
+    harness = started(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
     harness.run.cancel("enough")
     assert harness.outcome == "running"
     assert harness.after(0.9) == "running"
@@ -121,8 +119,7 @@ def test_endless_goal_is_an_orphan_of_its_node() -> None:
 
 
 def test_host_cancel_can_skip_cleanup() -> None:
-    harness = TreeHarness(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
-    harness.tick()
+    harness = started(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
     harness.run.cancel("the host is stopping", clean_up=False)
     assert harness.outcome == "cancelled"
     assert harness.said == ["hello"]
@@ -148,8 +145,7 @@ def test_expired_cleanup_starts_no_further_node() -> None:
 
 @pytest.mark.parametrize("wait_s", [0.0, 1.0])
 def test_shortened_settling_ends_the_wait_for_goals(wait_s: float) -> None:
-    harness = TreeHarness(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
-    harness.tick()
+    harness = started(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
     if not wait_s:
         harness.run.shorten_settling(0.7)
     harness.run.cancel("the host is stopping")
@@ -163,8 +159,7 @@ def test_shortened_settling_ends_the_wait_for_goals(wait_s: float) -> None:
 
 
 def test_give_up_ends_run_whose_nodes_cannot_halt(monkeypatch: pytest.MonkeyPatch) -> None:
-    harness = TreeHarness(SPEAKS, answers={"say": [LONG]})
-    harness.tick()
+    harness = started(SPEAKS, answers={"say": [LONG]})
 
     def stuck(_ticker: object) -> None:
         raise RuntimeError("cogwheel")
@@ -223,8 +218,7 @@ OPERATOR = Cancellation(by="operator", reason="the shift is over")
 
 @pytest.mark.parametrize(("cancellation", "text"), [(RULE, "Sorry."), (OPERATOR, OPERATOR.reason)])
 def test_cleanup_reads_who_cancelled_and_why(cancellation: Cancellation, text: str) -> None:
-    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    harness.tick()
+    harness = started(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
     harness.run.cancel("enough", cancellation=cancellation)
     harness.tick()
     assert harness.said == ["hello", text]

@@ -15,7 +15,7 @@ from bt_agents.engine import nodes as behaviours
 from bt_agents.engine.builder import BEHAVIOURS
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_language.nodes import catalogue
-from tree_harness import FAILS, LONG, TreeHarness, scene
+from tree_harness import FAILS, LONG, TreeHarness, scene, started
 
 SECOND = [ScriptedReply(after_s=1.0)]
 
@@ -116,8 +116,7 @@ def test_while_fails_when_its_condition_cannot_be_evaluated() -> None:
     )
     assert harness.tick() == "failed"
     assert "'live.age' has no value" in harness.message
-    harness = TreeHarness("say: x\nwhile: 1 / live.mood > 0", answers={"say": LONG})
-    harness.tick()
+    harness = started("say: x\nwhile: 1 / live.mood > 0", answers={"say": LONG})
     harness.set_mood(0.0)
     assert harness.tick() == "failed"
     assert "by zero" in harness.message
@@ -125,8 +124,7 @@ def test_while_fails_when_its_condition_cannot_be_evaluated() -> None:
 
 
 def test_while_ends_in_same_tick_as_its_node() -> None:
-    harness = TreeHarness("say: x\nwhile: live.mood >= 2", answers={"say": SECOND})
-    harness.tick()
+    harness = started("say: x\nwhile: live.mood >= 2", answers={"say": SECOND})
     assert harness.after(1.0) == "succeeded"
 
 
@@ -141,7 +139,7 @@ def test_while_guards_retry_pause() -> None:
 
 
 def test_failed_while_starts_afresh() -> None:
-    harness = TreeHarness(
+    harness = started(
         """
         repeat: forever
         sequence:
@@ -151,7 +149,6 @@ def test_failed_while_starts_afresh() -> None:
         """,
         answers={"say": LONG},
     )
-    harness.tick()
     harness.set_mood(1.0)
     harness.tick(3)
     assert len(harness.said) == 1
@@ -162,8 +159,7 @@ def test_failed_while_starts_afresh() -> None:
 
 
 def test_when_is_reevaluated_after_interruption() -> None:
-    harness = TreeHarness("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
-    harness.tick()
+    harness = started("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
     harness.interrupt()
     assert harness.environment.running() == []
     harness.set_mood(1.0)
@@ -231,10 +227,9 @@ def test_cooldown_skips_node_for_its_duration() -> None:
     #  2 | out |   R
     #  5 | out |   R
     #  6 |  R  |   R
-    harness = TreeHarness(
+    harness = started(
         "repeat: forever\nsequence:\n  - say: x\n    cooldown: 5 s", answers={"say": SECOND}
     )
-    harness.tick()
     harness.after(1.0)
     harness.after(1.0)
     assert ("SUCCESS", "left out: done less than 5 s ago") in harness.reports(
@@ -305,12 +300,11 @@ def test_fail_keeps_reason_of_failed_child() -> None:
 
 
 def test_timeout_is_tunable_and_restarts_after_interruption() -> None:
-    harness = TreeHarness(
+    harness = started(
         "say: x\ntimeout: ${limit}",
         head="tunables: {limit: {default: 9 s, min: 1 s, max: 60 s, description: d}}",
         answers={"say": LONG},
     )
-    harness.tick()
     assert harness.after(8.0) == "running"
     harness.interrupt()
     assert harness.tick() == "running"
@@ -320,10 +314,9 @@ def test_timeout_is_tunable_and_restarts_after_interruption() -> None:
 
 
 def test_timeout_reports_why_last_message_did_not_match() -> None:
-    harness = TreeHarness(
+    harness = started(
         "wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}\ntimeout: 5 s"
     )
-    harness.tick()
     harness.environment.arrive("t", {"data": False})
     harness.tick()
     assert harness.after(5.0) == "failed"

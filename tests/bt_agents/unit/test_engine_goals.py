@@ -13,7 +13,7 @@ from bt_agents.engine.scripted_environment import ManualClock, ScriptedReply
 from bt_agents.host.environment.goal import GRAPH_S, SECOND_POLL_S, GoalTrack
 from bt_agents_core.field_types import BindingKind
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
-from tree_harness import TreeHarness
+from tree_harness import TreeHarness, started
 
 BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=1.0)
 
@@ -346,8 +346,7 @@ action:
 def test_each_goal_failure_has_its_own_message(
     answer: ScriptedReply, after_s: float, words: str
 ) -> None:
-    harness = TreeHarness(RAW, answers={"dance": [answer]})
-    harness.tick()
+    harness = started(RAW, answers={"dance": [answer]})
     harness.after(after_s)
     assert harness.reports("tree")[-1] == ("FAILURE", words)
 
@@ -361,8 +360,7 @@ def test_long_server_message_is_truncated() -> None:
 
 def test_run_settles_timed_out_goal_before_ending() -> None:
     stubborn = ScriptedReply(after_s=99.0, cancel_s=1.0)
-    harness = TreeHarness(RAW, answers={"dance": [stubborn]})
-    harness.tick()
+    harness = started(RAW, answers={"dance": [stubborn]})
     assert harness.after(60.0) == "running"  # it settles
     assert harness.environment.running() == ["dance"]
     assert harness.after(1.0) == "failed"
@@ -425,8 +423,7 @@ def test_outputs_include_last_feedback_at_action_end() -> None:
       - say: "${done}"
     """
     told = ScriptedReply(after_s=1.0, feedback=((0.5, {"progress": 1.0}),))
-    harness = TreeHarness(tree, answers={"dance": [told]})
-    harness.tick()
+    harness = started(tree, answers={"dance": [told]})
     assert harness.after(1.0) == "succeeded"
     assert harness.said == ["1"]
     harness = TreeHarness(tree, answers={"dance": [ScriptedReply()]})

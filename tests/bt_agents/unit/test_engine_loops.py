@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import FAILS, LONG, TreeHarness, scene
+from tree_harness import FAILS, LONG, TreeHarness, scene, started
 
 TUNABLE = "tunables: {n: {default: 2, min: 1, max: 9, description: d}}"
 REST = "tunables: {rest: {default: 2 s, min: 0 s, max: 60 s, description: d}}"
@@ -35,11 +35,10 @@ def test_retry_pauses_between_attempts() -> None:
 
 
 def test_retry_reports_its_attempt_number() -> None:
-    harness = TreeHarness(
+    harness = started(
         "drive: x\nretry: {attempts: 2, pause: 2 s}",
         answers={"drive": [*FAILS, ScriptedReply(after_s=1.0)]},
     )
-    harness.tick()
     harness.after(2.0)
     harness.after(1.0)
     assert harness.reports("tree@retry") == [
@@ -50,10 +49,9 @@ def test_retry_reports_its_attempt_number() -> None:
 
 
 def test_running_pause_follows_tuned_duration() -> None:
-    harness = TreeHarness(
+    harness = started(
         "drive: x\nretry: {attempts: 5, pause: '${rest}'}", head=REST, answers={"drive": FAILS}
     )
-    harness.tick()
     harness.after(1.0)
     harness.tunables["rest"] = 1.0
     harness.tick()
@@ -65,12 +63,11 @@ def test_running_pause_follows_tuned_duration() -> None:
 
 
 def test_tuning_an_elapsed_pause_does_not_delay_attempt() -> None:
-    harness = TreeHarness(
+    harness = started(
         "drive: x\nretry: {attempts: 2, pause: '${rest}'}",
         head=REST,
         answers={"drive": [*FAILS, ScriptedReply(after_s=2.0)]},
     )
-    harness.tick()
     harness.after(2.0)
     harness.tunables["rest"] = 60.0
     assert harness.run.tip == "tree"
@@ -113,8 +110,7 @@ def test_single_attempt_reports_failed_once() -> None:
 
 
 def test_interrupted_retry_counts_from_zero() -> None:
-    harness = TreeHarness("drive: x\nretry: {attempts: 2, pause: 5 s}", answers={"drive": FAILS})
-    harness.tick()
+    harness = started("drive: x\nretry: {attempts: 2, pause: 5 s}", answers={"drive": FAILS})
     harness.interrupt()
     assert {node.status.name for node in harness.root.iterate()} == {"INVALID"}
     assert harness.tick() == "running"
@@ -124,8 +120,7 @@ def test_interrupted_retry_counts_from_zero() -> None:
 
 
 def test_cancel_during_pause_ends_run_immediately() -> None:
-    harness = TreeHarness("drive: x\nretry: {attempts: 9, pause: 1 h}", answers={"drive": FAILS})
-    harness.tick()
+    harness = started("drive: x\nretry: {attempts: 9, pause: 1 h}", answers={"drive": FAILS})
     harness.run.cancel("enough")
     assert harness.outcome == "cancelled"
 

@@ -19,7 +19,7 @@ from bt_agents.engine.nodes import plugin
 from bt_agents_core.diagnostic import Position
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference
-from tree_harness import TreeHarness, scene
+from tree_harness import TreeHarness, scene, started
 
 POSITION = Position(file="a.yaml", line=7, column=3)
 OWN_LIMIT_S = plugin.BLOCKS_S
@@ -109,7 +109,7 @@ def test_plugin_is_set_up_ticked_and_shut_down() -> None:
 
 
 def test_changed_fields_create_new_plugin_at_start() -> None:
-    harness = TreeHarness(
+    harness = started(
         repeated(
             plugged(
                 Nod, mood=Reference(name="live.mood"), happy=parse_expression("live.mood > 3")
@@ -117,7 +117,6 @@ def test_changed_fields_create_new_plugin_at_start() -> None:
             2,
         )
     )
-    harness.tick()
     harness.set_mood(4.0)
     assert harness.tick() == "succeeded"
     assert [nod.more for nod in Nod.made] == [
@@ -127,8 +126,7 @@ def test_changed_fields_create_new_plugin_at_start() -> None:
 
 
 def test_interrupted_plugin_is_terminated_and_reinitialised() -> None:
-    harness = TreeHarness(plugged(Nod, times=Literal(value=3)))
-    harness.tick()
+    harness = started(plugged(Nod, times=Literal(value=3)))
     harness.interrupt()
     assert Nod.made[0].calls == ["setup {}", "initialise", "terminate INVALID"]
     assert harness.tick(2) == "succeeded"
@@ -199,8 +197,7 @@ def test_blackboard_keys_map_to_names_and_are_removed() -> None:
     spec = replace(
         plugged(Doubler, mood=Reference(name="live.mood")), outputs={"doubled": "/their/twice"}
     )
-    harness = TreeHarness(spec)
-    harness.tick()
+    harness = started(spec)
     assert harness.run.scope.lookup("doubled") == [6.0]
     harness.set_mood(4.0)
     assert harness.tick() == "succeeded"
@@ -291,7 +288,7 @@ def test_non_plain_data_does_not_leave_blackboard() -> None:
 
 def test_plugin_gets_copies_without_access_to_run() -> None:
     given = {"list": [1, 2]}
-    harness = TreeHarness(
+    harness = started(
         repeated(
             plugged(
                 Nod, data=Literal(value=given), more=MapValue(items={"a": ListValue(items=())})
@@ -299,7 +296,6 @@ def test_plugin_gets_copies_without_access_to_run() -> None:
             2,
         )
     )
-    harness.tick()
     [nod] = Nod.made
     assert nod.parent is None
     assert nod not in list(harness.root.iterate())
@@ -370,8 +366,7 @@ def test_blocking_plugin_fails_with_path_and_position(place: str) -> None:
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
 def test_plugin_blocking_in_shutdown_does_not_delay_end(place: str) -> None:
-    harness = TreeHarness(plugged(blocking(place)))
-    harness.tick()
+    harness = started(plugged(blocking(place)))
     harness.root._limit_s = OWN_LIMIT_S
     harness.run.cancel("enough")
     assert harness.outcome == "cancelled"
@@ -385,8 +380,7 @@ def test_plugin_that_blocked_gets_shorter_limit() -> None:
             children = [blocking("shutdown")(f"{number}") for number in range(20)]
             super().__init__(name, memory=True, children=children)
 
-    harness = TreeHarness(plugged(Crowd))
-    harness.tick()
+    harness = started(plugged(Crowd))
     harness.root._limit_s = OWN_LIMIT_S
     began = time.monotonic()
     harness.run.cancel("enough")
@@ -407,8 +401,7 @@ def test_long_plugin_message_is_truncated() -> None:
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
 def test_plugin_raising_in_shutdown_does_not_disturb_end(place: str) -> None:
-    harness = TreeHarness(plugged(broken(place, RuntimeError("no nerve"))))
-    harness.tick()
+    harness = started(plugged(broken(place, RuntimeError("no nerve"))))
     harness.run.cancel("enough")
     assert harness.outcome == "cancelled"
     told = [harness.root.feedback_message, *(text for _, text in harness.environment.logged)]
