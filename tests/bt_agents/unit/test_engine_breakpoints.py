@@ -19,9 +19,15 @@ def stopped(tree: str, *paths: str, **how: Any) -> TreeHarness:
     return harness
 
 
-def test_breakpoint_holds_node_until_next_tick() -> None:
-    harness = stopped("sequence: [{say: one}, {say: two}]", "tree/1.say")
+def held(tree: str, *paths: str, **how: Any) -> TreeHarness:
+    """Return a run after its first tick, with breakpoints."""
+    harness = stopped(tree, *paths, **how)
     harness.tick()
+    return harness
+
+
+def test_breakpoint_holds_node_until_next_tick() -> None:
+    harness = held("sequence: [{say: one}, {say: two}]", "tree/1.say")
     assert harness.run.held == ("tree/1.say",)
     assert (harness.said, harness.status("1.say"), harness.run.tip) == (
         ["one"],
@@ -39,16 +45,14 @@ def test_held_node_reports_running_once() -> None:
 
 
 def test_siblings_in_parallel_tick_beside_held_node() -> None:
-    harness = stopped("parallel: [{say: one}, {show: two}]", "tree/0.say")
-    harness.tick()
+    harness = held("parallel: [{say: one}, {show: two}]", "tree/0.say")
     assert harness.asked == ["show"]
     assert harness.tick() == "succeeded"
 
 
 def test_node_halted_in_same_tick_is_not_held() -> None:
     tree = "selector: [{parallel: [{say: one}, {check: scene.age > 4}]}, {say: two}]"
-    harness = stopped(tree, "tree/0.parallel/0.say", answers=LONG)
-    harness.tick()
+    harness = held(tree, "tree/0.parallel/0.say", answers=LONG)
     assert harness.run.held == ()
     assert harness.said == ["two"]
 
@@ -69,8 +73,7 @@ def test_breakpoint_ignores_node_whose_when_is_false() -> None:
 
 
 def test_interrupted_held_node_is_held_again() -> None:
-    harness = stopped("say: hello", "tree")
-    harness.tick()
+    harness = held("say: hello", "tree")
     harness.interrupt()
     assert harness.status("tree") == "INVALID"
     harness.tick()
@@ -78,8 +81,7 @@ def test_interrupted_held_node_is_held_again() -> None:
 
 
 def test_interrupted_node_without_breakpoint_starts_once() -> None:
-    harness = stopped("say: hello", "tree", answers=LONG)
-    harness.tick()
+    harness = held("say: hello", "tree", answers=LONG)
     harness.run.set_breakpoints(())
     harness.interrupt()
     harness.tick(5)
@@ -87,8 +89,7 @@ def test_interrupted_node_without_breakpoint_starts_once() -> None:
 
 
 def test_removing_breakpoint_releases_held_node() -> None:
-    harness = stopped("sequence: [{say: one}, {say: two}]", "tree/0.say", "tree/1.say")
-    harness.tick()
+    harness = held("sequence: [{say: one}, {say: two}]", "tree/0.say", "tree/1.say")
     harness.run.set_breakpoints(())
     assert harness.tick() == "succeeded"
 
@@ -101,8 +102,7 @@ def test_breakpoint_set_during_run_takes_effect() -> None:
 
 
 def test_cancel_of_held_node_only_cleans_up() -> None:
-    harness = stopped("say: hello", "tree", head="on_cancel: {say: good-bye}", answers=LONG)
-    harness.tick()
+    harness = held("say: hello", "tree", head="on_cancel: {say: good-bye}", answers=LONG)
     harness.run.cancel("enough")
     harness.tick()
     assert (harness.outcome, harness.run.held) == ("running", ())
@@ -111,8 +111,7 @@ def test_cancel_of_held_node_only_cleans_up() -> None:
 
 
 def test_breakpoint_does_not_hold_cleanup() -> None:
-    harness = stopped("say: hello", "on_cancel", head="on_cancel: {say: good-bye}", answers=LONG)
-    harness.tick()
+    harness = held("say: hello", "on_cancel", head="on_cancel: {say: good-bye}", answers=LONG)
     harness.run.cancel("enough")
     harness.tick()
     assert harness.said == ["hello", "good-bye"]
