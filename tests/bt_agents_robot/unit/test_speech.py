@@ -87,9 +87,8 @@ def test_pace_beyond_voice_range_is_silent():
     ("text", "code"), [("", "EMPTY"), (" \n\t", "EMPTY"), ("x" * (LONGEST_TEXT + 1), "TOO_LONG")]
 )
 def test_empty_or_overlong_text_is_refused(text, code):
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{code}: "):
         check_text(text, "text")
-    assert refused.value.code == code
 
 
 @pytest.mark.parametrize(
@@ -102,9 +101,8 @@ def test_empty_or_overlong_text_is_refused(text, code):
     ],
 )
 def test_impossible_speaking_rate_is_refused(rate, code):
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{code}: "):
         check_rate(rate)
-    assert refused.value.code == code
 
 
 def test_zero_rate_means_normal_rate():
