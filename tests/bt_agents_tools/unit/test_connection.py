@@ -112,7 +112,7 @@ def words(graph: Any) -> str:
 
 
 @pytest.mark.parametrize(("who", "markets"), [(UP, ()), ("", ("/",))])
-def test_slow_market_is_awaited_if_domain_or_topic_exists(
+def test_slow_market_is_awaited_while_it_is_known(
     holds: Callable[[str], None], who: str, markets: tuple[str, ...]
 ) -> None:
     holds(who)
