@@ -304,9 +304,12 @@ def test_transcript_of_endless_run_is_cut() -> None:
             "show: {text: Put it here., clip: hand, duration: 3 s}",
             '▶ show "Put it here.", clip hand',
         ),
-        ("{name: no hurry, wait_for: live.mood > 4, timeout: 5 s}", "… waits: no hurry"),
         (
-            "{name: no hurry, wait_for: live.mood > 4, timeout: 5 s}",
+            "sequence: [{name: no hurry, wait_for: live.mood > 4, timeout: 5 s}]",
+            "… waits: no hurry",
+        ),
+        (
+            "sequence: [{name: no hurry, wait_for: live.mood > 4, timeout: 5 s}]",
             "✘ no hurry: not done within 5 s",
         ),
     ],
