@@ -149,6 +149,14 @@ def wait_for(is_so: Callable[[], object]) -> None:
         time.sleep(0.05)
 
 
+def printed_by(program: str) -> list[str]:
+    """Return the lines that a Python program prints in a process of its own."""
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
 def children(pid: int) -> list[int]:
     """Return the pids of all direct children of a process."""
     found = []

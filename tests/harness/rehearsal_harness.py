@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 
 from bt_agents_language.files.testing.scenarios import AgentTest, Scenario
@@ -10,6 +11,7 @@ from bt_agents_language.files.testing.test_reader import read_scenario_text
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
 from bt_agents_tools.rehearsal.rehearsal import rehearse
+from checkout import ROOT
 from file_texts import read_test_text
 from tree_harness import SPACE, SYMBOLS, agent
 
@@ -43,6 +45,14 @@ def events_of(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:
         for event in result.events
         if event.kind in kinds
     ]
+
+
+def documented_tree(page: str, words: str) -> str:
+    """Return the only tree on a page of the documentation that has these words."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    trees = re.findall(r"```yaml\ntree:\n(.*?)```", text, re.DOTALL)
+    [found] = [tree for tree in trees if words in tree]
+    return textwrap.dedent(found)
 
 
 def spoken_texts(result: Rehearsed) -> list[object]:

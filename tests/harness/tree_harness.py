@@ -8,12 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from random import Random
+from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.run import Run, RunLimits, StatusChange
+from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
@@ -158,10 +159,15 @@ class TreeHarness:
         return [(c.status.name, c.message) for c in self.changes if c.path == path]
 
     @property
+    def result(self) -> RunResult:
+        """The result of the run, which has ended."""
+        assert self.run.result is not None
+        return self.run.result
+
+    @property
     def message(self) -> str:
         """The reason for the run's outcome."""
-        assert self.run.result is not None
-        return self.run.result.message
+        return self.result.message
 
     @property
     def outcome(self) -> str:
@@ -177,3 +183,10 @@ class TreeHarness:
     def asked(self) -> list[str]:
         """Names of all goals and requests so far, in order."""
         return [g.goal.name for g in self.environment.goals]
+
+
+def started(tree: str | NodeSpec, **how: Any) -> TreeHarness:
+    """Return the run of a tree after its first tick; see :class:`TreeHarness`."""
+    harness = TreeHarness(tree, **how)
+    harness.tick()
+    return harness

@@ -15,13 +15,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from bt_agents.host.tuning.change_log import ChangeLog, read_history
-from bt_agents.host.tuning.history import (
-    TuningAction,
-    TuningCause,
-    TuningChange,
-    TuningHistory,
-    TuningRevision,
-)
+from bt_agents.host.tuning.history import TuningAction, TuningRevision
 from bt_agents.host.tuning.tunable import (
     Setting,
     TunableKind,
@@ -40,6 +34,7 @@ from bt_agents_tools.client.write_back import ParameterState, write_defaults
 from faulty_disk import Disk
 from file_texts import read_agent_text
 from tree_harness import SPACE, SYMBOLS, TREES
+from tuning_desk import Desk
 
 NAMES = ("a.x", "a.y", "b.x", "c.x", "rate")
 START: Mapping[str, Setting] = dict.fromkeys(NAMES, 0)
@@ -49,57 +44,33 @@ TEXTS = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cn", "Co"]), max_
 )
 
 
-class Desk:
-    """Values and their history."""
-
-    def __init__(self) -> None:
-        self.values = dict(START)
-        self.history = TuningHistory()
-
-    def set(self, values: Mapping[str, Setting]) -> None:
-        self._record(values, TuningCause(author="x"))
-
-    def step(self, action: TuningAction, agents: tuple[str, ...] = ()) -> bool:
-        try:
-            found, values = self.history.find(action, agents, lambda _name, _value: True)
-        except Refused:
-            return False
-        self._record(values, TuningCause(author="x", action=action, of=found.number))
-        return True
-
-    def _record(self, values: Mapping[str, Setting], cause: TuningCause) -> None:
-        changes = tuple(
-            TuningChange(name=name, before=self.values[name], after=value)
-            for name, value in values.items()
-            if self.values[name] != value
-        )
-        if not changes and cause.action is TuningAction.SET:
-            return
-        number = self.history.revision + 1
-        revision = TuningRevision(number=number, stamp=1.0, cause=cause, changes=changes)
-        defaults = {name: START[name] for name in names(revision)}
-        self.history = self.history.with_revision(revision, defaults)
-        self.values |= values
+def step(desk: Desk, action: TuningAction, *agents: str) -> bool:
+    """Undo or redo; return whether there was something."""
+    try:
+        desk.undo(*agents) if action is TuningAction.UNDO else desk.redo(*agents)
+    except Refused:
+        return False
+    return True
 
 
 @given(st.lists(SETS), SETS)
 def test_undo_restores_values_before_last_change(before, change):
-    desk = Desk()
+    desk = Desk(START)
     for one in before:
         desk.set(one)
     was = dict(desk.values)
     desk.set(change)
     now = dict(desk.values)
     assume(now != was)
-    assert desk.step(TuningAction.UNDO)
+    assert step(desk, TuningAction.UNDO)
     assert desk.values == was
-    assert desk.step(TuningAction.REDO)
+    assert step(desk, TuningAction.REDO)
     assert desk.values == now
 
 
 @given(st.lists(SETS, max_size=30))
 def test_all_undos_and_redos_restore_both_ends(changes):
-    desk = Desk()
+    desk = Desk(START)
     states = [dict(desk.values)]
     for change in changes:
         desk.set(change)
@@ -107,10 +78,10 @@ def test_all_undos_and_redos_restore_both_ends(changes):
             states.append(dict(desk.values))
     end = dict(desk.values)
     for state in reversed(states[:-1]):
-        assert desk.step(TuningAction.UNDO)
+        assert step(desk, TuningAction.UNDO)
         assert desk.values == state
-    assert not desk.step(TuningAction.UNDO)
-    while desk.step(TuningAction.REDO):
+    assert not step(desk, TuningAction.UNDO)
+    while step(desk, TuningAction.REDO):
         pass
     assert desk.values == end
 
@@ -132,19 +103,20 @@ def names(revision: TuningRevision) -> set[str]:
 
 
 def done(steps: list[object]) -> Desk:
-    desk = Desk()
-    for step in steps:
-        if isinstance(step, dict):
-            desk.set(step)
-        elif isinstance(step, tuple):
-            desk.step(*step)
+    desk = Desk(START)
+    for one in steps:
+        if isinstance(one, dict):
+            desk.set(one)
+        elif isinstance(one, tuple):
+            action, agents = one
+            step(desk, action, *agents)
     return desk
 
 
 @given(STEPS)
 def test_undoing_everything_restores_the_start_values(steps):
     desk = done(steps)
-    while desk.step(TuningAction.UNDO):
+    while step(desk, TuningAction.UNDO):
         pass
     assert desk.values == START
 
@@ -154,14 +126,14 @@ def test_agent_undo_reverts_its_whole_last_change(steps, agent):
     desk = done(steps)
     before = dict(desk.values)
     stack = desk.history.undoable
-    if not desk.step(TuningAction.UNDO, (agent,)):
+    if not step(desk, TuningAction.UNDO, agent):
         return
     [taken] = [one for one in stack if one not in desk.history.undoable]
     assert any(name.startswith(f"{agent}.") for name in names(taken))
     assert desk.values == before | {change.name: change.before for change in taken.changes}
     later = stack[stack.index(taken) + 1 :]
     assert all(not names(taken) & names(one) for one in later)
-    assert desk.step(TuningAction.REDO, (agent,))
+    assert step(desk, TuningAction.REDO, agent)
     assert desk.values == before
 
 

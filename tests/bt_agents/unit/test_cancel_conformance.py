@@ -123,9 +123,6 @@ class Performance:
     def over(self) -> bool:
         return self.run.result is not None
 
-    def tick(self) -> None:
-        self.run.tick()
-
     def move_on(self) -> None:
         """Advance the time until something changes, and let people act."""
         now = self.environment.clock.now
@@ -143,14 +140,14 @@ class Performance:
         while self.run.ticks < ticks and not self.over:
             if self.run.ticks:
                 self.move_on()
-            self.tick()
+            self.run.tick()
 
     def wind_up(self) -> float:
         """Continue until it has ended; return how long that took [s]."""
         began = self.environment.clock.now
         while not self.over:
             self.move_on()
-            self.tick()
+            self.run.tick()
         return self.environment.clock.now - began
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import TreeHarness
+from tree_harness import TreeHarness, started
 
 LONG = {"say": [ScriptedReply(after_s=100.0)]}
 
@@ -19,9 +19,15 @@ def stopped(tree: str, *paths: str, **how: Any) -> TreeHarness:
     return harness
 
 
-def test_breakpoint_holds_node_until_next_tick() -> None:
-    harness = stopped("sequence: [{say: one}, {say: two}]", "tree/1.say")
+def held(tree: str, *paths: str, **how: Any) -> TreeHarness:
+    """Return a run after its first tick, with breakpoints."""
+    harness = stopped(tree, *paths, **how)
     harness.tick()
+    return harness
+
+
+def test_breakpoint_holds_node_until_next_tick() -> None:
+    harness = held("sequence: [{say: one}, {say: two}]", "tree/1.say")
     assert harness.run.held == ("tree/1.say",)
     assert (harness.said, harness.status("1.say"), harness.run.tip) == (
         ["one"],
@@ -32,13 +38,6 @@ def test_breakpoint_holds_node_until_next_tick() -> None:
     assert (harness.said, harness.run.held) == (["one", "two"], ())
 
 
-def test_breakpoint_holds_the_root() -> None:
-    harness = stopped("say: hello", "tree")
-    harness.tick()
-    assert (harness.run.held, harness.said) == (("tree",), [])
-    assert harness.tick() == "succeeded"
-
-
 def test_held_node_reports_running_once() -> None:
     harness = stopped("say: hello", "tree", answers=LONG)
     harness.tick(3)
@@ -46,16 +45,14 @@ def test_held_node_reports_running_once() -> None:
 
 
 def test_siblings_in_parallel_tick_beside_held_node() -> None:
-    harness = stopped("parallel: [{say: one}, {show: two}]", "tree/0.say")
-    harness.tick()
+    harness = held("parallel: [{say: one}, {show: two}]", "tree/0.say")
     assert harness.asked == ["show"]
     assert harness.tick() == "succeeded"
 
 
 def test_node_halted_in_same_tick_is_not_held() -> None:
     tree = "selector: [{parallel: [{say: one}, {check: scene.age > 4}]}, {say: two}]"
-    harness = stopped(tree, "tree/0.parallel/0.say", answers=LONG)
-    harness.tick()
+    harness = held(tree, "tree/0.parallel/0.say", answers=LONG)
     assert harness.run.held == ()
     assert harness.said == ["two"]
 
@@ -76,8 +73,7 @@ def test_breakpoint_ignores_node_whose_when_is_false() -> None:
 
 
 def test_interrupted_held_node_is_held_again() -> None:
-    harness = stopped("say: hello", "tree")
-    harness.tick()
+    harness = held("say: hello", "tree")
     harness.interrupt()
     assert harness.status("tree") == "INVALID"
     harness.tick()
@@ -85,8 +81,7 @@ def test_interrupted_held_node_is_held_again() -> None:
 
 
 def test_interrupted_node_without_breakpoint_starts_once() -> None:
-    harness = stopped("say: hello", "tree", answers=LONG)
-    harness.tick()
+    harness = held("say: hello", "tree", answers=LONG)
     harness.run.set_breakpoints(())
     harness.interrupt()
     harness.tick(5)
@@ -94,40 +89,29 @@ def test_interrupted_node_without_breakpoint_starts_once() -> None:
 
 
 def test_removing_breakpoint_releases_held_node() -> None:
-    harness = stopped("sequence: [{say: one}, {say: two}]", "tree/0.say", "tree/1.say")
-    harness.tick()
+    harness = held("sequence: [{say: one}, {say: two}]", "tree/0.say", "tree/1.say")
     harness.run.set_breakpoints(())
     assert harness.tick() == "succeeded"
 
 
 def test_breakpoint_set_during_run_takes_effect() -> None:
-    harness = TreeHarness("sequence: [{say: one}, {say: two}]", answers=LONG)
-    harness.tick()
+    harness = started("sequence: [{say: one}, {say: two}]", answers=LONG)
     harness.run.set_breakpoints(("tree/1.say",))
     harness.after(100.0)
     assert (harness.run.held, harness.said) == (("tree/1.say",), ["one"])
 
 
 def test_cancel_of_held_node_only_cleans_up() -> None:
-    harness = stopped("say: hello", "tree", head="on_cancel: {say: good-bye}")
-    harness.tick()
-    harness.run.cancel("enough")
-    while harness.outcome == "running":
-        harness.tick()
-    assert (harness.outcome, harness.said) == ("cancelled", ["good-bye"])
-
-
-def test_cleanup_tick_holds_no_node() -> None:
-    harness = stopped("say: hello", "tree", head="on_cancel: {wait: 1 s}")
-    harness.tick()
+    harness = held("say: hello", "tree", head="on_cancel: {say: good-bye}", answers=LONG)
     harness.run.cancel("enough")
     harness.tick()
     assert (harness.outcome, harness.run.held) == ("running", ())
+    assert harness.after(3.0) == "cancelled"
+    assert harness.said == ["good-bye"]
 
 
 def test_breakpoint_does_not_hold_cleanup() -> None:
-    harness = stopped("say: hello", "on_cancel", head="on_cancel: {say: good-bye}", answers=LONG)
-    harness.tick()
+    harness = held("say: hello", "on_cancel", head="on_cancel: {say: good-bye}", answers=LONG)
     harness.run.cancel("enough")
     harness.tick()
     assert harness.said == ["hello", "good-bye"]

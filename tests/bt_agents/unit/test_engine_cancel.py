@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import accumulate, chain, repeat
 
 import pytest
 
@@ -12,7 +13,7 @@ from bt_agents.engine.run import RunLimits, TreeOutcome
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.engine.ticker import Ticker
 from bt_agents_core.stop_cause import Cancellation
-from tree_harness import TreeHarness
+from tree_harness import TreeHarness, started
 
 LONG = ScriptedReply(after_s=100.0)
 STUBBORN = ScriptedReply(after_s=100.0, cancel_s=math.inf)
@@ -22,9 +23,8 @@ SPEAKS = "sequence: [{say: hello}, {show: {text: x}}]"
 
 def cancelled(head: str, *says: ScriptedReply) -> TreeHarness:
     """Return a run that was cancelled while it was speaking."""
-    harness = TreeHarness(SPEAKS, head=head, answers={"say": says or [LONG]})
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = started(SPEAKS, head=head, answers={"say": says or [LONG]})
+    harness.changes = harness.run.cancel("enough")
     return harness
 
 
@@ -33,14 +33,14 @@ def test_cancel_before_first_tick_needs_no_cleanup() -> None:
     harness.run.cancel("enough")
     assert harness.outcome == "cancelled"
     assert harness.asked == []
-    result = harness.run.result
-    assert result is not None
+    result = harness.result
     assert (result.ticks, result.tip, result.message) == (0, "", "enough")
 
 
 def test_cancel_halts_leaf_now_and_cleans_up_next() -> None:
     harness = cancelled(CLEAN_UP, LONG, ScriptedReply(after_s=1.0))
     assert harness.environment.running() == []
+    assert {change.path for change in harness.changes} == {"tree", "tree/0.say"}
     assert harness.said == ["hello"]
     assert harness.tick() == "running"
     assert harness.said == ["hello", "good-bye"]
@@ -102,32 +102,24 @@ def test_cancel_after_end_keeps_the_result() -> None:
 
 
 def test_run_waits_for_pending_goal_to_be_cancelled() -> None:
-    harness = TreeHarness(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
-    harness.tick()
+    harness = started(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
     harness.run.cancel("enough")
     assert harness.outcome == "running"
     assert harness.after(0.9) == "running"
     assert harness.after(0.1) == "cancelled"
-    assert harness.run.result is not None
-    assert harness.run.result.orphans == ()
+    assert harness.result.orphans == ()
 
 
 def test_endless_goal_is_an_orphan_of_its_node() -> None:
-    harness = TreeHarness(
-        SPEAKS, head=CLEAN_UP, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0)
-    )
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(CLEAN_UP, STUBBORN)
     harness.tick()
     assert harness.after(3.0) == "running"
     assert harness.after(2.0) == "cancelled"
-    assert harness.run.result is not None
-    assert harness.run.result.orphans == ("tree/0.say", "on_cancel")
+    assert harness.result.orphans == ("tree/0.say", "on_cancel")
 
 
 def test_host_cancel_can_skip_cleanup() -> None:
-    harness = TreeHarness(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
-    harness.tick()
+    harness = started(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
     harness.run.cancel("the host is stopping", clean_up=False)
     assert harness.outcome == "cancelled"
     assert harness.said == ["hello"]
@@ -144,13 +136,8 @@ def test_second_cancel_without_cleanup_halts_running_cleanup() -> None:
 
 
 def test_expired_cleanup_starts_no_further_node() -> None:
-    harness = TreeHarness(
-        SPEAKS,
-        head="on_cancel: {sequence: [{say: good-bye}, {say: really}]}",
-        answers={"say": [LONG, ScriptedReply(after_s=1.0)]},
-    )
-    harness.tick()
-    harness.run.cancel("enough")
+    head = "on_cancel: {sequence: [{say: good-bye}, {say: really}]}"
+    harness = cancelled(head, LONG, ScriptedReply(after_s=1.0))
     harness.tick()
     assert harness.after(60.0) == "cancelled"
     assert harness.said == ["hello", "good-bye"]
@@ -158,8 +145,7 @@ def test_expired_cleanup_starts_no_further_node() -> None:
 
 @pytest.mark.parametrize("wait_s", [0.0, 1.0])
 def test_shortened_settling_ends_the_wait_for_goals(wait_s: float) -> None:
-    harness = TreeHarness(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
-    harness.tick()
+    harness = started(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
     if not wait_s:
         harness.run.shorten_settling(0.7)
     harness.run.cancel("the host is stopping")
@@ -167,15 +153,13 @@ def test_shortened_settling_ends_the_wait_for_goals(wait_s: float) -> None:
     harness.run.shorten_settling(0.7)
     assert harness.after(0.6) == "running"
     assert harness.after(0.1) == "cancelled"
-    assert harness.run.result is not None
-    assert harness.run.result.orphans == ("tree/0.say",)
+    assert harness.result.orphans == ("tree/0.say",)
     harness.run.shorten_settling(0.7)
     assert harness.outcome == "cancelled"
 
 
 def test_give_up_ends_run_whose_nodes_cannot_halt(monkeypatch: pytest.MonkeyPatch) -> None:
-    harness = TreeHarness(SPEAKS, answers={"say": [LONG]})
-    harness.tick()
+    harness = started(SPEAKS, answers={"say": [LONG]})
 
     def stuck(_ticker: object) -> None:
         raise RuntimeError("cogwheel")
@@ -186,26 +170,19 @@ def test_give_up_ends_run_whose_nodes_cannot_halt(monkeypatch: pytest.MonkeyPatc
     assert result.orphans == ("tree/0.say",)
 
 
-class SlowClock:
-    """A clock that advances at each reading, by a lot at one node."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-        self.steps = iter([0.0])
-
-    def __call__(self) -> float:
-        self.now += next(self.steps, 0.0)
-        return self.now
+def slowed(*steps: float, period_s: float = 0.1) -> TreeHarness:
+    """Return a run after one tick, in which each reading of the clock advances it by a step."""
+    harness = TreeHarness(SPEAKS, answers={"show": [LONG]})
+    now = accumulate(chain(steps, repeat(0.0)))
+    harness.run._steady = lambda: next(now)
+    harness.run.period_s = period_s
+    harness.tick()
+    return harness
 
 
 def test_tick_overrun_names_the_slowest_node() -> None:
-    harness = TreeHarness(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
-    clock = SlowClock()
-    harness.run._steady = clock
-    harness.run.period_s = 0.1
     # Read before the tick, at each leaf's answer, and at the end.
-    clock.steps = iter([0.0, 0.01, 0.2, 0.01, 0.0])
-    harness.tick()
+    harness = slowed(0.0, 0.01, 0.2, 0.01, 0.0)
     overrun = harness.run.overrun
     assert overrun is not None
     assert overrun.slowest == "tree/1.show"
@@ -214,31 +191,20 @@ def test_tick_overrun_names_the_slowest_node() -> None:
     harness.tick()
     assert harness.run.overrun is None
     harness.run.cancel("enough")
-    assert harness.run.result is not None
-    assert harness.run.result.overruns == 1
+    assert harness.result.overruns == 1
 
 
 def test_overrun_after_last_leaf_names_the_root() -> None:
-    harness = TreeHarness(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
-    clock = SlowClock()
-    harness.run._steady = clock
-    harness.run.period_s = 0.1
-    clock.steps = iter([0.0, 0.01, 0.02, 0.3])
-    harness.tick()
-    overrun = harness.run.overrun
+    overrun = slowed(0.0, 0.01, 0.02, 0.3).run.overrun
     assert overrun is not None
     assert overrun.slowest == "tree"
     assert overrun.slowest_s == pytest.approx(0.3)
 
 
 def test_run_without_period_has_no_overruns() -> None:
-    harness = TreeHarness("say: x")
-    clock = SlowClock()
-    harness.run._steady = clock
-    clock.steps = iter([0.0, 100.0, 0.0, 100.0])
-    assert harness.tick() == "succeeded"
-    assert harness.run.result is not None
-    assert harness.run.result.overruns == 0
+    harness = slowed(0.0, 100.0, 0.0, 100.0, period_s=math.inf)
+    harness.run.cancel("enough")
+    assert harness.result.overruns == 0
 
 
 TELLS_WHY = (
@@ -252,8 +218,7 @@ OPERATOR = Cancellation(by="operator", reason="the shift is over")
 
 @pytest.mark.parametrize(("cancellation", "text"), [(RULE, "Sorry."), (OPERATOR, OPERATOR.reason)])
 def test_cleanup_reads_who_cancelled_and_why(cancellation: Cancellation, text: str) -> None:
-    harness = TreeHarness(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
-    harness.tick()
+    harness = started(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
     harness.run.cancel("enough", cancellation=cancellation)
     harness.tick()
     assert harness.said == ["hello", text]
@@ -287,10 +252,7 @@ def test_run_awaiting_cancel_cause_can_skip_cleanup() -> None:
 
 
 def test_agent_sets_its_own_cleanup_limit() -> None:
-    head = f"{CLEAN_UP}\non_cancel_within: 5 s"
-    harness = TreeHarness(SPEAKS, head=head, answers={"say": [LONG]})
-    harness.tick()
-    harness.run.cancel("enough")
+    harness = cancelled(f"{CLEAN_UP}\non_cancel_within: 5 s")
     harness.tick()
     assert harness.after(4.9) == "running"
     assert harness.after(0.1) == "cancelled"

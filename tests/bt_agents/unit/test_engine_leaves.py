@@ -13,7 +13,7 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_language.model.specs import Literal, MapValue, NodeSpec
-from tree_harness import TreeHarness, agent, scene
+from tree_harness import TreeHarness, agent, scene, started
 
 TUNABLES = """
 tunables:
@@ -53,13 +53,6 @@ def test_instant_skill_reports_each_run_unlike_check() -> None:
     assert len(harness.reports("tree/0.check")) == 1
 
 
-def test_halted_node_is_reported_in_same_tick() -> None:
-    harness = TreeHarness("say: x\ntimeout: 2 s", answers={"say": [ScriptedReply(after_s=9.0)]})
-    harness.tick()
-    assert harness.after(2.0) == "failed"
-    assert [status for status, _ in harness.reports("tree")] == ["RUNNING", "INVALID"]
-
-
 @pytest.mark.parametrize(
     ("word", "kind"), [("positive", FeedbackKind.POSITIVE), ("negative", FeedbackKind.NEGATIVE)]
 )
@@ -96,14 +89,12 @@ def test_refused_feedback_fails_with_its_reason() -> None:
 
 
 def test_cancel_does_not_wait_for_unanswered_feedback() -> None:
-    harness = TreeHarness(
+    harness = started(
         "give_feedback: positive", answers={GIVE_FEEDBACK: [ScriptedReply(after_s=99.0)]}
     )
-    harness.tick()
     harness.run.cancel("enough")
     assert harness.outcome == "cancelled"
-    assert harness.run.result is not None
-    assert harness.run.result.orphans == ()
+    assert harness.result.orphans == ()
 
 
 def feedback(**fields: object) -> NodeSpec:
@@ -165,22 +156,20 @@ def test_uncomputable_value_fails_with_message() -> None:
 
 
 def test_quantities_in_text_are_spoken_with_units() -> None:
-    harness = TreeHarness("say: I wait ${patience}, in ${steps} steps.\nrepeat: 2", head=TUNABLES)
-    harness.tick()
+    harness = started("say: I wait ${patience}, in ${steps} steps.\nrepeat: 2", head=TUNABLES)
     harness.tunables["patience"] = 0.25
     harness.tick()
     assert harness.said == ["I wait 1.5 min, in 3 steps.", "I wait 250 ms, in 3 steps."]
 
 
 def test_booleans_and_lists_are_spoken_as_words() -> None:
-    harness = TreeHarness(
+    harness = started(
         """
         sequence:
           - set: {things: [1.0, two, true]}
           - say: ${things}, ${live.person}
         """
     )
-    harness.tick()
     assert harness.said == ["1, two, yes, yes"]
 
 
@@ -213,11 +202,10 @@ def test_output_is_renamed_and_extracted_from_json_text(
         "sequence:\n  - ask: Which?\n    outputs: {drink: answer}\n  - say: ${drink}"
     ).tree
     ask, say = tree.children
-    harness = TreeHarness(
+    harness = started(
         replace(tree, children=(replace(ask, outputs={"drink": path}), say)),
         answers={"ask": [ScriptedReply(result=result)]},
     )
-    harness.tick()
     assert words in (harness.said[0] if harness.said else harness.message)
 
 

@@ -9,131 +9,48 @@ from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
 from tree_harness import TreeHarness
 
-
-def ends(after_s: float, *, well: bool = True) -> list[ScriptedReply]:
-    state = GoalState.SUCCEEDED if well else GoalState.ABORTED
-    return [ScriptedReply(after_s=after_s, state=state)]
+STATES = {"S": GoalState.SUCCEEDED, "F": GoalState.ABORTED}
 
 
-def tree(succeed_on: str) -> str:
-    return f"""
+def parallel(succeed_on: str, ends: str) -> TreeHarness:
+    """Return a parallel of say, show and drive; ``F2`` means that one fails after 2 s."""
+    tree = f"""
         parallel:
           succeed_on: {succeed_on}
-          children:
-            - say: x
-              name: talk
-            - show: y
-              name: film
-            - drive: z
-              name: way
-        """
+          children: [say: x, show: y, drive: z]
+    """
+    replies = [
+        [ScriptedReply(after_s=float(end[1:]), state=STATES[end[0]])] for end in ends.split()
+    ]
+    return TreeHarness(tree, answers=dict(zip(("say", "show", "drive"), replies, strict=True)))
 
 
-def test_parallel_succeeds_at_required_count() -> None:
-    #  t | say | show | drive     | parallel
-    #  0 |  R  |  R   |  R        |   R
-    #  1 |  S  |  R   |  R        |   R
-    #  2 |     |  S   | cancelled |   S
-    harness = TreeHarness(
-        tree("2"), answers={"say": ends(1.0), "show": ends(2.0), "drive": ends(9.0)}
-    )
-    assert harness.tick() == "running"
-    assert harness.after(1.0) == "running"
-    assert harness.after(1.0) == "succeeded"
+@pytest.mark.parametrize(
+    ("succeed_on", "ends", "outcomes"),
+    [
+        ("2", "S1 S2 S9", "RRS"),
+        ("2", "F1 S2 S3", "RRRS"),
+        ("2", "F1 F2 S9", "RRF"),
+        ("one", "F1 F2 S3", "RRRS"),
+        ("one", "F1 F2 F3", "RRRF"),
+        ("all", "S1 F2 S9", "RRF"),
+        ("one", "S0 S9 S9", "S"),
+    ],
+)
+def test_parallel_ends_once_its_outcome_is_certain(
+    succeed_on: str, ends: str, outcomes: str
+) -> None:
+    harness = parallel(succeed_on, ends)
+    found = [harness.tick(), *(harness.after(1.0) for _ in outcomes[1:])]
+    assert "".join(one[0].upper() for one in found) == outcomes
     assert harness.environment.running() == []
-    assert harness.status("2.way") == "INVALID"
     assert harness.asked == ["say", "show", "drive"]
 
 
-def test_parallel_survives_failures_while_count_is_reachable() -> None:
-    #  t | say | show | drive | parallel
-    #  1 |  F  |  R   |  R    |   R
-    #  2 |     |  S   |  R    |   R
-    #  3 |     |      |  S    |   S
-    harness = TreeHarness(
-        tree("2"), answers={"say": ends(1.0, well=False), "show": ends(2.0), "drive": ends(3.0)}
-    )
-    assert harness.tick(3, step_s=1.0) == "running"
-    assert harness.after(1.0) == "succeeded"
-    assert harness.asked == ["say", "show", "drive"]
-
-
-def test_parallel_fails_once_count_is_unreachable() -> None:
-    harness = TreeHarness(
-        tree("2"),
-        answers={"say": ends(1.0, well=False), "show": ends(2.0, well=False), "drive": ends(9.0)},
-    )
-    assert harness.tick(2, step_s=1.0) == "running"
-    assert harness.after(1.0) == "failed"
-    assert harness.environment.running() == []
-    assert ("FAILURE", "2 had to succeed, at most 1 still can") in harness.reports("tree")
-
-
-def test_parallel_one_succeeds_after_other_failures() -> None:
-    answers = {"say": ends(1.0, well=False), "show": ends(2.0, well=False), "drive": ends(3.0)}
-    harness = TreeHarness(tree("one"), answers=answers)
-    assert harness.tick(3, step_s=1.0) == "running"
-    assert harness.after(1.0) == "succeeded"
-    answers["drive"] = ends(3.0, well=False)
-    harness = TreeHarness(tree("one"), answers=answers)
-    assert harness.tick(3, step_s=1.0) == "running"
-    assert harness.after(1.0) == "failed"
-
-
-def test_parallel_all_fails_at_first_failure() -> None:
-    harness = TreeHarness(
-        tree("all"), answers={"say": ends(1.0), "show": ends(2.0, well=False), "drive": ends(9.0)}
-    )
-    assert harness.tick(2, step_s=1.0) == "running"
-    assert harness.after(1.0) == "failed"
-    assert harness.environment.running() == []
-    assert harness.run.result is not None
-    assert harness.run.result.tip == "tree/1.film"
-
-
-def test_named_children_decide_parallel_and_halt_others() -> None:
-    harness = TreeHarness(
-        tree("[talk, way]"), answers={"say": ends(1.0), "show": ends(99.0), "drive": ends(2.0)}
-    )
-    assert harness.tick(2, step_s=1.0) == "running"
-    assert harness.after(1.0) == "succeeded"
-    assert harness.environment.running() == []
-
-
-@pytest.mark.parametrize("failing", ["say", "show", "drive"])
-def test_any_failure_fails_parallel_with_named_children(failing: str) -> None:
-    answers = {"say": ends(9.0), "show": ends(9.0), "drive": ends(9.0)}
-    answers[failing] = ends(1.0, well=False)
-    harness = TreeHarness(tree("[talk]"), answers=answers)
-    assert harness.tick() == "running"
-    assert harness.after(1.0) == "failed"
-    assert harness.environment.running() == []
-
-
-def test_interrupted_parallel_halts_children_and_starts_afresh() -> None:
-    harness = TreeHarness(
-        tree("2"), answers={"say": ends(1.0), "show": ends(9.0), "drive": ends(9.0)}
-    )
-    harness.tick(2, step_s=1.0)
-    harness.interrupt()
-    assert harness.environment.running() == []
-    assert {node.status.name for node in harness.root.iterate()} == {"INVALID"}
+def test_failed_parallel_names_child_and_missing_successes() -> None:
+    harness = parallel("2", "F0 F1 S9")
     harness.tick()
-    assert harness.asked == ["say", "show", "drive"] * 2
-    assert harness.after(1.0) == "running"
-    assert harness.after(8.0) == "succeeded"
-
-
-def test_instantly_succeeding_child_counts_in_first_tick() -> None:
-    harness = TreeHarness(
-        tree("one"), answers={"say": ends(0.0), "show": ends(9.0), "drive": ends(9.0)}
-    )
-    assert harness.tick() == "succeeded"
-    assert harness.environment.running() == []
-
-
-def test_repeated_parallel_restarts_every_child() -> None:
-    harness = TreeHarness("parallel:\n  - say: x\n  - show: y\nrepeat: 2")
-    assert harness.tick() == "running"
-    assert harness.tick() == "succeeded"
-    assert harness.asked == ["say", "show"] * 2
+    assert harness.after(1.0) == "failed"
+    assert harness.reports("tree")[-1] == ("FAILURE", "2 had to succeed, at most 1 still can")
+    assert harness.result.tip == "tree/1.show"
+    assert harness.status("2.drive") == "INVALID"

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from random import Random
+
 from py_trees import display, trees, visitors
 from py_trees.common import Status
 
@@ -21,14 +23,21 @@ sequence:
   - choose:
       - {name: old, when: scene.age > 9, say: never}
       - {name: young, when: scene.age < 9, say: good-bye, retry: 2}
+  - random: [{wait: 1 s}, {wait: 2 s, weight: 2}]
+  - wait: 1 s
+    once: true
+    cooldown: 1 s
+    while: scene.age > 0
+    on_failure: {say: never}
 """
 
 
 def test_py_trees_manager_ticks_tree_like_a_run() -> None:
-    ours, theirs = TreeHarness(TREE), TreeHarness(TREE)
+    ours, theirs = (TreeHarness(TREE, random=Random(1)) for _ in range(2))
     seen = visitors.SnapshotVisitor()
     manager = trees.BehaviourTree(theirs.root)
-    manager.visitors.append(seen)
+    manager.visitors += [seen, visitors.DebugVisitor()]
+    manager.setup()
     while ours.outcome == "running":
         ours.tick()
         manager.tick()

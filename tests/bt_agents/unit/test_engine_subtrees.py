@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import LONG, TreeHarness, agent
+from tree_harness import LONG, TreeHarness, agent, started
 
 COUNT = """
 subtrees:
@@ -36,14 +36,6 @@ def test_caller_renames_subtree_outputs() -> None:
     assert harness.tick() == "succeeded"
     assert harness.said == ["4 and 8"]
     assert harness.run._context.scope.blackboard == {"four": 4, "eight": 8}
-
-
-def test_subtree_outputs_keep_their_names_by_default() -> None:
-    harness = TreeHarness(
-        "sequence:\n  - subtree: double\n    with: {n: 3}\n  - say: ${twice}", head=COUNT
-    )
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["6"]
 
 
 def test_subtree_writes_stay_local_to_their_call() -> None:
@@ -100,8 +92,7 @@ def test_subtree_start_clears_earlier_writes() -> None:
               when: write
             - say: "${word}"
     """
-    harness = TreeHarness("subtree: one\nrepeat: 2", head=head)
-    harness.tick()
+    harness = started("subtree: one\nrepeat: 2", head=head)
     harness.tunables["write"] = False
     assert harness.tick() == "failed"
     assert harness.said == ["written"]
@@ -152,8 +143,7 @@ def test_failed_subtree_still_returns_its_outputs() -> None:
 
 
 def test_interrupted_subtree_returns_no_outputs() -> None:
-    harness = TreeHarness("subtree: one", head=TRIES, answers={"drive": LONG})
-    harness.tick()
+    harness = started("subtree: one", head=TRIES, answers={"drive": LONG})
     harness.interrupt()
     assert harness.environment.running() == []
     assert "word" not in harness.run._context.scope.blackboard
@@ -169,7 +159,7 @@ def test_caller_sees_outputs_only_at_subtree_end() -> None:
             - set: {word: new}
             - wait: 5 s
     """
-    harness = TreeHarness(
+    harness = started(
         """
         sequence:
           - set: {word: old}
@@ -180,7 +170,6 @@ def test_caller_sees_outputs_only_at_subtree_end() -> None:
         """,
         head=head,
     )
-    harness.tick()
     harness.after(1.0)
     assert harness.said == ["old"]
     assert harness.after(4.0) == "succeeded"
@@ -198,8 +187,7 @@ def test_running_subtree_sees_changed_inputs() -> None:
         inputs: {rest: duration}
         tree: {wait: "${rest}"}
     """
-    harness = TreeHarness("subtree: outer\nwith: {rest: '${t}'}", head=head)
-    harness.tick()
+    harness = started("subtree: outer\nwith: {rest: '${t}'}", head=head)
     assert harness.after(4.0) == "running"
     harness.tunables["t"] = 8.0
     assert harness.tick() == "succeeded"
@@ -236,11 +224,10 @@ def test_once_in_subtree_counts_per_call_site() -> None:
 
 
 def test_cleanup_reads_values_written_by_tree() -> None:
-    harness = TreeHarness(
+    harness = started(
         "sequence:\n  - set: {place: gate 7}\n  - wait: 9 s",
         head="on_cancel: {say: 'We were on the way to ${place}.'}",
     )
-    harness.tick()
     harness.run.cancel("enough")
     assert harness.tick() == "cancelled"
     assert harness.said == ["We were on the way to gate 7."]

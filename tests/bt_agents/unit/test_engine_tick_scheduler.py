@@ -22,16 +22,11 @@ def test_ticks_stay_on_grid_regardless_of_duration() -> None:
     assert due == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
-def test_late_tick_skips_missed_grid_ticks() -> None:
+@pytest.mark.parametrize(("began", "ended", "due"), [(5.03, 5.04, 5.1), (0.0, 0.25, 0.3)])
+def test_late_or_long_tick_skips_missed_ticks(began: float, ended: float, due: float) -> None:
     pace = TickScheduler(0.1, now=0.0)
-    tick(pace, 5.03, 5.04)
-    assert pace.due == pytest.approx(5.1)
-
-
-def test_overrun_skips_missed_ticks() -> None:
-    pace = TickScheduler(0.1, now=0.0)
-    tick(pace, 0.0, 0.25)
-    assert pace.due == pytest.approx(0.3)
+    tick(pace, began, ended)
+    assert pace.due == pytest.approx(due)
 
 
 def test_request_adds_immediate_tick_and_keeps_grid() -> None:

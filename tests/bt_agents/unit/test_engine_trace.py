@@ -7,7 +7,7 @@ import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.engine.value_trace import as_written
-from tree_harness import TreeHarness, scene
+from tree_harness import TreeHarness, scene, started
 
 REACTIVE = """
 sequence:
@@ -24,8 +24,7 @@ def values(harness: TreeHarness, path: str) -> list[tuple[str, dict[str, str]]]:
 
 
 def test_an_element_has_the_values_of_its_node() -> None:
-    harness = TreeHarness("sequence: [{set: {guest: Ann, seats: 2}}, {say: hello}]")
-    harness.tick()
+    harness = started("sequence: [{set: {guest: Ann, seats: 2}}, {say: hello}]")
     assert values(harness, "tree/0.set") == [("SUCCESS", {"guest": "'Ann'", "seats": "2"})]
     assert values(harness, "tree/1.say") == [("SUCCESS", {})]
     assert values(harness, "tree") == [("SUCCESS", {})]
@@ -43,8 +42,7 @@ def test_node_that_ends_reports_its_changed_values() -> None:
 
 
 def test_a_value_that_stays_is_no_change() -> None:
-    harness = TreeHarness("sequence: [{set: {word: a}}, {set: {word: a}}, {set: {word: b}}]")
-    harness.tick()
+    harness = started("sequence: [{set: {word: a}}, {set: {word: a}}, {set: {word: b}}]")
     assert values(harness, "tree/1.set") == [("SUCCESS", {})]
     assert values(harness, "tree/2.set") == [("SUCCESS", {"word": "'b'"})]
 
@@ -84,15 +82,13 @@ subtrees:
     outputs: {twice: number}
     tree: {set: {twice: "${n * 2}"}}
 """
-    harness = TreeHarness("subtree: double\nwith: {n: 2}\noutputs: {four: twice}", head=head)
-    harness.tick()
+    harness = started("subtree: double\nwith: {n: 2}\noutputs: {four: twice}", head=head)
     assert values(harness, "tree") == [("SUCCESS", {"four": "4"})]
     assert values(harness, "tree/double") == [("SUCCESS", {"twice": "4"})]
 
 
 def test_set_scene_value_is_in_element() -> None:
-    harness = TreeHarness("set: {scene.age: 4}", awarded=scene(age=3, familiarity=3, mood=3))
-    harness.tick()
+    harness = started("set: {scene.age: 4}", awarded=scene(age=3, familiarity=3, mood=3))
     assert values(harness, "tree") == [("RUNNING", {"scene.age": "4"})]
     harness.set_live("age", 4.0)
     harness.after(0.1)
@@ -101,8 +97,7 @@ def test_set_scene_value_is_in_element() -> None:
 
 def test_a_tick_reports_a_limited_number_of_values() -> None:
     names = ", ".join(f"n{number}: {number}" for number in range(600))
-    harness = TreeHarness(f"sequence: [{{set: {{{names}}}}}, {{set: {{last: 1}}}}, {{wait: 1 s}}]")
-    harness.tick()
+    harness = started(f"sequence: [{{set: {{{names}}}}}, {{set: {{last: 1}}}}, {{wait: 1 s}}]")
     [(_, found)] = values(harness, "tree/0.set")
     assert list(found.items())[-1] == ("n499", "499")
     assert values(harness, "tree/1.set") == [("SUCCESS", {})]
@@ -110,8 +105,8 @@ def test_a_tick_reports_a_limited_number_of_values() -> None:
 
 @pytest.mark.parametrize(
     "value",
-    [10**5000, [[0] * 1000] * 1000, {"k" * 9999: {"v" * 9999: 1}}],
-    ids=["number", "list", "mapping"],
+    [10**5000, "x" * 9999, [[0] * 1000] * 1000, {"k" * 9999: {"v" * 9999: 1}}],
+    ids=["number", "text", "list", "mapping"],
 )
 def test_long_values_are_shortened(value: object) -> None:
     assert len(as_written(value)) <= 200  # type: ignore[arg-type]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from reload_harness import MANNERS, Watched, agent, new_folder, write
+from reload_harness import Watched, agent, new_folder, write
 
 TUNABLES = "tunables:\n  patience: {{default: {}, min: 1 s, max: 60 s, description: d}}\n"
 WAIT = "{wait: '${patience}'}"
@@ -218,14 +218,6 @@ def test_only_agents_with_requested_tags_are_loaded(folder):
     assert edit(watched, "ann", agent("ann")) == [
         "remove ann: removed, it has none of the tags x any more"
     ]
-
-
-def test_library_change_updates_its_agents(watched):
-    head = "imports: [libraries/manners.yaml]\n"
-    edit(watched, "bob", agent("bob", "{subtree: greet}", head))
-    (watched.folder / "libraries" / "manners.yaml").write_text(MANNERS.replace("Good", "Fine"))
-    watched.poll()
-    assert in_force(watched, "bob") == (3, "tree changed: 1 node changed")
 
 
 def test_swapped_nodes_are_reported_as_reordered(watched):

@@ -21,7 +21,7 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from defined_interfaces import DefinedInterfaces
 from file_texts import read_agent_text
-from tree_harness import SPACE, TREES, TreeHarness, scene
+from tree_harness import SPACE, TREES, TreeHarness, scene, started
 
 PLACES = """
 format: 1
@@ -132,8 +132,7 @@ def test_skill_addresses_person_present_when_it_starts(skills):
     spec = read("{sequence: [{say: Hello?}, {wait: 1 s}, {say: Hello.}]}", "ros4hri", skills)
     nobody = replace(ANNA, person=False, person_id="")
     answers = {"/skill/say": [ScriptedReply(result=FINE)]}
-    harness = TreeHarness(spec.tree, answers=answers, awarded=nobody)
-    harness.tick()
+    harness = started(spec.tree, answers=answers, awarded=nobody)
     harness.live = replace(ANNA, person_id="ben")
     assert harness.after(1.0) == "succeeded"
     assert [sent.goal.fields["person_id"] for sent in harness.environment.goals] == ["", "ben"]
@@ -177,8 +176,7 @@ def test_raw_nodes_support_run_fields_and_error_codes(skills):
     assert harness.tick() == "failed"
     assert harness.root.feedback_message == "note failed: code False: no paper"
     message = "publish: {topic: who, type: std_msgs/msg/String, message: {data: '${run.agent}'}}"
-    harness = TreeHarness(read(message, "", skills).tree, awarded=ANNA)
-    harness.tick()
+    harness = started(read(message, "", skills).tree, awarded=ANNA)
     [sent] = harness.environment.published
     assert sent.fields == {"data": "a"}
 

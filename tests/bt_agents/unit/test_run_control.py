@@ -105,9 +105,8 @@ def test_breakpoint_on_unknown_node_suggests_nearest(control: Told) -> None:
 def test_number_of_breakpoints_is_bounded(control: Told) -> None:
     nodes = [f"tree/{number}.say" for number in range(MOST_BREAKPOINTS)]
     control.set_breakpoints("guide", nodes, nodes, "anna")
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=r"^TOO_MANY: "):
         control.set_breakpoints("other", ["tree"], NODES, "anna")
-    assert refused.value.code == "TOO_MANY"
     assert "other" not in control.breakpoints
 
 

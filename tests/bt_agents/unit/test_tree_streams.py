@@ -19,7 +19,7 @@ from bt_agents.host.tree_streams.stream import (
 from bt_agents.host.tree_streams.tree_snapshot import key_of, node_id
 from bt_agents.host.tree_streams.watched_run import WatchedRun
 from bt_agents_core.errors import Refused
-from tree_harness import TreeHarness
+from tree_harness import TreeHarness, started
 
 
 def test_snapshot_is_due_on_change_or_near_period() -> None:
@@ -128,8 +128,7 @@ def test_nodes_ticked_after_breakpoint_removal_are_active() -> None:
 
 
 def test_tree_ticks_normally_after_last_watcher_leaves() -> None:
-    harness = TreeHarness("sequence: [{wait: 1 s}, {wait: 1 s}]")
-    harness.tick()
+    harness = started("sequence: [{wait: 1 s}, {wait: 1 s}]")
     watched = WatchedRun(harness.run)
     changes = len(harness.changes)
     watched.note(visits=True, activity=True)

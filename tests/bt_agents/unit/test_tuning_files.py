@@ -15,38 +15,20 @@ import pytest
 
 from bt_agents.host.tuning import change_log
 from bt_agents.host.tuning.change_log import ChangeLog, read_history
-from bt_agents.host.tuning.history import (
-    Override,
-    TuningAction,
-    TuningCause,
-    TuningChange,
-    TuningHistory,
-    TuningRevision,
-)
+from bt_agents.host.tuning.history import TuningCause, TuningChange, TuningHistory, TuningRevision
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import BtAgentsError, Refused
 from faulty_disk import Disk
 
 
-def revision(number: int, before: Setting, after: Setting, *, of: int = 0) -> TuningRevision:
-    action = TuningAction.UNDO if of else TuningAction.SET
-    return TuningRevision(
-        number=number,
-        stamp=float(number),
-        cause=TuningCause(author="anna", reason="too «fast»", action=action, of=of),
-        changes=(TuningChange(name="a.x", before=before, after=after),),
+def tuned(value: Setting, default: Setting = 8.0) -> TuningHistory:
+    revision = TuningRevision(
+        number=1,
+        stamp=1.0,
+        cause=TuningCause(author="anna", reason="too «fast»"),
+        changes=(TuningChange(name="a.x", before=default, after=value),),
     )
-
-
-def history(*revisions: TuningRevision, default: Setting = 8.0) -> TuningHistory:
-    found = TuningHistory()
-    for one in revisions:
-        found = found.with_revision(one, {"a.x": default})
-    return found
-
-
-def tuned(value: Setting) -> TuningHistory:
-    return history(revision(1, 8.0, value))
+    return TuningHistory().with_revision(revision, {"a.x": default})
 
 
 def in_force(path: Path) -> Setting:
@@ -62,22 +44,10 @@ def files(path: Path) -> list[str]:
     return sorted(one.name for one in path.parent.iterdir())
 
 
-def test_restart_reads_the_written_changes(path):
-    log = ChangeLog(path, Disk())
-    written = history(revision(1, 8.0, 12.0), revision(2, 12.0, 8.0, of=1), revision(3, 8.0, 10.0))
-    log.write(written)
-    log.close()
-    again = ChangeLog(path, Disk())
-    assert (again.problem, again.history) == ("", written)
-    assert again.history.overrides == {"a.x": Override(value=10.0, default=8.0)}
-    again.close()
-    assert files(path) == ["tunings.json", "tunings.json.lock"]
-
-
 @pytest.mark.parametrize("value", [True, 1, 1.0, "1.0 s", "it's «1»\n", 2**63 - 1, 1e300])
 def test_stored_value_keeps_its_type(path, value):
     log = ChangeLog(path, Disk())
-    log.write(history(revision(1, "", value), default=""))
+    log.write(tuned(value, default=""))
     log.close()
     found = in_force(path)
     assert (found, type(found)) == (value, type(value))

@@ -135,11 +135,18 @@ def test_unknown_seen_revision_counts_as_changed():
     store.check_unchanged({"a.patience"}, store.history.revision)
 
 
-def test_undo_without_effect_still_counts_as_undone(tmp_path):
-    first = Host(tmp_path / "t.json")
-    first.store.set({"a.patience": 12.0}, ANNA)
-    first.store.close()
-    again = Host(tmp_path / "t.json")
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """The file of a host on which one value was tuned."""
+    path = tmp_path / "t.json"
+    host = Host(path)
+    host.store.set({"a.patience": 12.0}, ANNA)
+    host.store.close()
+    return path
+
+
+def test_undo_without_effect_still_counts_as_undone(file):
+    again = Host(file)
     launched = again.store.parameter("a.patience")
     again.store.remove("a.patience")
     again.store.add(launched, 8.0)
@@ -148,7 +155,7 @@ def test_undo_without_effect_still_counts_as_undone(tmp_path):
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
         again.undo()
     again.store.close()
-    assert Host(tmp_path / "t.json").store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
+    assert Host(file).store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
 
 
 def test_restart_restores_values_and_undo_history(tmp_path):
@@ -181,11 +188,8 @@ def _changed(**changes: object) -> tuple[TunableParameter, ...]:
         (_changed(maximum=10.0), 8.0, r"a.patience is 12 s, expected 2 s to 10 s"),
     ],
 )
-def test_changed_file_overrides_tuned_value(tmp_path, parameters, value, why):
-    first = Host(tmp_path / "t.json")
-    first.store.set({"a.patience": 12.0}, ANNA)
-    first.store.close()
-    again = Host(tmp_path / "t.json", parameters)
+def test_changed_file_overrides_tuned_value(file, parameters, value, why):
+    again = Host(file, parameters)
     assert again.store.value("a.patience") == value
     revision = again.store.history.shown[-1]
     [change] = revision.changes
@@ -193,22 +197,18 @@ def test_changed_file_overrides_tuned_value(tmp_path, parameters, value, why):
     assert why in revision.cause.reason
     assert (change.before, change.after) == (12.0, value)
     again.store.close()
-    third = Host(tmp_path / "t.json", parameters)
+    third = Host(file, parameters)
     assert third.store.value("a.patience") == value
     assert third.store.history.revision == 2
 
 
-def test_tuned_value_survives_absence_of_its_agent(tmp_path):
-    first = Host(tmp_path / "t.json")
-    first.store.set({"a.patience": 12.0}, ANNA)
-    first.store.close()
-    without = Host(tmp_path / "t.json", (TICK_RATE,))
+def test_tuned_value_survives_absence_of_its_agent(file):
+    without = Host(file, (TICK_RATE,))
     with pytest.raises(Refused, match=r"revision 1 cannot be: its value of a\.patience is not"):
         without.store.find(TuningAction.UNDO, ())
     without.store.set({"tick_rate": 30.0}, ANNA)
     without.store.close()
-    again = Host(tmp_path / "t.json")
-    assert again.store.value("a.patience") == 12.0
+    assert Host(file).store.value("a.patience") == 12.0
 
 
 @pytest.mark.parametrize(
@@ -331,25 +331,15 @@ def test_empty_text_is_shown_in_quotes():
     assert store.format_changes(revision.changes) == "a.place: dock → ''"
 
 
-def test_value_written_into_file_is_no_longer_tuned(tmp_path):
-    file = tmp_path / "t.json"
-    first = Host(file)
-    first.store.set({"a.patience": 12.0}, ANNA)
-    [kept] = [one for one in _changed(default=12.0) if one.name == "a.patience"]
-    assert first.store.replace(kept) == 12.0
-    first.store.close()
-    again = Host(file, _changed(default=12.0))
-    assert again.store.history.revision == 1
-    again.store.close()
-    assert Host(file).store.value("a.patience") == 8.0
-
-
-def test_value_written_into_file_is_noticed_at_start(tmp_path):
-    file = tmp_path / "t.json"
-    first = Host(file)
-    first.store.set({"a.patience": 12.0}, ANNA)
-    first.store.close()
-    again = Host(file, _changed(default=12.0))
+@pytest.mark.parametrize("is_reloaded", [True, False])
+def test_value_written_into_file_is_no_longer_tuned(file, is_reloaded):
+    written = _changed(default=12.0)
+    if is_reloaded:
+        running = Host(file)
+        [kept] = [one for one in written if one.name == "a.patience"]
+        assert running.store.replace(kept) == 12.0
+        running.store.close()
+    again = Host(file, written)
     assert again.store.history.revision == 1
     again.store.close()
     assert Host(file).store.value("a.patience") == 8.0

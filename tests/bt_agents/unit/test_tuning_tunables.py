@@ -99,9 +99,8 @@ def test_invalid_text_is_refused_with_reason(key, text, words):
     ],
 )
 def test_value_of_wrong_type_is_refused(key, value, code):
-    with pytest.raises(Refused) as error:
+    with pytest.raises(Refused, match=f"^{code}: "):
         PARAMETERS[key].check(value)
-    assert error.value.code == code
 
 
 def test_duration_without_range_is_still_validated():

@@ -36,37 +36,34 @@ def test_acknowledged_run_is_not_kept_again(runs: UnreportedRuns) -> None:
     assert runs.of_others("e3") == []
 
 
-@pytest.mark.parametrize("event", [Run.ENDED, Run.REFUSED])
-def test_run_closed_by_its_market_is_forgotten(runs: UnreportedRuns, event: int) -> None:
+@pytest.mark.parametrize(
+    ("news", "left"),
+    [(ended(1), [2]), (ended(1, event=Run.REFUSED), [2]), (ended(1, epoch="e0"), [1, 2])],
+)
+def test_run_closed_by_its_market_is_forgotten(
+    runs: UnreportedRuns, news: Run, left: list[int]
+) -> None:
     runs.store(ended(1))
     runs.store(ended(2))
-    runs.on_run_event(ended(1, event=event))
-    assert rounds(runs.of_others("e2")) == [2]
+    runs.on_run_event(news)
+    assert rounds(runs.of_others("e2")) == left
 
 
-def test_run_closed_before_its_end_is_not_kept(runs: UnreportedRuns) -> None:
-    runs.on_run_event(ended(1))
+@pytest.mark.parametrize(
+    ("news", "kept"),
+    [
+        (ended(1), []),
+        (ended(1, event=Run.REFUSED, agent="talker"), [1]),
+        (ended(1, event=Run.STARTED), [1]),
+        (ended(1, event=Run.CANCELLING), [1]),
+    ],
+)
+def test_run_closed_before_its_end_is_not_kept(
+    runs: UnreportedRuns, news: Run, kept: list[int]
+) -> None:
+    runs.on_run_event(news)
     runs.store(ended(1))
-    assert runs.of_others("e2") == []
-
-
-def test_run_survives_refusal_by_another_agent(runs: UnreportedRuns) -> None:
-    runs.on_run_event(ended(1, event=Run.REFUSED, agent="talker"))
-    runs.store(ended(1))
-    assert rounds(runs.of_others("e2")) == [1]
-
-
-@pytest.mark.parametrize("event", [Run.STARTED, Run.CANCELLING])
-def test_ongoing_run_is_not_closed(runs: UnreportedRuns, event: int) -> None:
-    runs.on_run_event(ended(1, event=event))
-    runs.store(ended(1))
-    assert rounds(runs.of_others("e2")) == [1]
-
-
-def test_same_round_of_another_market_is_another_run(runs: UnreportedRuns) -> None:
-    runs.store(ended(1))
-    runs.on_run_event(ended(1, epoch="e0"))
-    assert rounds(runs.of_others("e2")) == [1]
+    assert rounds(runs.of_others("e2")) == kept
 
 
 @pytest.mark.parametrize("news_first", [True, False])

@@ -71,9 +71,8 @@ def test_facts_of_person_are_bounded_and_unique() -> None:
     assert len(facts(many[:-1])) == MOST_FACTS
     assert facts([("a", "x"), ("b", None)]) == {"a": "x"}
     for given, code in ((many, "TOO_MANY"), ([("a", 1), ("a", 2)], "DUPLICATE_KEY")):
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(Refused, match=f"^{code}: "):
             facts(given)
-        assert refused.value.code == code
 
 
 def test_list_fact_is_refused_and_unset_fact_forgets() -> None:
@@ -82,9 +81,8 @@ def test_list_fact_is_refused_and_unset_fact_forgets() -> None:
 
     assert values_of([message(0), message(2)]) == [("a", None), ("a", 3)]
     for messages, code in (([message(9)], "BAD_VALUE"), ([message(0)] * 33, "TOO_MANY")):
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(Refused, match=f"^{code}: "):
             values_of(messages)
-        assert refused.value.code == code
 
 
 def test_only_known_person_has_name_and_facts() -> None:

@@ -23,6 +23,11 @@ def home(tmp_path: Path) -> Path:
     return tmp_path / "home"
 
 
+@pytest.fixture
+def trees(tmp_path: Path) -> Path:
+    return make(tmp_path / "one" / "trees")
+
+
 def claim(trees: Path, home: Path, explicit: str = "") -> StateFolder:
     return claim_state(trees, explicit, home)
 
@@ -38,24 +43,21 @@ def test_two_projects_use_separate_state_folders(tmp_path: Path, home: Path) -> 
     assert {file.parent for file in files} == {one.path}
 
 
-def test_restart_finds_the_previous_state_folder(tmp_path: Path, home: Path) -> None:
-    trees = make(tmp_path / "one" / "trees")
+def test_restart_finds_the_previous_state_folder(home: Path, trees: Path) -> None:
     first = claim(trees, home)
     again = claim(trees, home)
     assert (again.path, again.is_new, again.note) == (first.path, False, "")
     assert find_state(trees, home=home) == again
 
 
-def test_finding_state_writes_nothing(tmp_path: Path, home: Path) -> None:
-    trees = make(tmp_path / "one" / "trees")
+def test_finding_state_writes_nothing(home: Path, trees: Path) -> None:
     found = find_state(trees, home=home)
     assert not home.exists()
     assert not (trees / ID_FILE).exists()
     assert claim(trees, home).path == found.path
 
 
-def test_moved_trees_folder_keeps_its_state(tmp_path: Path, home: Path) -> None:
-    trees = make(tmp_path / "one" / "trees")
+def test_moved_trees_folder_keeps_its_state(tmp_path: Path, home: Path, trees: Path) -> None:
     first = claim(trees, home)
     moved = Path(shutil.move(trees, tmp_path / "elsewhere"))
     found = claim(moved, home)
@@ -66,8 +68,9 @@ def test_moved_trees_folder_keeps_its_state(tmp_path: Path, home: Path) -> None:
     assert claim(make(trees), home).path != first.path
 
 
-def test_copied_trees_folder_gets_new_state_and_note(tmp_path: Path, home: Path) -> None:
-    trees = make(tmp_path / "one" / "trees")
+def test_copied_trees_folder_gets_new_state_and_note(
+    tmp_path: Path, home: Path, trees: Path
+) -> None:
     first = claim(trees, home)
     copied = Path(shutil.copytree(trees, tmp_path / "copy" / "trees"))
     assert "is a copy of" in find_state(copied, home=home).note
@@ -80,8 +83,7 @@ def test_copied_trees_folder_gets_new_state_and_note(tmp_path: Path, home: Path)
     assert claim(trees, home).path == first.path
 
 
-def test_folder_without_id_file_is_known_by_path(tmp_path: Path, home: Path) -> None:
-    trees = make(tmp_path / "one" / "trees")
+def test_folder_without_id_file_is_known_by_path(home: Path, trees: Path) -> None:
     first = claim(trees, home)
     (trees / ID_FILE).unlink()
     assert claim(trees, home).path == first.path
@@ -98,8 +100,7 @@ def test_installed_folder_gets_no_id_file(
 
 
 @pytest.mark.parametrize("text", ["../../etc", "a/b", "a b", "", "x" * 81, "\x00", "-rf"])
-def test_invalid_folder_id_is_refused(tmp_path: Path, home: Path, text: str) -> None:
-    trees = make(tmp_path / "one" / "trees")
+def test_invalid_folder_id_is_refused(home: Path, trees: Path, text: str) -> None:
     (trees / ID_FILE).write_text(f"{text}\n")
     if not text:
         assert claim(trees, home).path.parent == home / "trees"

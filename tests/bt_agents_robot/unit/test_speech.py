@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_robot.acts import CLIP_S, Ask, Drive, Say, Show
+from bt_agents_robot.acts import CLIP_S, Act, ActKind, Ask, Drive, Say, Show
 from bt_agents_robot.speech import (
     LONGEST_TEXT,
     Voice,
@@ -87,9 +87,8 @@ def test_pace_beyond_voice_range_is_silent():
     ("text", "code"), [("", "EMPTY"), (" \n\t", "EMPTY"), ("x" * (LONGEST_TEXT + 1), "TOO_LONG")]
 )
 def test_empty_or_overlong_text_is_refused(text, code):
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{code}: "):
         check_text(text, "text")
-    assert refused.value.code == code
 
 
 @pytest.mark.parametrize(
@@ -102,9 +101,8 @@ def test_empty_or_overlong_text_is_refused(text, code):
     ],
 )
 def test_impossible_speaking_rate_is_refused(rate, code):
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{code}: "):
         check_rate(rate)
-    assert refused.value.code == code
 
 
 def test_zero_rate_means_normal_rate():
@@ -204,7 +202,9 @@ def asked(*choices: str, wait_s: float = 4.0) -> Ask:
 
 def test_question_begins_waiting_once_after_speech():
     act = asked()
+    assert not act.is_waiting
     assert [act.begins_waiting(now) for now in (100.5, 101.2, 101.3)] == [False, True, False]
+    assert act.is_waiting
 
 
 def test_first_answer_ends_the_question():
@@ -213,6 +213,7 @@ def test_first_answer_ends_the_question():
     assert act.receive("  later ")
     assert act.answer == "later"
     assert act.is_over(101.3)
+    assert not act.is_waiting
     assert not act.receive("now"), "the first answer counts"
 
 
@@ -282,3 +283,15 @@ def test_drive_without_reachable_destination_is_refused():
 
 def test_act_is_described_in_one_line():
     assert say("Hello.\n  Who are you?").line == "says: Hello. Who are you?"
+
+
+def _shown(act: Act) -> tuple[ActKind, str, str, tuple[str, ...], float]:
+    return act.kind, act.text, act.clip, act.choices, act.rate
+
+
+def test_each_act_describes_its_visible_effect():
+    ask = Ask("Shall we go?", ["Yes", " "], 0.0, pace=1.0, voice=None)
+    assert _shown(say(" Hello ", 1.5)) == (ActKind.SAY, "Hello", "", (), 1.5)
+    assert _shown(ask) == (ActKind.ASK, "Shall we go?", "", ("Yes",), 1.0)
+    assert _shown(Show("map", "Gate 4", 0.0, pace=1.0)) == (ActKind.SHOW, "Gate 4", "map", (), 1.0)
+    assert _shown(Drive("gate", pace=1.0)) == (ActKind.DRIVE, "gate", "", (), 1.0)

@@ -47,6 +47,7 @@ def source(parameter: str, *points: tuple[float, float], stale_after_s: float = 
 AGE = source("age", (0.0, 1.0), (80.0, 5.0))
 MOOD = source("mood")
 PERSON = source("person")
+WORDS = replace(MOOD, table=(("sad", 1.0), ("calm", 3.0), ("happy", 5.0)))
 SPEC = SceneSpec(space=SPACE, sources=(AGE, MOOD), person=PERSON)
 
 
@@ -56,9 +57,8 @@ def test_scene_values_convert_back_to_readings():
 
 
 def test_reading_uses_nearest_word_of_table():
-    words = replace(MOOD, table=(("sad", 1.0), ("calm", 3.0), ("happy", 5.0)))
-    spec = SceneSpec(space=SPACE, sources=(words,), person=None)
-    assert readings(spec, {"mood": 3.8}, person=True) == {words: "calm"}
+    spec = SceneSpec(space=SPACE, sources=(WORDS,), person=None)
+    assert readings(spec, {"mood": 3.8}, person=True) == {WORDS: "calm"}
 
 
 @pytest.mark.parametrize(
@@ -77,8 +77,7 @@ def test_visitor_is_measured_once_scene_matches_sent_values(person, measured, ex
 
 
 def test_table_words_decide_whether_visitor_is_measured():
-    words = replace(MOOD, table=(("sad", 1.0), ("calm", 3.0), ("happy", 5.0)))
-    spec = SceneSpec(space=SPACE, sources=(words,), person=None)
+    spec = SceneSpec(space=SPACE, sources=(WORDS,), person=None)
     assert is_measured(spec, {"mood": 3.8}, True, False, {"mood": 3.0})
     assert not is_measured(spec, {"mood": 3.8}, True, False, {"mood": 5.0})
 

@@ -41,13 +41,6 @@ def test_receivers_get_independent_copies_of_message(bus: LocalBus) -> None:
     assert taken(reader(bus, FACT).queue) == [[1]]
 
 
-def test_queue_drops_oldest_messages_beyond_its_depth(bus: LocalBus) -> None:
-    writer, slow = bus.add_writer("t", EVENTS, deepcopy), reader(bus)
-    for number in range(5):
-        bus.publish(writer, [number])
-    assert taken(slow.queue) == [[2], [3], [4]]
-
-
 def test_late_reader_receives_only_kept_latched_messages(bus: LocalBus) -> None:
     first = bus.add_writer("t", replace(FACT, depth=2), deepcopy)
     gone = bus.add_writer("t", FACT, deepcopy)
@@ -76,20 +69,6 @@ def test_endpoints_match_as_in_dds(bus: LocalBus, asked: dict[str, Any], hears: 
     best_effort = bus.add_writer("u", replace(EVENTS, is_reliable=False), deepcopy)
     reader(bus, topic="u")
     assert not bus.readers_of(best_effort)
-
-
-def test_queues_take_turns_despite_uneven_load(bus: LocalBus) -> None:
-    writer, other = bus.add_writer("t", EVENTS, deepcopy), bus.add_writer("u", EVENTS, deepcopy)
-    busy, quiet = reader(bus), reader(bus, topic="u")
-    bus.publish(writer, [1])
-    bus.publish(writer, [2])
-    bus.publish(other, [3])
-    turns = []
-    while bus.pending:
-        queue = next(iter(bus.pending))
-        turns.append((queue is busy.queue, queue.take().message))
-    assert turns == [(True, [1]), (False, [3]), (True, [2])]
-    assert not len(quiet.queue)
 
 
 def test_removed_reader_receives_nothing(bus: LocalBus) -> None:

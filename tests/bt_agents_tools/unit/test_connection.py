@@ -111,16 +111,12 @@ def words(graph: Any) -> str:
     return str(caught.value)
 
 
-def test_slow_market_is_awaited_while_domain_is_held(holds: Callable[[str], None]) -> None:
-    holds(UP)
-    graph: Any = Graph(heard_after_s=9.5)
-    wait_for_market(graph, 7)
-    assert graph.now == 9.5
-
-
-@pytest.mark.usefixtures("holds")
-def test_market_known_only_by_topic_is_awaited() -> None:
-    graph: Any = Graph(heard_after_s=9.5, markets=("/",))
+@pytest.mark.parametrize(("who", "markets"), [(UP, ()), ("", ("/",))])
+def test_slow_market_is_awaited_while_it_is_known(
+    holds: Callable[[str], None], who: str, markets: tuple[str, ...]
+) -> None:
+    holds(who)
+    graph: Any = Graph(heard_after_s=9.5, markets=markets)
     wait_for_market(graph, 7)
     assert graph.now == 9.5
 

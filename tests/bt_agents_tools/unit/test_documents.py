@@ -81,11 +81,11 @@ PATROL = """
 
 
 def blocks(language: str) -> list[tuple[str, str]]:
-    found = []
-    for path in DOCUMENTS:
-        for text in re.findall(rf"```{language}\n(.*?)```", path.read_text(), re.DOTALL):
-            found.append((path.name, text))
-    return found
+    return [
+        (path.name, text)
+        for path in DOCUMENTS
+        for text in re.findall(rf"```{language}\n(.*?)```", path.read_text(), re.DOTALL)
+    ]
 
 
 TRANSCRIPTS = [
@@ -105,44 +105,43 @@ def test_yaml_examples_are_valid(document: str, text: str, tmp_path: Path) -> No
     keys = yaml.safe_load(text)
     if {"test", "cases"} <= keys.keys():
         _check_test(text, document)
-        return
-    if "parameters" in keys:
+    elif "parameters" in keys:
         assert bool(read_scene_text(text, document).sources) is ("sources" in keys)
-        return
-    if "texts" in keys:
+    elif "texts" in keys:
         assert read_texts(Source(document, text)).texts
-        return
-    if "preset" in keys:
+    elif "preset" in keys:
         assert read_preset(Source(document, text)).values
-        return
-    if "visits" in keys:
+    elif "visits" in keys:
         assert read_script(Source(document, text), SPACE).visits
-        return
-    if "rules" in keys:
+    elif "rules" in keys:
         assert read_market(Source(document, text), SPACE)
-        return
-    if "scenes" in keys:
+    elif "scenes" in keys:
         assert read_experiment(Source(document, text), SPACE).scenes
-        return
-    if "strategies" in keys:
+    elif "strategies" in keys:
         (tmp_path / "persons").symlink_to(ROOT / "experiments" / "persons")
-        (tmp_path / "sweeps").mkdir()
-        path = tmp_path / "sweeps" / "their.yaml"
-        path.write_text(text)
-        assert read_sweep(path).selections
-        return
-    if {"skills", "bindings", "places"} & keys.keys():
-        path = tmp_path / "their.yaml"
-        path.write_text(text)
-        assert read_skills([TREES / "skills" / "robot.yaml", path])
-        return
-    if "format" in keys and "tree" not in keys:
-        (tmp_path / "libraries").mkdir()
-        (tmp_path / "libraries" / "their.yaml").write_text(text)
+        assert read_sweep(_written(tmp_path / "sweeps", text)).selections
+    elif {"skills", "bindings", "places"} & keys.keys():
+        assert read_skills([TREES / "skills" / "robot.yaml", _written(tmp_path / "skills", text)])
+    elif "format" in keys and "tree" not in keys:
+        _written(tmp_path / "libraries", text)
         assert FolderLibraries(tmp_path, SYMBOLS).load("libraries/their.yaml").subtrees
-        return
+    else:
+        _rehearse(text, document, tmp_path)
+
+
+def _written(folder: Path, text: str) -> Path:
+    """Write a file into a new folder; return its path."""
+    folder.mkdir()
+    path = folder / "their.yaml"
+    path.write_text(text)
+    return path
+
+
+def _rehearse(text: str, document: str, folder: Path) -> None:
+    """Rehearse an agent of which a page shows some keys."""
+    keys = yaml.safe_load(text)
     missing = [line for line in AGENT.splitlines() if line and line.split(":")[0] not in keys]
-    symbols = replace(SYMBOLS, texts=_texts(document, tmp_path))
+    symbols = replace(SYMBOLS, texts=_texts(document, folder))
     agent = read_agent_text("\n".join(missing) + "\n" + text, document, symbols)
     # It ends, or runs to the limit, or waits for an event that never comes: it never raises.
     limits = Limits(duration_s=600.0, ticks=2000)

@@ -68,6 +68,10 @@ def change(path: str, status: int, message: str = "", name: str = "", **values: 
     )  # fmt: skip
 
 
+def tree(tick: int, *changes: Message) -> tuple[str, Message]:
+    return "tree", Message(agent="a", epoch="e", round=2, tick=tick, changes=list(changes))
+
+
 def test_scene_shows_value_labels_and_missing_values() -> None:
     assert told(("scene", scene())) == [
         "    scene  age 1 (a child), familiarity missing, mood 3 (neutral)"
@@ -151,7 +155,7 @@ def test_awaited_hosts_are_named_on_change() -> None:
 
 
 def cleaning() -> tuple[str, Message]:
-    return "tree", Message(agent="a", tick=9, changes=[change("on_cancel", 1)])
+    return tree(9, change("on_cancel", 1))
 
 
 def test_run_stopped_by_host_is_shown() -> None:
@@ -255,7 +259,7 @@ def test_tick_shows_ended_nodes_then_started_parents_first() -> None:
         change("tree/1.sequence@timeout", 1),
         change("tree/2.wait", 0),
     ]
-    assert told(("tree", Message(agent="a", tick=7, changes=changes))) == [
+    assert told(tree(7, *changes)) == [
         "     tree     7   ✔ 0.say",
         "     tree     7   ▶ 1.sequence",
         "     tree     7     ▶ 0.ask Where to?",
@@ -263,16 +267,14 @@ def test_tick_shows_ended_nodes_then_started_parents_first() -> None:
 
 
 def test_changed_values_are_shown_with_their_node() -> None:
-    changes = [change("tree/0.ask", 2, answer="'yes'", sure="[b]")]
-    assert told(("tree", Message(agent="a", tick=7, changes=changes))) == [
+    assert told(tree(7, change("tree/0.ask", 2, answer="'yes'", sure="[b]"))) == [
         "     tree     7   ✔ 0.ask answer = 'yes', sure = [b]"
     ]
 
 
 def test_run_start_is_shown_once_before_first_tick() -> None:
-    first = Message(agent="a", epoch="e", round=2, tick=1, changes=[change("tree/0.say", 1)])
-    again = run_event(1, round=3)
-    assert told(("tree", first), ("run", run_event(1)), ("run", again)) == [
+    first, again = tree(1, change("tree/0.say", 1)), run_event(1, round=3)
+    assert told(first, ("run", run_event(1)), ("run", again)) == [
         "      run  a starts",
         "     tree     1   ▶ 0.say",
         "      run  a starts",
@@ -280,8 +282,7 @@ def test_run_start_is_shown_once_before_first_tick() -> None:
 
 
 def test_modifier_is_shown_when_it_causes_failure() -> None:
-    changes = [change("tree/0.say@timeout", 3, "not done within 5 s")]
-    assert told(("tree", Message(agent="a", tick=7, changes=changes))) == [
+    assert told(tree(7, change("tree/0.say@timeout", 3, "not done within 5 s"))) == [
         "     tree     7   ✘ 0.say@timeout not done within 5 s"
     ]
 
@@ -395,9 +396,6 @@ def test_summary_names_only_profile_parameters() -> None:
 def test_node_name_shows_values_of_its_references(
     name: str, message: str, filled: list[str]
 ) -> None:
-    def tree(tick: int, *changes: Message) -> tuple[str, Message]:
-        return "tree", Message(agent="a", epoch="e", round=2, tick=tick, changes=list(changes))
-
     lines = told(
         tree(1, change("tree", 1, message, name)),
         tree(2, change("tree", 2, "", name)),

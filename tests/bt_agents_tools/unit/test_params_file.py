@@ -30,16 +30,23 @@ def told(folder: Path, text: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("namespace", "text"),
     [
-        "/**: {ros__parameters: {tick_rate: 20.0}}",
-        "marketplace: {ros__parameters: {bid_deadline: 3.0}}",
-        "/library/marketplace: {ros__parameters: {}}",
-        "library: {marketplace: {ros__parameters: {}}, agents: {ros__parameters: {}}}",
-        "a_host_of_mine: {ros__parameters: {}}",
+        ("", "/**: {ros__parameters: {tick_rate: 20.0}}"),
+        ("", "marketplace: {ros__parameters: {bid_deadline: 3.0}}"),
+        ("", "/library/marketplace: {ros__parameters: {}}"),
+        ("", "library: {marketplace: {ros__parameters: {}}, agents: {ros__parameters: {}}}"),
+        ("", "a_host_of_mine: {ros__parameters: {}}"),
+        ("/library", "/**: {ros__parameters: {}}"),
+        ("/library", "/**/marketplace: {ros__parameters: {}}"),
+        ("/library", "/library/marketplace: {ros__parameters: {}}"),
+        ("/library", "library/agents: {ros__parameters: {}}"),
     ],
 )
-def test_ros_parameter_file_is_accepted_silently(tmp_path: Path, text: str) -> None:
+def test_ros_parameter_file_is_accepted_silently(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, namespace: str, text: str
+) -> None:
+    monkeypatch.setenv("ROS_NAMESPACE", namespace)
     assert told(tmp_path, text) == "started with params.yaml\n"
 
 
@@ -61,16 +68,6 @@ def test_node_outside_the_namespace_is_reported(
         "count for nothing; write '/**/marketplace' or '/library/marketplace'\n"
         "started with params.yaml\n"
     )
-
-
-@pytest.mark.parametrize(
-    "key", ["/**", "/**/marketplace", "/library/marketplace", "library/agents"]
-)
-def test_node_in_the_namespace_is_silent(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str
-) -> None:
-    monkeypatch.setenv("ROS_NAMESPACE", "/library")
-    assert told(tmp_path, f"{key}: {{ros__parameters: {{}}}}") == "started with params.yaml\n"
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ from click.testing import CliRunner, Result
 from bt_agents_core.errors import Refused, RefusedElsewhere
 from bt_agents_tools.cli.commands import profile as command
 from bt_agents_tools.cli.main import bt_agents
-from feedback_node.ledger.rows import RevisionCause
 from feedback_node.management.management import ManagementAction
 from ledger_fixture import ManagedLedger
 
@@ -164,16 +163,6 @@ def test_expire_lists_affected_persons_and_asks(harness):
     done = harness.run("expire", "--older", "90d", answer="y\n")
     assert done.output.splitlines()[-1] == "2 profiles forgotten"
     assert harness.run("expire", "--older", "90d").output == "nothing to forget\n"
-
-
-def test_control_characters_are_escaped(harness):
-    harness.managed.ledger.append(
-        "guide", {"age": 4.0}, RevisionCause(reason="a\x1b[2Jb\nc", source="x\r")
-    )
-    lines = harness.run("history", "guide").output
-    assert "\x1b" not in lines
-    assert r"a\x1b[2Jb\nc" in lines
-    assert r"x\r" in lines
 
 
 def test_refusal_keeps_its_original_text(harness):

@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import re
-import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 
 import pytest
 
@@ -20,7 +17,7 @@ from bt_agents_tools.rehearsal.events import EventKind
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from bt_agents_tools.rehearsal.transcript import transcript
 from file_texts import read_agent_text, read_scene_text, read_skills_text
-from rehearsal_harness import events_of, rehearsed, scenario, spoken_texts
+from rehearsal_harness import documented_tree, events_of, rehearsed, scenario, spoken_texts
 from tree_harness import SPACE, SYMBOLS, agent
 
 RULES = """
@@ -51,27 +48,19 @@ def test_explicit_duration_is_honoured() -> None:
     assert rehearsed("show: {text: a, duration: 7 s}").duration_s == 7.0
 
 
+ECHO = """
+sequence:
+  - ask: {text: Which?, choices: %s}
+  - say: ${answer}
+"""
+
+
 def test_choice_question_defaults_to_first_choice() -> None:
-    result = rehearsed(
-        """
-        sequence:
-          - ask: {text: Which?, choices: [bag, bear]}
-          - say: ${answer}
-        """
-    )
-    assert spoken_texts(result) == ["Which?", "bag"]
+    assert spoken_texts(rehearsed(ECHO % "[bag, bear]")) == ["Which?", "bag"]
 
 
 def test_answers_are_used_in_order_and_last_repeats() -> None:
-    result = rehearsed(
-        """
-        repeat: 3
-        sequence:
-          - ask: Which?
-          - say: ${answer}
-        """,
-        "answers: {ask: [one, two]}",
-    )
+    result = rehearsed(f"{ECHO % '[]'}repeat: 3", "answers: {ask: [one, two]}")
     assert spoken_texts(result)[1::2] == ["one", "two", "two"]
 
 
@@ -96,26 +85,16 @@ def test_text_outside_choices_is_not_an_answer() -> None:
     assert result.duration_s == pytest.approx(0.4 + 6 * 0.06 + 4.0)
 
 
-def test_choices_match_case_insensitively() -> None:
-    result = rehearsed("ask: {text: Which?, choices: [bag]}", "answers: {ask: Bag}")
-    assert result.outcome is TreeOutcome.SUCCEEDED
-
-
 @pytest.mark.parametrize(
     ("choices", "typed", "later"), [(["Yes", "no"], " yES ", "Yes"), ([], " Both ", "Both")]
 )
 def test_later_nodes_receive_answer_in_robot_form(
     choices: list[str], typed: str, later: str
 ) -> None:
-    act = Ask("Sure?", choices, 9.0, pace=1.0, voice=None)
+    act = Ask("Which?", choices, 9.0, pace=1.0, voice=None)
     act.begin(0.0)
     assert act.receive(typed)
-    tree = f"""
-        sequence:
-          - ask: {{text: Sure?, choices: {choices}}}
-          - say: ${{answer}}
-    """
-    result = rehearsed(tree, f"answers: {{ask: '{typed}'}}")
+    result = rehearsed(ECHO % choices, f"answers: {{ask: '{typed}'}}")
     assert [act.answer, spoken_texts(result)[1]] == [later, later]
 
 
@@ -140,29 +119,19 @@ def test_a_skill_can_fail_in_every_way(answer: str, words: str) -> None:
     assert "(tree, a.yaml:" in result.message
 
 
-def test_endless_skill_is_stopped_by_its_timeout() -> None:
-    result = rehearsed("drive: gate 7\ntimeout: 30 s", "answers: {drive: {ends: never}}")
-    assert result.outcome is TreeOutcome.FAILED
-    assert result.duration_s == 30.0
-    assert events_of(result, EventKind.STOPS, EventKind.GIVES_UP) == [
-        (30.0, "timeout"),
-        (30.0, "drive"),
-    ]
-
-
 def test_failure_is_reported_before_its_consequences() -> None:
     result = rehearsed(
         "drive: gate 7\non_failure: {say: Sorry.}", "answers: {drive: {ends: rejected}}"
     )
-    assert events_of(result, EventKind.BEGINS, EventKind.FAILS) == [
-        (0.0, "drive"),
-        (0.0, "drive"),
-        (0.0, "say"),
+    told = [
+        (event.kind, event.node and event.node.kind)
+        for event in result.events
+        if event.kind in (EventKind.BEGINS, EventKind.FAILS)
     ]
-    assert [e.kind for e in result.events if e.kind in (EventKind.BEGINS, EventKind.FAILS)] == [
-        EventKind.BEGINS,
-        EventKind.FAILS,
-        EventKind.BEGINS,
+    assert told == [
+        (EventKind.BEGINS, "drive"),
+        (EventKind.FAILS, "drive"),
+        (EventKind.BEGINS, "say"),
     ]
 
 
@@ -195,22 +164,6 @@ def test_endless_tree_is_ended() -> None:
     assert "still runs after 1:00.1" in result.message
 
 
-def test_one_hour_wait_takes_few_ticks() -> None:
-    result = rehearsed(
-        """
-        sequence:
-          - say: Good night.
-          - wait: 1 h
-          - say: Good morning.
-        """,
-        "during: [{after: 30 min, mood: 3.1}]",
-        head=RULES,
-    )
-    assert result.outcome is TreeOutcome.SUCCEEDED
-    assert result.duration_s > 3600.0
-    assert result.ticks < 12
-
-
 def test_one_hour_of_speech_ticks_only_on_events() -> None:
     result = rehearsed(
         """
@@ -238,16 +191,16 @@ def test_low_mood_gives_feedback_and_cancels_by_rule() -> None:
           - {after: 4 s, mood: 3}
           - {after: 6 s, mood: 1.5}
         """,
-        head=RULES + "on_cancel: {light: white}\n",
+        head=RULES + "on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n",
     )
     assert result.outcome is TreeOutcome.CANCELLED
     assert result.cancelled_by == "mood.change <= -1.0"
     assert result.feedback == (FeedbackKind.NEGATIVE,)
-    assert events_of(result, EventKind.FEEDBACK, EventKind.STOPS, EventKind.BEGINS)[1:] == [
+    assert events_of(result, EventKind.FEEDBACK, EventKind.STOPS, EventKind.BEGINS)[1:3] == [
         (8.0, "negative: mood.change <= -1.0 held 2 s: mood 3 → 1.5"),
         (8.0, "say"),
-        (8.0, "light"),
     ]
+    assert str(spoken_texts(result)[1]).startswith("mood rule: mood.change <= -1.0 held 2 s")
 
 
 def test_feedback_only_rule_lets_run_continue() -> None:
@@ -313,16 +266,6 @@ def test_clean_up_receives_cancel_source_and_reason(cancel: str, says: str) -> N
     assert spoken_texts(result) == [says]
 
 
-def test_cancelling_mood_rule_is_named() -> None:
-    result = rehearsed(
-        "wait: 1 min",
-        "during: [{after: 3 s, mood: 1.5}]",
-        head=RULES + "on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n",
-    )
-    [said] = spoken_texts(result)
-    assert said.startswith("mood rule: mood.change <= -1.0 held 2 s")
-
-
 def test_run_can_be_cancelled_externally() -> None:
     result = rehearsed("wait: 1 min", "during: [{after: 7 s, cancel: the operator}]")
     assert result.outcome is TreeOutcome.CANCELLED
@@ -382,11 +325,9 @@ def test_the_same_seed_gives_the_same_picks() -> None:
 
 @pytest.mark.parametrize(("after", "shown_s"), [("5 s", 5.0), ("3 min", 120.0)])
 def test_documented_text_is_shown_until_button_press(after: str, shown_s: float) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
-    examples = re.findall(r"```yaml\ntree:\n(.*?)```", page, re.DOTALL)
-    [example] = [one for one in examples if "when you have it" in one]
+    tree = documented_tree("language.md", "when you have it")
     press = "publish: {topic: buttons/confirm, message: {data: true}}"
-    result = rehearsed(textwrap.dedent(example), f"during: [{{after: {after}, {press}}}]")
+    result = rehearsed(tree, f"during: [{{after: {after}, {press}}}]")
     ended = events_of(result, EventKind.STOPS, EventKind.SUCCEEDS)
     assert ended[0] == (shown_s, "show")
     assert result.outcome is TreeOutcome.SUCCEEDED
@@ -396,10 +337,8 @@ def test_documented_text_is_shown_until_button_press(after: str, shown_s: float)
     ("answer", "does"), [("no", ["ask", "say"]), ("yes", ["ask", "say", "drive", "say"])]
 )
 def test_documented_tree_ends_early(answer: str, does: list[str]) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
-    section = page.partition("### End early")[2]
-    example = section.partition("```yaml\ntree:\n")[2].partition("```")[0]
-    result = rehearsed(textwrap.dedent(example), f"answers: {{ask: {answer}}}")
+    tree = documented_tree("language.md", "Then I wish you a good flight")
+    result = rehearsed(tree, f"answers: {{ask: {answer}}}")
     assert result.outcome is TreeOutcome.SUCCEEDED
     assert [use.skill for use in result.uses] == does
 
@@ -612,13 +551,6 @@ def test_variants_are_used_in_order_and_last_repeats() -> None:
     result = rehearsed(tree, "variants: {tree: [3, 1]}")
     assert spoken_texts(result) == ["Good day.", "Hello.", "Hello.", "Hello."]
     assert spoken_texts(rehearsed(tree, "variants: {'**': 2}")) == ["Hi."] * 4
-
-
-def test_seed_selects_text_variants_without_picks() -> None:
-    tree = "{say: {one_of: [Hello., Hi., Good day.]}, repeat: 6}"
-    once, again = (spoken_texts(rehearsed(tree, "seed: 4")) for _ in range(2))
-    assert once == again
-    assert once != spoken_texts(rehearsed(tree, "seed: 5"))
 
 
 @pytest.mark.parametrize(

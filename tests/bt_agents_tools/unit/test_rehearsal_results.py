@@ -44,6 +44,8 @@ def found(tree: str, expect: str, more: str = "", head: str = "") -> list[Assert
         "within: 10 s",
         "feedback: []",
         "bids: true",
+        "does_not: show",
+        "does_not: [show, drive: gate 8, light]",
     ],
 )
 def test_met_expectation_is_not_mentioned(expect: str) -> None:
@@ -63,6 +65,10 @@ def test_met_expectation_is_not_mentioned(expect: str) -> None:
         ("feedback: positive", "feedback: expected positive, found none"),
         ("because: blocked", "because: expected a reason with 'blocked', but the tree succeeded"),
         ("bids: false", "bids: expected no bid, but nothing speaks against one"),
+        (
+            "does_not: [show, say: Goodbye.]",
+            'does_not: expected no say "Goodbye.", found say "Goodbye."',
+        ),
     ],
 )
 def test_unmet_expectation_is_named_with_actual_result(expect: str, message: str) -> None:
@@ -147,9 +153,18 @@ def test_failure_shows_expected_actual_and_transcript() -> None:
     ]
 
 
-def test_substituted_text_is_paired_with_expected_text() -> None:
-    [finding] = found(TWO, "says: [Hi., Goodbye.]")
-    assert finding.rows == (("Hi.", "Hello.", False), ("Goodbye.", "Goodbye.", True))
+@pytest.mark.parametrize(
+    ("expect", "row"),
+    [
+        ("says: [Hi., Goodbye.]", ("Hi.", "Hello.", False)),
+        ("does: [say: Hi., drive: gate 7, say]", ('say "Hi."', 'say "Hello."', False)),
+    ],
+)
+def test_substituted_item_is_paired_in_same_wording(
+    expect: str, row: tuple[str, str, bool]
+) -> None:
+    [finding] = found(TWO, expect)
+    assert finding.rows[0] == row
 
 
 def test_long_texts_wrap_in_both_columns() -> None:
@@ -255,21 +270,6 @@ def test_always_false_check_need_not_be_true() -> None:
     assert gaps("selector: [{check: false}, {say: a}]", "") == []
 
 
-@pytest.mark.parametrize("expect", ["does_not: show", "does_not: [show, drive: gate 8, light]"])
-def test_forbidden_action_may_be_absent_from_tree(expect: str) -> None:
-    assert found(TWO, expect) == []
-
-
-def test_performed_forbidden_action_is_named() -> None:
-    [finding] = found(TWO, "does_not: [show, say: Goodbye.]")
-    assert finding.message == 'does_not: expected no say "Goodbye.", found say "Goodbye."'
-
-
-def test_table_sides_use_same_wording() -> None:
-    [finding] = found(TWO, "does: [say: Hi., drive: gate 7, say]")
-    assert finding.rows[0] == ('say "Hi."', 'say "Hello."', False)
-
-
 def test_non_bidding_agent_has_no_transcript() -> None:
     spec = agent(TWO, "requires: scene.person")
     [case] = cases_for(spec, "- {name: x, person: false, expect: {bids: true}}").cases
@@ -295,27 +295,28 @@ def test_transcript_of_endless_run_is_cut() -> None:
     assert shown[-1].endswith("● succeeded")
 
 
-def test_nodes_use_names_from_author() -> None:
-    tree = "sequence:\n  - name: the way is free\n    wait_for: live.mood > 4\n    timeout: 5 s"
-    shown = transcript(rehearsed(tree).events)
-    assert "… waits: the way is free" in shown
-    assert "✘ the way is free: not done within 5 s" in shown
-
-
-def test_wait_shows_its_duration() -> None:
+@pytest.mark.parametrize(
+    ("tree", "line"),
+    [
+        ("wait: ${patience}", "… waits: wait 4 s"),
+        ("light: {colour: blue, blink: true}", "▶ light blue, blink true"),
+        (
+            "show: {text: Put it here., clip: hand, duration: 3 s}",
+            '▶ show "Put it here.", clip hand',
+        ),
+        (
+            "sequence: [{name: no hurry, wait_for: live.mood > 4, timeout: 5 s}]",
+            "… waits: no hurry",
+        ),
+        (
+            "sequence: [{name: no hurry, wait_for: live.mood > 4, timeout: 5 s}]",
+            "✘ no hurry: not done within 5 s",
+        ),
+    ],
+)
+def test_node_is_shown_with_name_or_inputs(tree: str, line: str) -> None:
     head = "tunables: {patience: {default: 4 s, min: 1 s, max: 9 s, description: d}}"
-    assert "… waits: wait 4 s" in transcript(rehearsed("wait: ${patience}", head=head).events)
-
-
-def test_inputs_are_separated_by_commas() -> None:
-    assert "▶ light blue, blink true" in transcript(
-        rehearsed("light: {colour: blue, blink: true}").events
-    )
-
-
-def test_show_reports_text_and_all_other_inputs() -> None:
-    shown = transcript(rehearsed("show: {text: Put it here., clip: hand, duration: 3 s}").events)
-    assert '▶ show "Put it here.", clip hand' in shown
+    assert line in transcript(rehearsed(tree, head=head).events)
 
 
 def test_message_without_waiting_node_is_lost() -> None:
@@ -344,25 +345,18 @@ def test_stopped_node_is_marked() -> None:
 @pytest.mark.parametrize(
     ("expect", "rows"),
     [
-        ("{told: {mood: 2}}", None),
-        ("{told: {mood: 2, age: 5}}", None),
-        ("{told: {mood: 4}}", [("mood 4", "mood 2", False)]),
-        ("{told: {familiarity: 4}}", [("familiarity 4", "–", False)]),
-        ("{told: {}}", [("–", "mood 2", False), ("–", "age 5", False)]),
-        ("{remembered: {}}", None),
+        ("told: {mood: 2}", None),
+        ("told: {mood: 2, age: 5}", None),
+        ("told: {mood: 4}", [("mood 4", "mood 2", False)]),
+        ("told: {familiarity: 4}", [("familiarity 4", "–", False)]),
+        ("told: {}", [("–", "mood 2", False), ("–", "age 5", False)]),
+        ("remembered: {}", None),
     ],
 )
 def test_told_scene_values_can_be_expected(expect, rows):
     tree = "sequence:\n  - set: {scene.mood: 4, scene.age: 5}\n  - set: {scene.mood: 2}"
-    spec = agent(tree)
-    (case,) = cases_for(spec, f"- name: it tells\n  expect: {expect}\n").cases
-    failures = run_case(spec, SPACE, case).failures
-    if rows is None:
-        assert not failures
-        return
-    (failure,) = failures
-    assert failure.message == "told: other values than expected"
-    assert list(failure.rows) == rows
+    expected = [] if rows is None else [("told: other values than expected", tuple(rows))]
+    assert [(failure.message, failure.rows) for failure in found(tree, expect)] == expected
 
 
 def test_expected_told_value_must_be_in_range():

@@ -3,25 +3,15 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
-from pathlib import Path
 
 import pytest
 
 from bt_agents.engine.run import TreeOutcome
 from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
-from rehearsal_harness import events_of, rehearsed, spoken_texts
+from rehearsal_harness import documented_tree, events_of, rehearsed, spoken_texts
 
-ROOT = Path(__file__).parents[3]
-
-
-def documented_tree() -> str:
-    """Return the example of the documentation that handles a stale scene."""
-    text = (ROOT / "docs" / "expressions.md").read_text()
-    examples = re.findall(r"```yaml\ntree:\n(.*?)```", text, re.DOTALL)
-    (example,) = [one for one in examples if "live.stale" in one]
-    return textwrap.dedent(example)
+TREE = documented_tree("expressions.md", "live.stale")
 
 
 def story(tree: str, *happenings: str, head: str = "", more: str = "") -> Rehearsed:
@@ -74,11 +64,11 @@ def test_mood_rule_pauses_and_resets_during_silence() -> None:
 def test_documented_tree_handles_stale_scene(
     happenings: tuple[str, ...], texts: list[str]
 ) -> None:
-    result = story(documented_tree(), *happenings, more="answers: {drive: {after: 20 s}}\n")
+    result = story(TREE, *happenings, more="answers: {drive: {after: 20 s}}\n")
     assert (spoken_texts(result), result.outcome) == (texts, TreeOutcome.SUCCEEDED)
 
 
 def test_documented_tree_skips_already_stale_mood() -> None:
-    rest = textwrap.indent(documented_tree(), "    ").strip()
+    rest = textwrap.indent(TREE, "    ").strip()
     result = story(f"sequence:\n  - wait: 3 s\n  - {rest}", "after: 0 s, scene_layer: silent")
     assert spoken_texts(result)[0] == "Follow me."

@@ -114,10 +114,6 @@ def test_non_bidding_agent_is_rehearsed_with_note() -> None:
     assert "● succeeded" in result.output
 
 
-def test_failed_or_endless_run_exits_with_1() -> None:
-    assert rehearse("attentive_guide", "--answer", "ask={fails: silence}").exit_code == 1
-
-
 def test_ticks_show_every_node() -> None:
     assert "· ▷ ask" in rehearse("attentive_guide", "--ticks").output
 
@@ -265,28 +261,19 @@ def test_header_says_market_would_not_call_agent() -> None:
     assert "nobody is there" in rehearse("patient_carrier", "person=false").output
 
 
-@pytest.fixture
-def copied(tmp_path: Path) -> Path:
-    """A copy of the shipped trees in which one agent says another text."""
+def test_agent_comes_from_named_or_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "copied"
     shutil.copytree(TREES, folder)
     guide = folder / "agents" / "attentive_guide.yaml"
     guide.write_text(guide.read_text().replace("Hello. I carry", "Good day. I carry"))
-    return folder
-
-
-def test_agent_comes_from_current_trees_folder(
-    copied: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(copied)
+    assert "Good day. I carry" in rehearse("attentive_guide", "--dir", str(folder)).output
+    assert "Good day. I carry" not in rehearse("attentive_guide").output
+    monkeypatch.chdir(folder)
     assert "Good day. I carry" in rehearse("attentive_guide").output
     shown = CliRunner().invoke(bt_agents, ["show", "attentive_guide"])
     assert "Good day. I carry" in shown.output
-
-
-def test_trees_folder_can_be_specified(copied: Path) -> None:
-    assert "Good day. I carry" in rehearse("attentive_guide", "--dir", str(copied)).output
-    assert "Good day. I carry" not in rehearse("attentive_guide").output
 
 
 @pytest.mark.parametrize(("language", "said"), [("", "Guten Tag, Ann."), ("en", "Hello Ann.")])

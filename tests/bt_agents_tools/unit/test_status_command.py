@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import time
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -19,26 +21,31 @@ from bt_agents_interfaces.msg import (
     Trees,
 )
 from bt_agents_ros.messages import header_at, to_time
-from bt_agents_tools.cli.commands.status import market_text, shown_agents
+from bt_agents_tools.cli.commands.status import (
+    differing_agents,
+    market_text,
+    rule_problems,
+    shown_agents,
+)
 from bt_agents_tools.cli.formatting import node_names, since_text
 
 SINCE_S = time.mktime((2026, 5, 4, 10, 11, 12, 0, 0, -1))
 
 
-def text_of(status: MarketStatus, names: SceneLabels | None = None, **more: bool) -> str:
-    known = {"is_end_shown": False} | more
-    return market_text(status, names or SceneLabels(), SINCE_S + 75.0, **known)
+def text_of(names: SceneLabels | None = None, *, is_end_shown: bool = False, **fields: Any) -> str:
+    status = MarketStatus(header=header_at(to_time(SINCE_S)), **fields)
+    known = names or SceneLabels()
+    return market_text(status, known, SINCE_S + 75.0, is_end_shown=is_end_shown)
 
 
 def test_run_shows_its_start_time_and_scene():
-    status = MarketStatus(
-        header=header_at(to_time(SINCE_S)),
+    shown = text_of(
         state=MarketStatus.RUNNING,
         scene_id="scene-7",
         scene_label="an elderly lady",
         message="attentive_guide is running",
     )
-    assert text_of(status) == (
+    assert shown == (
         "running since 10:11:12, for 1 min 15 s: 'an elderly lady', attentive_guide is running"
     )
 
@@ -46,15 +53,13 @@ def test_run_shows_its_start_time_and_scene():
 def test_unlabelled_scene_is_named_by_values_not_id():
     names = SceneLabels()
     names.add(Scene(scene_id="scene-7", person=True, values=[SceneValue(name="age", value=4.5)]))
-    running = MarketStatus(
-        header=header_at(to_time(SINCE_S)),
+    shown = text_of(
+        names,
         state=MarketStatus.COLLECTING,
         scene_id="scene-7",
         message="scene 'scene-7' has ended; collecting feedback",
     )
-    assert text_of(running, names).endswith(
-        ": 'age 4.5', scene 'age 4.5' has ended; collecting feedback"
-    )
+    assert shown.endswith(": 'age 4.5', scene 'age 4.5' has ended; collecting feedback")
 
 
 def test_operator_award_uses_label_of_its_scene():
@@ -76,10 +81,8 @@ def test_scene_label_cache_keeps_latest_labels():
 
 
 def test_waiting_market_always_names_awaited_host():
-    waits = MarketStatus(
-        header=header_at(to_time(SINCE_S)), queued=2, message="waiting for /agents"
-    )
-    assert text_of(waits, is_end_shown=True).endswith("for 1 min 15 s: waiting for /agents")
+    shown = text_of(queued=2, message="waiting for /agents", is_end_shown=True)
+    assert shown.endswith("for 1 min 15 s: waiting for /agents")
 
 
 @pytest.mark.parametrize("follow_up_is_first", [False, True])
@@ -96,11 +99,9 @@ def test_follow_up_round_uses_label_of_own_scene(follow_up_is_first):
 
 
 def test_idle_market_shows_last_end_unless_shown_elsewhere():
-    idle = MarketStatus(
-        header=header_at(to_time(SINCE_S)), message="scene 'lady' is over: succeeded"
-    )
-    assert text_of(idle).endswith("for 1 min 15 s: scene 'lady' is over: succeeded")
-    assert text_of(idle, is_end_shown=True) == "idle since 10:11:12, for 1 min 15 s"
+    over = "scene 'lady' is over: succeeded"
+    assert text_of(message=over).endswith(f"for 1 min 15 s: {over}")
+    assert text_of(message=over, is_end_shown=True) == "idle since 10:11:12, for 1 min 15 s"
 
 
 @pytest.mark.parametrize(
@@ -131,3 +132,16 @@ def test_node_names_come_from_latest_trees_of_agent():
 def test_only_the_first_agents_are_shown(most, shown):
     cards = [HostCard(agents=[AgentCard()] * 3)] * 3
     assert [len(agents) for agents in shown_agents(cards, most)] == shown
+
+
+def test_undecidable_market_and_mood_rules_are_reported():
+    of_market = SimpleNamespace(file="market.yaml", line=4, message="rule 1 cannot be decided")
+    of_mood = SimpleNamespace(file="", line=0, message="the mood rule cannot be decided")
+    market = SimpleNamespace(problems=[of_market])
+    assert rule_problems(market, SimpleNamespace(problems=[of_mood])) == [of_market, of_mood]
+    assert rule_problems(market, None) == [of_market]
+
+
+def test_agents_bidding_with_differing_profile_are_listed():
+    assert differing_agents(SimpleNamespace(differing=["guide"])) == ["guide"]
+    assert differing_agents(None) == ()

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import inspect
-import subprocess
-import sys
 
 import pytest
 
@@ -13,6 +11,7 @@ import bt_agents_interfaces.msg
 from bt_agents_ros import qos
 from bt_agents_ros.system_topics import HOST, PREFIX, TOPICS, heard_by, topic_called
 from bt_agents_ros.types import load_type
+from programs import printed_by
 
 
 def test_topics_are_unique_and_profiles_exist() -> None:
@@ -61,10 +60,7 @@ def test_heartbeats_are_best_effort_and_facts_are_reliable() -> None:
 
 def test_topic_table_loads_without_ros() -> None:
     asked = "import sys; import bt_agents_ros.system_topics; print('rclpy' in sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", asked], capture_output=True, text=True, timeout=60, check=True
-    )
-    assert done.stdout == "False\n"
+    assert printed_by(asked) == ["False"]
 
 
 OWN_TYPES = sorted({topic.type for topic in TOPICS if topic.type.startswith("bt_agents_")})

@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,6 +14,7 @@ from click.testing import CliRunner, Result
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.main import bt_agents
+from programs import printed_by
 from tree_harness import TREES
 
 AGENT = """
@@ -60,13 +60,12 @@ def trees(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture
-def run() -> Callable[..., Result]:
-    """The command, as typed."""
-    return lambda *words: CliRunner().invoke(bt_agents, ["test", *map(str, words)])
+def run(*words: object) -> Result:
+    """Run the command, as typed."""
+    return CliRunner().invoke(bt_agents, ["test", *map(str, words)])
 
 
-def test_passing_cases_are_listed_and_exit_with_0(trees: Path, run: Callable[..., Result]) -> None:
+def test_passing_cases_are_listed_and_exit_with_0(trees: Path) -> None:
     (trees / "agents" / "porter.test.yaml").write_text(GOOD)
     result = run(trees)
     assert result.exit_code == 0
@@ -74,9 +73,7 @@ def test_passing_cases_are_listed_and_exit_with_0(trees: Path, run: Callable[...
     assert "1 case: 1 passed" in result.output
 
 
-def test_failing_case_shows_details_and_exits_with_1(
-    trees: Path, run: Callable[..., Result]
-) -> None:
+def test_failing_case_shows_details_and_exits_with_1(trees: Path) -> None:
     file = trees / "agents" / "porter.test.yaml"
     file.write_text(BAD)
     result = run(file)
@@ -87,7 +84,7 @@ def test_failing_case_shows_details_and_exits_with_1(
     assert "1 case: 0 passed, 1 failed" in result.output
 
 
-def test_broken_file_does_not_stop_other_files(trees: Path, run: Callable[..., Result]) -> None:
+def test_broken_file_does_not_stop_other_files(trees: Path) -> None:
     (trees / "agents" / "a.test.yaml").write_text(BAD.replace("says:", "sais:"))
     (trees / "agents" / "b.test.yaml").write_text(GOOD)
     result = run(trees)
@@ -96,14 +93,14 @@ def test_broken_file_does_not_stop_other_files(trees: Path, run: Callable[..., R
     assert "1 passed, 1 file with errors" in result.output
 
 
-def test_keyword_selects_cases(trees: Path, run: Callable[..., Result]) -> None:
+def test_keyword_selects_cases(trees: Path) -> None:
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
     (trees / "agents" / "b.test.yaml").write_text(BAD)
     assert run(trees, "-k", "WELL").exit_code == 0
     assert isinstance(run(trees, "-k", "nothing").exception, BtAgentsError)
 
 
-def test_coverage_lists_nodes_without_cases(trees: Path, run: Callable[..., Result]) -> None:
+def test_coverage_lists_nodes_without_cases(trees: Path) -> None:
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
     result = run(trees, "--coverage")
     handler = "tree/1.drive@on_failure/0.say"
@@ -112,14 +109,12 @@ def test_coverage_lists_nodes_without_cases(trees: Path, run: Callable[..., Resu
     assert " % porter " in result.output
 
 
-def test_verbose_shows_what_happened(trees: Path, run: Callable[..., Result]) -> None:
+def test_verbose_shows_what_happened(trees: Path) -> None:
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
     assert "▶ drive gate 7" in run(trees, "--verbose").output
 
 
-def test_junit_report_is_readable_by_build_servers(
-    trees: Path, run: Callable[..., Result], tmp_path: Path
-) -> None:
+def test_junit_report_is_readable_by_build_servers(trees: Path, tmp_path: Path) -> None:
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
     (trees / "agents" / "b.test.yaml").write_text(BAD)
     (trees / "agents" / "c.test.yaml").write_text("format: 1")
@@ -138,18 +133,16 @@ def test_junit_report_is_readable_by_build_servers(
     ("name", "words"),
     [("nowhere", "there is no file or folder"), ("scene.yaml", "is no test file")],
 )
-def test_path_without_tests_is_refused(
-    trees: Path, run: Callable[..., Result], name: str, words: str
-) -> None:
+def test_path_without_tests_is_refused(trees: Path, name: str, words: str) -> None:
     assert words in str(run(trees / name).exception)
 
 
-def test_test_outside_trees_folder_is_refused(tmp_path: Path, run: Callable[..., Result]) -> None:
+def test_test_outside_trees_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.test.yaml").write_text(GOOD)
     assert "no folder above it has a scene.yaml" in str(run(tmp_path).exception)
 
 
-def test_empty_test_run_is_not_success(trees: Path, run: Callable[..., Result]) -> None:
+def test_empty_test_run_is_not_success(trees: Path) -> None:
     assert "docs/testing.md" in str(run(trees).exception)
 
 
@@ -186,14 +179,11 @@ def test_pytest_runs_each_case_with_same_report(trees: Path) -> None:
 
 
 def test_pytest_plugin_loads_neither_ros_nor_engine() -> None:
-    script = (
+    loaded = printed_by(
         "import sys, bt_agents_tools.rehearsal.pytest_plugin; "
         "print([m for m in ('rclpy', 'py_trees', 'yaml', 'rich') if m in sys.modules])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
+    assert loaded == ["[]"]
 
 
 @pytest.mark.parametrize(
@@ -204,9 +194,7 @@ def test_pytest_plugin_loads_neither_ros_nor_engine() -> None:
         ("tree/1.sya", "did you mean 'tree/1.say'?"),
     ],
 )
-def test_unknown_path_suggests_sibling_paths(
-    trees: Path, run: Callable[..., Result], path: str, hint: str
-) -> None:
+def test_unknown_path_suggests_sibling_paths(trees: Path, path: str, hint: str) -> None:
     (trees / "agents" / "porter.yaml").write_text(
         AGENT.partition("tree:")[0] + "tree: {sequence: [{drive: gate 4}, {say: Hello.}]}\n"
     )
