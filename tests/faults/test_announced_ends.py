@@ -85,7 +85,7 @@ def test_run_end_is_announced_once_despite_market_crash(
     market = start(system, tmp_path)
     for number in range(TIMES):
         name = f"s{number}"
-        system.scene(name, age=5, familiarity=3, mood=3)
+        system.old_person(name)
         system.until_speaking("leo speaks")
 
         epoch = kill_at_the_end(system, market, fatal, system.say_server.finish)
@@ -102,12 +102,12 @@ def test_scene_refusal_is_announced_once_despite_market_crash(
     del attempt
     market = start(system, tmp_path)
     for number in range(TIMES):
-        system.scene(f"first{number}", age=5, familiarity=3, mood=3)
+        system.old_person(f"first{number}")
         system.until_speaking("leo speaks")
         name = f"s{number}"
 
         def refuse(name: str = name) -> None:
-            system.scene(name, age=5, familiarity=3, mood=3)
+            system.old_person(name)
 
         epoch = kill_at_the_end(system, market, fatal, refuse)
 
@@ -129,7 +129,7 @@ def test_run_ends_once_when_market_and_host_crash(
     host = system.processes[-1]
     for number in range(PAIRS):
         name = f"s{number}"
-        system.scene(name, age=5, familiarity=3, mood=3)
+        system.old_person(name)
         system.until_speaking("leo speaks")
         system.until(lambda count=number + 1: len(system.started()) == count, "leo starts")
 

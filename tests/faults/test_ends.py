@@ -51,7 +51,7 @@ def test_running_agent_ends_properly_in_any_shutdown_order(
     profiles: list[Profiles] = system.ros.collect(Profiles, "bt_agents/profiles", qos.FACT)
     system.until_ready(hosts=1, agents=1)
     system.until(lambda: profiles and profiles[-1].agents == ["leo"], "the profile of leo")
-    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.old_person("s1")
     system.until_speaking("hello")
     system.until(lambda: any(run.event == Run.STARTED for run in system.runs), "it has started")
 

@@ -48,7 +48,7 @@ def test_feedback_for_killed_node_is_applied_exactly_once(system: System, tmp_pa
     system.until_ready(hosts=1, agents=1)
     system.until(lambda: profiles and profiles[-1].agents == ["leo"], "the profile of leo")
 
-    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.old_person("s1")
     system.until_speaking("the first")
     feedback.kill()
     system.say_server.finish()
@@ -63,7 +63,7 @@ def test_feedback_for_killed_node_is_applied_exactly_once(system: System, tmp_pa
     feedback.kill()
     feedback.start()
     # The rest of the first interaction comes before the feedback of another one.
-    system.scene("s2", age=5, familiarity=3, mood=3)
+    system.old_person("s2")
     assert system.until_end_of("s2").code == "SUCCEEDED"
     system.until(lambda: list(profiles[-1].revisions) == [4], "two more changes are applied")
     feedback.kill()

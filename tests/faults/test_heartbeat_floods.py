@@ -45,7 +45,7 @@ def test_run_continues_under_heartbeat_flood(
     system.host("agents", trees, market_lease=LEASE_S)
     system.until_ready(hosts=1, agents=1)
     heartbeat_probe = system.heartbeat_probe("agents")
-    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     system.until(
         lambda: heartbeat_probe.count and system.started("leo"), "a heartbeat, and the start"

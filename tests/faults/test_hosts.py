@@ -41,10 +41,6 @@ def two_hosts(
     return hosts
 
 
-def old_person(system: System, scene_id: str) -> None:
-    system.scene(scene_id, age=5, familiarity=3, mood=3)
-
-
 def until_lost(system: System, other: HeartbeatProbe) -> tuple[Run, int]:
     """Wait until leo is lost; return that end and the other host's beats until then."""
     before = other.count
@@ -58,7 +54,7 @@ def test_lost_host_is_replaced_by_next_agent_quickly(
 ) -> None:
     host, _ = two_hosts(system, tmp_path)
     heartbeat_probe = system.heartbeat_probe("agents_b")
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo begins")
     system.until(lambda: heartbeat_probe.count, "a heartbeat")
     if fault == "killed":
@@ -87,7 +83,7 @@ def test_resumed_host_stops_its_tree_without_speaking(
 ) -> None:
     host, _ = two_hosts(system, tmp_path)
     first = system.heartbeat_probe("agents_a")
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo begins")
     host.hang()
     if sentence == "over":
@@ -105,7 +101,7 @@ def test_resumed_host_stops_its_tree_without_speaking(
     system.say_server.finish()
     assert system.until_end_of("s1").code == "SUCCEEDED"
     assert system.say_server.texts == ["leo begins", "mira begins", "mira ends"]
-    old_person(system, "s2")
+    system.old_person("s2")
     assert system.until_end_of("s2").agent == "leo"
 
 
@@ -150,7 +146,7 @@ def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) ->
     for number in range(1, 41):
         system.until_ready(hosts=3, agents=3)
         scene_id = f"s{number}"
-        old_person(system, scene_id)
+        system.old_person(scene_id)
         system.until(
             lambda n=number: system.has_bid("/agents_a", n), f"the bid of leo in round {number}"
         )
@@ -220,7 +216,7 @@ def test_round_with_silent_host_closes_at_deadline(system: System, tmp_path: Pat
     hosts = {name: system.host(name, trees) for name, trees in folders.items()}
     system.until_ready(hosts=5, agents=5)
     hosts["agents_5"].hang()
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until(lambda: system.auctions, "the decision")
     [auction] = system.auctions
     assert auction.closed_by == Auction.DEADLINE
@@ -243,7 +239,7 @@ def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path
     system.until(lambda: "HOST_EXISTS" in second.said, "the refusal of the second")
     ids = [f"s{number}" for number in range(1, 101)]
     for scene_id in ids:
-        old_person(system, scene_id)
+        system.old_person(scene_id)
     system.until(lambda: len(system.ends) >= 100, "a hundred ends")
     assert [end.message for end in system.ends if end.code != "SUCCEEDED"] == []
     assert sorted(end.scene_id for end in system.ends) == sorted(ids)
@@ -260,7 +256,7 @@ def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path
         return any(b.host_instance != starts[0].host_instance and any(b.token) for b in beats)
 
     system.until(is_registered, "the registration of the second one")
-    old_person(system, "after")
+    system.old_person("after")
     assert system.until_end_of("after").code == "SUCCEEDED"
     assert len(system.say_server.texts) == 101
     assert system.started()[-1].host_instance != starts[0].host_instance

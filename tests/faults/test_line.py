@@ -37,10 +37,10 @@ def market_and_host(
 
 def fill_the_line(system: System) -> None:
     """Let one scene run, and ten wait."""
-    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     for name in LINE:
-        system.scene(name, age=5, familiarity=3, mood=3)
+        system.old_person(name)
     system.until(lambda: system.statuses[-1].queued == len(LINE), "ten scenes wait")
 
 

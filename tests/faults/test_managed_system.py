@@ -76,7 +76,7 @@ def test_lifecycle_manager_can_restart_whole_system(
     epochs = []
     for number, scene_id in enumerate(("s1", "s2"), 1):
         system.until_ready(hosts=1, agents=1, after=epochs[-1] if epochs else "")
-        system.scene(scene_id, age=5, familiarity=3, mood=3)
+        system.old_person(scene_id)
         assert system.until_end_of(scene_id).code == "SUCCEEDED"
         assert len(system.started("leo")) == number
         epochs.append(system.epoch)

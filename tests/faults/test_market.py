@@ -27,15 +27,11 @@ def market_and_hosts(system: System, tmp_path: Path) -> NodeProcess:
     return market
 
 
-def old_person(system: System, scene_id: str) -> None:
-    system.scene(scene_id, age=5, familiarity=3, mood=3)
-
-
 def check_that_nothing_else_runs(system: System, epoch: str, starts: int) -> None:
     """Run one more scene in the new market, and count the starts there."""
     system.say_server.holds = lambda _text: False
     system.say_server.finish()
-    old_person(system, "s2")
+    system.old_person("s2")
     assert system.until_end_of("s2").code == "SUCCEEDED"
     assert len(system.started(epoch=epoch)) == starts + 1
     assert len(system.ends_of("s1")) == 1
@@ -47,7 +43,7 @@ def test_killed_market_ends_its_run_and_successor_retries(
 ) -> None:
     market = market_and_hosts(system, tmp_path)
     heartbeat_probe = system.heartbeat_probe("agents_a")
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     system.until(lambda: heartbeat_probe.count, "a heartbeat")
     epoch = system.kill_market(market)
@@ -80,7 +76,7 @@ def test_killed_market_ends_its_run_and_successor_retries(
 def test_run_ending_without_market_is_not_repeated(system: System, tmp_path: Path) -> None:
     market = market_and_hosts(system, tmp_path)
     heartbeat_probe = system.heartbeat_probe("agents_a")
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     system.until(lambda: heartbeat_probe.busy, "the host is busy")
     epoch = system.kill_market(market)
@@ -100,7 +96,7 @@ def test_market_hanging_beyond_lease_loses_run_and_continues(
 ) -> None:
     market = market_and_hosts(system, tmp_path)
     heartbeat_probe = system.heartbeat_probe("agents_a")
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     system.until(
         lambda: heartbeat_probe.count and system.started("leo"), "a heartbeat, and the start"
@@ -118,7 +114,7 @@ def test_market_hanging_beyond_lease_loses_run_and_continues(
     assert "silent" in ended.message
     system.until_ready(hosts=2, agents=2)
     system.say_server.holds = lambda _text: False
-    old_person(system, "s2")
+    system.old_person("s2")
     assert system.until_end_of("s2").code == "SUCCEEDED"
     assert len(system.ends_of("s1")) == 1
 

@@ -49,13 +49,9 @@ def two_hosts(
     return market, *hosts
 
 
-def old_person(system: System, scene_id: str) -> None:
-    system.scene(scene_id, age=5, familiarity=3, mood=3)
-
-
 def test_next_agent_waits_for_killed_hosts_sentence(system: System, tmp_path: Path) -> None:
     _, host, _ = two_hosts(system, tmp_path)
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     host.kill()
     system.until(lambda: "mira speaks" in system.say_server.speaking, "mira speaks")
@@ -77,7 +73,7 @@ def test_next_run_reports_goals_that_did_not_stop(
     _, host, _ = two_hosts(system, tmp_path, takeover_deadline=3.0)
     heartbeat_probe = system.heartbeat_probe("agents_b")
     system.say_server.on_cancel = server
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     host.kill()
     system.until(lambda: system.ended("leo"), "leo is lost")
@@ -103,7 +99,7 @@ def test_next_run_reports_goals_that_did_not_stop(
 
 def test_restarted_host_ends_its_open_goals_without_market(system: System, tmp_path: Path) -> None:
     market, host, _ = two_hosts(system, tmp_path)
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     host.kill()
     epoch = system.kill_market(market)
@@ -113,7 +109,7 @@ def test_restarted_host_ends_its_open_goals_without_market(system: System, tmp_p
     assert system.say_server.say_goals[0].how == "cancelled"
     market.start()
     system.until_ready(hosts=2, agents=2, after=epoch)
-    old_person(system, "s2")
+    system.old_person("s2")
     system.until_speaking("leo speaks")
     assert system.say_server.say_goals[-1].beside == ()
 
@@ -121,7 +117,7 @@ def test_restarted_host_ends_its_open_goals_without_market(system: System, tmp_p
 def test_restarted_market_ends_dead_hosts_goals_first(system: System, tmp_path: Path) -> None:
     scenes = tmp_path / "scenes.json"
     market, host, _ = two_hosts(system, tmp_path, scenes=str(scenes))
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     system.until(lambda: '"/say"' in scenes.read_text(), "the market has stored what is open")
     host.kill()
@@ -143,7 +139,7 @@ def test_restarted_host_settles_open_goals_before_registering(
     heartbeat_probe = system.heartbeat_probe("agents_a")
     system.until(lambda: heartbeat_probe.count > 0, "its heartbeat is heard")
     system.say_server.on_cancel = server
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     host.kill()
     system.until(lambda: system.ended("leo"), "leo is lost")
@@ -161,7 +157,7 @@ def test_restarted_host_settles_open_goals_before_registering(
 
 def test_second_host_process_leaves_goals_of_first_alone(system: System, tmp_path: Path) -> None:
     two_hosts(system, tmp_path)
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     second = system.host("agents_a", tmp_path / "a", tmp_path / "a" / "open-goals")
     system.until(lambda: "HOST_EXISTS" in second.said, "the refusal of the second")

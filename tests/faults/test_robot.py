@@ -48,7 +48,7 @@ def test_killing_robot_during_sentence_fails_leaf_and_run(system: System, tmp_pa
     opened: list[OpenGoals] = system.ros.collect(OpenGoals, "bt_agents/open_goals", qos.FACTS)
     robot = robot_and_host(system, tmp_path, f"say: {LONG}")
     heartbeat_probe = system.heartbeat_probe("agents")
-    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.old_person("s1")
     system.until(lambda: acts and heartbeat_probe.count, "the robot speaks")
     robot.kill()
     killed_at = heartbeat_probe.count
@@ -66,14 +66,14 @@ def test_killing_robot_during_sentence_fails_leaf_and_run(system: System, tmp_pa
     system.until(
         lambda: not opened[-1].goals, "the robot knows nothing of it, so it is open no longer"
     )
-    system.scene("s2", age=5, familiarity=3, mood=3)
+    system.old_person("s2")
     system.until(lambda: len(acts) == 2, "the robot speaks again")
 
 
 def test_quickly_restarted_robot_does_not_know_old_goal(system: System, tmp_path: Path) -> None:
     acts: list[String] = system.ros.collect(String, "robot/transcript", qos.EVENTS)
     robot = robot_and_host(system, tmp_path, f"say: {LONG}", within="30 s")
-    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.old_person("s1")
     system.until(lambda: acts, "the robot speaks")
     robot.kill()
     robot.start()
@@ -84,10 +84,10 @@ def test_quickly_restarted_robot_does_not_know_old_goal(system: System, tmp_path
 
 def test_restarted_robot_says_sentence_sent_while_dead(system: System, tmp_path: Path) -> None:
     robot = robot_and_host(system, tmp_path, "say: hello", within="30 s", accept="30 s")
-    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.old_person("s1")
     assert system.until_end_of("s1").code == "SUCCEEDED"
     robot.kill()
-    system.scene("s2", age=5, familiarity=3, mood=3)
+    system.old_person("s2")
     system.until(lambda: len(system.started("leo")) == 2, "the second run")
     robot.start()
     assert system.until_end_of("s2").code == "SUCCEEDED"

@@ -503,6 +503,10 @@ class System:
         """Send a scene to the market."""
         self._scenes.publish(scene_to_msg(scene(scene_id, **values)))
 
+    def old_person(self, scene_id: str) -> None:
+        """Send a scene with an old person."""
+        self.scene(scene_id, age=5, familiarity=3, mood=3)
+
     def has_bid(self, host: str, round_number: int) -> bool:
         """Return whether a host has answered the call for bids of a round."""
         return any((b.host, b.round) == (host, round_number) for b in self.bids)
