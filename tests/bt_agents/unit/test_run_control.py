@@ -53,7 +53,7 @@ def test_ended_tree_cannot_be_paused(control: Told) -> None:
 
 def test_pause_names_its_author_until_resume(control: Told) -> None:
     control.pause("anna")
-    assert (control.paused, control.pause_text) == (True, "paused by anna")
+    assert (control.paused, control.author) == (True, "anna")
     with pytest.raises(Refused, match="paused by anna already"):
         control.pause("ben")
     control.resume("ben")
