@@ -26,6 +26,15 @@ from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
 from tree_harness import TREES, scene
 
+
+def agent_text(name: str, tree: str, more: str = "") -> str:
+    """Return the file of an agent, with more lines at its end."""
+    return (
+        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
+        f"profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n  {tree}\n{more}\n"
+    )
+
+
 TOKEN = list(range(1, 17))
 """Token by which hosts recognise the goals of this market."""
 

@@ -58,18 +58,14 @@ def test_call_finds_server_that_starts_before_deadline(ros: Any) -> None:
     assert caller.ends == ["answered"]
 
 
-def test_call_without_server_fails_at_deadline(ros: Any) -> None:
+@pytest.mark.parametrize(("deadline_s", "discovery_s"), [(0.1, math.inf), (3600.0, 0.1)])
+def test_call_without_server_fails_at_earlier_limit(
+    ros: Any, deadline_s: float, discovery_s: float
+) -> None:
     caller = Caller(ros)
-    caller.call(0.1)
+    caller.call(deadline_s, discovery_s=discovery_s)
     ros.until(lambda: caller.ends)
     ros.turns()
-    assert caller.ends == ["somebody is not there"]
-
-
-def test_call_without_server_fails_at_discovery_limit(ros: Any) -> None:
-    caller = Caller(ros)
-    caller.call(3600.0, discovery_s=0.1)
-    ros.until(lambda: caller.ends)
     assert caller.ends == ["somebody is not there"]
 
 

@@ -19,22 +19,12 @@ from bt_agents.engine.run import Run, RunLimits
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_ros import qos
-from fake_market import Market, folder, make_host
+from fake_market import Market, agent_text, folder, make_host
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
 
-SPEAKER = """
-format: 1
-agent: speaker
-title: Speaker
-description: says two things
-profile: {age: 3, familiarity: 3, mood: 3}
-tree:
-  sequence:
-    - say: one
-    - say: two
-"""
+SPEAKER = agent_text("speaker", "sequence: [{say: one}, {say: two}]")
 
 DELAY_S = 0.015
 AROUND_MS = range(40)

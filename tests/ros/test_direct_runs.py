@@ -26,24 +26,17 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, OpenGoals, Scene, SceneValue, TreeStatus
 from bt_agents_ros import qos
 from bt_agents_ros.types import fill
-from fake_market import folder, make_host
+from fake_market import agent_text, folder, make_host
 from programs import ROOT
 from scripted_server import ScriptedServer
 
 pytestmark = pytest.mark.ros
 
 
-def agent(name: str, tree: str, more: str = "") -> str:
-    return (
-        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
-        f"profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n  {tree}\n{more}\n"
-    )
-
-
-TALKER = agent("talker", "say: hello", "on_cancel: {say: good-bye}")
-QUICK = agent("quick", "wait: 0 s")
-TELLER = agent("teller", "say: 'age ${scene.age}'")
-DANCER = agent("dancer", "dance: {}")
+TALKER = agent_text("talker", "say: hello", "on_cancel: {say: good-bye}")
+QUICK = agent_text("quick", "wait: 0 s")
+TELLER = agent_text("teller", "say: 'age ${scene.age}'")
+DANCER = agent_text("dancer", "dance: {}")
 SKILL = """
 format: 1
 skills:
@@ -208,7 +201,9 @@ def test_documented_goals_can_be_sent() -> None:
 def test_documented_client_runs_agent(ros: Any, tmp_path: Path) -> None:
     page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
     [code] = re.findall(r"```py\n(import rclpy.*?)```", page, re.DOTALL)
-    ros.add(make_host(folder(tmp_path, agent("attentive_guide", "wait: 0.1 s")), market=False))
+    ros.add(
+        make_host(folder(tmp_path, agent_text("attentive_guide", "wait: 0.1 s")), market=False)
+    )
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
     ) as program:
@@ -227,7 +222,7 @@ def test_documented_leaf_runs_agent(ros: Any, tmp_path: Path) -> None:
     [code] = re.findall(r"```py\n(from py_trees_ros.*?)```", page, re.DOTALL)
     example = tmp_path / "example.py"
     example.write_text(code)
-    ros.add(make_host(folder(tmp_path, agent("attentive_guide", "wait: 0 s")), market=False))
+    ros.add(make_host(folder(tmp_path, agent_text("attentive_guide", "wait: 0 s")), market=False))
     leaf = runpy.run_path(str(example))["guide"]
     there = Client(ros)  # the setup of the leaf blocks until it finds the server
     there.action.destroy()

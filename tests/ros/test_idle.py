@@ -12,20 +12,13 @@ from std_msgs.msg import Empty
 from active_nodes import active_market
 from bt_agents_ros import qos
 from bt_agents_studio.node import StudioNode
-from fake_market import folder, make_host
+from fake_market import agent_text, folder, make_host
 from graph import Ros
 from market_harness import SPACE
 
 pytestmark = pytest.mark.ros
 
-AGENT = """
-format: 1
-agent: talker
-title: Talker
-description: says one thing
-profile: {age: 3, familiarity: 3, mood: 3}
-tree: {say: hello}
-"""
+AGENT = agent_text("talker", "say: hello")
 
 
 def rings(node: Node) -> float:

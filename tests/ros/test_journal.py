@@ -22,19 +22,11 @@ from bt_agents_lab.node import JournalNode
 from bt_agents_lab.recorder.reading import JournalReader, recording_label
 from bt_agents_lab.replay.recording_index import index_entries
 from bt_agents_ros import qos
-from fake_market import Market, folder, make_host
+from fake_market import Market, agent_text, folder, make_host
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
 
-AGENT = """
-format: 1
-agent: {name}
-title: {name}
-description: d
-profile: {{age: 3, familiarity: 3, mood: 3}}
-tree: {tree}
-"""
 TREES = {
     "talker": "{sequence: [{say: hello}, {say: again}]}",
     "setter": "{sequence: [{set: {way: left}}, {set: {steps: 3}}]}",
@@ -46,9 +38,7 @@ class JournalHarness:
 
     def __init__(self, ros: Any, path: Path) -> None:
         self.ros = ros
-        self.folder = folder(
-            path, *(AGENT.format(name=name, tree=tree) for name, tree in TREES.items())
-        )
+        self.folder = folder(path, *(agent_text(name, tree) for name, tree in TREES.items()))
         self.today = date(2026, 3, 1)
         self.files = path / "journal"
         self.say_server = ScriptedServer(ros, script=Script(finish_s=0.05))

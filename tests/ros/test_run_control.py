@@ -25,7 +25,7 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.srv import ControlRun
 from bt_agents_ros import qos
-from fake_market import Market, folder, never_held_up
+from fake_market import Market, agent_text, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -34,17 +34,12 @@ PAUSE, RESUME = ControlRun.Request.PAUSE, ControlRun.Request.RESUME
 STEP, BREAKPOINTS = ControlRun.Request.STEP, ControlRun.Request.BREAKPOINTS
 
 
-def agent(name: str, tree: str, more: str = "") -> str:
-    return (
-        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
-        f"profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n  {tree}\n{more}\n"
-    )
-
-
-TALKER = agent("talker", "sequence: [{say: one}, {say: two}]", "on_cancel: {say: good-bye}")
-SLEEPER = agent("sleeper", "wait: 0.5 s")
-DOZER = agent("dozer", "wait: 30 s")
-FILLED = agent("filled", "sequence: [{set: {name: Anna}}, {say: 'Hello ${name}', timeout: 9 s}]")
+TALKER = agent_text("talker", "sequence: [{say: one}, {say: two}]", "on_cancel: {say: good-bye}")
+SLEEPER = agent_text("sleeper", "wait: 0.5 s")
+DOZER = agent_text("dozer", "wait: 30 s")
+FILLED = agent_text(
+    "filled", "sequence: [{set: {name: Anna}}, {say: 'Hello ${name}', timeout: 9 s}]"
+)
 
 
 class Host:
@@ -211,22 +206,17 @@ def test_a_silent_market_ends_a_paused_run(
     assert market.result(handle).result.stop_cause == RunAgent.Result.MARKET_LOST
 
 
-@pytest.mark.parametrize(
-    ("action", "fields", "code"),
-    [
+def test_invalid_request_is_refused_by_name(host: Host) -> None:
+    for action, fields, code in (
         (PAUSE, {}, "NOT_RUNNING"),
         (9, {}, "NOT_RUNNING"),
         (BREAKPOINTS, {"agent": "nobody"}, "UNKNOWN_AGENT"),
         (BREAKPOINTS, {"agent": "talker", "paths": ["tree/0.sya"]}, "UNKNOWN_NODE"),
         (BREAKPOINTS, {"agent": "talker", "paths": ["on_cancel"]}, "UNKNOWN_NODE"),
-    ],
-)
-def test_invalid_request_is_refused_by_name(
-    host: Host, action: int, fields: Any, code: str
-) -> None:
-    answer = host.ask(action, **fields)
-    assert (answer.accepted, answer.code) == (False, code)
-    assert answer.message
+    ):
+        answer = host.ask(action, **fields)
+        assert (answer.accepted, answer.code) == (False, code)
+        assert answer.message
 
 
 def test_repeated_request_or_wrong_round_is_refused(

@@ -31,25 +31,22 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, MarketHeartbeat, Run, StatusChange, TreeStatus
 from bt_agents_language.model.specs import CLEAN_UP_S, NodeSpec
 from bt_agents_ros import qos
-from fake_market import Market, folder, never_held_up
+from fake_market import Market, agent_text, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
 
 
-def agent(name: str, tree: str, more: str = "") -> str:
-    return (
-        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
-        f"profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n  {tree}\n{more}\n"
-    )
-
-
-TALKER = agent("talker", "say: hello", "on_cancel: {say: good-bye}")
-LISTENER = agent("listener", "wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}")
-SLEEPER = agent("sleeper", "wait: 5 s")
-LINGERER = agent("lingerer", "wait: 5 s", "on_cancel: {wait: 5 s}")
-QUICK = agent("quick", "wait: 0 s")
-TWO_WORDS = agent("two_words", "sequence: [{say: one}, {say: two}]", "on_cancel: {say: good-bye}")
+TALKER = agent_text("talker", "say: hello", "on_cancel: {say: good-bye}")
+LISTENER = agent_text(
+    "listener", "wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}"
+)
+SLEEPER = agent_text("sleeper", "wait: 5 s")
+LINGERER = agent_text("lingerer", "wait: 5 s", "on_cancel: {wait: 5 s}")
+QUICK = agent_text("quick", "wait: 0 s")
+TWO_WORDS = agent_text(
+    "two_words", "sequence: [{say: one}, {say: two}]", "on_cancel: {say: good-bye}"
+)
 NOT_ONCE_MORE = 20
 GoalEvent = rclpy_implementation.GoalEvent
 

@@ -19,7 +19,7 @@ from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profile
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
-from fake_market import Market, folder, make_host
+from fake_market import Market, agent_text, folder, make_host
 from feedback_node.ledger import Ledger
 from market_harness import EXPRESS, GUIDE, SPACE
 from market_node_harness import FakeHost, MarketNodeHarness
@@ -28,14 +28,7 @@ from marketplace_node.node.messages import heartbeat_of
 
 TOKEN = bytes(range(1, 17))
 
-WAITER = """
-format: 1
-agent: talker
-title: Talker
-description: waits
-profile: {age: 3, familiarity: 3, mood: 3}
-tree: {wait: 60 s}
-"""
+WAITER = agent_text("talker", "wait: 60 s")
 
 
 class Stranger:

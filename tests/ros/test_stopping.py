@@ -17,16 +17,12 @@ from bt_agents.host.run_server import _STOP_SETTLE_S
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Run
 from bt_agents_ros.spinner import STOP_LIMIT_S
-from fake_market import Market, folder, never_held_up
+from fake_market import Market, agent_text, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
 
-TALKER = (
-    "format: 1\nagent: talker\ntitle: t\ndescription: t\n"
-    "profile: {age: 3, familiarity: 3, mood: 3}\ntree: {say: hello}\non_cancel: {say: good-bye}\n"
-)
-
+TALKER = agent_text("talker", "say: hello", "on_cancel: {say: good-bye}")
 TELLER = TALKER.replace("talker", "teller").replace(
     "say: good-bye", "say: \"${cancel.by else 'nobody'}: ${cancel.reason else 'no reason'}\""
 )

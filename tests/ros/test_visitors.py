@@ -202,12 +202,14 @@ def test_visitor_answers_question_by_keyword(ros):
     assert [said.data for said in street.said] == ["yes"], "nobody was there for the first one"
 
 
+PRESSER = Visit(
+    label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
+)
+
+
 def test_button_is_pressed_once_after_robot_names_it(ros):
     pressed = ros.collect(Bool, "buttons/ok", qos.EVENTS)
-    presser = Visit(
-        label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
-    )
-    street = Street(ros, presser)
+    street = Street(ros, PRESSER)
     ros.until(lambda: street.node.count_subscribers("buttons/ok"))
     street.idle()
     ros.until(lambda: street.scenes)
@@ -222,10 +224,7 @@ def test_button_is_pressed_once_after_robot_names_it(ros):
 
 
 def test_button_press_waits_until_tree_listens(ros, capfd):
-    presser = Visit(
-        label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
-    )
-    street = Street(ros, presser, presser)
+    street = Street(ros, PRESSER, PRESSER)
     heard_elsewhere: list[Bool] = []
     recorder = ros.add(Node("recorder"))
     recorder.create_subscription(Bool, "buttons/ok", heard_elsewhere.append, qos.EVENTS)
@@ -245,10 +244,7 @@ def test_button_press_waits_until_tree_listens(ros, capfd):
 
 
 def test_unpressed_button_is_reported_when_visitor_leaves(ros, capfd):
-    presser = Visit(
-        label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
-    )
-    street = Street(ros, presser)
+    street = Street(ros, PRESSER)
     street.idle()
     ros.until(lambda: street.scenes)
     street.start(1)
