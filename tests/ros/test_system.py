@@ -41,6 +41,22 @@ def test_missing_values_are_marked_and_excluded_from_distance(ros: Any, tmp_path
     assert [bid.distance for bid in system.auctions[0].ranking] == [0.5, 3.5]
 
 
+def test_falling_mood_gives_feedback_and_changes_agent(ros: Any, tmp_path: Path) -> None:
+    system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5, old=4.5))
+    scene_id = system.analyze(age=5, familiarity=3, mood=4).scene.scene_id
+    ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
+    assert system.analyze(announce=False, mood=2).accepted
+    ros.until(lambda: sum(run.event == Run.STARTED for run in system.runs) == 2)
+    ros.until(lambda: len(system.auctions) == 2)
+    first, second = system.auctions
+    assert (first.winner, second.winner) == ("old", "young")
+    assert second.follows == first.round
+    ended = next(run for run in system.runs if run.event == Run.ENDED)
+    assert ended.outcome == Run.CANCELLED
+    ros.until(lambda: max(system.profiles[-1].revisions) == 1)
+    assert not system.finished(scene_id)
+
+
 def test_mood_rules_fire_in_follow_up_rounds(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5, old=4.5, third=3.0))
     live = ros.collect(Scene, "bt_agents/scene/live", qos.SENSOR)
