@@ -112,7 +112,7 @@ def test_resumed_host_does_not_act_on_expired_wait(system: System, tmp_path: Pat
     first = system.heartbeat_probe("agents_a")
     statuses = system.ros.collect(TreeStatus, "agents_a/status", qos.EVENTS)
     system.until(lambda: first.count, "a heartbeat")
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo begins")
     system.say_server.finish()
     system.until(
@@ -181,7 +181,7 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     heartbeat_probe = system.heartbeat_probe("agents_b")
     system.until(lambda: heartbeat_probe.count, "a heartbeat")
     beats = system.ros.collect(MarketHeartbeat, "/marketplace/heartbeat", qos.EVENTS)
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until(lambda: system.has_bid("/agents_a", 1), "the bid of leo")
     # The market has the bid two spins of its executor after the probe.
     seen = len(beats)
@@ -201,7 +201,7 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     assert system.until_end_of("s1").code == "SUCCEEDED"
     host.start()
     system.until_ready(hosts=3, agents=3)
-    old_person(system, "s2")
+    system.old_person("s2")
     assert system.until_end_of("s2").agent == "leo"
 
 

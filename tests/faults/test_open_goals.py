@@ -251,7 +251,7 @@ def test_random_kills_never_cause_two_simultaneous_drives(system: System, tmp_pa
 def test_host_publishes_open_goals_before_sending_them(system: System, tmp_path: Path) -> None:
     said: list[OpenGoals] = system.ros.collect(OpenGoals, "bt_agents/open_goals", qos.FACTS)
     two_hosts(system, tmp_path)
-    old_person(system, "s1")
+    system.old_person("s1")
     system.until_speaking("leo speaks")
     system.say_server.finish()
     system.until_end_of("s1")
