@@ -33,7 +33,7 @@ def write_project(package: Path, target: Path, prefix: Path) -> None:
     """
     name = package.resolve().name
     if not _NAME.fullmatch(name):
-        raise SystemExit(f"'{name}' is no name of a ROS package")
+        raise SystemExit(f"'{name}' is not a name of a ROS package")
     files = sorted(path for kind in KINDS for path in package.glob(f"{kind}/*.{kind}"))
     if not files:
         raise SystemExit(f"{package} has none of msg/*.msg, srv/*.srv and action/*.action")

@@ -52,7 +52,7 @@ def fact(key: str, value: object, wanted: FieldType | None = None) -> Fact:
     if not _KEY.fullmatch(key):
         raise Refused(
             RefusalCode.BAD_KEY,
-            f"{key[:64]!r} is no name of something remembered; expected small letters, digits "
+            f"{key[:64]!r} is not a name of something remembered; expected small letters, digits "
             "and '_', a letter first, 64 at most",
         )
     if isinstance(value, int) and not isinstance(value, bool):

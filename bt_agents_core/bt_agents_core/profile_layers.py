@@ -31,12 +31,12 @@ def checked_layer(layer: str) -> str:
     if not layer.isprintable():
         raise Refused(
             RefusalCode.BAD_LAYER,
-            f"{layer[:80]!a} is no layer, expected no control characters in a name",
+            f"{layer[:80]!a} is not a layer, expected no control characters in a name",
         )
     if kind not in (PERSON, PLACE) or not slash or not name or len(layer) > LONGEST_LAYER:
         raise Refused(
             RefusalCode.BAD_LAYER,
-            f"'{layer[:80]}' is no layer, expected person/ or place/ and a name, such as "
+            f"'{layer[:80]}' is not a layer, expected person/ or place/ and a name, such as "
             "person/anna",
         )
     return layer

@@ -59,7 +59,7 @@ def find_trees(explicit: str = "") -> Path:
             return folder
         near = next(filter(is_trees, (folder / _TREES, *folder.absolute().parents)), None)
         hint = f"did you mean '{near}'?" if near else f"'{SHIPPED}' names the installed one"
-        raise BtAgentsError(f"'{folder}' is no trees folder: it has no {_SCENE}; {hint}")
+        raise BtAgentsError(f"'{folder}' is not a trees folder: it has no {_SCENE}; {hint}")
     for folder in (Path(), Path(_TREES)):
         if is_trees(folder):
             return folder

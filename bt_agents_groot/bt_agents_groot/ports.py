@@ -57,7 +57,7 @@ class PortError(BtAgentsError):
 
 
 def pointed_at(text: str) -> str | None:
-    """Return the entry in ``{entry}``; None if the text is no pointer."""
+    """Return the entry in ``{entry}``; None if the text is not a pointer."""
     text = text.strip(" ")
     return text[1:-1] if len(text) > 2 and text[0] == "{" and text[-1] == "}" else None
 
@@ -183,7 +183,7 @@ def _from_json(text: str) -> Data:
 
 
 def _refuse_constant(literal: str) -> None:
-    raise ValueError(f"{literal} is no finite number")
+    raise ValueError(f"{literal} is not a finite number")
 
 
 def _data(value: object, depth: int) -> Data:

@@ -414,7 +414,8 @@ class RobotNode(BaseNode):
         colour = request.colour.strip().lower()
         if colour not in COLOURS:
             response.message = (
-                f"'{request.colour[:40]}' is no colour of the light; expected {', '.join(COLOURS)}"
+                f"'{request.colour[:40]}' is not a colour of the light; expected "
+                f"{', '.join(COLOURS)}"
             )
             return response
         response.accepted = True

@@ -223,7 +223,7 @@ def read_fields(fields: Fields, body: object) -> dict[str, Any]:
     if unknown:
         raise Refused(
             RefusalCode.BAD_FIELD,
-            f"'{min(map(str, unknown))[:40]}' is no field, expected {', '.join(fields)}",
+            f"'{min(map(str, unknown))[:40]}' is not a field, expected {', '.join(fields)}",
         )
     return {name: _read(name, fields[name], body[name]) for name in body}
 
@@ -258,7 +258,7 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
 def _text(name: str, value: object) -> str:
     if not isinstance(value, str) or len(value) > LONGEST_TEXT:
         raise Refused(
-            RefusalCode.BAD_FIELD, f"'{name}' is no text of at most {LONGEST_TEXT} characters"
+            RefusalCode.BAD_FIELD, f"'{name}' is not a text of at most {LONGEST_TEXT} characters"
         )
     try:
         value.encode()
@@ -271,20 +271,20 @@ def _count(name: str, value: object) -> int:
     number = _number(name, value)
     if not (number.is_integer() and 0 <= number < _ABOVE_COUNTS):
         raise Refused(
-            RefusalCode.BAD_FIELD, f"'{name}' is no whole number from 0 to {_ABOVE_COUNTS - 1}"
+            RefusalCode.BAD_FIELD, f"'{name}' is not a whole number from 0 to {_ABOVE_COUNTS - 1}"
         )
     return int(number)
 
 
 def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is no finite number")
+        raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is not a finite number")
     return float(value)
 
 
 def _list(name: str, value: object) -> list[Any]:
     if not isinstance(value, list) or len(value) > MOST_VALUES:
         raise Refused(
-            RefusalCode.BAD_FIELD, f"'{name}' is no list of at most {MOST_VALUES} entries"
+            RefusalCode.BAD_FIELD, f"'{name}' is not a list of at most {MOST_VALUES} entries"
         )
     return value

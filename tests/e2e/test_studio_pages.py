@@ -164,7 +164,7 @@ def test_question_is_answered_by_choice_and_by_text(page: Page) -> None:
             panel.get_by_label("Another answer").fill("perhaps")
             panel.get_by_role("button", name="Answer", exact=True).click()
             expect(panel.locator("output")).to_contain_text(
-                "'perhaps' is no answer; the robot is asking: "
+                "'perhaps' is not an answer; the robot is asking: "
             )
             panel.get_by_role("button", name="yes").click()
         else:

@@ -29,7 +29,7 @@ class Desk:
         self._defaults = dict(values)
 
     def set(self, values: Mapping[str, Setting]) -> None:
-        """Set values; those that stay are no change."""
+        """Set values; those that stay are not a change."""
         if any(self.values[name] != value for name, value in values.items()):
             self._record(values, TuningCause(author="test"))
 

@@ -44,7 +44,7 @@ def test_installed_package_is_not_required(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("nav2_msgs", "has none of msg"), ("Nav2; rm", "is no name of a ROS package")],
+    [("nav2_msgs", "has none of msg"), ("Nav2; rm", "is not a name of a ROS package")],
 )
 def test_a_folder_without_types_is_refused(name: str, words: str, tmp_path: Path) -> None:
     (tmp_path / name).mkdir()

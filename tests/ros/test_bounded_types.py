@@ -266,4 +266,4 @@ def test_malformed_bytes_reach_no_callback_and_log_once(
     ros.until(lambda: heard)
 
     assert [one.agent for one in heard] == ["leo"]
-    assert capfd.readouterr().err.count("MALFORMED: /beats: 8 bytes are no Heartbeat") == 1
+    assert capfd.readouterr().err.count("MALFORMED: /beats: 8 bytes are not a Heartbeat") == 1

@@ -360,5 +360,5 @@ def test_process_starts_active_unless_autostart_is_off(ros: Ros, tmp_path: Path)
         assert node.is_active is is_active
         ros.remove(node)
     broken = [Parameter("trees", value=str(tmp_path / "nowhere"))]
-    with pytest.raises(BtAgentsError, match="nowhere' is no trees folder"):
+    with pytest.raises(BtAgentsError, match="nowhere' is not a trees folder"):
         make_managed(partial(MarketplaceNode, parameter_overrides=broken))

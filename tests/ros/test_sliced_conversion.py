@@ -128,7 +128,7 @@ def test_oversized_message_is_refused_during_slicing(message: HostCard, reason: 
 
 
 def test_malformed_bytes_are_refused() -> None:
-    with pytest.raises(Refused, match="MALFORMED: 40004 bytes are no HostCard"):
+    with pytest.raises(Refused, match="MALFORMED: 40004 bytes are not a HostCard"):
         made(HostCard, b"\0\1\0\0" + b"\xff" * 40_000, clock(0.0))
 
 

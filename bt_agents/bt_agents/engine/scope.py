@@ -265,7 +265,7 @@ def _parsed(text: Plain, name: str) -> Plain:
 
 
 def _refuse_constant(word: str) -> float:
-    raise ValueError(f"{word} is no number")
+    raise ValueError(f"{word} is not a number")
 
 
 def evaluate(value: Value, names: ValueSource) -> Plain:

@@ -62,7 +62,7 @@ class ControlService:
                 return self._stepped(run.agent)
         raise Refused(
             RefusalCode.UNKNOWN_ACTION,
-            f"{request.action} is no action, expected a constant of ControlRun",
+            f"{request.action} is not an action, expected a constant of ControlRun",
         )
 
     def _set_breakpoints(self, request: ControlRun.Request, author: str) -> str:

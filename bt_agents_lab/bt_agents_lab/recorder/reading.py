@@ -394,7 +394,7 @@ def _unpacked_records(file: BinaryIO) -> Iterator[McapRecord]:
     """
     unpacked = zstandard.ZstdDecompressor(max_window_size=MOST_UNPACKED).stream_reader(file)
     if unpacked.read(MAGIC_SIZE) != MCAP0_MAGIC:
-        raise ValueError("what it holds is no MCAP")
+        raise ValueError("its content is not MCAP")
     left = MOST_UNPACKED_FILE
     while len(head := unpacked.read(_HEAD.size)) == _HEAD.size:
         number, length = _HEAD.unpack(head)

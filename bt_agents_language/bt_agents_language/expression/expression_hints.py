@@ -50,7 +50,7 @@ def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
 
 def no_value(token: Token) -> ExpressionError:
     """Return the error for one of :data:`NO_VALUES`."""
-    return token.error(f"'{token.text}' is no value", ABSENT_HINT)
+    return token.error(f"'{token.text}' is not a value", ABSENT_HINT)
 
 
 def with_phrase(

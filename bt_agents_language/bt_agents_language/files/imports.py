@@ -98,7 +98,7 @@ def _path_problem(path: str) -> tuple[str, str]:
     if posixpath.normpath(path) != path:
         return f"{quote(path)} is not written plainly", f"write {posixpath.normpath(path)}"
     if not path.endswith(SUFFIXES):
-        return f"{quote(path)} is no YAML file", f"write {expected}, {example}"
+        return f"{quote(path)} is not a YAML file", f"write {expected}, {example}"
     return "", ""
 
 

@@ -77,7 +77,7 @@ class FolderLibraries:
         if path.startswith(_OTHERS):
             raise ImportProblem(
                 "bad-import",
-                f"{quote(path)} is no library",
+                f"{quote(path)} is not a library",
                 "import a file of libraries; what two agents share stands there",
             )
         if path in self._chain:

@@ -206,7 +206,7 @@ def _restored_condition(text: str, rule: str, space: SceneSpace) -> Expression:
             known = ", ".join(sorted({**scene_names(space), **mood_names(space)}))
             raise _bad_rule(rule, f"there is no name '{name}' here; it may name {known}")
     if condition.kind not in (None, ValueKind.BOOLEAN):
-        raise _bad_rule(rule, f"'{text}' is no condition; compare, as in 'live.mood < 2'")
+        raise _bad_rule(rule, f"'{text}' is not a condition; compare, as in 'live.mood < 2'")
     return condition
 
 

@@ -157,7 +157,7 @@ def _tracked(reading: TypedReader, node: Node | None, sources: SourceReader) -> 
             reading.error(
                 "unknown-ros-field",
                 nodes["field"],
-                f"'field' is no list: {problem}",
+                f"'field' is not a list: {problem}",
                 "name the list of ids, or of items with an id each",
             )
         elif "id" in nodes:

@@ -150,7 +150,7 @@ def _warn_of_quantity(reading: TypedReader, default: Scalar, what: str) -> None:
     unit = quantities.word_after_number(default.text)
     if not unit:
         return
-    hint = f"{quote(unit)} is no unit; the units are {join_words([*UNITS], 'and')}"
+    hint = f"{quote(unit)} is not a unit; the units are {join_words([*UNITS], 'and')}"
     meant = quantities.quantity_type(default.text, strict=False)
     if meant is not None:
         try:

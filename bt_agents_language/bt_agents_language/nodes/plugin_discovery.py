@@ -111,7 +111,7 @@ def _kind(point: EntryPoint, whose: str) -> NodeType:
             f"{whose} cannot be loaded: {type(error).__name__}: {error}"
         ) from error
     if not _is_behaviour(behaviour):
-        raise PluginProblem(f"{whose} is no py_trees.behaviour.Behaviour class")
+        raise PluginProblem(f"{whose} is not a py_trees.behaviour.Behaviour class")
     fields = getattr(behaviour, "fields", ())
     if not isinstance(fields, tuple) or not all(_is_field(field) for field in fields):
         raise PluginProblem(

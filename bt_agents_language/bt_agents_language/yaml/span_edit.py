@@ -23,7 +23,7 @@ def replace_value(source: Source, node: Scalar, new_text: str) -> str:
     """
     before = _read(source)
     if before is None or not any(part == node for part in _parts(before)):
-        raise ValueError(f"{node.position}: {quote(node.text)} is no value of this file")
+        raise ValueError(f"{node.position}: {quote(node.text)} is not a value of this file")
     start, end = node.span
     end = start + len(source.text[start:end].rstrip())
     space = " " if start == end and source.text[start - 1 : start] in (":", "-") else ""

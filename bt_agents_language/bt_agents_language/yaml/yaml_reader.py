@@ -404,7 +404,7 @@ class _Builder:
             self._refuse(
                 "syntax",
                 node,
-                f"{quote(text)} is no '-' item",
+                f"{quote(text)} is not a '-' item",
                 f"write '- {text[dash.end() : dash.end() + 20]}: …', with a plain '-' and a "
                 "space after it",
             )

@@ -78,7 +78,7 @@ def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
         if wrong is not None:
             return SyntaxHint(
                 index=start + wrong.start(),
-                message=f"'{wrong[0]}' is no quotation mark in this language",
+                message=f"'{wrong[0]}' is not a quotation mark in this language",
                 hint='use straight ones: "…"',
             )
         quoted = _quoted_value(source, start, line)

@@ -466,7 +466,7 @@ def _deserialized(kind: Any, message: bytes) -> Any:
     except Exception as error:
         # rclpy's exceptions for bad bytes have no common base class.
         raise Refused(
-            RefusalCode.MALFORMED, f"{len(message)} bytes are no {kind.__name__}: {error}"
+            RefusalCode.MALFORMED, f"{len(message)} bytes are not a {kind.__name__}: {error}"
         ) from None
     if isinstance(made, Refused):
         raise made

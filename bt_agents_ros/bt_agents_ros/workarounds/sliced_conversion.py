@@ -102,7 +102,7 @@ class _Structure:
             self._destroy()
             raise Refused(
                 RefusalCode.MALFORMED,
-                f"{len(self._message)} bytes are no {self._kind.__name__}: {error}",
+                f"{len(self._message)} bytes are not a {self._kind.__name__}: {error}",
             ) from None
         return self._address
 

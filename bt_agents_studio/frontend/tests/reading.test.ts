@@ -55,7 +55,7 @@ describe("address", () => {
     expect(readAddress("/live", query)).toEqual(NOTHING);
   });
 
-  test("a path that is no page shows none", () => {
+  test("a path that is not a page shows none", () => {
     expect(readAddress("/elsewhere", "").page).toBeNull();
   });
 });

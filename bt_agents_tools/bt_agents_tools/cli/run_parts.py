@@ -83,7 +83,7 @@ def named_parts(text: str) -> frozenset[str]:
     for name in names:
         if name not in PARTS:
             text = (
-                f"--only names '{name}', which is no part of a system; expected some of "
+                f"--only names '{name}', which is not a part of a system; expected some of "
                 f"{', '.join(PARTS)}, with commas between; {did_you_mean(name, list(PARTS))}"
             )
             raise click.UsageError(text.rstrip("; "))

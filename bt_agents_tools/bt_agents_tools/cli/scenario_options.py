@@ -171,15 +171,15 @@ def _refuse_unknown(agent: AgentSpec, text: str, word: str) -> None:
         number, unit = near.groups()
         meant = f"{number.replace(',', '.')} {'min' if unit.startswith('m') else 's'}"
         raise BtAgentsError(
-            f"'{near[0].strip()}' in '{text}' is no time; write a number with ms, s, min or h, "
+            f"'{near[0].strip()}' in '{text}' is not a time; write a number with ms, s, min or h, "
             f"such as '{meant}'"
         )
     topics = [str(one.value) for one in _topics(agent)]
     if word not in topics:
         hint = did_you_mean(word, ["cancel", *topics])
         raise BtAgentsError(
-            f"'{word}' in '{text}' is no time such as '5 s', no 'cancel', and no topic that the "
-            f"agent waits for; {hint}"
+            f"'{word}' in '{text}' is neither a time such as '5 s', nor 'cancel', nor a topic that "
+            f"the agent waits for; {hint}"
         )
 
 

@@ -27,7 +27,7 @@ def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:
         if taken := counted_answer(words, question.choices):
             return question, taken
     found = "; ".join(map(question_text, questions))
-    raise Refused(RefusalCode.NOT_A_CHOICE, f"'{words}' is no answer; {found}")
+    raise Refused(RefusalCode.NOT_A_CHOICE, f"'{words}' is not an answer; {found}")
 
 
 def question_text(question: Any) -> str:

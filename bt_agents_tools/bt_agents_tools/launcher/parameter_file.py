@@ -61,7 +61,7 @@ def read_parameters(path: Path) -> ParameterFile:
         mark = getattr(error, "problem_mark", None)
         place = f", line {mark.line + 1}" if mark is not None else ""
         raise BtAgentsError(
-            f"{path.name}{place}: it is no YAML, expected a ROS parameter file"
+            f"{path.name}{place}: it is not YAML, expected a ROS parameter file"
         ) from None
     return ParameterFile(path=path, sections=list(_sections(path, document)))
 

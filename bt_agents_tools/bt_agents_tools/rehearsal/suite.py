@@ -98,7 +98,7 @@ def find_tests(paths: Iterable[Path]) -> list[Path]:
         elif not path.exists():
             raise BtAgentsError(f"there is no file or folder '{path}'")
         elif not path.name.endswith(TEST_SUFFIXES):
-            raise BtAgentsError(f"'{path}' is no test file; its name must end with .test.yaml")
+            raise BtAgentsError(f"'{path}' is not a test file; its name must end with .test.yaml")
         else:
             found[path] = None
     return list(found)

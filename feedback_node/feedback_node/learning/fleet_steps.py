@@ -202,7 +202,7 @@ def read_step(fields: Any, space: SceneSpace, *, now: float) -> FleetStep:
     if not isinstance(robot, str) or not ROBOT_NAME.fullmatch(robot):
         raise _invalid("", "expected a robot of 1 to 63 small letters, digits, '-' and '_'")
     if not _is_count(number) or not number:
-        raise _invalid(robot, "its number is no positive integer")
+        raise _invalid(robot, "its number is not a positive integer")
     what = f"{robot}/{number}"
     agent, layer, base, target = (fields[name] for name in ("agent", "layer", "base", "target"))
     if not isinstance(agent, str) or not 1 <= len(agent) <= LONGEST_NAME:
@@ -226,11 +226,11 @@ def read_step(fields: Any, space: SceneSpace, *, now: float) -> FleetStep:
         raise _invalid(what, "a forgotten layer is named openly, expected a hash")
     weight, stamp, changes = fields["weight"], fields["stamp"], fields["changes"]
     if not all(map(_is_number, (weight, stamp, *target.values()))):
-        raise _invalid(what, "a value, its weight or its stamp is no finite number")
+        raise _invalid(what, "a value, its weight or its stamp is not a finite number")
     if not 0.0 <= weight <= MAX_WEIGHT or stamp < 0.0:
         raise _invalid(what, f"weight {weight:g} or stamp {stamp:g}, expected 0 to {MAX_WEIGHT:g}")
     if not _is_count(changes) or not _is_count(fields["arrival"]):
-        raise _invalid(what, "its changes or its arrival are no count")
+        raise _invalid(what, "its changes or its arrival are not a count")
     if stamp > now + LATEST_S:
         raise Refused(
             RefusalCode.FROM_THE_FUTURE,

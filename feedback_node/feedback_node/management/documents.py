@@ -55,7 +55,7 @@ def from_document(
         raise _invalid(f"expected what 'bt-agents profile export' writes, with format {FORMAT}")
     document_id, profiles = document.get("id"), document.get("profiles")
     if not _is_name(document_id):
-        raise _invalid(f"its id is no printable text of 1 to {_LONGEST_NAME} characters")
+        raise _invalid(f"its id is not a printable text of 1 to {_LONGEST_NAME} characters")
     if not isinstance(profiles, list) or not 1 <= len(profiles) <= _MOST:
         raise _invalid(f"expected 1 to {_MOST} profiles")
     cause = RevisionCause(cause=IMPORT, kind=FeedbackKind.SET, source=source, reason=reason)
@@ -81,7 +81,7 @@ def read_json(text: str) -> Any:
     try:
         return json.loads(text, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
-        raise _invalid(f"it is no JSON ({error})") from None
+        raise _invalid(f"it is not JSON ({error})") from None
 
 
 def _entry(
@@ -91,14 +91,14 @@ def _entry(
         raise _invalid(f"{what}: expected a mapping")
     agent, layer, values = fields.get("agent"), fields.get("layer", ""), fields.get("values")
     if not _is_name(agent):
-        raise _invalid(f"{what}: its agent is no name")
+        raise _invalid(f"{what}: its agent is not a name")
     changes = fields.get("changes", 0)
     if isinstance(changes, bool) or not isinstance(changes, int) or not 0 <= changes < 2**63:
-        raise _invalid(f"{what}: its changes are no count")
+        raise _invalid(f"{what}: its changes are not a count")
     if not isinstance(layer, str) or not isinstance(values, dict):
         raise _invalid(f"{what}: expected a layer, which may be empty, and values by parameter")
     if any(isinstance(v, bool) or not isinstance(v, int | float) for v in values.values()):
-        raise _invalid(f"{what}: a value is no number")
+        raise _invalid(f"{what}: a value is not a number")
     layer = checked_layer(layer) if layer else ""
     profile = space.named(space.from_mapping(values, what=f"document: {what}"))
     feedback_id = f"{prefix}/{agent}/{layer}"
@@ -128,7 +128,7 @@ def _revision(revision: ProfileRevision) -> dict[str, Any]:
 
 
 def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number")
+    raise ValueError(f"{name} is not a number")
 
 
 def _invalid(found: str) -> Refused:

@@ -379,7 +379,7 @@ def _checked(document: Mapping[str, Any]) -> tuple[str, Sequence[str], Sequence[
     if not isinstance(agents, list) or len(agents) > MOST_AGENTS:
         raise _invalid(f"expected a list of {MOST_AGENTS} agents at most")
     if not all(isinstance(one, str) for one in agents):
-        raise _invalid("an agent is no text")
+        raise _invalid("an agent is not a text")
     if not isinstance(steps, list) or len(steps) > MOST_STEPS:
         raise _invalid(f"expected a list of {MOST_STEPS} steps at most")
     return robot, agents, steps

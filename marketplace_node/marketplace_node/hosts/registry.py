@@ -325,7 +325,7 @@ class Registry:
         if len(name) > LONGEST_NAME or not _AGENT_NAME.fullmatch(name):
             raise Refused(
                 RefusalCode.BAD_NAME,
-                f"'{name[:LONGEST_NAME]}' is no agent name; it starts with a small letter and "
+                f"'{name[:LONGEST_NAME]}' is not an agent name; it starts with a small letter and "
                 f"goes on with small letters, digits and _, {LONGEST_NAME} characters at most",
             )
         if name in accepted:

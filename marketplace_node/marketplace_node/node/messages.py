@@ -81,7 +81,7 @@ class BidDecoder:
         try:
             bids = bids_from_msg(deserialize_message(message, BidsMsg))
         except Exception as error:
-            raise Refused(RefusalCode.MALFORMED, f"bids that are no message: {error}") from None
+            raise Refused(RefusalCode.MALFORMED, f"bids that are not a message: {error}") from None
         if bids.epoch == self._epoch and self._is_known(bids.host):
             self._last[bids.host] = (message, bids)
         return bids
@@ -119,7 +119,9 @@ def heartbeat_of(entry: HostEntry, message: bytes) -> Heartbeat:
     try:
         return deserialize_message(message, Heartbeat)
     except Exception as error:
-        raise Refused(RefusalCode.MALFORMED, f"a heartbeat that is no message: {error}") from None
+        raise Refused(
+            RefusalCode.MALFORMED, f"a heartbeat that is not a message: {error}"
+        ) from None
 
 
 def registration_from_msg(request: RegisterHost.Request) -> Registration:

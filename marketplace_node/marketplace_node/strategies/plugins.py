@@ -85,9 +85,9 @@ def _problem(name: str, spec: object) -> str:
     if spec.name != name:
         return f" calls itself '{spec.name}'; both names must be the same"
     if not isinstance(spec.description, str):
-        return ": 'description' is no text"
+        return ": 'description' is not a text"
     if not callable(spec.score):
-        return ": 'score' is no function"
+        return ": 'score' is not a function"
     if not isinstance(spec.options, tuple) or not all(_is_option(one) for one in spec.options):
         return (
             ": 'options' must be a tuple of Option with name and description as texts, "

@@ -190,7 +190,7 @@ def test_unoffered_skill_fails_with_reason() -> None:
         ("data#drink.0", {"answer": "a", "data": '{"drink": ["milk"]}'}, "milk"),
         ("data#drink", {"answer": "a", "data": '{"food": 1}'}, "'result.data#drink' has no value"),
         ("data#drink", {"answer": "a", "data": "no json"}, "needs a JSON text, but: Expecting"),
-        ("data#drink", {"answer": "a", "data": '{"drink": NaN}'}, "NaN is no number"),
+        ("data#drink", {"answer": "a", "data": '{"drink": NaN}'}, "NaN is not a number"),
         ("data#drink", {"answer": "a", "data": "[" * 99_000}, "needs a JSON text"),
         ("data#drink", {"answer": "a", "data": 5}, "needs a JSON text of at most"),
     ],

@@ -179,14 +179,14 @@ def test_a_value_that_no_parameter_has_is_damage(path, value):
     content = json.loads(path.read_text())
     content["revisions"][0][-1][0][1] = value
     path.write_text(json.dumps(content))
-    with pytest.raises(ValueError, match=r"is no number|not finite|64 bits"):
+    with pytest.raises(ValueError, match=r"is not a number|not finite|64 bits"):
         read_history(path)
 
 
 def test_a_file_of_another_format_is_left_alone(path):
     path.parent.mkdir()
     path.write_text('{"format": 9}')
-    with pytest.raises(BtAgentsError, match="is no file of tunings of format 1; move it away"):
+    with pytest.raises(BtAgentsError, match="is not a file of tunings of format 1; move it away"):
         ChangeLog(path, Disk())
     assert path.read_text() == '{"format": 9}'
 

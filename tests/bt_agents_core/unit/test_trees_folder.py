@@ -63,7 +63,7 @@ def test_wrong_named_folder_is_refused_with_suggestion(here: Path) -> None:
     make(here / "hospital" / "trees")
     with pytest.raises(BtAgentsError, match="did you mean 'hospital/trees'"):
         find_trees("hospital")
-    with pytest.raises(BtAgentsError, match="'nowhere' is no trees folder"):
+    with pytest.raises(BtAgentsError, match="'nowhere' is not a trees folder"):
         find_trees("nowhere")
     assert find_trees("hospital/trees") == Path("hospital") / "trees"
 

@@ -232,7 +232,7 @@ def record(opcode: int, length: int, there: int = 0) -> bytes:
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        (lambda: zstandard.compress(bytes(1000)), "is no MCAP"),
+        (lambda: zstandard.compress(bytes(1000)), "is not MCAP"),
         (lambda: b"no zstd at all", "only"),
         (lambda: packed(record(6, 2**60)), "unpack it with 'zstd -d'"),
         (lambda: packed(record(6, 2**26 + 1, 2**26 + 1)), "unpack it with 'zstd -d'"),

@@ -120,7 +120,7 @@ def test_sweep_errors_are_reported_in_one_pass(file):
 def test_sweep_of_missing_experiment_names_expected_folder(file):
     file.write_text(file.read_text().replace("/persons", "/nobody"))
     with pytest.raises(
-        BtAgentsError, match=r"nobody' is no experiment: it has no experiment.yaml"
+        BtAgentsError, match=r"nobody' is not an experiment: it has no experiment.yaml"
     ):
         read_sweep(file)
 

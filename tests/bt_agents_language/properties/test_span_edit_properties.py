@@ -99,7 +99,7 @@ def test_comment_after_block_sign_is_kept():
 def test_value_of_another_text_is_rejected():
     source = Source("a.yaml", "a: 1\n")
     other = dict(values(read("a:    1\n")))["/a"]
-    with pytest.raises(ValueError, match=r"a\.yaml:1:7: '1' is no value of this file"):
+    with pytest.raises(ValueError, match=r"a\.yaml:1:7: '1' is not a value of this file"):
         replace_value(source, other, "2")
 
 

@@ -323,7 +323,7 @@ def test_quoted_quantity_is_fixed_in_one_step():
         ("'-5 s'", "a time cannot be negative, found '-5 s'"),
         (
             "1 parsec",
-            "'parsec' is no unit; the units are ms, s, min, h, mm, cm, m, km, deg and rad",
+            "'parsec' is not a unit; the units are ms, s, min, h, mm, cm, m, km, deg and rad",
         ),
     ):
         spec_text = HEAD + text.format(written).replace("'${pause}'", "1 s")

@@ -170,7 +170,7 @@ def test_library_can_provide_skills(folder):
         ("../manners.yaml", "bad-import: '../manners.yaml' leads out of the trees folder"),
         ("/etc/passwd", "bad-import: expected the path of a file from the trees folder on"),
         ("libraries//x.yaml", "bad-import: 'libraries//x.yaml' is not written plainly"),
-        ("libraries/manners.txt", "bad-import: 'libraries/manners.txt' is no YAML file"),
+        ("libraries/manners.txt", "bad-import: 'libraries/manners.txt' is not a YAML file"),
         ("libraries/maners.yaml", "no-file: there is no file 'libraries/maners.yaml'"),
         ("scene.yaml", "broken-import: 'scene.yaml' has errors itself"),
     ],

@@ -172,7 +172,7 @@ def test_explain_plugin_lists_installed_plugins(package):
         ("sequence = their_nodes:Blink", "has the name of 'sequence', a word of the language"),
         ("reader = their_nodes:BadReads", "'reads' must be a mapping from keys"),
         ("writer = their_nodes:BadWrites", "'writes' must be a mapping from keys"),
-        ("thing = their_nodes:NoBehaviour", "is no py_trees.behaviour.Behaviour class"),
+        ("thing = their_nodes:NoBehaviour", "is not a py_trees.behaviour.Behaviour class"),
     ],
 )
 def test_invalid_plugin_does_not_affect_other_plugins(package, entry, words):

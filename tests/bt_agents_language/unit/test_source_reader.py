@@ -263,7 +263,7 @@ def test_source_errors_are_reported(keys, code, words):
         (persons(tracked=source(field="good_list", id="good_part")),
          "wrong-value", "is a message"),
         (persons(tracked=source(field="good_list", id="good_list")), "wrong-value", "is a list"),
-        (persons(tracked=source()), "unknown-ros-field", "'field' is no list"),
+        (persons(tracked=source()), "unknown-ros-field", "'field' is not a list"),
         (persons(tracked=source(field="good_list", id="bad")), "unknown-ros-field", "list.0.bad"),
         (persons(tracked=source(field="good_list", topic="<x>")), "unknown-name", ""),
     ],

@@ -192,7 +192,7 @@ def test_a_folder_without_agents_is_an_error(trees):
     [
         ("nowhere.yaml", "there is no file or folder 'nowhere.yaml'"),
         ("loose.yaml", "'loose.yaml' is in no trees folder"),
-        ("trees/notes.txt", "'trees/notes.txt' is no file that the robot reads"),
+        ("trees/notes.txt", "'trees/notes.txt' is not a file that the robot reads"),
     ],
 )
 def test_path_without_checkable_files_is_refused(trees, path, words):

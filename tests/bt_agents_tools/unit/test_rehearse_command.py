@@ -153,7 +153,7 @@ def test_interactive_user_can_supply_event_when_idle() -> None:
         (("attentive_guide", "--scene", "age"), "write --scene age=4"),
         (("attentive_guide", "--scene", "agee=4"), "did you mean 'age'?"),
         (("attentive_guide", "--at", "2s"), "does not say what happens"),
-        (("attentive_guide", "--at", "5m mood=2"), "'5m' in '5m mood=2' is no time; write a"),
+        (("attentive_guide", "--at", "5m mood=2"), "'5m' in '5m mood=2' is not a time; write a"),
         (("attentive_guide", "--at", "5m mood=2"), "such as '5 min'"),
         (("attentive_guide", "--at", "3 sec cancel"), "such as '3 s'"),
         (("attentive_guide", "--at", "cancle"), "did you mean 'cancel'?"),

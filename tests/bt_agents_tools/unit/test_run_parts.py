@@ -34,7 +34,7 @@ def test_unknown_part_is_refused_with_known_parts():
     with pytest.raises(click.UsageError) as caught:
         named_parts("market,seen")
     assert str(caught.value) == (
-        "--only names 'seen', which is no part of a system; expected some of market, scene, "
+        "--only names 'seen', which is not a part of a system; expected some of market, scene, "
         "agents, feedback, robot, with commas between; did you mean 'scene'?"
     )
 

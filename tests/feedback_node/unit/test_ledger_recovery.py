@@ -180,7 +180,7 @@ def test_forgetting_works_in_recovered_ledger_with_forgotten_rows(tmp_path):
 )
 def test_non_ledger_is_reported_and_left_unchanged(path, kind, words, read):
     if kind == "text":
-        path.write_text("this is no database, but long enough to look at" * 50)
+        path.write_text("this is not a database, but long enough to look at" * 50)
     elif kind == "folder":
         path.mkdir()
     else:

@@ -207,10 +207,10 @@ def _history(path: Path) -> TuningHistory:
         found = json.loads(data)
         version = found["format"]
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise ValueError(f"it is no JSON with a format: {error}") from None
+        raise ValueError(f"it is not JSON with a format: {error}") from None
     if version != FORMAT:
         raise BtAgentsError(
-            f"{path} is no file of tunings of format {FORMAT}; move it away, or name another one "
+            f"{path} is not a file of tunings of format {FORMAT}; move it away, or name another "
             "(parameter 'tunings')"
         )
     try:
@@ -249,7 +249,7 @@ def _revision(found: Any) -> TuningRevision:
 
 def _setting(found: Any) -> Setting:
     if not isinstance(found, bool | int | float | str):
-        raise ValueError(f"{str(found)[:40]!r} is no number, text, true or false")
+        raise ValueError(f"{str(found)[:40]!r} is not a number, text, true or false")
     if isinstance(found, int) and abs(found) > _LARGEST:
         raise ValueError("a whole number has more than 64 bits")
     if isinstance(found, float) and not math.isfinite(found):

@@ -42,7 +42,7 @@ _TYPE_WORDS: Mapping[type, str] = {
 
 
 class TunableKind(Enum):
-    """Kind of a value; a profile is no ROS parameter but is written to files in the same way."""
+    """Kind of a value; a profile is not a ROS parameter, but files hold it in the same way."""
 
     TUNABLE = "tunable"
     LEARNING_RATE = "learning rate"

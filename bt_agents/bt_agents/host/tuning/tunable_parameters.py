@@ -242,7 +242,7 @@ class TunableParameters:
                 # Another callback may still refuse the others.
                 raise Refused(
                     RefusalCode.NOT_TOGETHER,
-                    f"{next(iter(values))} is tuned with a parameter that is no tunable; set them "
+                    f"{next(iter(values))} is tuned with one that is not a tunable; set them "
                     "one after the other",
                 )
             self._store.set(values, TuningCause(author=ROS_PARAMETER))

@@ -85,8 +85,8 @@ def check_paths(paths: Iterable[str], interfaces: Interfaces | None) -> Checked:
         checked = check_folder(folder, interfaces, only)
         if only and not checked.files and not checked.unchecked:
             raise BtAgentsError(
-                f"'{only[0]}' is no file that the robot reads: in '{folder}' these are scene.yaml "
-                "and the .yaml files of agents, skills, libraries, scripts and texts"
+                f"'{only[0]}' is not a file that the robot reads: in '{folder}' these are "
+                "scene.yaml and the .yaml files of agents, skills, libraries, scripts and texts"
             )
         found.append(checked)
     return Checked(

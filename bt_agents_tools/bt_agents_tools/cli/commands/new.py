@@ -256,7 +256,7 @@ def _make_folder(directory: Path) -> None:
         return
     if directory.is_dir() and any(directory.iterdir()):
         raise BtAgentsError(
-            f"'{directory}' has no scene.yaml, so it is no trees folder; name one, or a folder "
+            f"'{directory}' has no scene.yaml, so it is not a trees folder; name one, or a folder "
             "that is empty"
         )
     shipped = find_trees(SHIPPED)
