@@ -231,7 +231,7 @@ def _checked(value: Any, declared: Field[Any]) -> Any:
     expected, check = _CHECKS[str(declared.type)]
     name, limits = declared.name, declared.metadata
     if not check(value):
-        raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is no {expected}")
+        raise Refused(RefusalCode.BAD_FIELD, f"'{name}' is not a {expected}")
     if isinstance(value, str):
         if len(value) > limits["longest"]:
             raise Refused(

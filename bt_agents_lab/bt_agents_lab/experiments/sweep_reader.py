@@ -220,8 +220,8 @@ def read_sweep(path: Path) -> SweepSpec:
 def _world(folder: Path) -> SimulatedWorld:
     if not (folder / "experiment.yaml").is_file():
         raise BtAgentsError(
-            f"'{folder}' is not an experiment: it has no experiment.yaml; 'experiment:' of a sweep "
-            "is a folder, seen from the file's own"
+            f"'{folder}' is not an experiment: it has no experiment.yaml; 'experiment:' of a "
+            "sweep is a folder, seen from the file's own"
         )
     return world_of(*opened(folder))
 

@@ -178,8 +178,8 @@ def _refuse_unknown(agent: AgentSpec, text: str, word: str) -> None:
     if word not in topics:
         hint = did_you_mean(word, ["cancel", *topics])
         raise BtAgentsError(
-            f"'{word}' in '{text}' is neither a time such as '5 s', nor 'cancel', nor a topic that "
-            f"the agent waits for; {hint}"
+            f"'{word}' in '{text}' is neither a time such as '5 s', nor 'cancel', nor a topic "
+            f"that the agent waits for; {hint}"
         )
 
 

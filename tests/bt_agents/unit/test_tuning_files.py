@@ -146,10 +146,10 @@ def test_write_during_flush_is_flushed_next(path, monkeypatch):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"garbage", "no JSON"),
-        (b"\xff\xfe", "no JSON"),
-        (b"[" * 100_000, "no JSON"),
-        (b"[]", "no JSON with a format"),
+        (b"garbage", "not JSON"),
+        (b"\xff\xfe", "not JSON"),
+        (b"[" * 100_000, "not JSON"),
+        (b"[]", "not JSON with a format"),
         (b'{"format": 1}', "KeyError: 'revisions'"),
         (b"9" * 2000, "more than 1000 bytes"),
     ],
