@@ -163,7 +163,7 @@ class NodeProcess:
     def terminate(self) -> None:
         """Ask it to end, as a supervisor does; it cleans up until :attr:`ended`."""
         self._killed = True
-        self._process.terminate()
+        self._process.send_signal(signal.SIGTERM)
 
     @property
     def ended(self) -> bool:

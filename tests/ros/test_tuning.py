@@ -241,7 +241,7 @@ def test_one_bad_value_rejects_whole_set_with_reason(
 
 def test_tunables_are_set_without_other_parameters(host: Host, tuner: Tuner) -> None:
     result = tuner.parameters(a__patience=12.0, use_sim_time=False)
-    assert result.reason.startswith("NOT_TOGETHER: a.patience is tuned with a parameter that")
+    assert result.reason.startswith("NOT_TOGETHER: a.patience is tuned with one that is not")
     assert host.member().tunables["patience"] == host.value("a.patience") == 8.0
 
 
