@@ -4,9 +4,23 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 from bt_agents_core.health import Health, PartHealth
 from bt_agents_core.text import join_first
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickCounts:
+    """Ticks of the current run, else of the last one.
+
+    Attributes:
+        agent: The agent of the tree; empty before the first run.
+        overruns: Ticks that took longer than the period.
+    """
+
+    agent: str = ""
+    overruns: int = 0
 
 
 def files_health(agents: int, problems: Collection[tuple[str, str]]) -> PartHealth:
@@ -20,18 +34,13 @@ def files_health(agents: int, problems: Collection[tuple[str, str]]) -> PartHeal
     return PartHealth(part="files", level=level, message=message, values=values)
 
 
-def ticks_health(agent: str, overruns: int) -> PartHealth:
-    """Return the health of the ticks of the current run, else of the last one.
-
-    Args:
-        agent: The agent of the tree; empty before the first run.
-        overruns: Ticks that took longer than the period.
-    """
+def ticks_health(counts: TickCounts) -> PartHealth:
+    """Return the health of the ticks."""
     level, message = Health.OK, "no tick took too long"
-    if overruns:
+    if counts.overruns:
         level = Health.WARN
-        message = f"ticks of {agent} took too long; see the log of the host"
-    values = {"agent": agent, "too long": str(overruns)}
+        message = f"ticks of {counts.agent} took too long; see the log of the host"
+    values = {"agent": counts.agent, "too long": str(counts.overruns)}
     return PartHealth(part="ticks", level=level, message=message, values=values)
 
 

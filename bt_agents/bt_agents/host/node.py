@@ -15,7 +15,7 @@ from bt_agents.host.detail_publisher import DetailPublisher
 from bt_agents.host.earlier_goals import EarlierGoals
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.subscriptions import LiveScene
-from bt_agents.host.health import files_health, servers_health, ticks_health
+from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.market_registration import NO_TOKEN, MarketRegistration
 from bt_agents.host.reload.reload_service import ReloadService
@@ -211,7 +211,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         self._host_card.trees()
         self._host_card.files()
         self._host_card.card()
-        self._agent_and_overruns = ("", 0)
+        self._tick_counts = TickCounts()
         self._health = HealthPublisher(self, self._judge)
         self._runs.on_end.append(self._count_ticks)
         names = list(self.registry.members)
@@ -253,7 +253,7 @@ class HostNode(ManagedNode[HostConfiguration]):
     def _judge(self) -> tuple[PartHealth, ...]:
         run = self._runs.run
         if run is not None:
-            self._agent_and_overruns = (run.spec.name, run.overruns)
+            self._tick_counts = TickCounts(agent=run.spec.name, overruns=run.overruns)
         problems = [
             (one.file or one.agent, one.message)
             for one in self._host_card.problems
@@ -262,12 +262,12 @@ class HostNode(ManagedNode[HostConfiguration]):
         servers = self._runs.environment
         return (
             files_health(len(self.registry.members), problems),
-            ticks_health(*self._agent_and_overruns),
+            ticks_health(self._tick_counts),
             servers_health(servers.silent_servers.reasons, servers.graph_problems.messages),
         )
 
     def _count_ticks(self, goal: RunAgent.Goal, result: RunAgent.Result) -> None:
-        self._agent_and_overruns = (goal.agent, result.overruns)
+        self._tick_counts = TickCounts(agent=goal.agent, overruns=result.overruns)
         self._health.update()
 
     def _is_ready(self) -> bool:

@@ -8,7 +8,7 @@ import pytest
 from bt_agents.engine.environment import GoalState
 from bt_agents.host.environment.graph_problems import FORGOTTEN_S, GraphProblems
 from bt_agents.host.environment.silent_servers import MOST_SERVERS, SilentServers
-from bt_agents.host.health import files_health, servers_health, ticks_health
+from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents_core.health import Health
 
 
@@ -21,8 +21,8 @@ def test_file_problems_are_an_error_naming_the_files():
 
 
 def test_tick_overruns_are_a_warning_naming_the_agent():
-    assert ticks_health("guide", 0).level is Health.OK
-    health = ticks_health("guide", 3)
+    assert ticks_health(TickCounts(agent="guide")).level is Health.OK
+    health = ticks_health(TickCounts(agent="guide", overruns=3))
     assert (health.level, health.values["too long"]) == (Health.WARN, "3")
     assert "guide" in health.message
 
