@@ -30,7 +30,12 @@ from marketplace_node.hosts.goal_takeover import StoredGoals
 from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.registry import Registration, RegistrationAnswer
 from marketplace_node.interaction.award import RunEnd, StopRequest
-from marketplace_node.interaction.interaction import NO_BIDS, NOT_TAKEN, Interaction
+from marketplace_node.interaction.interaction import (
+    FEEDBACK_DEFERRED,
+    NO_BIDS,
+    NOT_TAKEN,
+    Interaction,
+)
 from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S, InheritedRuns
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
@@ -350,6 +355,10 @@ class Market:
         if self._interaction is not None and round_number == self._interaction.round:
             self._interaction.collected(message)
         return self._settle(now)
+
+    def feedback_deferred(self, round_number: int, now: float) -> list[Effect]:
+        """Stop waiting for the feedback service, which is away and is asked until it answers."""
+        return self.collected(round_number, FEEDBACK_DEFERRED, now)
 
     def cancel(
         self, epoch: str, round_number: int, stop: StopRequest, now: float

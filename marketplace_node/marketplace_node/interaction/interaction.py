@@ -21,7 +21,6 @@ from marketplace_node.outcomes import AuctionOutcome, RunEventKind, RunOutcome
 from marketplace_node.round.decision import ClosedBy, Decision
 
 FEEDBACK_DEFERRED = "feedback is kept until the feedback node is back"
-"""For :meth:`Interaction.collected`: the feedback node is away and is asked until it answers."""
 
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 NO_BIDS = "NO_BIDS"

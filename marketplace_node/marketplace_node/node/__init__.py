@@ -68,7 +68,6 @@ from marketplace_node.hosts.host_effects import (
 )
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.interaction.award import StopRequest
-from marketplace_node.interaction.interaction import FEEDBACK_DEFERRED
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
 from marketplace_node.node.hosts import HostConnections
@@ -495,7 +494,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
             answered,
         )
         if self._feedback.late:
-            self._execute(self._market.collected(number, FEEDBACK_DEFERRED, time.monotonic()))
+            self._execute(self._market.feedback_deferred(number, time.monotonic()))
 
     def _publish_status(self, status: StatusChanged) -> None:
         key = (status.state, status.round)

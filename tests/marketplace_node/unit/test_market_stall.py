@@ -7,7 +7,6 @@ from bt_agents.engine.run import RunLimits
 from bt_agents_language.model.specs import MOST_CLEAN_UP_S
 from market_harness import EXPRESS, GUIDE, MarketHarness, scene
 from marketplace_node.effects import State
-from marketplace_node.interaction.interaction import FEEDBACK_DEFERRED
 from marketplace_node.settings import Settings
 
 
@@ -86,7 +85,7 @@ def test_deferred_feedback_delays_no_scene(market: MarketHarness) -> None:
     market.do(market.market.scene(scene("s2"), market.now))
     market.end()
     assert market.status.state is State.COLLECTING
-    market.do(market.market.collected(1, FEEDBACK_DEFERRED, market.now))
+    market.do(market.market.feedback_deferred(1, market.now))
 
     assert market.ends == [("s1", "SUCCEEDED")]
     assert market.end_words.endswith("feedback is kept until the feedback node is back")
