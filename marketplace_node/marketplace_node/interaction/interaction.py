@@ -125,8 +125,16 @@ class Interaction:
         return self._stored_run(self._last_goal, code=self._last_run[0], message=self._last_text)
 
     def _stored_run(self, goal: RunGoal, *, code: str = "", message: str = "") -> StoredRun:
-        epoch = self._market_state.epoch
-        return StoredRun(**vars(goal), epoch=epoch, code=code, message=message)
+        return StoredRun(
+            epoch=self._market_state.epoch,
+            round=goal.round,
+            agent=goal.agent,
+            agent_id=goal.agent_id,
+            host=goal.host,
+            instance=goal.instance,
+            code=code,
+            message=message,
+        )
 
     def state_text(self) -> str:
         """Return the state as a text for people."""
