@@ -88,7 +88,7 @@ class _Sending:
 
 
 class HostConnections:
-    """Service ``~/register``, action clients and open goals; the market is told what hosts do.
+    """Service ``~/register``, action clients and open goals; reports to the market what hosts do.
 
     A goal waits for its server until the market gives it up; the market owns every deadline. The
     connection uses the services of the action directly: an action client would also subscribe to
