@@ -20,6 +20,7 @@ from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_language.diagnostics.collection import merged
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import Trees, text_of
+from bt_agents_language.files.market_reader import MARKET_FILE
 from bt_agents_language.model.specs import AgentSpec
 
 
@@ -92,7 +93,7 @@ class AgentVersions:
         """Return path relative to the trees folder → text; of a broken file the last good text."""
         folder = self.trees.folder
         files = [state.current.file for state in self.states.values()]
-        market = folder / "market.yaml"
+        market = folder / MARKET_FILE
         texts = [*self.texts.items(), *((one.file, one.text) for one in files)]
         found: dict[str, str] = {}
         for path, text in [*texts, (market, text_of(market))]:
