@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -307,10 +307,11 @@ def _page_rows(case: str, found: dict[str, list[Figures]]) -> Iterator[Row]:
         unit: str,
         value: Callable[[Figures], float],
         limit: float | None = None,
+        windows: dict[str, list[Figures]] = found,
         **details: Any,
     ) -> Iterator[Row]:
         """Yield a figure beside the bare page's, and beside its limit, if any."""
-        ours, bare = ([value(one) for one in found[name]] for name in ("studio", "bare"))
+        ours, bare = ([value(one) for one in windows[name]] for name in ("studio", "bare"))
         about = {"case": case, "side": side, "values": ours, "unit": unit}
         yield Row(**about, floor="bare page", floor_values=bare, **details)
         if limit is not None:
@@ -322,10 +323,15 @@ def _page_rows(case: str, found: dict[str, list[Figures]]) -> Iterator[Row]:
     def slowest(one: Figures) -> float:
         return _quantile(one.painted_s, 0.99)
 
+    # A window has fewer than a hundred changes of the probe: its own p99 would be its slowest.
+    all_painted = {
+        name: [replace(windows[0], painted_s=[s for one in windows for s in one.painted_s])]
+        for name, windows in found.items()
+    }
     note = f"{CHANGES} nodes change in each tick; the studio sends at most 60 messages a second"
     frames = {"goal": FRAMES, "at_least": True}
     yield from both("status → painted, median", "s", median, PAINTED_S, note=note)
-    yield from both("status → painted, p99", "s", slowest, SLOWEST_S)
+    yield from both("status → painted, p99", "s", slowest, SLOWEST_S, windows=all_painted)
     yield from both("first view, cold", "s", lambda one: one.first_s, FIRST_VIEW_S)
     yield from both("frames while moved", "/s", lambda one: one.frames, **frames)
     yield from both("memory of the page", "MB", lambda one: one.page_mb, PAGE_MB)
