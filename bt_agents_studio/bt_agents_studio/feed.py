@@ -20,7 +20,7 @@ from bt_agents_studio.protocol import (
 )
 from bt_agents_studio.recordings import moment_snapshot
 from bt_agents_studio.records import OF_THE_PRESENT, BookmarkRecord
-from bt_agents_studio.store import Change, Entries, Store
+from bt_agents_studio.store import Entries, NewValue, Store
 
 
 class Feed:
@@ -129,8 +129,8 @@ class Feed:
         if self._seek is not None:
             return self._present(changes)
         if changes is not None:
-            shown = [one for one in changes if self._shows(one.collection)]
-            return Delta.of(self._sent, shown) if shown else None
+            shown = tuple(one for one in changes if self._shows(one[0]))
+            return Delta(sequence=self._sent, changes=shown) if shown else None
         return Snapshot(
             sequence=self._sent,
             at_s=None,
@@ -150,16 +150,16 @@ class Feed:
         self._seek, self._is_moment_due, self._read = None, False, None
         self._sent = None
 
-    def _present(self, changes: list[Change] | None) -> ServerMessage | None:
+    def _present(self, changes: list[NewValue] | None) -> ServerMessage | None:
         is_whole = changes is None
         if changes is None:
             changes = [
-                Change(collection=name, key=key, value=value)
+                (name, key, value)
                 for name, entries in self._store.snapshot().items()
                 for key, value in entries.items()
             ]
-        shown = [one for one in changes if one.collection in OF_THE_PRESENT]
-        return Present.of(shown, is_whole=is_whole) if shown or is_whole else None
+        shown = tuple(one for one in changes if one[0] in OF_THE_PRESENT)
+        return Present(changes=shown, is_whole=is_whole) if shown or is_whole else None
 
 
 def shown_entries(entries: Entries, collections: Collection[str] | None) -> Entries:

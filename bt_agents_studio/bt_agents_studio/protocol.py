@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.records import BookmarkRecord, EventRecord, ParameterRecord
-from bt_agents_studio.store import Change
+from bt_agents_studio.store import NewValue
 
 VERSION = 1
 """Version of the protocol; a client of another version gets an error and reloads the page."""
@@ -82,12 +82,7 @@ class Delta:
 
     type: ClassVar[str] = "delta"
     sequence: int
-    changes: tuple[tuple[str, str, object | None], ...]
-
-    @classmethod
-    def of(cls, sequence: int, changes: list[Change]) -> Delta:
-        """Return the message of some changes of a store."""
-        return cls(sequence=sequence, changes=_told(changes))
+    changes: tuple[NewValue, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,13 +95,8 @@ class Present:
     """
 
     type: ClassVar[str] = "present"
-    changes: tuple[tuple[str, str, object | None], ...]
+    changes: tuple[NewValue, ...]
     is_whole: bool
-
-    @classmethod
-    def of(cls, changes: list[Change], *, is_whole: bool) -> Present:
-        """Return the message of some changes of a store."""
-        return cls(changes=_told(changes), is_whole=is_whole)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,10 +204,6 @@ def decode(text: str) -> ClientMessage:
     if unknown:
         raise Refused(RefusalCode.BAD_FIELD, f"'{kind.type}' has no field '{min(unknown)[:40]}'")
     return kind(**{name: _checked(found.get(name), one) for name, one in declared.items()})
-
-
-def _told(changes: list[Change]) -> tuple[tuple[str, str, object | None], ...]:
-    return tuple((one.collection, one.key, one.value) for one in changes)
 
 
 _CHECKS: Mapping[str, tuple[str, Callable[[Any], bool]]] = {

@@ -9,6 +9,7 @@ from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
+from itertools import takewhile
 from json.encoder import encode_basestring
 from operator import attrgetter
 
@@ -38,6 +39,9 @@ class Change:
     value: object | None
     size: int = 0
 
+
+NewValue = tuple[str, str, object | None]
+"""Collection, key and newest value of a changed entry; None if it was removed."""
 
 Entries = Mapping[str, Mapping[str, object]]
 """All entries of a moment: collection → key → value."""
@@ -147,22 +151,20 @@ class Store:
         """Return all entries."""
         return {name: dict(entries) for name, entries in self._collections.items() if entries}
 
-    def since(self, sequence: int) -> list[Change] | None:
-        """Return the newest change of every entry that has changed since a sequence number.
+    def since(self, sequence: int) -> list[NewValue] | None:
+        """Return every entry that has changed since a sequence number, the last change last.
 
         None if that is unknown: a later removal is forgotten, or this store never had such a
         number.
         """
         if sequence < self._forgotten or sequence > self.sequence:
             return None
-        found = []
-        for (collection, key), number in reversed(self._changed.items()):
-            if number <= sequence:
-                break
-            value = self._collections[collection].get(key)
-            found.append(Change(collection=collection, key=key, value=value))
-        found.reverse()
-        return found
+        later = takewhile(lambda one: one[1] > sequence, reversed(self._changed.items()))
+        found = [
+            (collection, key, self._collections[collection].get(key))
+            for (collection, key), _ in later
+        ]
+        return found[::-1]
 
     def _note(self, change: Change) -> None:
         self.sequence += 1

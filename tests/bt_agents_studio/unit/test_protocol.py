@@ -20,17 +20,13 @@ from bt_agents_studio.protocol import (
     encode,
 )
 from bt_agents_studio.records import MoodRecord, QuestionRecord, QuestionsRecord
-from bt_agents_studio.store import Change
 
 
 def test_delta_carries_records_as_objects() -> None:
     question = QuestionRecord(at_s=1.5, text="<b>Ready?</b>", choices=("yes", "no"))
     record = QuestionsRecord(questions=(question,))
-    changes = [
-        Change(collection="questions", key="", value=record),
-        Change(collection="nodes", key="a|tree", value=None),
-    ]
-    assert json.loads(encode(Delta.of(7, changes))) == {
+    changes = (("questions", "", record), ("nodes", "a|tree", None))
+    assert json.loads(encode(Delta(sequence=7, changes=changes))) == {
         "type": "delta",
         "sequence": 7,
         "changes": [
@@ -45,9 +41,9 @@ def test_delta_carries_records_as_objects() -> None:
 
 
 def test_nan_is_never_sent() -> None:
-    change = Change(collection="moods", key="1", value=MoodRecord(at_s=0.0, mood=math.nan))
+    change = ("moods", "1", MoodRecord(at_s=0.0, mood=math.nan))
     with pytest.raises(ValueError, match="not JSON compliant"):
-        encode(Delta.of(1, [change]))
+        encode(Delta(sequence=1, changes=(change,)))
 
 
 def test_client_messages_are_decoded() -> None:
