@@ -14,7 +14,10 @@ SUPERVISED = "BT_AGENTS_SUPERVISED"
 """Environment variable with the pid of the parent; a node's process ends with it."""
 
 RESTARTED = "BT_AGENTS_RESTARTED"
-"""Environment variable that the parent sets when it restarts a process."""
+"""Environment variable that the parent sets if it restarts the process whenever it ends.
+
+Such a parent also keeps other systems off the ROS domain.
+"""
 
 READY = "BT_AGENTS_READY"
 """Environment variable with the file descriptor on which a node's process reports its start.

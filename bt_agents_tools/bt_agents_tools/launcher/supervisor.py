@@ -277,6 +277,8 @@ class _Supervised:
 class Supervisor:
     """Parent of all components, each with its own log file in a folder that it makes.
 
+    Its owner holds the lock of the ROS domain, and has found no other system on the graph.
+
     Args:
         logs: The folder.
         clock: Steady time [s].

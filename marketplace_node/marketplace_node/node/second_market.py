@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 
 import rclpy
@@ -12,6 +13,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_interfaces.msg import MarketHeartbeat
 from bt_agents_ros import qos
+from bt_agents_ros.node_main import RESTARTED
 from bt_agents_ros.signals import check_interrupt
 from bt_agents_ros.spinner import Spinner
 from marketplace_node.formatting import shown
@@ -27,10 +29,15 @@ _LONGEST_EPOCH = 200
 def refuse_second_market() -> None:
     """Listen for another live market, and refuse to start if there is one.
 
+    It does not listen if the parent of this process keeps other systems off the domain. If one
+    appears nevertheless, heartbeats decide which market ends; see :class:`OtherMarket`.
+
     Raises:
         Refused: ``SECOND_MARKET``, with its epoch and its node.
         Interrupted: SIGINT or SIGTERM arrived.
     """
+    if RESTARTED in os.environ:
+        return
     listener = rclpy.create_node(
         "marketplace", start_parameter_services=False, enable_rosout=False
     )

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bt_agents_ros.node_main import RESTARTED
+from marketplace_node.node.second_market import refuse_second_market
 from marketplace_node.other_market import LEAVE_S, LISTEN_S, OtherMarket, StartCheck
 
 ages = st.integers(min_value=2, max_value=2**31)
@@ -38,6 +41,11 @@ def test_dead_market_on_graph_only_delays_start() -> None:
     now = end_of(check, beats_until=0.0, is_on_graph=True)
     assert LISTEN_S < now <= LEAVE_S + 0.1
     assert not check.is_refused(now)
+
+
+def test_supervised_market_starts_without_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(RESTARTED, "yes")
+    refuse_second_market()  # without rclpy.init it cannot listen
 
 
 def test_second_market_does_not_start_beside_live_one() -> None:
