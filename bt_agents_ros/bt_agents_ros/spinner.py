@@ -89,14 +89,19 @@ class Spinner:
             logger = self.nodes[0].get_logger() if alone else get_logger("bt_agents")
             logger.error("a callback failed and was skipped:\n" + traceback.format_exc())
 
-    def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
-        """Spin until ``done()`` is true or ``limit_s`` seconds have passed; return ``done()``."""
+    def spin_until(
+        self, done: Callable[[], bool], limit_s: float, *, poll_s: float = _POLL_S
+    ) -> bool:
+        """Spin until ``done()`` is true or ``limit_s`` seconds have passed; return ``done()``.
+
+        It checks ``done()`` after each piece of work and every ``poll_s`` seconds.
+        """
         end = time.monotonic() + limit_s
         while not done():
             left = end - time.monotonic()
             if left <= 0:
                 return False
-            self.spin_once(min(left, _POLL_S))
+            self.spin_once(min(left, poll_s))
         return True
 
     def close(self) -> None:

@@ -29,6 +29,7 @@ POLL_S = 0.2
 """Time between two checks of the processes [s]."""
 
 _START_LIMIT_S = 20.0
+_START_POLL_S = 0.02  # a change of the ROS graph does not wake the executor
 
 
 class SupervisedSystem:
@@ -91,11 +92,11 @@ class SupervisedSystem:
             return
         self.supervisor.start(*self.processes)
         # Checks are counted, so that a pause of the machine takes no time from the start.
-        for _ in range(round(_START_LIMIT_S / POLL_S)):
+        for _ in range(round(_START_LIMIT_S / _START_POLL_S)):
             if self.interrupt or ready():
                 return
             self.poll()
-            self.spin_until(ready, POLL_S)
+            self.spin_until(ready, _START_POLL_S)
         if not self.interrupt and not ready():
             logs = self.supervisor.log("").parent
             raise BtAgentsError(f"not ready after {_START_LIMIT_S:g} s; the logs are in {logs}")

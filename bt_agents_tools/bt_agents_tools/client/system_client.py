@@ -23,6 +23,7 @@ _NAME = "_bt_agents_observer"
 
 _LIMIT_S = 5.0
 _LAST_POLL_S = 0.5
+_FIND_POLL_S = 0.01  # a change of the ROS graph does not wake the executor
 _LIMITS_S = {
     "manage": 30.0,  # erasing a person rewrites the whole ledger
     "preview": 70.0,  # more than the longest deadline of a round with an external program
@@ -68,7 +69,8 @@ class SystemClient:
         for field in fields.keys() & {"action", "person"}:
             fields[field] = getattr(kind.Request, fields[field])
         client = self._client(service)
-        if not self.spin_until(client.service_is_ready, find_s):
+        is_found = client.service_is_ready
+        if not self._spinner.spin_until(is_found, find_s, poll_s=_FIND_POLL_S):
             return None
         answers: list[Any] = []
         deadline_s = limit_s or _LIMITS_S.get(service.rpartition("/")[2], _LIMIT_S)
