@@ -19,13 +19,21 @@ from bt_agents.engine.scope import (
     field_of,
     format_value,
 )
-from bt_agents.engine.variant_picker import VariantPicker
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind, Plain
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, join_first, quote
 from bt_agents_language.expression.expressions import Expression, MissingValue
-from bt_agents_language.model.specs import Binding, Literal, Place
+from bt_agents_language.model.specs import (
+    Binding,
+    Computed,
+    Literal,
+    Place,
+    Reference,
+    Text,
+    Value,
+    Variants,
+)
 
 _WHY = {
     GoalState.REJECTED: "its server did not take the goal and says nothing about why",
@@ -53,8 +61,8 @@ class SkillLeaf(GoalLeaf):
     _main_text = ""
 
     @cached_property
-    def _variants(self) -> VariantPicker:
-        return VariantPicker(self.context, self.spec.path)
+    def _last_variants(self) -> dict[Variants, int]:
+        return {}
 
     def begin(self) -> None:
         self._run = self._last_feedback = None
@@ -100,7 +108,32 @@ class SkillLeaf(GoalLeaf):
     def _input(self, name: str) -> Plain:
         value = self.spec.fields[name]
         assert not isinstance(value, Expression)
-        return evaluate(self._variants.settled(value), self.scope)
+        return evaluate(self._settled(value), self.scope)
+
+    def _settled(self, value: Value) -> Value:
+        """Return a value with one text instead of its variants, never the same twice in a row."""
+        match value:
+            case Variants():
+                return self._picked(value)
+            case Text(parts=parts) if any(isinstance(part, Variants) for part in parts):
+                return Text(parts=tuple(one for part in parts for one in self._settled_part(part)))
+        return value
+
+    def _settled_part(
+        self, part: str | Reference | Computed | Variants
+    ) -> tuple[str | Reference | Computed | Variants, ...]:
+        if not isinstance(part, Variants):
+            return (part,)
+        picked = self._picked(part)
+        if isinstance(picked, Text):
+            return picked.parts
+        return (picked if isinstance(picked, Reference) else str(picked.value),)
+
+    def _picked(self, variants: Variants) -> Literal | Reference | Text:
+        last = self._last_variants.get(variants)
+        number = self.context.pick(self.spec.path, len(variants.texts), last)
+        self._last_variants[variants] = number
+        return variants.texts[number]
 
     def _binding(self) -> Binding:
         skill = self.spec.skill
