@@ -218,18 +218,9 @@ def _show(observer: Observer, agent: str, form: TableForm) -> None:
     if form.for_program:
         keys = ("host", "agent", "name", "value", "default", "minimum", "maximum", "description")
         rows = [
-            (
-                host,
-                of.agent,
-                of.name,
-                one.value,
-                of.default,
-                of.minimum,
-                of.maximum,
-                of.description,
-            )
+            (host, of.agent, of.name, value, of.default, of.minimum, of.maximum, of.description)
             for host, found in states.items()
-            for one, of in ((state, state.parameter) for state in found)
+            for of, value in ((state.parameter, state.value) for state in found)
         ]
         print_table([Column(key=key) for key in keys], rows, form)
         return
