@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check of the form and the node names of a ROS parameter file before nodes get it."""
+"""Option for a ROS parameter file, and the check of its form and node names."""
 
 from __future__ import annotations
 
@@ -36,15 +36,21 @@ def checked_params(
         node = name.rpartition("/")[2]
         near = nearest(node, _NODES)
         if node in _NODES and namespace and name == node:
-            click.echo(
-                f"{path.name}: '{node}' names no node, as ROS_NAMESPACE is '{namespace}', so "
-                f"its values count for nothing; write '/**/{node}' or '/{namespace}/{node}'",
-                err=True,
+            problem = (
+                f"'{node}' names no node, as ROS_NAMESPACE is '{namespace}', so its values count "
+                f"for nothing; write '/**/{node}' or '/{namespace}/{node}'"
             )
         elif node not in _NODES and near is not None:
-            click.echo(
-                f"{path.name}: no node is called {quote(printable_line(node))}; did you mean "
-                f"'{near}'?",
-                err=True,
-            )
+            problem = f"no node is called {quote(printable_line(node))}; did you mean '{near}'?"
+        else:
+            continue
+        click.echo(f"{path.name}: {problem}", err=True)
     return file
+
+
+params_option = click.option(
+    "--params",
+    type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),
+    callback=checked_params,
+    help="ROS parameter file for all nodes; what the command sets by itself wins.",
+)

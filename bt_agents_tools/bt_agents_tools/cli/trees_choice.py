@@ -12,7 +12,6 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.state_folder import StateFolder, find_state
 from bt_agents_core.text import printable_line
 from bt_agents_core.trees_folder import SHIPPED, NoTreesFolderError, find_trees
-from bt_agents_tools.cli.params_file import checked_params
 
 state_option = click.option(
     "--state",
@@ -25,13 +24,6 @@ journal_option = click.option(
     "--journal",
     type=click.Path(path_type=Path),
     help="Read it from this journal, or bag of 'ros2 bag record'.",
-)
-
-params_option = click.option(
-    "--params",
-    type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),
-    callback=checked_params,
-    help="ROS parameter file for all nodes; what the command sets by itself wins.",
 )
 
 

@@ -69,8 +69,7 @@ class SystemClient:
         for field in fields.keys() & {"action", "person"}:
             fields[field] = getattr(kind.Request, fields[field])
         client = self._client(service)
-        is_found = client.service_is_ready
-        if not self._spinner.spin_until(is_found, find_s, poll_s=_FIND_POLL_S):
+        if not self._spinner.spin_until(client.service_is_ready, find_s, poll_s=_FIND_POLL_S):
             return None
         answers: list[Any] = []
         deadline_s = limit_s or _LIMITS_S.get(service.rpartition("/")[2], _LIMIT_S)

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.cli.trees_choice import params_option
+from bt_agents_tools.cli.params_file import params_option
 from bt_agents_tools.launcher.parameter_file import ParameterFile
 
 

@@ -11,8 +11,9 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.state_folder import claim_state
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_tools.cli.params_file import params_option
 from bt_agents_tools.cli.run_parts import host_name, join_network, lan_options, run_parts
-from bt_agents_tools.cli.trees_choice import params_option, state_option, take_trees
+from bt_agents_tools.cli.trees_choice import state_option, take_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.parameter_file import ParameterFile

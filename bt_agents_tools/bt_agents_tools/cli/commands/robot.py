@@ -8,8 +8,8 @@ from dataclasses import replace
 import click
 
 from bt_agents_ros.signals import Interrupt
+from bt_agents_tools.cli.params_file import params_option
 from bt_agents_tools.cli.run_parts import join_network, lan_options, run_parts
-from bt_agents_tools.cli.trees_choice import params_option
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.parameter_file import ParameterFile

@@ -12,6 +12,7 @@ import click
 from bt_agents_core.state_folder import claim_state
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.fleet_plan import fleet_plan
+from bt_agents_tools.cli.params_file import params_option
 from bt_agents_tools.cli.run_parts import PARTS, join_network, lan_options, named_parts, run_parts
 from bt_agents_tools.cli.run_system import (
     journal_components,
@@ -20,7 +21,7 @@ from bt_agents_tools.cli.run_system import (
     run_system,
     studio_plan,
 )
-from bt_agents_tools.cli.trees_choice import params_option, state_option, take_trees
+from bt_agents_tools.cli.trees_choice import state_option, take_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.parameter_file import ParameterFile
