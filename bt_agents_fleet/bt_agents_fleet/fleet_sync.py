@@ -301,8 +301,7 @@ class FleetSync:
         for _ in range(MOST_BATCHES):
             wanted = [one for one in self._wanted(shares) if one.agent not in waiting]
             rows = self._database.pull(wanted) if wanted else []
-            for agent in self._take(rows, shares):
-                waiting.add(agent)
+            waiting.update(self._take(rows, shares))
             if len(rows) < BATCH:
                 break
         taught = {agent for agent, _ in self._index.counts}

@@ -111,8 +111,7 @@ class Expansion:
         for child in spec.children:
             below, depth = self._size(child)
             size += below
-            if depth > deepest:
-                deepest = depth
+            deepest = max(deepest, depth)
         return size, 1 + deepest
 
     def _expanded(self, spec: NodeSpec, prefix: str) -> NodeSpec:

@@ -8,6 +8,7 @@ import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from bt_agents_core.health import Health, PartHealth
 from bt_agents_core.text import ellipsize
@@ -54,8 +55,7 @@ class Usage:
 def read_usage(pid: int) -> Usage | None:
     """Return what a process uses; None if it has ended."""
     try:
-        with open(f"/proc/{pid}/stat", "rb") as file:
-            fields = file.read().rpartition(b")")[2].split()
+        fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
         ticks = int(fields[_UTIME]) + int(fields[_STIME])
         return Usage(cpu_s=ticks / _TICKS, memory_bytes=int(fields[_RSS]) * _PAGE_BYTES)
     except (OSError, ValueError, IndexError):
