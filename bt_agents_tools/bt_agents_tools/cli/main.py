@@ -9,8 +9,9 @@ import signal
 import sys
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib import import_module
 from importlib.util import find_spec
+from typing import NamedTuple
 
 import click
 
@@ -22,6 +23,18 @@ from bt_agents_tools.cli.terminal import OutputLost, os_error_text, prepare_stre
 
 _INTERRUPTED = 128 + signal.SIGINT
 _LEFT = 128 + signal.SIGPIPE
+
+
+class CommandEntry(NamedTuple):
+    """Module and function of a command."""
+
+    module: str
+    function: str
+
+    def load(self) -> object:
+        """Return the command."""
+        return getattr(import_module(self.module), self.function)
+
 
 TASKS: Mapping[str, Mapping[str, str]] = {
     "Write agents": {
@@ -95,10 +108,13 @@ The function has the name of the command, with ``_`` for ``-``. Other packages p
 without a module, and may add further ones.
 """
 
-COMMANDS: Mapping[str, str] = {
-    name: module for commands in TASKS.values() for name, module in commands.items() if module
+COMMANDS: Mapping[str, CommandEntry] = {
+    name: CommandEntry(f"bt_agents_tools.cli.commands.{module}", name.replace("-", "_"))
+    for commands in TASKS.values()
+    for name, module in commands.items()
+    if module
 }
-"""Command of this package → its module."""
+"""Commands of this package."""
 
 _MEANT: Mapping[str, str] = {
     "undo": "'tune --undo' for tuning, 'profile undo AGENT' for learning",
@@ -123,15 +139,12 @@ GROUP = "bt_agents.commands"
 
 
 @cache
-def all_commands() -> Mapping[str, EntryPoint]:
-    """Return all commands by name, including commands of other packages."""
-    own = {
-        name: EntryPoint(
-            name, f"bt_agents_tools.cli.commands.{module}:{name.replace('-', '_')}", GROUP
-        )
-        for name, module in COMMANDS.items()
-    }
-    return {**{entry.name: entry for entry in entry_points(group=GROUP)}, **own}
+def all_commands() -> Mapping[str, CommandEntry]:
+    """Return all commands by name; it takes long to find those of other packages."""
+    from importlib.metadata import entry_points
+
+    others = {one.name: CommandEntry(one.module, one.attr) for one in entry_points(group=GROUP)}
+    return {**others, **COMMANDS}
 
 
 class LazyGroup(click.Group):
@@ -141,11 +154,16 @@ class LazyGroup(click.Group):
         return sorted(all_commands())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        entry = all_commands().get(cmd_name)
+        entry = COMMANDS.get(cmd_name) or all_commands().get(cmd_name)
         if entry is None:
             return None
-        with loading():
-            command = _load(entry)
+        try:
+            with loading():
+                command = entry.load()
+        except ModuleNotFoundError as error:
+            if cmd_name in COMMANDS:
+                raise
+            command = _unavailable(cmd_name, (error.name or "").partition(".")[0])
         assert isinstance(command, click.Command)
         return command
 
@@ -165,7 +183,7 @@ class LazyGroup(click.Group):
         """Return the help of a command from its source, because loading all commands is slow."""
         entry = all_commands()[name]
         for node in ast.parse(_source(entry.module)).body:
-            if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
+            if isinstance(node, ast.FunctionDef) and node.name == entry.function:
                 return ast.get_docstring(node) or ""
         command = self.get_command(ctx, name)
         return (command and command.help) or ""
@@ -173,11 +191,11 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        near = difflib.get_close_matches(args[0], all_commands(), n=1, cutoff=0.75)
-        if args[0] not in all_commands() and args[0] in _MEANT:
-            ctx.fail(f"no command '{args[0]}'; there is {_MEANT[args[0]]}")
-        if args[0] not in all_commands() and near:
-            ctx.fail(f"no command '{args[0]}'; did you mean '{near[0]}'?")
+        if args[0] not in COMMANDS and args[0] not in all_commands():
+            if args[0] in _MEANT:
+                ctx.fail(f"no command '{args[0]}'; there is {_MEANT[args[0]]}")
+            if near := difflib.get_close_matches(args[0], all_commands(), n=1, cutoff=0.75):
+                ctx.fail(f"no command '{args[0]}'; did you mean '{near[0]}'?")
         return super().resolve_command(ctx, args)
 
 
@@ -189,15 +207,6 @@ def _source(module: str) -> str:
         return ""
     get_source = getattr(spec and spec.loader, "get_source", None)
     return (get_source and get_source(module)) or ""
-
-
-def _load(entry: EntryPoint) -> object:
-    try:
-        return entry.load()
-    except ModuleNotFoundError as error:
-        if entry.name in COMMANDS:
-            raise
-        return _unavailable(entry.name, (error.name or "").partition(".")[0])
 
 
 def _unavailable(name: str, package: str) -> click.Command:
