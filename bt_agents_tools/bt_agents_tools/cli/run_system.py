@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from socket import socket
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -23,7 +23,6 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.listening import STUDIO_PORTS, listen
 from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.state_folder import STUDIO_ADDRESSES, StateFolder
-from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.event_printer import EventPrinter
@@ -36,6 +35,12 @@ from bt_agents_tools.launcher.domain_lock import current_domain
 from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_discovery
+
+if TYPE_CHECKING:
+    from bt_agents_language.files.folder_reader import Trees
+
+_LOOK_S = 0.25
+"""Time to look for another market after the trees are read, while discovery goes on [s]."""
 
 one_process_option = click.option(
     "--one-process",
@@ -151,28 +156,24 @@ def run_system(
         ) as fork_server,
     ):
         with loading():
-            from bt_agents_ros.installed import InstalledInterfaces
             from bt_agents_tools.client.observer import Observer, profiles_by_agent
 
         console = Console()
-        folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
-        if folder.broken:
-            console.print("[yellow]left out, the other agents run:[/]")
-            console.print(folder.report, markup=False, highlight=False, soft_wrap=True)
-        if not folder.agents:
-            raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
-        printer = EventPrinter(console, folder.scene.space)
+        # Its discovery begins at once.
+        observer = Observer()
         system = SupervisedSystem(
             processes,
             interrupt,
             console=console,
-            observer=Observer(printer),
+            observer=observer,
             supervisor=Supervisor(logs or new_log_folder(), fork_server=fork_server),
             fleet=fleet,
         )
-        observer = system.observer
         with system.ending():
-            system.spin_until(lambda: observer.market is not None, 0.5)
+            folder = _read_agents(trees, tags, console)
+            printer = EventPrinter(console, folder.scene.space)
+            observer.notify(printer)
+            system.spin_until(lambda: observer.market is not None, _LOOK_S)
             if observer.market is not None:
                 raise BtAgentsError(
                     f"a system already runs on ROS domain {current_domain()}; end it, or set "
@@ -191,6 +192,25 @@ def run_system(
                 printer.summary()
                 console.print(f"done in {time.monotonic() - begun_s:.0f} s")
     return visitors is None or bool(interrupt) or not printer.remarks
+
+
+def _read_agents(trees: Path, tags: str, console: Console) -> Trees:
+    """Return the agents with one of some tags, and print what is broken.
+
+    Raises:
+        BtAgentsError: There is none.
+    """
+    with loading():
+        from bt_agents_language.files.folder_reader import read_trees
+        from bt_agents_ros.installed import InstalledInterfaces
+
+    folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
+    if folder.broken:
+        console.print("[yellow]left out, the other agents run:[/]")
+        console.print(folder.report, markup=False, highlight=False, soft_wrap=True)
+    if not folder.agents:
+        raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
+    return folder
 
 
 def _is_ready(system: SupervisedSystem, agents: int) -> bool:

@@ -136,7 +136,7 @@ class Observer(SystemClient):
         visits_done: True once the visitors report the end of their script.
     """
 
-    def __init__(self, listener: Listener | None = None) -> None:
+    def __init__(self) -> None:
         super().__init__()
         self._health: HealthPublisher | None = None
         self.market: Any = None
@@ -149,10 +149,9 @@ class Observer(SystemClient):
         self._subscribe("bt_agents/cards", self._on_card, qos.FACTS)
         self._subscribe("bt_agents/profiles", self._on_profiles, qos.FACT)
         self._notified: list[Any] = []
-        if listener is not None:
-            self._notify(listener)
 
-    def _notify(self, listener: Listener) -> None:
+    def notify(self, listener: Listener) -> None:
+        """Subscribe to all events, and call a listener for each."""
         self._listener = listener
         buffer = _EventBuffer(self.node)
         for topic, deliver, links, profile in (

@@ -139,7 +139,8 @@ def test_observer_returns_only_printable_messages_and_responses(
 ) -> None:
     told: list[Any] = []
     listener = {name: lambda *given: told.extend(given) for name in LISTENED}
-    one = Observer(SimpleNamespace(**listener))
+    one = Observer()
+    one.notify(SimpleNamespace(**listener))
     later = SimpleNamespace(monotonic=lambda: 1e9)
     monkeypatch.setattr(observer, "time", later)
     for timer in graph:
