@@ -107,7 +107,7 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
         timers.append(call)
         return SimpleNamespace(is_canceled=lambda: not running, reset=list, cancel=list)
 
-    spinner = SimpleNamespace(spin_until=lambda done, _: done(), close=lambda: None)
+    spinner = SimpleNamespace(spin_until=lambda done, _, **__: done(), close=lambda: None)
     monkeypatch.setattr(system_client, "rclpy", fake)
     monkeypatch.setattr(system_client, "Spinner", lambda _: spinner)
     monkeypatch.setattr(observer, "steady_timer", added_timer)
