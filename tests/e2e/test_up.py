@@ -223,3 +223,16 @@ def test_second_concurrent_system_exits_and_names_first(start: Start, start_up: 
     assert winner.stop()[0] == 0
     again = start_up()
     assert again.stop()[0] == 0
+
+
+def test_system_of_another_user_is_noticed_by_its_market(
+    start: Start, start_up: Start, environment: dict[str, str], tmp_path: Path
+) -> None:
+    start_up()
+    locks = tmp_path / "locks"
+    locks.mkdir(mode=0o700)
+    environment["XDG_RUNTIME_DIR"] = str(locks)
+    second = start("demo", "--no-voice")
+    assert second.wait() == 1
+    assert re.search(r"error: a system already runs on ROS domain \d+; end it", second.output)
+    assert "ready after" not in second.output
