@@ -56,15 +56,13 @@ def _pattern(name: str) -> str:
     agent = pattern_file(name).read_text(encoding="utf-8")
     tests = tests_beside(pattern_file(name)).read_text(encoding="utf-8")
     case = tests.partition("- name: ")[2].partition("\n")[0]
-    lines = [f"## {name}", f"**{_title(name)}.** {_why(agent)}", f"```yaml\n{agent}```"]
     script = shlex.quote(f"trees/agents/{name}.test.yaml:{case}")
-    lines.append(
+    return (
+        f"## {name}\n\n**{_title(name)}.** {_why(agent)}\n\n```yaml\n{agent}```\n\n"
         f"```console\n$ bt-agents new {name} --pattern {name}\n"
-        f"$ bt-agents rehearse {name} --script {script}\n{_rehearsal(name, case)}```"
+        f"$ bt-agents rehearse {name} --script {script}\n{_rehearsal(name, case)}```\n\n"
+        "Its tests check:\n\n" + "\n".join(f"- {one}" for one in _cases(tests))
     )
-    lines.append("Its tests check:")
-    lines.append("\n".join(f"- {one}" for one in _cases(tests)))
-    return "\n\n".join(lines)
 
 
 def _rehearsal(name: str, case: str) -> str:

@@ -158,14 +158,9 @@ def _page(nodes: Mapping[str, Any], given: Collection[str]) -> str:
         _PARAMETERS,
     ]
     for name, node in nodes.items():
-        rows = _parameters(node, given)
-        if rows:
-            parts.append(f"### {_shown(name)}")
-            parts.append(
-                markdown_table(
-                    ("parameter", "default", "allowed", "takes effect", "description"), rows
-                )
-            )
+        if rows := [*_parameters(node, given)]:
+            head = ("parameter", "default", "allowed", "takes effect", "description")
+            parts += [f"### {_shown(name)}", markdown_table(head, rows)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -221,21 +216,17 @@ def _relative(path: str, node: Any, name: str) -> str:
     return f"{name}/{path.removeprefix(own)}" if path.startswith(own) else path.removeprefix("/")
 
 
-def _parameters(node: Any, given: Collection[str]) -> list[tuple[str, ...]]:
-    rows = []
+def _parameters(node: Any, given: Collection[str]) -> Iterator[tuple[str, ...]]:
     for name in sorted(_own_names(node)):
         descriptor = node.describe_parameter(name)
         default = "" if name in given else node.get_parameter(name).value
-        rows.append(
-            (
-                _code(name),
-                "" if default == "" else _code(json.dumps(default)),
-                _allowed(descriptor),
-                "at the start" if descriptor.read_only else "at once",
-                descriptor.description,
-            )
+        yield (
+            _code(name),
+            "" if default == "" else _code(json.dumps(default)),
+            _allowed(descriptor),
+            "at the start" if descriptor.read_only else "at once",
+            descriptor.description,
         )
-    return rows
 
 
 def _own_names(node: Any) -> list[str]:
