@@ -296,6 +296,8 @@ def _page(
         for _ in range(repetitions):
             for name, server in servers.items():
                 shown = Shown(browser, server, addresses[name])
+                # What a page loads after its first view does not count as a change.
+                graph.rest(_SETTLE_S)
                 found[name].append(shown.figures(window_s))
                 shown.close()
     yield from _page_rows(f"{agents} x {nodes} nodes, {RATE_HZ} ticks/s", found)
