@@ -207,11 +207,11 @@ def size_of(value: object) -> int:
         return max(sys.getsizeof(value), len(encode_basestring(value)))
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"a number is {value}")
-    if value is None or isinstance(value, int | float):
+    if value is None or isinstance(value, (int, float)):
         return _NUMBER
     if isinstance(value, tuple):
         return _OBJECT + sum(map(size_of, value))
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         return _OBJECT + sum(size_of(key) + size_of(one) for key, one in value.items())
     kind: type = type(value)
     return _OBJECT + sum(size_of(one) for one in _fields_of(kind)(value))
