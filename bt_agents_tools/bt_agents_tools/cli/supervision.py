@@ -29,7 +29,7 @@ POLL_S = 0.2
 """Time between two checks of the processes [s]."""
 
 _START_LIMIT_S = 20.0
-_START_POLL_S = 0.02  # a change of the ROS graph does not wake the executor
+_START_POLL_S = 0.02
 
 
 class SupervisedSystem:
@@ -119,7 +119,7 @@ class SupervisedSystem:
 
     def spin_until(self, done: Callable[[], bool], limit_s: float) -> None:
         """Spin the observer until ``done()``, the user interrupts, or for a limited time."""
-        self.observer.spin_until(lambda: bool(self.interrupt) or done(), limit_s)
+        self.observer.spin_until(lambda: bool(self.interrupt) or done(), limit_s, poll_s=POLL_S)
 
     def print_ready(self, what: str, begun_s: float) -> None:
         """Print that the system is ready, and the time since a steady time [s]."""

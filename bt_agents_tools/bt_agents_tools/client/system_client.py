@@ -23,7 +23,7 @@ _NAME = "_bt_agents_observer"
 
 _LIMIT_S = 5.0
 _LAST_POLL_S = 0.5
-_FIND_POLL_S = 0.01  # a change of the ROS graph does not wake the executor
+_POLL_S = 0.02  # a change of the ROS graph does not wake the executor
 _LIMITS_S = {
     "manage": 30.0,  # erasing a person rewrites the whole ledger
     "preview": 70.0,  # more than the longest deadline of a round with an external program
@@ -50,9 +50,11 @@ class SystemClient:
         self._calls = Calls(self.node)
         self._clients: dict[str, Any] = {}
 
-    def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
-        """Spin until ``done()`` or for a limited time; return ``done()``."""
-        return self._spinner.spin_until(done, limit_s)
+    def spin_until(
+        self, done: Callable[[], bool], limit_s: float, *, poll_s: float = _POLL_S
+    ) -> bool:
+        """Spin until ``done()`` or for a limited time; see :meth:`Spinner.spin_until`."""
+        return self._spinner.spin_until(done, limit_s, poll_s=poll_s)
 
     def ask(
         self, service: str, *, find_s: float = 10.0, limit_s: float = 0.0, **fields: Any
@@ -69,7 +71,7 @@ class SystemClient:
         for field in fields.keys() & {"action", "person"}:
             fields[field] = getattr(kind.Request, fields[field])
         client = self._client(service)
-        if not self._spinner.spin_until(client.service_is_ready, find_s, poll_s=_FIND_POLL_S):
+        if not self.spin_until(client.service_is_ready, find_s):
             return None
         answers: list[Any] = []
         deadline_s = limit_s or _LIMITS_S.get(service.rpartition("/")[2], _LIMIT_S)
