@@ -207,7 +207,7 @@ def size_of(value: object) -> int:
         return max(sys.getsizeof(value), len(encode_basestring(value)))
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"a number is {value}")
-    if value is None or isinstance(value, (int, float)):
+    if value is None or isinstance(value, (int, float)):  # quicker than int | float
         return _NUMBER
     if isinstance(value, tuple):
         return _OBJECT + sum(map(size_of, value))

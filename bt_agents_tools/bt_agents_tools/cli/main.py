@@ -26,7 +26,7 @@ _LEFT = 128 + signal.SIGPIPE
 
 
 class CommandEntry(NamedTuple):
-    """Module and function of a command."""
+    """Module and function of a command: an entry point without ``importlib.metadata``."""
 
     module: str
     function: str
