@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A host's messages without a host: ``status_source.py AGENTS NODES RATE`` ticks the first agent.
 
-It prints one line of JSON per second: the time of each tick, from its due time until its changes
-are published [s].
+It prints one line of JSON per second: the time when each tick has published its changes
+[s since 1970].
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class StatusSource(Node):
         self._agent = names[0]
         self._status = self.create_publisher(TreeStatus, "agents/status", EVENTS)
         self._tick = 0
-        self._took_s: list[float] = []
+        self._ends_s: list[float] = []
         self._period_s = 1 / rate_hz
         self._due_s = time.monotonic() + self._period_s
 
@@ -101,11 +101,11 @@ class StatusSource(Node):
         if time.monotonic() < self._due_s:
             return
         self._status.publish(self._changes())
-        self._took_s.append(time.monotonic() - self._due_s)
+        self._ends_s.append(time.time())
         self._due_s += self._period_s
-        if len(self._took_s) * self._period_s >= 1:
-            print(json.dumps(self._took_s), flush=True)
-            self._took_s.clear()
+        if len(self._ends_s) * self._period_s >= 1:
+            print(json.dumps(self._ends_s), flush=True)
+            self._ends_s.clear()
 
     def _changes(self) -> TreeStatus:
         self._tick += 1
