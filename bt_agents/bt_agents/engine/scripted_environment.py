@@ -181,21 +181,22 @@ class ScriptedEnvironment:
     Args:
         answers: Name of an action or service → answers in order; the last one repeats forever.
             A name that is not listed succeeds at once with an empty result.
-        clock: Clock of the trees.
         result: Fields of every result, unless its answer overrides them.
         begin: Local time when the clock shows 0.
+
+    Attributes:
+        clock: Clock of the trees.
     """
 
     def __init__(
         self,
         answers: Mapping[str, Sequence[ScriptedReply]] | None = None,
-        clock: ManualClock | None = None,
         result: Mapping[str, Plain] | None = None,
         begin: LocalTime = NOON,
     ) -> None:
         self.begin = begin
         self._result = dict(result or {})
-        self.clock = clock or ManualClock()
+        self.clock = ManualClock()
         self.goals: list[ScriptedGoal] = []
         self.published: list[SkillGoal] = []
         self.logged: list[tuple[str, str]] = []

@@ -7,12 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bt_agents.engine.environment import GoalState, SkillGoal, server_missing
-from bt_agents.engine.scripted_environment import (
-    ManualClock,
-    ScriptedEnvironment,
-    ScriptedGoal,
-    ScriptedReply,
-)
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedGoal, ScriptedReply
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_core.local_time import LocalTime
@@ -51,7 +46,7 @@ class RehearsalEnvironment(ScriptedEnvironment):
         tell_scene_layer: Callable[[SkillGoal], bool],
         begin: LocalTime,
     ) -> None:
-        super().__init__(clock=ManualClock(), begin=begin)
+        super().__init__(begin=begin)
         self.uses: list[Use] = []
         self.active = False
         self.told_time = False

@@ -13,7 +13,7 @@ import pytest
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Run, RunLimits, TreeOutcome
-from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import CLEAN_UP_S, AgentSpec, iter_nodes
@@ -68,7 +68,7 @@ class World(ScriptedEnvironment):
     """Random answers, the same for the same seed."""
 
     def __init__(self, server: Server, seed: int) -> None:
-        super().__init__(clock=ManualClock())
+        super().__init__()
         self.random = Random(seed)
         self._server = server
 
