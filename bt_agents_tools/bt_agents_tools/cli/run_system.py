@@ -39,7 +39,7 @@ from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_disco
 if TYPE_CHECKING:
     from bt_agents_language.files.folder_reader import Trees
 
-_LOOK_S = 0.25
+_LOOK_S = 0.5
 """Time to look for another market after the trees are read, while discovery goes on [s]."""
 
 one_process_option = click.option(
