@@ -26,7 +26,7 @@ from bt_agents_ros.local_bus import LocalBus
 from bt_agents_ros.node_main import READY, READY_BYTES, RESTARTED, SUPERVISED
 from bt_agents_ros.parameters import report_unknown
 from bt_agents_ros.signals import Interrupt, Interrupted
-from bt_agents_ros.workarounds.bounded_end import ending_in_time
+from bt_agents_ros.workarounds.bounded_end import ending_in_time, limit_end
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from bt_agents_ros.workarounds.skipped_generator import import_type_support
 
@@ -156,21 +156,24 @@ def run_together(
                         for node in nodes
                     }
             except BaseException as error:
-                with ending_in_time():
-                    for node in nodes:
-                        node.destroy_node()
-                if isinstance(error, Interrupted):
-                    return 0
-                if not isinstance(error, Exception):
+                code = 0 if isinstance(error, Interrupted) else 1
+                if isinstance(error, Exception):
+                    print(f"error: {error}", file=sys.stderr)
+                limit_end(code)
+                for node in nodes:
+                    node.destroy_node()
+                if not isinstance(error, Exception | Interrupted):
                     raise
-                print(f"error: {error}", file=sys.stderr)
-                return 1
+                return code
             spinner = Spinner(*nodes, bus=connecting)
+            code = 1
             try:
                 report_ready(unknown)
-                return _spin(spinner, interrupt)
+                code = _spin(spinner, interrupt)
             finally:
+                limit_end(code)
                 spinner.close()
+            return code
     finally:
         rclpy.try_shutdown()
 

@@ -44,9 +44,6 @@ from graph import Ros
 from programs import ROOT
 from tree_harness import SPACE, scene
 
-HELD_UP = "Timeout (0:00:05)!"
-"""Printed by a process that the middleware has blocked for this long at its end."""
-
 LIMIT_S = 60.0
 """Time limit of a wait for something that may hang [s]."""
 
@@ -172,13 +169,8 @@ class NodeProcess:
 
     @property
     def exit_code(self) -> int | None:
-        """Exit code of the process; None while it lives.
-
-        It is 0 for a process that the middleware blocked after its work was done: see
-        ``bt_agents_ros.workarounds.bounded_end``.
-        """
-        code = self._process.poll()
-        return 0 if code == 1 and HELD_UP in self.said else code
+        """Exit code of the process; None while it lives."""
+        return self._process.poll()
 
     def expect_end(self) -> None:
         """Do not count its end as a crash."""

@@ -40,23 +40,25 @@ sys.exit(run(make))
 """
 
 HANGING = """
-import ctypes, os, signal
+import ctypes, os, signal, sys
+from bt_agents_core.errors import NodeMustEnd
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.spinner import run
 from bt_agents_ros.workarounds import bounded_end
 
 class Hanging(BaseNode):
+    def __init__(self):
+        super().__init__("hanging")
+        self.create_timer(0.01, self.end)
+
+    def end(self):
+        {end}
+
     def destroy_node(self):
         ctypes.PyDLL(None).pause()  # with the GIL, as rclpy ends a participant
 
-bounded_end.END_LIMIT_S = 0.5
-
-def make():
-    node = Hanging("hanging")
-    os.kill(os.getpid(), signal.SIGTERM)
-    return node
-
-run(make)
+bounded_end.END_LIMIT_S = 1
+sys.exit(run(Hanging))
 """
 
 
@@ -93,7 +95,14 @@ def test_second_signal_ends_construction_immediately() -> None:
     assert ended(signal.SIGTERM, inside=2) == (-signal.SIGTERM, "")
 
 
-def test_hanging_middleware_does_not_keep_process() -> None:
-    code, text = printed(HANGING)
-    assert code == 1
-    assert "in destroy_node" in text
+@pytest.mark.parametrize(
+    ("end", "outcome"),
+    [
+        ("os.kill(os.getpid(), signal.SIGTERM)", (0, "")),
+        ("raise NodeMustEnd('it must')", (1, "error: it must\n")),
+    ],
+)
+def test_hanging_middleware_neither_keeps_process_nor_changes_its_exit_code(
+    end: str, outcome: tuple[int, str]
+) -> None:
+    assert printed(HANGING.format(end=end)) == outcome

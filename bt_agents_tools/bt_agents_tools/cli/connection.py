@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
+
+import click
 
 from bt_agents_core.errors import BtAgentsError, RefusedElsewhere
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -33,26 +34,30 @@ class NoSystemError(BtAgentsError):
     """No running system was found."""
 
 
-@contextmanager
-def connect() -> Iterator[Observer]:
-    """Connect to the running system, and print its trees folder.
+def connect() -> Observer:
+    """Connect to the running system until the command ends, and print its trees folder.
 
     Raises:
         NoSystemError: None is on this ROS domain, or it does not answer.
     """
     set_discovery(os.environ)
     domain = current_domain()
-    with ExitStack() as connected:
-        with turn_to_join(domain):
-            with loading():
-                from bt_agents_tools.client.observer import Observer
+    with turn_to_join(domain):
+        observer = new_observer()
+        wait_for_market(observer, domain)
+    observer.spin_until(lambda: _all_cards(observer), _CARDS_LIMIT_S)
+    say_trees_of_system(card.trees for card in observer.cards.values())
+    return observer
 
-            observer = Observer()
-            connected.callback(observer.close)
-            wait_for_market(observer, domain)
-        observer.spin_until(lambda: _all_cards(observer), _CARDS_LIMIT_S)
-        say_trees_of_system(card.trees for card in observer.cards.values())
-        yield observer
+
+def new_observer() -> Observer:
+    """Return a new observer, which is closed when the command ends."""
+    with loading():
+        from bt_agents_tools.client.observer import Observer
+
+    observer = Observer()
+    click.get_current_context().ensure_object(ExitStack).callback(observer.close)
+    return observer
 
 
 def wait_for_market(observer: Observer, domain: int) -> None:

@@ -8,6 +8,7 @@ import difflib
 import signal
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -19,6 +20,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.optional_packages import how_to_install
 from bt_agents_core.text import printable_lines
 from bt_agents_ros.signals import interruptible, loading
+from bt_agents_ros.workarounds.bounded_end import limit_end
 from bt_agents_tools.cli.terminal import OutputLost, os_error_text, prepare_streams
 
 _INTERRUPTED = 128 + signal.SIGINT
@@ -231,37 +233,53 @@ def bt_agents() -> None:
 
 
 def main() -> None:
-    """Run the command line, and end with its exit code.
+    """Run the command line, close its connections, and end with its exit code.
 
     An error that a person can fix gives one message and exit code 1, Ctrl-C gives exit code 130,
     and a closed pipe gives exit code 141, as for other programs.
     """
     prepare_streams()
+    connections = ExitStack()
+    code = 1
+    try:
+        code = _run(connections)
+    finally:
+        limit_end(code)
+        connections.close()
+    sys.exit(code)
+
+
+def _run(connections: ExitStack) -> int:
+    """Run the command line, which adds its connections; return the exit code."""
     try:
         with interruptible():
             try:
                 _check_arguments(sys.argv[1:])
-                code = bt_agents.main(prog_name="bt-agents", standalone_mode=False)
+                code = bt_agents.main(
+                    prog_name="bt-agents", standalone_mode=False, obj=connections
+                )
             finally:
                 sys.stdout.flush()
     except click.Abort as abort:
         # Click raises it for Ctrl-C, for an end of the input, and for a denied question.
-        code = _INTERRUPTED
-        if not isinstance(abort.__context__, KeyboardInterrupt):
-            click.echo("Aborted!", err=True)
-            code = 1
+        if isinstance(abort.__context__, KeyboardInterrupt):
+            return _INTERRUPTED
+        click.echo("Aborted!", err=True)
+        return 1
     except KeyboardInterrupt:
-        code = _INTERRUPTED
+        return _INTERRUPTED
     except click.ClickException as error:
         error.show()
-        code = error.exit_code
+        return error.exit_code
     except BtAgentsError as error:
-        code = _failed(str(error))
+        return _failed(str(error))
     except OutputLost as lost:
-        code = _LEFT if lost.is_left else _failed(f"standard output: {os_error_text(lost.error)}")
+        return _LEFT if lost.is_left else _failed(f"standard output: {os_error_text(lost.error)}")
     except OSError as error:
-        code = _failed(os_error_text(error))
-    sys.exit(code)
+        return _failed(os_error_text(error))
+    except SystemExit as end:
+        code = end.code
+    return int(code or 0)
 
 
 def _check_arguments(arguments: Sequence[str]) -> None:

@@ -16,8 +16,9 @@ from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.aside_output import printing_aside
+from bt_agents_tools.cli.connection import new_observer
 from bt_agents_tools.cli.fleet_plan import FleetPlan
 from bt_agents_tools.cli.formatting import INDENT, counted, print_line
 from bt_agents_tools.cli.supervision import POLL_S, SupervisedSystem
@@ -140,15 +141,12 @@ def run_parts(
     names = [part.name for part in parts]
     hold_parts(names, f"'bt-agents {command}' (process {os.getpid()})")
     with closing(ForkServer(module for part in parts for module in part.modules)) as fork_server:
-        with loading():
-            from bt_agents_tools.client.observer import Observer
-
         supervisor = Supervisor(logs, fork_server=fork_server)
         system = SupervisedSystem(
             parts,
             interrupt,
             console=Console(),
-            observer=Observer(),
+            observer=new_observer(),
             supervisor=supervisor,
             fleet=fleet,
         )

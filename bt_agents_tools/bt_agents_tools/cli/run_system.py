@@ -25,6 +25,7 @@ from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.state_folder import STUDIO_ADDRESSES, StateFolder
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.aside_output import printing_aside
+from bt_agents_tools.cli.connection import new_observer
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.fleet_plan import FleetPlan
 from bt_agents_tools.cli.formatting import INDENT, print_line
@@ -155,12 +156,9 @@ def run_system(
             ForkServer(one for component in processes for one in component.modules)
         ) as fork_server,
     ):
-        with loading():
-            from bt_agents_tools.client.observer import Observer, profiles_by_agent
-
         console = Console()
         # Its discovery begins at once.
-        observer = Observer()
+        observer = new_observer()
         system = SupervisedSystem(
             processes,
             interrupt,
@@ -181,6 +179,8 @@ def run_system(
                 )
             system.start(lambda: _is_ready(system, len(folder.agents)))
             if not interrupt:
+                from bt_agents_tools.client.observer import profiles_by_agent
+
                 printer.profiles(profiles_by_agent(observer.profiles))
                 names = [agent.title for card in observer.cards.values() for agent in card.agents]
                 agents = f"{len(names)} agents ({', '.join(names)})"

@@ -69,14 +69,11 @@ class SupervisedSystem:
 
     @contextmanager
     def ending(self) -> Iterator[None]:
-        """End the processes at the end of this block, close the observer, and say how it ended."""
+        """End the processes at the end of this block, and say how it ended."""
         try:
-            try:
-                yield
-            finally:
-                killed = self.supervisor.stop()
+            yield
         finally:
-            self.observer.close()
+            killed = self.supervisor.stop()
         if self.interrupt:
             self.console.print("\nstopped")
         if killed:

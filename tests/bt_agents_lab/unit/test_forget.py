@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,10 +29,8 @@ from scene_layer.memory import KnownPerson, save_memory
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StateFolder:
     """Return a state folder in which every file knows carla and dora."""
 
-    @contextmanager
-    def nobody() -> Iterator[None]:
+    def nobody() -> None:
         raise NoSystemError("no running system")
-        yield
 
     monkeypatch.setattr("bt_agents_tools.cli.commands.forget.connect", nobody)
     journaled = JournaledSystem(tmp_path / "trees")

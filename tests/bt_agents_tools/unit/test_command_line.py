@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 import sys
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from bt_agents_tools.cli.main import _MEANT, TASKS, all_commands, bt_agents, main
+from bt_agents_tools.cli.main import _MEANT, TASKS, all_commands, bt_agents
 from programs import printed_by
 
 LOADED = """
@@ -47,14 +48,11 @@ def test_help_repeats_own_summary_of_each_command() -> None:
         assert text == command.get_short_help_str(1000)
 
 
-def test_argument_that_is_not_utf8_is_refused(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["bt-agents", "answer", "caf\udce9"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 1
-    assert "error: the argument 'caf\\udce9' is not UTF-8" in capfd.readouterr().err
+def test_argument_that_is_not_utf8_is_refused() -> None:
+    command = [sys.executable, "-m", "bt_agents_tools.cli", "answer", "caf\udce9"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert ended.returncode == 1
+    assert "error: the argument 'caf\\udce9' is not UTF-8" in ended.stderr
 
 
 def test_help_loads_no_command() -> None:
@@ -105,6 +103,8 @@ def test_version_loads_no_command() -> None:
         "bt_agents_core.refusal_codes",
         "bt_agents_core.text",
         "bt_agents_ros.signals",
+        "bt_agents_ros.workarounds",
+        "bt_agents_ros.workarounds.bounded_end",
         "bt_agents_tools.cli",
         "bt_agents_tools.cli.main",
         "bt_agents_tools.cli.terminal",

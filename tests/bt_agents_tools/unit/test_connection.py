@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -73,8 +75,8 @@ class System(Graph):
 @click.command()
 @table_options
 def talking(form: TableForm) -> None:
-    with connect():
-        click.echo("done")
+    connect()
+    click.echo("done")
 
 
 @pytest.mark.parametrize(
@@ -145,3 +147,36 @@ def test_error_names_systems_in_other_namespaces() -> None:
         "no running system in namespace '/' of ROS domain 7; set ROS_NAMESPACE, there is one in "
         "/robot1, /robot2"
     )
+
+
+HANGING = """
+import ctypes, sys
+import click
+from bt_agents_ros.workarounds import bounded_end
+from bt_agents_tools.cli import connection
+from bt_agents_tools.cli.main import COMMANDS, CommandEntry, main
+from bt_agents_tools.client import observer
+
+class Hanging:
+    def close(self):
+        ctypes.PyDLL(None).pause()  # with the GIL, as rclpy ends a participant
+
+@click.command()
+def hang():
+    connection.new_observer()
+    click.echo("done")
+    sys.exit(int(sys.argv[0]))
+
+bounded_end.END_LIMIT_S = 1
+observer.Observer = Hanging
+COMMANDS["hang"] = CommandEntry("__main__", "hang")
+sys.argv = [sys.argv[1], "hang"]
+main()
+"""
+
+
+@pytest.mark.parametrize("code", [0, 3])
+def test_hanging_middleware_does_not_change_exit_code_of_command(code: int) -> None:
+    command = [sys.executable, "-c", HANGING, str(code)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (code, "done\n", "")

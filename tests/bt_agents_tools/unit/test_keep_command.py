@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -118,12 +116,7 @@ def run(
     trees: Path, monkeypatch: pytest.MonkeyPatch, after: str, *arguments: str, typed: str = ""
 ) -> Result:
     """Run the command on a system with a tuned waiter."""
-
-    @contextmanager
-    def connect() -> Iterator[None]:
-        yield None
-
-    monkeypatch.setattr(keeping, "connect", connect)
+    monkeypatch.setattr(keeping, "connect", lambda: None)
     monkeypatch.setattr(keeping, "find_hosts", lambda _: ["/agents"])
     monkeypatch.setattr(keeping, "_edits", lambda *_: [edit(trees, after)])
     return CliRunner().invoke(keeping.keep, arguments, input=typed)

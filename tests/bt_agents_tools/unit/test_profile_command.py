@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,12 +27,8 @@ class ProfileCommandHarness:
         self.managed = ManagedLedger()
         self.scene_layer: Any = None
         self.asked: list[tuple[str, str]] = []
-        monkeypatch.setattr(command, "connect", self._connect)
+        monkeypatch.setattr(command, "connect", lambda: self)
         monkeypatch.setenv("COLUMNS", "200")
-
-    @contextmanager
-    def _connect(self) -> Iterator[ProfileCommandHarness]:
-        yield self
 
     def ask(self, service: str, *, action: str, find_s: float = 10.0, **fields: Any) -> Any:
         node = service.removesuffix("/manage")

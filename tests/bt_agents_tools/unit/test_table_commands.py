@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import nullcontext
 from types import SimpleNamespace
 
 import click
@@ -66,7 +65,7 @@ def test_every_table_has_machine_readable_form() -> None:
 
 def test_presets_and_their_values_are_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     one = SimpleNamespace(name="morning", names=["a.x", "a.y", "b.x"], values=["1", "2 s", "3"])
-    monkeypatch.setattr(preset, "connect", lambda: nullcontext(None))
+    monkeypatch.setattr(preset, "connect", lambda: None)
     monkeypatch.setattr(preset, "_presets", lambda _: [one])
     every = CliRunner().invoke(preset.preset, ["--csv"]).output
     assert every == "preset,values,agents\nmorning,3,2\n"

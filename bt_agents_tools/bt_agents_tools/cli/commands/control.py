@@ -58,38 +58,38 @@ def breakpoint(
     """
     if remove and not agent:
         raise click.UsageError("--remove needs an AGENT")
-    with connect() as observer:
-        if not nodes and not remove:
-            hosts = [find_host(observer, agent)] if agent else find_hosts(observer)
-            _show(observer, hosts, agent, form)
-            return
-        host = find_host(observer, agent)
-        before = _breakpoints(observer, host).get(agent, [])
-        if remove:
-            gone = _paths(nodes, before) if nodes else before
-            paths = [path for path in before if path not in gone]
-        else:
-            tree = _nodes(observer, [host]).get(agent, ())
-            paths = list(dict.fromkeys([*before, *_paths(nodes, [one.path for one in tree])]))
-        answer = observer.ask(
-            f"{host}/control", action="BREAKPOINTS", agent=agent, paths=paths, author=author
-        )
-        click.echo(accepted(answer, f"the host {host}").message)
+    observer = connect()
+    if not nodes and not remove:
+        hosts = [find_host(observer, agent)] if agent else find_hosts(observer)
+        _show(observer, hosts, agent, form)
+        return
+    host = find_host(observer, agent)
+    before = _breakpoints(observer, host).get(agent, [])
+    if remove:
+        gone = _paths(nodes, before) if nodes else before
+        paths = [path for path in before if path not in gone]
+    else:
+        tree = _nodes(observer, [host]).get(agent, ())
+        paths = list(dict.fromkeys([*before, *_paths(nodes, [one.path for one in tree])]))
+    answer = observer.ask(
+        f"{host}/control", action="BREAKPOINTS", agent=agent, paths=paths, author=author
+    )
+    click.echo(accepted(answer, f"the host {host}").message)
 
 
 def _control(action: str, author: str) -> None:
-    with connect() as observer:
-        market = observer.market
-        if market.state not in (market.RUNNING, market.CANCELLING):
-            raise BtAgentsError("no agent is running; look at 'bt-agents status'")
-        answer = observer.ask(
-            f"{market.host}/control",
-            action=action,
-            author=author,
-            epoch=market.epoch,
-            round=market.round,
-        )
-        click.echo(accepted(answer, f"the host {market.host}").message)
+    observer = connect()
+    market = observer.market
+    if market.state not in (market.RUNNING, market.CANCELLING):
+        raise BtAgentsError("no agent is running; look at 'bt-agents status'")
+    answer = observer.ask(
+        f"{market.host}/control",
+        action=action,
+        author=author,
+        epoch=market.epoch,
+        round=market.round,
+    )
+    click.echo(accepted(answer, f"the host {market.host}").message)
 
 
 def _show(observer: Observer, hosts: Sequence[str], agent: str, form: TableForm) -> None:

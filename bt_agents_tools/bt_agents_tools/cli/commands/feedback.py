@@ -35,19 +35,19 @@ def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
             f"{kind} feedback names the wanted values, for example: bt-agents feedback {kind} "
             "age=5 mood=2"
         )
-    with connect() as observer:
-        observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
-        wanted = _wanted(observer, values) if kind in ("direct", "set") else columns(values)[1]
-        answer = observer.ask(
-            "feedback/give",
-            agent=agent,
-            kind=FeedbackKind[kind.upper()],
-            values=wanted,
-            source="command line",
-            reason=reason,
-        )
-        answer = accepted(answer, "the feedback node")
-        click.echo(f"{answer.message} (revision {answer.feedback.revision})")
+    observer = connect()
+    observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
+    wanted = _wanted(observer, values) if kind in ("direct", "set") else columns(values)[1]
+    answer = observer.ask(
+        "feedback/give",
+        agent=agent,
+        kind=FeedbackKind[kind.upper()],
+        values=wanted,
+        source="command line",
+        reason=reason,
+    )
+    answer = accepted(answer, "the feedback node")
+    click.echo(f"{answer.message} (revision {answer.feedback.revision})")
 
 
 def _wanted(observer: Observer, values: Assignments) -> list[float]:

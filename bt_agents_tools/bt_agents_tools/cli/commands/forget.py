@@ -66,12 +66,12 @@ def forget(
 def _ask_system(layer: str, author: str) -> tuple[bool, bool]:
     """Make the nodes of a running system forget; return whether there is one, and what remains."""
     try:
-        with connect() as observer:
-            asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
-            answers = {
-                "feedback node": observer.ask("feedback/manage", **asked),
-                "scene layer": observer.ask("scene_layer/manage", **asked),
-            }
+        observer = connect()
+        asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
+        answers = {
+            "feedback node": observer.ask("feedback/manage", **asked),
+            "scene layer": observer.ask("scene_layer/manage", **asked),
+        }
     except NoSystemError:
         return False, False
     left = False

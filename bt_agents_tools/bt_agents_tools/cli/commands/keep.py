@@ -28,12 +28,12 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool, yes: bool) -> No
     no agent and is not kept. Before that the agents' tests are run with the new values; when one
     fails that passed, you are asked.
     """
-    with connect() as observer:
-        edits = [
-            edit
-            for host in sorted({find_host(observer, a) for a in agents} or find_hosts(observer))
-            for edit in _edits(observer, host, agents, profile)
-        ]
+    observer = connect()
+    edits = [
+        edit
+        for host in sorted({find_host(observer, a) for a in agents} or find_hosts(observer))
+        for edit in _edits(observer, host, agents, profile)
+    ]
     if not edits:
         click.echo("nothing to keep: everything stands as the files say")
         return

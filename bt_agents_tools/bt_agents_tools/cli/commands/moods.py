@@ -28,41 +28,41 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
 
     Without an AGENT it is the last run of all.
     """
-    with connect() as observer:
-        traces = observer.received("bt_agents/mood_traces")
-        observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
-        trees = [observer.received(f"{host}/trees") for host in observer.cards]
+    observer = connect()
+    traces = observer.received("bt_agents/mood_traces")
+    observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+    trees = [observer.received(f"{host}/trees") for host in observer.cards]
 
-        def found() -> list[Any]:
-            return [
-                trace
-                for trace in traces
-                if agent in ("", trace.agent) and round_number in (0, trace.round)
-            ]
+    def found() -> list[Any]:
+        return [
+            trace
+            for trace in traces
+            if agent in ("", trace.agent) and round_number in (0, trace.round)
+        ]
 
-        observer.spin_until(lambda: bool(found()), FIND_LIMIT_S)
-        observer.spin_until(lambda: False, SOON_S)
-        if not found():
-            raise BtAgentsError(_not_found(agent, round_number, traces))
-        trace = found()[-1]
-        observer.spin_until(lambda: bool(node_names(trees, trace.agent)), FIND_LIMIT_S)
-        if form.for_program:
-            names = node_names(trees, trace.agent)
-            rows = [
-                (
-                    *(trace.agent, trace.round, names.get(leaf), leaf, seconds, mean, change),
-                    _changed(trace, leaf, form),
-                )
-                for leaf, seconds, mean, change in zip(
-                    trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
-                )
-            ]
-            print_table([Column(key=key) for key in _KEYS], rows, form)
-            return
-        when = time.strftime("%H:%M:%S", time.localtime(trace.header.stamp.sec))
-        who = f" with {trace.person_id}" if trace.person_id else ""
-        click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
-        fitted_console().print(mood_table(trace, node_names(trees, trace.agent)))
+    observer.spin_until(lambda: bool(found()), FIND_LIMIT_S)
+    observer.spin_until(lambda: False, SOON_S)
+    if not found():
+        raise BtAgentsError(_not_found(agent, round_number, traces))
+    trace = found()[-1]
+    observer.spin_until(lambda: bool(node_names(trees, trace.agent)), FIND_LIMIT_S)
+    if form.for_program:
+        names = node_names(trees, trace.agent)
+        rows = [
+            (
+                *(trace.agent, trace.round, names.get(leaf), leaf, seconds, mean, change),
+                _changed(trace, leaf, form),
+            )
+            for leaf, seconds, mean, change in zip(
+                trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
+            )
+        ]
+        print_table([Column(key=key) for key in _KEYS], rows, form)
+        return
+    when = time.strftime("%H:%M:%S", time.localtime(trace.header.stamp.sec))
+    who = f" with {trace.person_id}" if trace.person_id else ""
+    click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
+    fitted_console().print(mood_table(trace, node_names(trees, trace.agent)))
 
 
 _KEYS = ("agent", "round", "node", "path", "time_s", "mood", "change", "values")

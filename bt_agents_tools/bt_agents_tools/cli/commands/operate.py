@@ -73,16 +73,16 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
     Without values it is the last scene. With values, all others come from the last scene; if
     it lacks one, it is missing, as scene.yaml says.
     """
-    with connect() as observer:
-        given, names = {}, names_of_scenes(last_decisions(observer))
-        if values or label or person is not None:
-            scene_id = f"award-{uuid.uuid4().hex[:8]}"
-            given["scene"] = _scene(observer, values, scene_id, person, label)
-            names.add(given["scene"])
-        answer = observer.ask(
-            "marketplace/operate", action="AWARD", agent=agent, reason=reason, **given
-        )
-        click.echo(names.with_names(accepted(answer, "the marketplace").message))
+    observer = connect()
+    given, names = {}, names_of_scenes(last_decisions(observer))
+    if values or label or person is not None:
+        scene_id = f"award-{uuid.uuid4().hex[:8]}"
+        given["scene"] = _scene(observer, values, scene_id, person, label)
+        names.add(given["scene"])
+    answer = observer.ask(
+        "marketplace/operate", action="AWARD", agent=agent, reason=reason, **given
+    )
+    click.echo(names.with_names(accepted(answer, "the marketplace").message))
 
 
 @click.command()
@@ -97,12 +97,12 @@ def preview(values: Assignments, strategy: str, person: bool | None, form: Table
     scene of a run; without a run from the last scene, with what the person has told since; else
     from scene.yaml.
     """
-    with connect() as observer:
-        given = {}
-        if values or person is not None or last_decisions(observer):
-            given["scene"] = _scene(observer, values, "preview", person, "")
-        answer = observer.ask("marketplace/preview", strategy=strategy, **given)
-        decision = accepted(answer, "the marketplace").auction
+    observer = connect()
+    given = {}
+    if values or person is not None or last_decisions(observer):
+        given["scene"] = _scene(observer, values, "preview", person, "")
+    answer = observer.ask("marketplace/preview", strategy=strategy, **given)
+    decision = accepted(answer, "the marketplace").auction
     if form.for_program:
         print_decision(decision, form)
     else:
@@ -114,18 +114,18 @@ def preview(values: Assignments, strategy: str, person: bool | None, form: Table
 @click.option("--next", "next_", is_flag=True, help="Continue with the next waiting scene.")
 def cancel(reason: str, next_: bool) -> None:
     """Stop the running agent, and forget the scenes that wait."""
-    with connect() as observer:
-        only = observer.market.round if next_ else 0
-        answer = observer.ask(
-            "marketplace/cancel", reason=reason, by=int(StoppedBy.OPERATOR), round=only
-        )
-        click.echo(accepted(answer, "the marketplace").message)
+    observer = connect()
+    only = observer.market.round if next_ else 0
+    answer = observer.ask(
+        "marketplace/cancel", reason=reason, by=int(StoppedBy.OPERATOR), round=only
+    )
+    click.echo(accepted(answer, "the marketplace").message)
 
 
 def _operate(action: str, **fields: Any) -> None:
-    with connect() as observer:
-        answer = observer.ask("marketplace/operate", action=action, **fields)
-        click.echo(accepted(answer, "the marketplace").message)
+    observer = connect()
+    answer = observer.ask("marketplace/operate", action=action, **fields)
+    click.echo(accepted(answer, "the marketplace").message)
 
 
 def _scene(

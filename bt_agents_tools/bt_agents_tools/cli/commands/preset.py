@@ -27,17 +27,17 @@ def preset(context: click.Context, form: TableForm) -> None:
     Without a command it lists the presets.
     """
     if context.invoked_subcommand is None:
-        with connect() as observer:
-            found = list(_presets(observer))
-            if form.for_program:
-                columns = [Column(key=key) for key in ("preset", "values", "agents")]
-                print_table(columns, [_counts(one) for one in found], form)
-                return
-            if not found:
-                click.echo("no preset yet; 'bt-agents preset save NAME' makes one")
-            for one in found:
-                name, values, agents = _counts(one)
-                click.echo(f"{name:<24} {counted(values, 'value')}, {counted(agents, 'agent')}")
+        observer = connect()
+        found = list(_presets(observer))
+        if form.for_program:
+            columns = [Column(key=key) for key in ("preset", "values", "agents")]
+            print_table(columns, [_counts(one) for one in found], form)
+            return
+        if not found:
+            click.echo("no preset yet; 'bt-agents preset save NAME' makes one")
+        for one in found:
+            name, values, agents = _counts(one)
+            click.echo(f"{name:<24} {counted(values, 'value')}, {counted(agents, 'agent')}")
 
 
 @preset.command()
@@ -46,16 +46,16 @@ def preset(context: click.Context, form: TableForm) -> None:
 @click.option("--replace", is_flag=True, help="Do not ask before a preset is overwritten.")
 def save(name: str, agents: tuple[str, ...], replace: bool) -> None:
     """Keep the tunables and learning rates of AGENTs, or of all, under a NAME."""
-    with connect() as observer:
-        values = sum(len(one.names) for one in _presets(observer) if one.name == name)
-        if values and not replace:
-            what = f"preset '{name}' has {counted(values, 'value')} already"
-            click.confirm(f"{what}; replace it? (--replace does not ask)", abort=True)
-        by_host: dict[str, list[str]] = {}
-        for agent in agents:
-            by_host.setdefault(find_host(observer, agent), []).append(agent)
-        for host, named in (by_host or {host: [] for host in find_hosts(observer)}).items():
-            ask_host(observer, host, "SAVE", preset=name, agents=named)
+    observer = connect()
+    values = sum(len(one.names) for one in _presets(observer) if one.name == name)
+    if values and not replace:
+        what = f"preset '{name}' has {counted(values, 'value')} already"
+        click.confirm(f"{what}; replace it? (--replace does not ask)", abort=True)
+    by_host: dict[str, list[str]] = {}
+    for agent in agents:
+        by_host.setdefault(find_host(observer, agent), []).append(agent)
+    for host, named in (by_host or {host: [] for host in find_hosts(observer)}).items():
+        ask_host(observer, host, "SAVE", preset=name, agents=named)
 
 
 @preset.command()
@@ -64,18 +64,18 @@ def save(name: str, agents: tuple[str, ...], replace: bool) -> None:
 @click.option("--author", default=user, show_default="you", help="Who makes the change.")
 def apply(name: str, reason: str, author: str) -> None:
     """Give the values of the preset NAME, all or none."""
-    with connect() as observer:
-        for host in _hosts_with(observer, name):
-            ask_host(observer, host, "APPLY", preset=name, reason=reason, author=author)
+    observer = connect()
+    for host in _hosts_with(observer, name):
+        ask_host(observer, host, "APPLY", preset=name, reason=reason, author=author)
 
 
 @preset.command()
 @click.argument("name")
 def forget(name: str) -> None:
     """Remove the preset NAME."""
-    with connect() as observer:
-        for host in _hosts_with(observer, name):
-            ask_host(observer, host, "FORGET", preset=name)
+    observer = connect()
+    for host in _hosts_with(observer, name):
+        ask_host(observer, host, "FORGET", preset=name)
 
 
 @preset.command()
@@ -83,10 +83,10 @@ def forget(name: str) -> None:
 @table_options
 def show(name: str, form: TableForm) -> None:
     """Show the values of the preset NAME."""
-    with connect() as observer:
-        found = [one for one in _presets(observer) if one.name == name]
-        if not found:
-            raise BtAgentsError(f"no preset '{name}'; 'bt-agents preset' lists them")
+    observer = connect()
+    found = [one for one in _presets(observer) if one.name == name]
+    if not found:
+        raise BtAgentsError(f"no preset '{name}'; 'bt-agents preset' lists them")
     rows = [pair for one in found for pair in zip(one.names, one.values, strict=True)]
     if form.for_program:
         print_table([Column(key="name"), Column(key="value")], rows, form)

@@ -195,28 +195,28 @@ def expire(older: str, kind: str | None, yes: bool, author: str) -> None:
     It cannot be undone, so it shows which they are and asks first.
     """
     age = _age(older)
-    with connect() as observer:
-        if not yes:
-            known = json.loads(_manage(observer, "HISTORY").document)["profiles"]
-            old = [
-                one
-                for one in known
-                if one["layer"]
-                and one["layer"].startswith(kind or "")
-                and one["stamp"] < time.time() - age
-            ]
-            if not old:
-                click.echo("nothing to forget")
-                return
-            columns = (
-                Column(key="agent"),
-                Column(key="layer", title="for"),
-                Column(key="changed", text=_when),
-            )
-            print_table(columns, [(one["agent"], one["layer"], one["stamp"]) for one in old])
-            click.confirm(f"forget {counted(len(old), 'profile')}, for ever?", abort=True)
-        answer = _manage(observer, "EXPIRE", layer=kind or "", older_s=age, author=author)
-        click.echo(answer.message)
+    observer = connect()
+    if not yes:
+        known = json.loads(_manage(observer, "HISTORY").document)["profiles"]
+        old = [
+            one
+            for one in known
+            if one["layer"]
+            and one["layer"].startswith(kind or "")
+            and one["stamp"] < time.time() - age
+        ]
+        if not old:
+            click.echo("nothing to forget")
+            return
+        columns = (
+            Column(key="agent"),
+            Column(key="layer", title="for"),
+            Column(key="changed", text=_when),
+        )
+        print_table(columns, [(one["agent"], one["layer"], one["stamp"]) for one in old])
+        click.confirm(f"forget {counted(len(old), 'profile')}, for ever?", abort=True)
+    answer = _manage(observer, "EXPIRE", layer=kind or "", older_s=age, author=author)
+    click.echo(answer.message)
 
 
 @profile.command()
@@ -231,10 +231,10 @@ def forget(layer: str, yes: bool, author: str) -> None:
     """
     if not yes:
         click.confirm(f"forget what all agents learned for {layer}, for ever?", abort=True)
-    with connect() as observer:
-        asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
-        from_ledger = observer.ask("feedback/manage", **asked)
-        from_scene_layer = observer.ask("scene_layer/manage", find_s=1.0, **asked)
+    observer = connect()
+    asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
+    from_ledger = observer.ask("feedback/manage", **asked)
+    from_scene_layer = observer.ask("scene_layer/manage", find_s=1.0, **asked)
     if from_scene_layer is not None:
         click.echo(f"scene layer: {from_scene_layer.message}")
         if from_scene_layer.accepted and from_ledger is not None and not from_ledger.accepted:
@@ -295,8 +295,8 @@ def _document(action: str, state: str, **fields: str) -> str:
     """Return a document of the running system, or of the ledger if none runs."""
     if not state:
         try:
-            with connect() as observer:
-                return str(_manage(observer, action, **fields).document)
+            observer = connect()
+            return str(_manage(observer, action, **fields).document)
         except NoSystemError as error:
             click.echo(f"{error}; this is from the ledger", err=True)
     from feedback_node.management.profile_documents import read_profiles
@@ -323,8 +323,8 @@ def _manage(observer: Observer, action: str, **fields: Any) -> Any:
 
 
 def _manage_and_print(action: str, **fields: Any) -> None:
-    with connect() as observer:
-        click.echo(_manage(observer, action, **fields).message)
+    observer = connect()
+    click.echo(_manage(observer, action, **fields).message)
 
 
 def _age(text: str) -> float:

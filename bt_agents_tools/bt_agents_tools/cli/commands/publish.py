@@ -25,14 +25,14 @@ def press(topic: str) -> None:
 
     For example: bt-agents press buttons/confirm.
     """
-    with connect() as observer:
-        heard = _heard(observer, topic, sensors=False)
-        buttons = {name: kind for name, kind in heard.items() if kind == _BUTTON}
-        if topic:
-            _publish(observer, buttons, topic, ("data=true",))
-            click.echo(f"pressed {topic}")
-        else:
-            _show(buttons, "no tree waits for a button now")
+    observer = connect()
+    heard = _heard(observer, topic, sensors=False)
+    buttons = {name: kind for name, kind in heard.items() if kind == _BUTTON}
+    if topic:
+        _publish(observer, buttons, topic, ("data=true",))
+        click.echo(f"pressed {topic}")
+    else:
+        _show(buttons, "no tree waits for a button now")
 
 
 @click.command()
@@ -44,13 +44,13 @@ def publish(topic: str, values: tuple[str, ...]) -> None:
     VALUES are fields, or the value of the only one: bt-agents publish person/age 70, bt-agents
     publish buttons/confirm data=true. Without TOPIC, list the topics that are listened to now.
     """
-    with connect() as observer:
-        heard = _heard(observer, topic, sensors=True)
-        if topic:
-            _publish(observer, heard, topic, values)
-            click.echo(f"published on {topic}")
-        else:
-            _show(heard, "nothing is listened to now")
+    observer = connect()
+    heard = _heard(observer, topic, sensors=True)
+    if topic:
+        _publish(observer, heard, topic, values)
+        click.echo(f"published on {topic}")
+    else:
+        _show(heard, "nothing is listened to now")
 
 
 def _heard(observer: Observer, topic: str, *, sensors: bool) -> Mapping[str, str]:

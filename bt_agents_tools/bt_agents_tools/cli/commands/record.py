@@ -48,11 +48,11 @@ def mark(label: str, notes: str, author: str) -> None:
 
 
 def _ask(action: str, **fields: Any) -> None:
-    with connect() as observer:
-        answer = observer.ask("journal/record", find_s=BUSY_LIMIT_S, action=action, **fields)
-        if answer is None:
-            raise BtAgentsError(
-                "no journal runs, so nothing can be recorded; 'bt-agents up --journal' starts the "
-                "system with one"
-            )
-        click.echo(accepted(answer, "the journal").message)
+    observer = connect()
+    answer = observer.ask("journal/record", find_s=BUSY_LIMIT_S, action=action, **fields)
+    if answer is None:
+        raise BtAgentsError(
+            "no journal runs, so nothing can be recorded; 'bt-agents up --journal' starts the "
+            "system with one"
+        )
+    click.echo(accepted(answer, "the journal").message)

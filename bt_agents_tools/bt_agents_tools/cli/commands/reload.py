@@ -21,13 +21,13 @@ def reload(now: bool) -> None:
     the end of a run, and broken files; with a broken file, the exit code is 1.
     """
     is_accepted = True
-    with connect() as observer:
-        for host in find_hosts(observer):
-            answer = observer.ask(f"{host}/reload", limit_s=_limit_s(), now=now)
-            if answer is None:
-                accepted(answer, f"the host {host}")
-            click.echo(answer.message)
-            is_accepted = is_accepted and answer.accepted
+    observer = connect()
+    for host in find_hosts(observer):
+        answer = observer.ask(f"{host}/reload", limit_s=_limit_s(), now=now)
+        if answer is None:
+            accepted(answer, f"the host {host}")
+        click.echo(answer.message)
+        is_accepted = is_accepted and answer.accepted
     sys.exit(0 if is_accepted else 1)
 
 

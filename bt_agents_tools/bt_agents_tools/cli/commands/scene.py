@@ -59,24 +59,24 @@ def scene(watch: bool, as_json: bool, directory: str) -> None:
     During a run it is the live scene, else what a trigger would put on the market.
     """
     labels = _labels(Path(directory)) if directory else {}
-    with connect() as observer:
-        labels = labels or _labels_of(observer)
-        polls = _poll(observer)
-        if not watch:
-            message, persons = next(polls)
-            _print(message, persons, labels, as_json)
-            if not as_json:
-                _print_missing(observer, message)
-            return
-        try:
-            if as_json or not Console().is_terminal:
-                for message, persons in polls:
-                    _print(message, persons, labels, as_json)
-            with Live(auto_refresh=False) as live:
-                for message, persons in polls:
-                    live.update(page(message, persons, labels), refresh=True)
-        except KeyboardInterrupt:
-            end_silently()
+    observer = connect()
+    labels = labels or _labels_of(observer)
+    polls = _poll(observer)
+    if not watch:
+        message, persons = next(polls)
+        _print(message, persons, labels, as_json)
+        if not as_json:
+            _print_missing(observer, message)
+        return
+    try:
+        if as_json or not Console().is_terminal:
+            for message, persons in polls:
+                _print(message, persons, labels, as_json)
+        with Live(auto_refresh=False) as live:
+            for message, persons in polls:
+                live.update(page(message, persons, labels), refresh=True)
+    except KeyboardInterrupt:
+        end_silently()
 
 
 def _print(message: Any, persons: Any, labels: Labels, as_json: bool) -> None:

@@ -55,86 +55,85 @@ _DIFFERS = (
 @click.option("--all", "shows_all", is_flag=True, help="Show every agent, not only the first 50.")
 def status(form: TableForm, shows_all: bool) -> None:
     """Show what runs, all agents, and every problem."""
-    with connect() as observer:
-        scenes = observer.received("bt_agents/scene")
-        ends = observer.received("bt_agents/scene_ends")
-        health = observer.received("/diagnostics")
-        auctions = last_decisions(observer)
-        observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
-        at = _node_at_work(observer)
-        pause = _pause(observer)
-        observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
-        observer.spin_until(lambda: observer.profiles is not None, SOON_S)
-        unknown = _unknown_parameters(observer, health)
-        market, names = observer.market, names_of_scenes(auctions)
-        for scene in scenes:  # a refused scene has no decision
-            names.add(scene)
-        cards = [card for _, card in sorted(observer.cards.items())]
-        if form is TableForm.JSON:
-            found = {
-                "market": market,
-                "hosts": cards,
-                "ended": ends[-_ENDS_SHOWN:],
-                "rule_problems": rule_problems(market, observer.profiles),
-                "differing": differing_agents(observer.profiles),
-                "pauses": [] if pause is None else [pause],
-            }
-            plain = {name: as_plain_data(one) for name, one in found.items()}
-            print_json({**plain, "unknown_parameters": unknown})
-            return
-        if form is TableForm.CSV:
-            _print_agents(cards)
-            return
-        _print = partial(print_line, fitted_console(form))
-        known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
-        _print("market    ", market_text(market, names, time.time(), is_end_shown=known))
-        if pause is not None:
-            by = pause_text(pause.paused_at, pause.author)
-            _print("          ", f"{by}, until 'bt-agents resume'")
-        if at:
-            _print("          ", f"at {at}")
-        for host in market.awaited_hosts:
-            _print("          ", f"scenes in line wait for {host} to be back")
-        for number, label in enumerate(market.waiting, start=1):
-            _print("          ", f"waits, number {number} in line: '{names.name_of(label)}'")
-        new_scenes = ", ".join(filter(None, admission_text(observer)))
-        _print(
-            "          ",
-            f"round {market.round}, {counted(market.hosts, 'host')}, "
-            f"{counted(market.agents, 'agent')}; new scenes: {new_scenes}",
-        )
-        for line in _ranking_lines(market, auctions[-1] if auctions else None):
-            _print("          ", line)
-        for problem in rule_problems(market, observer.profiles):
-            _print("  problem: ", problem_text(problem))
-        for text in unknown.values():
-            _print("  problem: ", text)
-        most = sys.maxsize if shows_all else _AGENTS_SHOWN
-        for card, shown in zip(cards, shown_agents(cards, most), strict=True):
-            machine = f", on {card.machine}" if card.machine else ""
-            _print("host      ", f"{card.host}{machine}")
-            for agent in shown:
-                values = zip(card.parameters, agent.current, strict=True)
-                profile = ", ".join(f"{name} {format_known(value)}" for name, value in values)
-                _print(
-                    f"  {escape(f'{agent.name:<22}')} ",
-                    f"{profile}  (revision {agent.revision}, "
-                    f"version {agent.version}{_version_text(agent)})",
-                )
-                if agent.name in differing_agents(observer.profiles):
-                    _print("  problem: ", f"{agent.name}: {_DIFFERS}")
-            if len(shown) < len(card.agents):
-                more = counted(len(card.agents) - len(shown), "more agent")
-                _print("  ", f"{more}: bt-agents status --all")
-            for problem in card.problems:
-                _print("  problem: ", problem_text(problem))
-        for end in ends[-_ENDS_SHOWN:]:
-            when = time.strftime("%H:%M:%S", time.localtime(end.header.stamp.sec))
-            place = f"round {end.round}, " if end.round else ""
+    observer = connect()
+    scenes = observer.received("bt_agents/scene")
+    ends = observer.received("bt_agents/scene_ends")
+    health = observer.received("/diagnostics")
+    auctions = last_decisions(observer)
+    observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+    at = _node_at_work(observer)
+    pause = _pause(observer)
+    observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
+    observer.spin_until(lambda: observer.profiles is not None, SOON_S)
+    unknown = _unknown_parameters(observer, health)
+    market, names = observer.market, names_of_scenes(auctions)
+    for scene in scenes:  # a refused scene has no decision
+        names.add(scene)
+    cards = [card for _, card in sorted(observer.cards.items())]
+    if form is TableForm.JSON:
+        found = {
+            "market": market,
+            "hosts": cards,
+            "ended": ends[-_ENDS_SHOWN:],
+            "rule_problems": rule_problems(market, observer.profiles),
+            "differing": differing_agents(observer.profiles),
+            "pauses": [] if pause is None else [pause],
+        }
+        plain = {name: as_plain_data(one) for name, one in found.items()}
+        print_json({**plain, "unknown_parameters": unknown})
+        return
+    if form is TableForm.CSV:
+        _print_agents(cards)
+        return
+    _print = partial(print_line, fitted_console(form))
+    known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
+    _print("market    ", market_text(market, names, time.time(), is_end_shown=known))
+    if pause is not None:
+        by = pause_text(pause.paused_at, pause.author)
+        _print("          ", f"{by}, until 'bt-agents resume'")
+    if at:
+        _print("          ", f"at {at}")
+    for host in market.awaited_hosts:
+        _print("          ", f"scenes in line wait for {host} to be back")
+    for number, label in enumerate(market.waiting, start=1):
+        _print("          ", f"waits, number {number} in line: '{names.name_of(label)}'")
+    new_scenes = ", ".join(filter(None, admission_text(observer)))
+    _print(
+        "          ",
+        f"round {market.round}, {counted(market.hosts, 'host')}, "
+        f"{counted(market.agents, 'agent')}; new scenes: {new_scenes}",
+    )
+    for line in _ranking_lines(market, auctions[-1] if auctions else None):
+        _print("          ", line)
+    for problem in rule_problems(market, observer.profiles):
+        _print("  problem: ", problem_text(problem))
+    for text in unknown.values():
+        _print("  problem: ", text)
+    most = sys.maxsize if shows_all else _AGENTS_SHOWN
+    for card, shown in zip(cards, shown_agents(cards, most), strict=True):
+        machine = f", on {card.machine}" if card.machine else ""
+        _print("host      ", f"{card.host}{machine}")
+        for agent in shown:
+            values = zip(card.parameters, agent.current, strict=True)
+            profile = ", ".join(f"{name} {format_known(value)}" for name, value in values)
             _print(
-                "ended     ",
-                f"{when}, {place}'{names.name_of(end.scene_id)}', {end_text(end, names)}",
+                f"  {escape(f'{agent.name:<22}')} ",
+                f"{profile}  (revision {agent.revision}, "
+                f"version {agent.version}{_version_text(agent)})",
             )
+            if agent.name in differing_agents(observer.profiles):
+                _print("  problem: ", f"{agent.name}: {_DIFFERS}")
+        if len(shown) < len(card.agents):
+            more = counted(len(card.agents) - len(shown), "more agent")
+            _print("  ", f"{more}: bt-agents status --all")
+        for problem in card.problems:
+            _print("  problem: ", problem_text(problem))
+    for end in ends[-_ENDS_SHOWN:]:
+        when = time.strftime("%H:%M:%S", time.localtime(end.header.stamp.sec))
+        place = f"round {end.round}, " if end.round else ""
+        _print(
+            "ended     ", f"{when}, {place}'{names.name_of(end.scene_id)}', {end_text(end, names)}"
+        )
 
 
 def rule_problems(market: Any, profiles: Any) -> Sequence[Any]:

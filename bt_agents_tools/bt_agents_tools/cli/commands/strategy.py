@@ -43,26 +43,26 @@ def strategy(
     if "=" in name:
         name, options = "", (name, *options)
     values = assignments(context, context.command.params[1], options)
-    with connect() as observer:
-        from bt_agents_tools.client import market
-        from bt_agents_tools.client.strategies import changed_parameters
+    observer = connect()
+    from bt_agents_tools.client import market
+    from bt_agents_tools.client.strategies import changed_parameters
 
+    found = market.strategies(observer)
+    observing = "" if shadow == "none" else shadow
+    changes = changed_parameters(found, name, values, observing)
+    if changes:
+        market.set_parameters(observer, changes)
         found = market.strategies(observer)
-        observing = "" if shadow == "none" else shadow
-        changes = changed_parameters(found, name, values, observing)
-        if changes:
-            market.set_parameters(observer, changes)
-            found = market.strategies(observer)
-        if form.for_program:
-            print_table([Column(key=key) for key in _KEYS], list(_rows(found)), form)
-            return
-        auctions = last_decisions(observer)
-        last = auctions[-1] if auctions else None
-        if not changes:
-            _show(found)
-        elif name or shadow is None:
-            click.echo(_with_options(found))
-        click.echo(_ranking_text(found, last))
+    if form.for_program:
+        print_table([Column(key=key) for key in _KEYS], list(_rows(found)), form)
+        return
+    auctions = last_decisions(observer)
+    last = auctions[-1] if auctions else None
+    if not changes:
+        _show(found)
+    elif name or shadow is None:
+        click.echo(_with_options(found))
+    click.echo(_ranking_text(found, last))
 
 
 _KEYS = ("strategy", "ranks", "scores", "option", "value", "minimum", "maximum", "description")

@@ -33,54 +33,54 @@ def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bo
 
     For example: bt-agents trigger age=4.5 mood=2. Other values are as measured, or missing.
     """
-    with connect() as observer:
-        auctions = observer.received("bt_agents/auctions")
-        ends = observer.received("bt_agents/scene_ends")
-        answer = _analyze(
-            observer, values, person, label=label, name=name, urgent=urgent, announce=True
+    observer = connect()
+    auctions = observer.received("bt_agents/auctions")
+    ends = observer.received("bt_agents/scene_ends")
+    answer = _analyze(
+        observer, values, person, label=label, name=name, urgent=urgent, announce=True
+    )
+    mine = answer.scene.scene_id
+    if answer.kept:
+        click.echo(answer.message)
+
+    def rounds() -> list[Any]:
+        return [auction for auction in auctions if auction.scene.scene_id == mine]
+
+    def end() -> Any:
+        # A resent scene was taken before.
+        mine_ended = (one for one in ends if one.scene_id == mine)
+        return next((one for one in mine_ended if one.code != RefusalCode.DUPLICATE), None)
+
+    def decided() -> bool:
+        last = rounds()[-1:]
+        return end() is not None or any(a.outcome != a.PREEMPTS for a in last)
+
+    def waits() -> bool:
+        return not rounds() and bool(observer.market.queued)
+
+    observer.spin_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
+    if waits():
+        # A preemption round or a refusal may still follow.
+        observer.spin_until(lambda: decided() or bool(rounds()), 1.0)
+    known = observer.spin_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
+    scene_names = names_of_scenes(auctions)
+    if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
+        # The queue may be full.
+        observer.spin_until(lambda: end() is not None, SOON_S)
+    for auction in rounds():
+        click.echo(f"round {auction.round}: {headline(auction)}")
+        click.echo(scene_names.with_names(auction.reason))
+    if end() is not None and end().code in _REFUSED:
+        raise RefusedElsewhere(end().code, scene_names.with_names(end().message))
+    if not known:
+        state = scene_names.with_names(observer.market.message)
+        click.echo(
+            f"waits in line: {_queue_text(observer, urgent)}; {state}"
+            if waits()
+            else f"not decided yet, the market says: {state}"
         )
-        mine = answer.scene.scene_id
-        if answer.kept:
-            click.echo(answer.message)
-
-        def rounds() -> list[Any]:
-            return [auction for auction in auctions if auction.scene.scene_id == mine]
-
-        def end() -> Any:
-            # A resent scene was taken before.
-            mine_ended = (one for one in ends if one.scene_id == mine)
-            return next((one for one in mine_ended if one.code != RefusalCode.DUPLICATE), None)
-
-        def decided() -> bool:
-            last = rounds()[-1:]
-            return end() is not None or any(a.outcome != a.PREEMPTS for a in last)
-
-        def waits() -> bool:
-            return not rounds() and bool(observer.market.queued)
-
-        observer.spin_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
-        if waits():
-            # A preemption round or a refusal may still follow.
-            observer.spin_until(lambda: decided() or bool(rounds()), 1.0)
-        known = observer.spin_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
-        scene_names = names_of_scenes(auctions)
-        if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
-            # The queue may be full.
-            observer.spin_until(lambda: end() is not None, SOON_S)
-        for auction in rounds():
-            click.echo(f"round {auction.round}: {headline(auction)}")
-            click.echo(scene_names.with_names(auction.reason))
-        if end() is not None and end().code in _REFUSED:
-            raise RefusedElsewhere(end().code, scene_names.with_names(end().message))
-        if not known:
-            state = scene_names.with_names(observer.market.message)
-            click.echo(
-                f"waits in line: {_queue_text(observer, urgent)}; {state}"
-                if waits()
-                else f"not decided yet, the market says: {state}"
-            )
-        elif end() is None and observer.market.awaited_hosts:
-            click.echo(f"waits in line: {scene_names.with_names(observer.market.message)}")
+    elif end() is None and observer.market.awaited_hosts:
+        click.echo(f"waits in line: {scene_names.with_names(observer.market.message)}")
 
 
 @click.command()
@@ -95,8 +95,8 @@ def sense(values: Assignments, person: bool | None) -> None:
         raise click.UsageError(
             "nothing is sensed; name a value, such as mood=1.5, or write --person or --no-person"
         )
-    with connect() as observer:
-        click.echo(_analyze(observer, values, person).message)
+    observer = connect()
+    click.echo(_analyze(observer, values, person).message)
 
 
 def _analyze(observer: Observer, values: Assignments, person: bool | None, **fields: Any) -> Any:

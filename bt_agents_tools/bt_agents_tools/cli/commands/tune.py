@@ -96,13 +96,13 @@ def tune(
     if history:
         _history(agent, state, form)
         return
-    with connect() as observer:
-        if actions:
-            _take_back(observer, agent, actions[0], author=author, reason=reason)
-        elif values:
-            _set(observer, agent, values, author=author, reason=reason)
-        else:
-            _show(observer, agent, form)
+    observer = connect()
+    if actions:
+        _take_back(observer, agent, actions[0], author=author, reason=reason)
+    elif values:
+        _set(observer, agent, values, author=author, reason=reason)
+    else:
+        _show(observer, agent, form)
 
 
 def _split(arguments: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
@@ -248,8 +248,8 @@ _HISTORY = (
 def _history(agent: str, state: str, form: TableForm) -> None:
     if not state:
         try:
-            with connect() as observer:
-                _show_history(observer, agent, form)
+            observer = connect()
+            _show_history(observer, agent, form)
         except NoSystemError as error:
             click.echo(f"{error}; this is from the file", err=True)
         else:

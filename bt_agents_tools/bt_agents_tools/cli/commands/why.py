@@ -51,20 +51,20 @@ def why(round_number: int | None, state: str, journal: Path | None, form: TableF
 
 
 def _show_running(round_number: int | None, form: TableForm) -> None:
-    with connect() as observer:
-        ends = observer.received("bt_agents/scene_ends")
-        auctions = last_decisions(observer)
-        runs = observer.received("bt_agents/runs")
-        observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
-        found = _show(auctions, round_number, form)
-        if form.for_program:
-            return
-        observer.spin_until(lambda: has_run_ended(runs, found), SOON_S)
-        names = names_of_scenes(auctions)
-        _print_stops(runs, found, names)
-        for end in ends:
-            if end.scene_id == found.scene.scene_id and end.code != RefusalCode.DUPLICATE:
-                click.echo(f"the scene ended: {end_text(end, names)}")
+    observer = connect()
+    ends = observer.received("bt_agents/scene_ends")
+    auctions = last_decisions(observer)
+    runs = observer.received("bt_agents/runs")
+    observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
+    found = _show(auctions, round_number, form)
+    if form.for_program:
+        return
+    observer.spin_until(lambda: has_run_ended(runs, found), SOON_S)
+    names = names_of_scenes(auctions)
+    _print_stops(runs, found, names)
+    for end in ends:
+        if end.scene_id == found.scene.scene_id and end.code != RefusalCode.DUPLICATE:
+            click.echo(f"the scene ended: {end_text(end, names)}")
 
 
 def _show_recorded(
