@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, NoReturn, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -96,8 +96,6 @@ class Option:
     description: str
 
 
-ScoreFunction = Callable[[RoundBids, Mapping[str, float], np.random.Generator], Sequence[Score]]
-
 FloatArray = npt.NDArray[np.float64]
 
 DifferenceFunction = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
@@ -122,7 +120,7 @@ class StrategySpec:
 
     name: str
     description: str
-    score: ScoreFunction
+    score: Callable[[RoundBids, Mapping[str, float], np.random.Generator], Sequence[Score]]
     options: tuple[Option, ...] = ()
     draws: bool = False
     counts: bool = False
@@ -133,8 +131,18 @@ class StrategySpec:
         return {option.name: given.get(option.name, option.default) for option in self.options}
 
     def random(self, seed: str) -> np.random.Generator:
-        """Return the random source of a round; without ``draws``, one that is not to be used."""
-        return round_rng(seed) if self.draws else _UNUSED
+        """Return the random source of a round; without ``draws``, one that raises when used.
+
+        NumPy loads its random sources, 6 MB, once something names them outside an annotation.
+        """
+        return round_rng(seed) if self.draws else cast("np.random.Generator", _Undeclared())
+
+
+class _Undeclared:
+    """Random source of a strategy without ``draws``."""
+
+    def __getattr__(self, name: str) -> NoReturn:
+        raise AttributeError(f"'random.{name}' needs draws=True in the entry of the strategy")
 
 
 def round_rng(seed: str) -> np.random.Generator:
@@ -144,9 +152,6 @@ def round_rng(seed: str) -> np.random.Generator:
     """
     words = np.frombuffer(hashlib.sha256(seed.encode()).digest()[::-1], dtype="<u4")
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words.astype(np.uint32))))
-
-
-_UNUSED = round_rng("")
 
 
 def total(parts: Sequence[float]) -> float:

@@ -6,14 +6,17 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from bt_agents_core.errors import Refused
 from field_values import field, scored
 from marketplace_node import strategies
+from marketplace_node.round import round_model
 from marketplace_node.settings import Settings
 from marketplace_node.strategies import STRATEGIES, Bid, order, round_rng
 from marketplace_node.strategies.distances import folded_mean
@@ -47,6 +50,12 @@ def test_folded_mean_matches_its_integral(gap: float, std: float) -> None:
     integral = np.sum(np.abs(gap + std * points) * density) * step
 
     assert folded_mean(gap, std) == pytest.approx(float(integral), rel=1e-7)
+
+
+def test_undeclared_draw_fails_strategy() -> None:
+    secretive = replace(STRATEGIES["softmax"], draws=False)
+    with pytest.raises(Refused, match=r"'random\.random' needs draws=True"):
+        round_model.scored(secretive, field((3.0,), [(4.0,)]), {}, "seed")
 
 
 def winners(
