@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
 from concurrent.futures import Future as ThreadFuture
@@ -19,6 +20,7 @@ LIMIT_S = 5.0
 
 _FUTURES_S = 0.01
 _DAY_S = 86400.0
+_SPREAD_S = 0.0618  # moves processes with neighbouring ids apart within each tenth of a second
 
 
 def steady_timer(
@@ -26,10 +28,17 @@ def steady_timer(
 ) -> Timer:
     """Create a timer on the steady clock, which simulated time does not affect.
 
-    Without ``running`` it is created in the cancelled state; ``reset`` starts it.
+    Without ``running`` it is created in the cancelled state; ``reset`` starts it. Otherwise it
+    fires at multiples of its period after a moment that all timers of a process share, so that
+    they wake an idle process together, and those of other processes at other times.
     """
     steady = Clock(clock_type=ClockType.STEADY_TIME)
-    return node.create_timer(period_s, callback, clock=steady, autostart=running)
+    since_s = time.monotonic() - os.getpid() * _SPREAD_S
+    # A timer with a period of zero never fires.
+    first_s = max(period_s - since_s % period_s, 1e-6) if running else period_s
+    timer = node.create_timer(first_s, callback, clock=steady, autostart=running)
+    timer.timer_period_ns = int(period_s * 1e9)  # counts from the first call on
+    return timer
 
 
 class OneShot:
@@ -83,8 +92,7 @@ class FuturePoller:
         """Wait for a future as :meth:`watch` does; return its error message, empty on success."""
         ended = Future(executor=self._node.executor)
         self.watch(future, ended.set_result)
-        error: str = await ended
-        return error
+        return str(await ended)
 
     def _poll(self) -> None:
         now = time.monotonic()

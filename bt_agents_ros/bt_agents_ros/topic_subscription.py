@@ -34,8 +34,7 @@ class TopicSubscription:
         return self._node.create_subscription(kind, topic, receive, qos.SENSOR)
 
     def _publishers(self) -> list[Any]:
-        found: list[Any] = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
-        return found
+        return list(self._node.get_publishers_info_by_topic(self._subscription.topic_name))
 
 
 class LatchedSubscription(TopicSubscription):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A timer that fires once, at a time that can be moved."""
+"""Steady timers: periodic ones, and one that fires once, at a time that can be moved."""
 
 from __future__ import annotations
 
@@ -9,9 +9,32 @@ from typing import Any
 
 import pytest
 
-from bt_agents_ros.timers import OneShot
+from bt_agents_ros.timers import OneShot, steady_timer
 
 pytestmark = pytest.mark.ros
+
+
+def test_periodic_timers_of_process_fire_together(ros: Any) -> None:
+    def fire() -> None:
+        fired.append(time.monotonic())
+
+    def is_due_together() -> bool:
+        before = time.monotonic()
+        first, second = (timer.time_until_next_call() * 1e-9 for timer in timers)
+        slack_s = time.monotonic() - before + made_in_s + 1e-3
+        apart_s = abs(first - second) % 0.1
+        return min(apart_s, 0.1 - apart_s) <= slack_s
+
+    fired: list[float] = []
+    timers = [steady_timer(ros.node, 0.2, fire)]
+    ros.until(lambda: fired)
+    ros.until(lambda: time.monotonic() > fired[0] + 0.03)
+    begun = time.monotonic()
+    timers.append(steady_timer(ros.node, 0.1, fire))
+    made_in_s = time.monotonic() - begun
+    assert is_due_together()
+    ros.until(lambda: len(fired) == 6)
+    assert is_due_together()
 
 
 def test_timer_fires_once_per_setting(ros: Any) -> None:
