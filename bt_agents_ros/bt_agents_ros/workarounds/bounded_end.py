@@ -19,7 +19,7 @@ from contextlib import contextmanager
 END_LIMIT_S = 3
 """Longest time for the end of a process whose work is done [s]."""
 
-_NODES_LIMIT_S = 5.0
+_NODES_LIMIT_S = 4.0
 """Longest time to destroy nodes in a process that goes on [s]."""
 
 _ERRORS = 2
