@@ -18,7 +18,9 @@ from bt_agents_lab.experiments.measures import PerRun, of_runs, together
 from bt_agents_lab.experiments.random_streams import WrongFeedback, draw
 from bt_agents_lab.experiments.simulated_world import Arm, Selection, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
-from bt_agents_ros.signals import block_sigint
+from bt_agents_ros.signals import Interrupt, block_sigint
+
+_POLL_S = 0.1
 
 PART = 20
 """Number of runs per task; it is fixed, so that results do not depend on the processes."""
@@ -111,31 +113,35 @@ def _worked(
         for part, selection in tasks:
             yield (part, selection), _play(spec, parts[part], selection)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context) as pool:
-        waiting: dict[Future[Results], tuple[int, int]] = {}
+    # An exception of a signal handler could leave the lock of a future taken.
+    interrupt = Interrupt()
+    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+    waiting: dict[Future[Results], tuple[int, int]] = {}
+    try:
+        # Only this process gets a Ctrl-C; it ends the others.
+        signal_mask = block_sigint()
         try:
-            # Only this process gets a Ctrl-C; it ends the others.
-            signal_mask = block_sigint()
-            try:
-                for part, selection in tasks:
-                    future = pool.submit(_play, spec, parts[part], selection)
-                    waiting[future] = part, selection
-            finally:
-                signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
-            while waiting:
-                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                    yield waiting.pop(future), future.result()
-        except BrokenProcessPool:
-            raise BtAgentsError(
-                "a process of the sweep was ended from outside; with little memory, take fewer "
-                "with --processes"
-            ) from None
+            for part, selection in tasks:
+                future = pool.submit(_play, spec, parts[part], selection)
+                waiting[future] = part, selection
         finally:
-            if waiting:
-                for process in multiprocessing.active_children():
-                    process.kill()
-            pool.shutdown(cancel_futures=True)
+            signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
+        while waiting and not interrupt:
+            for future in wait(waiting, _POLL_S, return_when=FIRST_COMPLETED).done:
+                yield waiting.pop(future), future.result()
+    except BrokenProcessPool:
+        raise BtAgentsError(
+            "a process of the sweep was ended from outside; with little memory, take fewer "
+            "with --processes"
+        ) from None
+    finally:
+        interrupt.release()
+        if waiting:
+            for process in multiprocessing.active_children():
+                process.kill()
+        pool.shutdown(wait=not waiting, cancel_futures=True)
+    if interrupt:
+        raise KeyboardInterrupt
 
 
 def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
