@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 _BUTTON = "std_msgs/msg/Bool"
 _DISCOVERY_S = 1.0
+"""Time without a newly discovered topic after which all are considered discovered [s]."""
+
+_MOST_CHANGES = 20
 
 
 @click.command()
@@ -61,11 +64,16 @@ def _heard(observer: Observer, topic: str, *, sensors: bool) -> Mapping[str, str
     if sensors:
         nodes = [*nodes, f"{observer.namespace.rstrip('/')}/scene_layer"]
 
-    def found() -> bool:
-        return bool(topic) and topic in heard_topics(observer.node, nodes)
+    heard: Mapping[str, str] = {}
 
-    observer.spin_until(found, _DISCOVERY_S)
-    return heard_topics(observer.node, nodes)
+    def changed() -> bool:
+        return heard_topics(observer.node, nodes) != heard
+
+    for _ in range(_MOST_CHANGES):
+        if topic in heard or not observer.spin_until(changed, _DISCOVERY_S):
+            break
+        heard = heard_topics(observer.node, nodes)
+    return heard
 
 
 def _show(heard: Mapping[str, str], nothing: str) -> None:
