@@ -5,7 +5,7 @@ import { scaleOf } from "../src/fields";
 import { exactNumber, formatNumber, formatSeconds } from "../src/formatting";
 
 describe("formatting", () => {
-  test.each([0.1 + 0.2, 1 / 3, 1e21, -0.0001])("%d loses no digit where it is edited", (value) => {
+  test.each([0.1 + 0.2, 1 / 3, 1e21, -0.0001])("%d keeps all digits in a field", (value) => {
     expect(Number(exactNumber(value))).toBe(value);
   });
 
@@ -55,7 +55,7 @@ describe("address", () => {
     expect(readAddress("/live", query)).toEqual(NOTHING);
   });
 
-  test("a path that is not a page shows none", () => {
+  test("an unknown path shows no page", () => {
     expect(readAddress("/elsewhere", "").page).toBeNull();
   });
 });

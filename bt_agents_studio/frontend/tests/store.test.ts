@@ -52,7 +52,7 @@ test("an entry without a value is removed", () => {
   expect(read("one")).toBeUndefined();
 });
 
-test("a hidden tab, which draws no frames, takes changes too", () => {
+test("a hidden tab, which draws no frames, applies changes", () => {
   store.apply(delta(["agents", "one", {}]));
   vi.advanceTimersByTime(1_000);
   expect(read("one")).toEqual({});
@@ -65,7 +65,7 @@ test("changes before a snapshot do not overwrite it", () => {
   expect(read("one")).toEqual({ name: "new" });
 });
 
-test("changes of the present leave an earlier moment as it was", () => {
+test("live changes do not affect an earlier moment", () => {
   store.replaceAll(snapshot({ agents: { one: { name: "then" } } }, 1_000));
   store.setPresent(snapshot({ agents: { one: { name: "now" } } }));
   store.apply(present(false, ["agents", "one", { name: "later" }]));

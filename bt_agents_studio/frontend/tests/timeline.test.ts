@@ -13,7 +13,7 @@ function event(began_s: number, ended_s: number | null = began_s, change: Partia
 const run = (began_s: number, ended_s: number | null, kind = "SUCCEEDED"): EventRecord => event(began_s, ended_s, { lane: "AGENT", kind });
 
 describe("window", () => {
-  test("a zoom leaves the moment under the pointer where it is", () => {
+  test("a zoom keeps the moment under the pointer in place", () => {
     const shown = { fromS: 2_000, toS: 3_000 };
     const view = lanes.zoomed(shown, WHOLE, 2_300, 0.5);
     const after = lanes.windowOf(view, WHOLE);
@@ -21,7 +21,7 @@ describe("window", () => {
     expect(lanes.placeOf(2_300, after, WIDTH_PX)).toBeCloseTo(lanes.placeOf(2_300, shown, WIDTH_PX));
   });
 
-  test("a zoom out of the whole time shows all of it", () => {
+  test("zooming out shows at most the whole time", () => {
     expect(lanes.zoomed(WHOLE, WHOLE, 2_000, 2)).toBeNull();
     expect(lanes.windowOf(null, WHOLE)).toEqual(WHOLE);
   });
@@ -32,18 +32,18 @@ describe("window", () => {
     expect(lanes.windowOf(view, { fromS: 1_000, toS: 5_000 })).toEqual({ fromS: 4_500, toS: 5_000 });
   });
 
-  test("no window leaves the time that is kept", () => {
+  test("a window stays within the kept time", () => {
     expect(lanes.windowOf({ lengthS: 500, endS: 900 }, WHOLE)).toEqual({ fromS: 1_000, toS: 1_500 });
   });
 
-  test("a view moves only for a moment outside of it", () => {
+  test("a view moves only for a moment outside it", () => {
     const view = { lengthS: 500, endS: 2_000 };
     expect(lanes.viewWith(1_800, view, WHOLE)).toBe(view);
     const { fromS, toS } = lanes.windowOf(lanes.viewWith(3_000, view, WHOLE), WHOLE);
     expect([fromS, toS]).toEqual([2_750, 3_250]);
   });
 
-  test("the place of a moment leads back to it", () => {
+  test("a position converts back to its moment", () => {
     for (const atS of [1_000, 2_345.6, 4_600])
       expect(lanes.momentAt(lanes.placeOf(atS, WHOLE, WIDTH_PX), WHOLE, WIDTH_PX)).toBeCloseTo(atS);
   });
@@ -68,7 +68,7 @@ describe("events", () => {
     ]);
   });
 
-  test("moments too close for each other are one block, and a failure stands for all", () => {
+  test("moments that are too close share a block, which shows their failure", () => {
     const faults = [event(2_000), event(2_001, 2_001, { lane: "FAULT", text: "lost" }), event(2_002)];
     const blocks = lanes.blocksOf(faults, WHOLE, WIDTH_PX);
     expect(blocks.map((one) => [one.lane, one.count])).toEqual([["MARKET", 2], ["FAULT", 1]]);
@@ -76,7 +76,7 @@ describe("events", () => {
     expect(lanes.blocksOf(runs, WHOLE, WIDTH_PX).map((one) => [one.count, one.event.kind])).toEqual([[2, "FAILED"]]);
   });
 
-  test("events outside of the window are left out, and others are cut at its edges", () => {
+  test("events outside the window are left out, and others are cut at its edges", () => {
     const shown = { fromS: 2_000, toS: 3_000 };
     const [block, ...rest] = lanes.blocksOf([run(1_000, 1_999), run(1_500, null), run(3_001, null)], shown, WIDTH_PX);
     expect(rest).toEqual([]);

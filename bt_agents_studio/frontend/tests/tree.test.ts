@@ -60,7 +60,7 @@ describe("nest", () => {
     expect(drive?.children.map((one) => [one.node.path, one.handles])).toEqual([["tree/1@on_failure/0", "on_failure"]]);
   });
 
-  test("a parent that comes later makes no circle", () => {
+  test("a parent that comes later creates no cycle", () => {
     expect(paths(nest(tree(["a", 1, "say"], ["b", 0, "say"])))).toEqual(["a"]);
     expect(paths(nest(tree(["a", 0, "say"])))).toEqual(["a"]);
   });
@@ -80,7 +80,7 @@ describe("layOut", () => {
     }
   });
 
-  test("what is below a folded node has no place", () => {
+  test("descendants of a folded node are not drawn", () => {
     const { placed } = layOut(nest(wide(2)), new Set(["tree/0"]));
     expect(placed.map((one) => one.shown.node.path)).toEqual(["tree", "tree/0", "tree/1", "tree/1/0"]);
   });
@@ -119,7 +119,7 @@ describe("outline", () => {
     expect(Math.max(...held)).toBeGreaterThan(12);
   });
 
-  test("the first rows of a tree hold nothing", () => {
+  test("the first rows of a tree keep no ancestors on top", () => {
     expect(drawnAt(rowsOf(nest(deep(20)), NONE), 0, 5).held).toEqual([]);
   });
 });
@@ -127,7 +127,7 @@ describe("outline", () => {
 describe("find", () => {
   const record = tree(["tree", -1, "sequence"], ["tree/0@retry", 0, "retry"], ["tree/0", 1, "say", "say Hello"]);
 
-  test("names are found in any case, and a decorator stands for its node", () => {
+  test("a search ignores case, and finds a node by its decorator", () => {
     expect(find(record, " HELLO ")).toEqual(["tree/0"]);
     expect(find(record, "retry")).toEqual(["tree/0"]);
   });
