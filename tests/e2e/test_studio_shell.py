@@ -265,9 +265,7 @@ LOOK = """() => {
 MOST_LOOKS = 16
 
 
-def test_hung_studio_is_shown_as_stale_within_three_seconds(
-    browser: Browser, process: Program
-) -> None:
+def test_hung_studio_shows_stale_within_three_seconds(browser: Browser, process: Program) -> None:
     with opened_page(browser, process.until("http").strip()) as page:
         phase = page.locator(".phase")
         expect(strip(page)).to_contain_text("the marketplace is silent since")
@@ -334,7 +332,7 @@ def test_half_open_connection_is_shown_and_replaced(
         "document.dispatchEvent(new Event('visibilitychange'))",
     ],
 )
-def test_lost_page_comes_back_when_network_or_user_does(
+def test_lost_page_returns_with_network_or_user(
     half_open: tuple[Page, SwallowedSocket], event: str
 ) -> None:
     page, socket = half_open

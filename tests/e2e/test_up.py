@@ -225,7 +225,7 @@ def test_second_concurrent_system_exits_and_names_first(start: Start, start_up: 
     assert again.stop()[0] == 0
 
 
-def test_system_of_another_user_is_noticed_by_its_market(
+def test_system_of_another_user_is_noticed(
     start: Start, start_up: Start, environment: dict[str, str], tmp_path: Path
 ) -> None:
     start_up()

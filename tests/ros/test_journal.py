@@ -198,7 +198,7 @@ def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> Non
     assert (trees["history"], trees["reliability"], trees["durability"]) == (1, 1, 1)
 
 
-def test_health_of_shared_hardware_is_recorded_once_per_node(harness: JournalHarness) -> None:
+def test_shared_hardware_health_is_recorded_per_node(harness: JournalHarness) -> None:
     journal = harness.record()
     publisher = harness.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
     harness.ros.until(publisher.get_subscription_count)

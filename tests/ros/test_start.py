@@ -102,7 +102,5 @@ def test_second_signal_ends_construction_immediately() -> None:
         ("raise NodeMustEnd('it must')", (1, "error: it must\n")),
     ],
 )
-def test_hanging_middleware_neither_keeps_process_nor_changes_its_exit_code(
-    end: str, outcome: tuple[int, str]
-) -> None:
+def test_node_exit_code_survives_hanging_middleware(end: str, outcome: tuple[int, str]) -> None:
     assert printed(HANGING.format(end=end)) == outcome

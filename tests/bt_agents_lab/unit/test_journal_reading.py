@@ -58,7 +58,7 @@ def test_journal_being_written_is_read_without_problems(tmp_path: Path) -> None:
     assert reader.problems == []
 
 
-def test_growing_file_is_read_on_from_its_last_whole_record(tmp_path: Path) -> None:
+def test_growing_file_is_read_on_from_last_record(tmp_path: Path) -> None:
     file = begun(tmp_path / "a.mcap")
     reader = JournalReader([file.path])
     assert len(reader.further_entries()) == 1

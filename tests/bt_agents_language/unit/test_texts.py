@@ -117,7 +117,7 @@ def test_longest_variant_decides_cut_speech_warning(folder):
     assert [one.code for one in lint(folder.read().agents[0])] == ["cut-speech"]
 
 
-def test_comment_in_text_is_warned_about_in_its_file(folder):
+def test_comment_in_text_gets_warning_in_its_file(folder):
     folder.write("texts/de.yaml", DE + "  bye: Ade. // laut\n")
     folder.tree("tree: {say: '${t.bye}'}\n")
     found = [one for one in folder.problems() if "comment-in-text" in one]

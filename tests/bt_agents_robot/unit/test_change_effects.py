@@ -61,7 +61,7 @@ def test_leaving_shows_when_nobody_is_there():
     assert not found.pending
 
 
-def test_change_after_visit_says_why_it_had_no_effect():
+def test_change_after_visit_explains_missing_effect():
     said = unmade_text(FALL, "Mrs Smith", started=True)
     assert said == "Mrs Smith: mood 1.5 after 3 s had no effect: the visit was over by then"
     assert unmade_text(FALL, "a", started=False).endswith("no run of the visit has started")

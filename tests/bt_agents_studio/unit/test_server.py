@@ -125,9 +125,7 @@ async def test_present_goes_on_beside_earlier_moment(one: ServedStudio) -> None:
 
 
 @served
-async def test_page_that_comes_back_to_earlier_moment_gets_whole_present(
-    one: ServedStudio,
-) -> None:
+async def test_page_returning_to_earlier_moment_gets_whole_present(one: ServedStudio) -> None:
     one.put("parts", "robot", PartRecord(alive=True, seen_s=1.0))
     one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
     async with one.client(SessionRole.VIEW) as client, client.ws_connect("/api/socket") as socket:
@@ -507,7 +505,7 @@ async def test_studio_knows_which_pages_are_open(one: ServedStudio) -> None:
 
 
 @served
-async def test_page_person_to_look_on_counts_as_no_person(one: ServedStudio) -> None:
+async def test_watching_page_person_counts_as_no_person(one: ServedStudio) -> None:
     async with one.client(SessionRole.VIEW) as client:
         page = await client.ws_connect("/api/socket?page=person")
         assert (await _next(page))["type"] == "hello"

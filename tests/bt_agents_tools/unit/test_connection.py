@@ -176,7 +176,7 @@ main()
 
 
 @pytest.mark.parametrize("code", [0, 3])
-def test_hanging_middleware_does_not_change_exit_code_of_command(code: int) -> None:
+def test_command_exit_code_survives_hanging_middleware(code: int) -> None:
     command = [sys.executable, "-c", HANGING, str(code)]
     ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert (ended.returncode, ended.stdout, ended.stderr) == (code, "done\n", "")

@@ -48,7 +48,7 @@ UNKNOWN = {
         ("elsewhere", "pace", False),
     ],
 )
-def test_parameter_is_unknown_if_no_meant_node_has_it(
+def test_parameter_that_no_meant_node_has_is_unknown(
     tmp_path: Path, section: str, given: str, left: bool
 ) -> None:
     text = f"{section}: {{ros__parameters: {{{given}: 1.0}}}}"
