@@ -61,6 +61,15 @@ bounded_end.END_LIMIT_S = 1
 sys.exit(run(Hanging))
 """
 
+HANGING_START = """
+import ctypes
+from bt_agents_ros.workarounds import bounded_end
+
+bounded_end._NODES_LIMIT_S = 0.5
+with bounded_end.ending_in_time():
+    ctypes.PyDLL(None).pause()
+"""
+
 
 def ended(number: signal.Signals, *, before: int = 0, inside: int = 0) -> tuple[int, str]:
     """Run a node that signals itself; return its exit code and output."""
@@ -104,3 +113,9 @@ def test_second_signal_ends_construction_immediately() -> None:
 )
 def test_node_exit_code_survives_hanging_middleware(end: str, outcome: tuple[int, str]) -> None:
     assert printed(HANGING.format(end=end)) == outcome
+
+
+def test_hanging_start_ends_with_traceback() -> None:
+    code, text = printed(HANGING_START)
+    assert code == 1
+    assert '"<string>", line 7 in <module>' in text
