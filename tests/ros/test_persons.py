@@ -374,7 +374,8 @@ def tracked_by(ros, type_name: str, field: str, *messages: Any) -> list[tuple[st
     ros.add(layer)
     publisher = ros.node.create_publisher(type(messages[0]), "tracked", qos.SENSOR)
     persons = ros.collect(Persons, "bt_agents/scene/persons", qos.FACT)
-    ros.until(publisher.get_subscription_count)
+    # The layer first publishes that nobody is there.
+    ros.until(lambda: publisher.get_subscription_count() and persons)
     found = []
     for message in messages:
         before = len(persons)
