@@ -215,6 +215,22 @@ def test_ctrl_c_quickly_ends_long_work_and_workers(
     wait_for(lambda: not any(map(alive, mine)))
 
 
+def test_killed_worker_ends_sweep(tmp_path: Path) -> None:
+    def workers() -> list[int]:
+        every = children(sweep.pid)
+        return [pid for pid in every if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+
+    with started("experiment", "sweep", "told", "--processes", "2", folder=tmp_path) as sweep:
+        wait_for(lambda: len(workers()) == 2)
+        killed, other = workers()
+        os.kill(killed, signal.SIGKILL)
+        _, err = (text.decode() for text in sweep.communicate(timeout=HANG_S))
+    assert "error: a process of the sweep ended early; with little memory, take fewer" in err
+    assert "Traceback" not in err
+    assert sweep.returncode == 1
+    wait_for(lambda: not alive(other))
+
+
 @pytest.mark.parametrize("home", ["{folder}", ""])
 def test_commands_write_no_log_file_in_home(
     home: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory

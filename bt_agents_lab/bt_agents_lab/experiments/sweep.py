@@ -6,11 +6,12 @@ from __future__ import annotations
 import multiprocessing
 import signal
 from collections.abc import Callable, Generator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from itertools import product
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
@@ -82,7 +83,7 @@ def sweep(
     finished tasks and of all tasks.
 
     Raises:
-        BtAgentsError: A process was killed from outside.
+        BtAgentsError: A process of the sweep ended early, perhaps killed for its memory.
     """
     parts = [
         range(first, min(first + PART, spec.seed + spec.runs))
@@ -113,35 +114,57 @@ def _worked(
         for part, selection in tasks:
             yield (part, selection), _play(spec, parts[part], selection)
         return
-    # An exception of a signal handler could leave the lock of a future taken.
+    # The thread of a ProcessPoolExecutor may hang or fail when the pool ends in its work.
+    context = multiprocessing.get_context("spawn")
+    left = iter(tasks)
+    busy: dict[Connection, tuple[int, int]] = {}
+    workers: list[SpawnProcess] = []
+
+    def give_next(connection: Connection) -> None:
+        if (task := next(left, None)) is not None:
+            connection.send(task)
+            busy[connection] = task
+
     interrupt = Interrupt()
-    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
-    waiting: dict[Future[Results], tuple[int, int]] = {}
     try:
-        # Only this process gets a Ctrl-C; it ends the others.
+        # Only this process gets a Ctrl-C; it ends the others. The first one would start the
+        # resource tracker, which unblocks the signal.
+        resource_tracker.ensure_running()
         signal_mask = block_sigint()
         try:
-            for part, selection in tasks:
-                future = pool.submit(_play, spec, parts[part], selection)
-                waiting[future] = part, selection
+            for _ in range(min(processes, len(tasks))):
+                connection, its = context.Pipe()
+                worker = context.Process(target=_work, args=(its, spec, parts))
+                worker.start()
+                its.close()
+                workers.append(worker)
+                give_next(connection)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
-        while waiting and not interrupt:
-            for future in wait(waiting, _POLL_S, return_when=FIRST_COMPLETED).done:
-                yield waiting.pop(future), future.result()
-    except BrokenProcessPool:
+        while busy and not interrupt:
+            wait(list(busy), _POLL_S)
+            for connection in [one for one in busy if one.poll()]:
+                yield busy.pop(connection), connection.recv()
+                give_next(connection)
+    except (EOFError, ConnectionError):
         raise BtAgentsError(
-            "a process of the sweep was ended from outside; with little memory, take fewer "
-            "with --processes"
+            "a process of the sweep ended early; with little memory, take fewer with --processes"
         ) from None
     finally:
         interrupt.release()
-        if waiting:
-            for process in multiprocessing.active_children():
-                process.kill()
-        pool.shutdown(wait=not waiting, cancel_futures=True)
+        for worker in workers:
+            worker.kill()
+            worker.join()
     if interrupt:
         raise KeyboardInterrupt
+
+
+def _work(connection: Connection, spec: SweepSpec, parts: list[range]) -> None:
+    """Play tasks that arrive on a connection until it ends."""
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            part, selection = connection.recv()
+            connection.send(_play(spec, parts[part], selection))
 
 
 def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
