@@ -8,6 +8,7 @@ import fcntl
 import os
 import pty
 import re
+import shlex
 import signal
 import struct
 import subprocess
@@ -145,7 +146,8 @@ def test_file_without_disk_space_is_named(
 
 
 def test_closed_output_descriptor_is_not_reused_for_files(tmp_path: Path) -> None:
-    new = "exec bt-agents new ann <&- >&- 2>&-"
+    command = shlex.quote(str(Path(sys.executable).with_name("bt-agents")))
+    new = f"exec {command} new ann <&- >&- 2>&-"
     assert subprocess.run(["sh", "-c", new], cwd=tmp_path, timeout=HANG_S).returncode == 0
     written = (tmp_path / "trees" / "agents" / "ann.yaml").read_text(encoding="utf-8")
     assert "agent: ann" in written
