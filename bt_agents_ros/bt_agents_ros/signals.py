@@ -101,8 +101,8 @@ def check_interrupt() -> None:
 def end_silently() -> None:
     """Let a Ctrl-C end the process without a traceback, as SIGTERM does.
 
-    The parent may block SIGINT until here with :func:`block_sigint`, because Python itself prints
-    a traceback if the signal arrives before the first line of a program.
+    The parent may block SIGINT until here with :func:`sigint_blocked`, because Python itself
+    prints a traceback if the signal arrives before the first line of a program.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -162,6 +162,11 @@ def loading() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def block_sigint() -> set[int | signal.Signals]:
-    """Block SIGINT for the next started process; return the mask to restore afterwards."""
-    return set(signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}))
+@contextmanager
+def sigint_blocked() -> Iterator[None]:
+    """Block SIGINT within this block; a process that starts in it inherits that."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

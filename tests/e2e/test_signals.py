@@ -20,7 +20,7 @@ import pytest
 from bt_agents_interfaces.msg import MarketStatus, Run, Scene
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from bt_agents_ros.signals import block_sigint
+from bt_agents_ros.signals import sigint_blocked
 from bt_agents_tools.launcher import components as system
 from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile
@@ -281,18 +281,14 @@ def test_ctrl_c_at_any_moment_prints_no_traceback(
 
 def started_silently(command: tuple[str, ...], output: Path) -> subprocess.Popen[bytes]:
     """Start a command that ignores Ctrl-C before its first line, which Python would handle."""
-    signal_mask = block_sigint()
-    try:
-        with output.open("wb") as file:
-            return subprocess.Popen(
-                [sys.executable, "-m", "bt_agents_tools.cli", *command],
-                stdin=subprocess.DEVNULL,
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
+    with sigint_blocked(), output.open("wb") as file:
+        return subprocess.Popen(
+            [sys.executable, "-m", "bt_agents_tools.cli", *command],
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
 
 
 def in_a_run(ros: Ros, told: list[Told], random: Random) -> list[str]:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
 from collections.abc import Callable, Generator
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from bt_agents_lab.experiments.measures import PerRun, of_runs, together
 from bt_agents_lab.experiments.random_streams import WrongFeedback, draw
 from bt_agents_lab.experiments.simulated_world import Arm, Selection, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
-from bt_agents_ros.signals import Interrupt, block_sigint
+from bt_agents_ros.signals import Interrupt, sigint_blocked
 
 _POLL_S = 0.1
 
@@ -130,8 +129,7 @@ def _worked(
         # Only this process gets a Ctrl-C; it ends the others. The first one would start the
         # resource tracker, which unblocks the signal.
         resource_tracker.ensure_running()
-        signal_mask = block_sigint()
-        try:
+        with sigint_blocked():
             for _ in range(min(processes, len(tasks))):
                 connection, its = context.Pipe()
                 worker = context.Process(target=_work, args=(its, spec, parts))
@@ -139,8 +137,6 @@ def _worked(
                 its.close()
                 workers.append(worker)
                 give_next(connection)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
         while busy and not interrupt:
             wait(list(busy), _POLL_S)
             for connection in [one for one in busy if one.poll()]:

@@ -23,14 +23,14 @@ import time
 import traceback
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from fcntl import F_DUPFD, fcntl
 from pathlib import Path
 from typing import Any, NoReturn
 
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_ros import node_main
-from bt_agents_ros.signals import block_sigint
+from bt_agents_ros.signals import sigint_blocked
 
 ANSWER_S = 10.0
 """Longest time until a process is forked, including the rest of the loading [s]."""
@@ -98,8 +98,7 @@ class ForkServer:
     def __init__(self, modules: Iterable[str]) -> None:
         self._connection, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._connection.settimeout(ANSWER_S)
-        signal_mask = block_sigint()
-        try:
+        with closing(its), sigint_blocked():
             self._process = subprocess.Popen(
                 [sys.executable, "-m", __name__, str(its.fileno()), _ROOM],
                 stdin=subprocess.DEVNULL,
@@ -109,9 +108,6 @@ class ForkServer:
                 start_new_session=True,
                 pass_fds=(its.fileno(),),
             )
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
-            its.close()
         with suppress(OSError):  # one that has ended answers no request, either
             self._connection.send(json.dumps([os.getpid(), *modules]).encode())
 

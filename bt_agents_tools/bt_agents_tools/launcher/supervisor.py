@@ -22,7 +22,7 @@ from bt_agents_core.text import quote
 from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.node_main import READY, READY_BYTES, RESTARTED, SUPERVISED
-from bt_agents_ros.signals import block_sigint
+from bt_agents_ros.signals import sigint_blocked
 from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile, make_log_folder
 from bt_agents_tools.launcher.parameter_file import ParameterFile, UnknownByNode, unknown_in
@@ -562,8 +562,7 @@ def launch(
     if fork_server is not None:
         with suppress(OSError):
             return fork_server.start(command, environment, output, descriptors)
-    signal_mask = block_sigint()
-    try:
+    with sigint_blocked():
         return subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -573,8 +572,6 @@ def launch(
             start_new_session=True,
             pass_fds=descriptors,
         )
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
 
 
 def _failure_text(one: _Supervised, code: int) -> str:
