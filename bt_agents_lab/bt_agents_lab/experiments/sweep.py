@@ -113,7 +113,7 @@ def _worked(
         for part, selection in tasks:
             yield (part, selection), _play(spec, parts[part], selection)
         return
-    # The thread of a ProcessPoolExecutor may hang or fail when the pool ends in its work.
+    # An interrupted ProcessPoolExecutor may hang or print a traceback.
     context = multiprocessing.get_context("spawn")
     left = iter(tasks)
     busy: dict[Connection, tuple[int, int]] = {}
@@ -126,8 +126,8 @@ def _worked(
 
     interrupt = Interrupt()
     try:
-        # Only this process gets a Ctrl-C; it ends the others. The first one would start the
-        # resource tracker, which unblocks the signal.
+        # Only this process gets a Ctrl-C; it ends the workers. The resource tracker, which would
+        # start with the first worker, unblocks the signal.
         resource_tracker.ensure_running()
         with sigint_blocked():
             for _ in range(min(processes, len(tasks))):
@@ -157,7 +157,7 @@ def _worked(
 
 def _work(connection: Connection, spec: SweepSpec, parts: list[range]) -> None:
     """Play tasks that arrive on a connection until it ends."""
-    with suppress(EOFError, BrokenPipeError):
+    with suppress(EOFError, ConnectionError):
         while True:
             part, selection = connection.recv()
             connection.send(_play(spec, parts[part], selection))
