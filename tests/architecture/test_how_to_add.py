@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -136,7 +137,7 @@ def test_addition_touches_no_more_files_than_allowed(heading: str) -> None:
 def test_addition_works_as_documented(heading: str, copy: Path) -> None:
     text = section(heading)
     patch = patch_of(text)
-    run(f"$ git apply {patch}", copy)
+    run(f"$ git apply {shlex.quote(str(patch))}", copy)
     if modules := [path for path in changed(patch) if path.endswith(".py")]:
         check_style(modules, copy)
     sessions = SESSION.findall(text)
