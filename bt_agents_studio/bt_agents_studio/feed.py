@@ -96,10 +96,11 @@ class Feed:
         self._reading, self._is_moment_due = seek, False
         return seek
 
-    def give(self, encoded: str, *, is_failure: bool) -> None:
+    def give(self, encoded: str, *, is_failure: bool = False, is_whole: bool = True) -> None:
         """Take a moment read from a recording, unless the client has requested another view.
 
-        After a failure, the client returns to now.
+        After a failure, the client returns to now. Until a recording is read as a whole, its
+        moment stays due.
         """
         read, self._reading = self._reading, None
         wanted = self._seek
@@ -108,6 +109,7 @@ class Feed:
         if not is_failure:
             # The client may have requested another moment; this one at least shows progress.
             self._read = encoded
+            self._is_moment_due = self._is_moment_due or not is_whole
         elif wanted is read:
             self._return()
             self._read = encoded
@@ -121,7 +123,7 @@ class Feed:
             return read
         if self._seek is not None and self._is_moment_due and not self._seek.source:
             self._is_moment_due = False
-            return moment_snapshot(self._history, self._seek.at_s)
+            return moment_snapshot(self._store, self._history, self._seek.at_s)
         if self._sent == self._store.sequence:
             return None
         changes = self._store.since(self._sent) if self._sent is not None else None
@@ -137,9 +139,10 @@ class Feed:
             source="",
             first_s=self._history.first_s,
             last_s=self._history.last_s,
-            bookmarks=self._history.newest("bookmarks", BookmarkRecord)
+            bookmarks=self._store.values("bookmarks", BookmarkRecord)
             if self._shows("bookmarks")
             else (),
+            is_whole=True,
             entries=shown_entries(self._store.snapshot(), self._collections),
         )
 

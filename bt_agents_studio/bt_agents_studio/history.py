@@ -3,122 +3,162 @@
 
 from __future__ import annotations
 
+import json
+import zlib
 from bisect import bisect_right
-from collections import deque
-from itertools import islice
-from typing import TypeVar
+from collections.abc import Iterable
 
 from bt_agents_studio.store import Change
-
-_Value = TypeVar("_Value")
 
 SPAN_S = 600.0
 """Length of a running system's history [s]."""
 
 MOST_CHANGES = 300_000
-"""Maximum number of changes to keep, whatever their time; the oldest go first."""
+"""Maximum number of a running system's changes to keep; the oldest go first."""
 
 MOST_BYTES = 64 * 1024 * 1024
 """Maximum size of the changes of a running system to keep [bytes]; the oldest go first."""
 
-_KEYFRAME = 5000
+_BLOCK = 5000
+_BLOCKS_OF_SPAN, _BLOCKS_OF_SIZE = 10, 8
 _CHANGE = 200
 """Bytes of a change in addition to its key and its value."""
 
+_Entries = dict[tuple[str, str], object]
+
 
 class History:
-    """Changes of a store by time; restores the store at any moment.
+    """Changes of a store by time; restores the store at any moment, except its events.
+
+    It consists of blocks of changes, each with the entries before its first change. It drops the
+    oldest block first.
 
     Args:
-        span_s: Maximum age of changes [s]; infinite for recordings.
+        span_s: Age from which it drops changes [s]; infinite for recordings.
         most: Maximum number of changes.
-        keyframe: Number of changes after which it saves all entries, to which later changes are
-            applied; larger if there are more entries.
         most_bytes: Maximum size of the changes [bytes].
+        block: Number of changes in a block; a block has at least as many as there are entries.
+        is_packed: Whether it compresses each complete block, and returns the values in it as
+            plain data, as they are in JSON.
     """
 
     def __init__(
         self,
         span_s: float = SPAN_S,
-        most: int = MOST_CHANGES,
-        keyframe: int = _KEYFRAME,
+        most: float = MOST_CHANGES,
         most_bytes: int = MOST_BYTES,
+        block: int = _BLOCK,
+        *,
+        is_packed: bool = False,
     ) -> None:
         self._span_s = span_s
         self._most = most
-        self._keyframe = keyframe
         self._most_bytes = most_bytes
-        self._bytes = 0
-        self._noted = 0
-        self._base: dict[tuple[str, str], object] = {}
-        self._base_s: float | None = None
-        self._changes: deque[tuple[float, Change]] = deque()
-        self._dropped = 0
-        # Number of changes since the beginning → all entries after them.
-        self._keyframes: dict[int, dict[tuple[str, str], object]] = {}
-        self._newest: dict[tuple[str, str], object] = {}
+        self._block = block
+        self._is_packed = is_packed
+        self._blocks: list[_Block] = []
+        self._newest: _Entries = {}
         self._last_s = 0.0
 
     @property
     def first_s(self) -> float | None:
         """Earliest available moment [s since 1970]; None if there is none."""
-        if self._base_s is not None:
-            return self._base_s
-        return self._changes[0][0] if self._changes else None
+        return self._blocks[0].first_s if self._blocks else None
 
     @property
     def last_s(self) -> float | None:
         """Time of the last change [s since 1970]; None before the first."""
-        return self._last_s if self._changes or self._base_s is not None else None
+        return self._last_s if self._blocks else None
 
     def record(self, at_s: float, change: Change) -> None:
         """Record a change; a clock that goes back counts as one that stands still."""
         self._last_s = max(at_s, self._last_s)
-        self._changes.append((self._last_s, change))
-        _apply(self._newest, change)
-        self._bytes += _CHANGE + change.size
-        count = self._dropped + len(self._changes)
-        if count - self._noted >= max(self._keyframe, len(self._newest)):
-            self._noted = count
-            self._keyframes[count] = dict(self._newest)
-        while self._changes and (
-            len(self._changes) > self._most
-            or self._bytes > self._most_bytes
-            or self._changes[0][0] < self._last_s - self._span_s
-        ):
+        if change.collection == "events":
+            return
+        if not self._blocks or self._is_complete(self._blocks[-1]):
+            if self._blocks and self._is_packed:
+                self._blocks[-1].pack()
+            self._blocks.append(_Block(self._last_s, dict(self._newest)))
             self._drop()
+        self._blocks[-1].add(self._last_s, change)
+        _apply(self._newest, change.collection, change.key, change.value)
 
     def at(self, at_s: float) -> dict[str, dict[str, object]]:
         """Return the contents of the store at a moment [s since 1970], including its changes."""
-        count = bisect_right(self._changes, at_s, key=lambda one: one[0])
-        numbers = [n for n in self._keyframes if self._dropped <= n <= self._dropped + count]
-        start = max(numbers, default=self._dropped)
-        entries = dict(self._keyframes[start] if numbers else self._base)
-        for _, change in islice(self._changes, start - self._dropped, count):
-            _apply(entries, change)
         found: dict[str, dict[str, object]] = {}
-        for (collection, key), value in entries.items():
+        if not self._blocks:
+            return found
+        number = bisect_right(self._blocks, at_s, key=lambda block: block.first_s)
+        for (collection, key), value in self._blocks[max(number - 1, 0)].at(at_s).items():
             found.setdefault(collection, {})[key] = value
         return found
 
-    def newest(self, collection: str, kind: type[_Value]) -> tuple[_Value, ...]:
-        """Return the values of a collection, all of one type, after the last change."""
-        return tuple(
-            value
-            for (name, _), value in self._newest.items()
-            if name == collection and isinstance(value, kind)
+    def _is_complete(self, block: _Block) -> bool:
+        return (
+            block.count >= max(self._block, len(self._newest))
+            or block.size * _BLOCKS_OF_SIZE >= self._most_bytes
+            or self._last_s - block.first_s >= self._span_s / _BLOCKS_OF_SPAN
         )
 
     def _drop(self) -> None:
-        self._base_s, change = self._changes.popleft()
-        self._bytes -= _CHANGE + change.size
-        _apply(self._base, change)
-        self._dropped += 1
-        self._keyframes.pop(self._dropped - 1, None)
+        count = sum(block.count for block in self._blocks)
+        size = sum(block.size for block in self._blocks)
+        while len(self._blocks) > 1 and (
+            count > self._most
+            or size > self._most_bytes
+            or self._blocks[1].first_s <= self._last_s - self._span_s
+        ):
+            oldest = self._blocks.pop(0)
+            count, size = count - oldest.count, size - oldest.size
 
 
-def _apply(entries: dict[tuple[str, str], object], change: Change) -> None:
-    if change.value is None:
-        entries.pop((change.collection, change.key), None)
+class _Block:
+    """Consecutive changes, and the entries before them.
+
+    Attributes:
+        first_s: Time of the first change [s since 1970].
+        count: Number of changes.
+        size: Bytes of the changes; of a packed block, of everything.
+    """
+
+    def __init__(self, first_s: float, before: _Entries) -> None:
+        self.first_s = first_s
+        self.count = 0
+        self.size = 0
+        self._before = before
+        self._changes: list[tuple[float, str, str, object | None]] = []
+        self._packed = b""
+
+    def add(self, at_s: float, change: Change) -> None:
+        """Add a change."""
+        self._changes.append((at_s, change.collection, change.key, change.value))
+        self.count += 1
+        self.size += _CHANGE + change.size
+
+    def pack(self) -> None:
+        """Compress the block."""
+        before = [(*entry, value) for entry, value in self._before.items()]
+        text = json.dumps((before, self._changes), default=vars, separators=(",", ":"))
+        self._packed = zlib.compress(text.encode(), level=1)
+        self._before, self._changes = {}, []
+        self.size = len(self._packed)
+
+    def at(self, at_s: float) -> _Entries:
+        """Return the entries at a moment [s since 1970]."""
+        entries = dict(self._before)
+        changes: Iterable[tuple[float, str, str, object | None]] = self._changes
+        if self._packed:
+            before, changes = json.loads(zlib.decompress(self._packed))
+            entries = {(collection, key): value for collection, key, value in before}
+        for changed_s, collection, key, value in changes:
+            if changed_s > at_s:
+                break
+            _apply(entries, collection, key, value)
+        return entries
+
+
+def _apply(entries: _Entries, collection: str, key: str, value: object | None) -> None:
+    if value is None:
+        entries.pop((collection, key), None)
     else:
-        entries[change.collection, change.key] = change.value
+        entries[collection, key] = value

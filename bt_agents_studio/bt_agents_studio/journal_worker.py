@@ -24,13 +24,10 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.protocol import Events, Failure, Snapshot, encode
 from bt_agents_studio.recordings import Recordings
 
-LIMIT_S = 1800.0
-"""Longest wait for one answer; a large recording takes minutes [s]."""
+LIMIT_S = 60.0
+"""Longest wait for one answer [s]."""
 
-EXCERPT_S = 60.0
-"""Longest wait for an excerpt, which delays pages that show a recording [s]."""
-
-_FOUND, _FAILURE = b"found", b"failure"
+_FOUND, _PART, _FAILURE = b"found", b"part", b"failure"
 _END_S = 2.0
 _NICENESS = 5
 _LARGEST_ANSWER = 256 * 1024 * 1024
@@ -38,10 +35,15 @@ _LARGEST_ANSWER = 256 * 1024 * 1024
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedAnswer:
-    """Encoded message with the content of a recording, or with the reason why it is unreadable."""
+    """Encoded message with the content of a recording, or with the reason why it is unreadable.
+
+    Attributes:
+        is_whole: The recording has been read to its end; see :meth:`Recordings.moment`.
+    """
 
     text: str
-    is_failure: bool
+    is_failure: bool = False
+    is_whole: bool = True
 
 
 class JournalWorker:
@@ -70,20 +72,16 @@ class JournalWorker:
         self, file: Path, from_s: float, to_s: float, into: Path, *, waits: bool
     ) -> RecordedAnswer:
         """Write an excerpt, or return why there is none; see :meth:`Recordings.write_excerpt`."""
-        return await self._ask(
-            file, EXCERPT_S, from_s=from_s, to_s=to_s, into=str(into), waits=waits
-        )
+        return await self._ask(file, from_s=from_s, to_s=to_s, into=str(into), waits=waits)
 
-    async def _ask(
-        self, file: Path, limit_s: float = LIMIT_S, **fields: float | str | None
-    ) -> RecordedAnswer:
+    async def _ask(self, file: Path, **fields: float | str | None) -> RecordedAnswer:
         request = {"file": str(file), **fields}
         async with self._turn:
             try:
-                async with asyncio.timeout(limit_s):
+                async with asyncio.timeout(LIMIT_S):
                     return await self._answer(json.dumps(request))
             except TimeoutError:
-                reason = f"'{file.name}' was not read within {limit_s:g} s"
+                reason = f"'{file.name}' was not read within {LIMIT_S:g} s"
             except (OSError, ValueError, asyncio.IncompleteReadError):
                 reason = f"'{file.name}' cannot be read: the process that reads it has ended"
             except asyncio.CancelledError:
@@ -118,7 +116,7 @@ class JournalWorker:
         if int(length) > _LARGEST_ANSWER:
             raise ValueError(f"an answer of {int(length)} bytes")
         text = (await process.stdout.readexactly(int(length))).decode()
-        return RecordedAnswer(text=text, is_failure=kind == _FAILURE)
+        return RecordedAnswer(text=text, is_failure=kind == _FAILURE, is_whole=kind != _PART)
 
     async def _end(self) -> None:
         process, self._process = self._process, None
@@ -141,7 +139,10 @@ def main() -> None:
     recordings = Recordings(mood, namespace)
     for line in sys.stdin:
         message = _message(recordings, json.loads(line))
-        kind = _FAILURE if isinstance(message, Failure) else _FOUND
+        if isinstance(message, Failure):
+            kind = _FAILURE
+        else:
+            kind = _FOUND if message is None or message.is_whole else _PART
         text = encode(message).encode() if message is not None else b""
         answers.write(b"%s %d\n%s" % (kind, len(text), text))
         answers.flush()

@@ -59,6 +59,8 @@ class Snapshot:
         first_s: Earliest available moment [s since 1970]; None if there is none.
         last_s: Latest available moment.
         bookmarks: All bookmarks of the source, including later ones.
+        is_whole: Whether the source has been read to its end; otherwise further snapshots of the
+            same moment follow.
     """
 
     type: ClassVar[str] = "snapshot"
@@ -68,6 +70,7 @@ class Snapshot:
     first_s: float | None
     last_s: float | None
     bookmarks: tuple[BookmarkRecord, ...]
+    is_whole: bool
     entries: Mapping[str, Mapping[str, object]]
 
 
@@ -117,10 +120,16 @@ class Failure:
 
 @dataclass(frozen=True, kw_only=True)
 class Events:
-    """Timeline of a recording: the answer to ``GET /api/journals/NAME/events``."""
+    """Timeline of a recording: the answer to ``GET /api/journals/NAME/events``.
+
+    Attributes:
+        events: The events of the part that has been read.
+        is_whole: As in :class:`Snapshot`.
+    """
 
     type: ClassVar[str] = "events"
     events: tuple[EventRecord, ...]
+    is_whole: bool
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -57,6 +57,9 @@ class Recordings:
     def moment(self, file: Path, at_s: float, *, waits: bool = False) -> Snapshot:
         """Return the entries of a journal file or a bag at a moment [s since 1970].
 
+        Each call reads at most some thousand messages. Until ``is_whole``, the recording seems to
+        end with the last of them.
+
         Args:
             file: Its path.
             at_s: The moment.
@@ -65,15 +68,20 @@ class Recordings:
         Raises:
             Refused: ``NO_JOURNAL``, ``TOO_LARGE`` or ``UNREADABLE``.
         """
-        return moment_snapshot(self._history(file, waits=waits), at_s, file.name)
+        recording = self._read(file, waits=waits)
+        return moment_snapshot(
+            recording.store, recording.history, at_s, file.name, is_whole=recording.is_whole
+        )
 
     def events(self, file: Path) -> Events:
-        """Return the timeline of a journal file or a bag.
+        """Return the timeline of a journal file or a bag; reads as :meth:`moment` does.
 
         Raises:
             Refused: As in :meth:`moment`.
         """
-        return Events(events=self._history(file).newest("events", EventRecord))
+        recording = self._read(file)
+        events = recording.store.values("events", EventRecord)
+        return Events(events=events, is_whole=recording.is_whole)
 
     def write_excerpt(
         self, file: Path, from_s: float, to_s: float, into: Path, *, waits: bool = False
@@ -103,17 +111,18 @@ class Recordings:
                 RefusalCode.CANNOT_WRITE, f"'{file.name}' cannot be copied: {error.strerror}"
             ) from None
 
-    def _history(self, file: Path, *, waits: bool = False) -> History:
+    def _read(self, file: Path, *, waits: bool = False) -> _Recording:
         try:
-            if waits:
+            held = self._held.get(file)
+            if waits and (held is None or held.is_whole):
                 self._wait_until_written(file)
-            return self._read(file).history
+            return self._read_on(file)
         except OSError as error:
             raise Refused(
                 RefusalCode.NO_JOURNAL, f"'{file.name}' cannot be read: {error.strerror}"
             ) from None
 
-    def _read(self, file: Path) -> _Recording:
+    def _read_on(self, file: Path) -> _Recording:
         size = recording_size(file)
         if size > _LARGEST:
             raise Refused(
@@ -139,7 +148,13 @@ class Recordings:
 
 
 class _Recording:
-    """History of the part of a recording that has been read."""
+    """The part of a recording that has been read, and its history.
+
+    Attributes:
+        store: Entries after the last message that has been read.
+        history: Earlier entries.
+        is_whole: Whether all of the file has been read.
+    """
 
     def __init__(self, file: Path, mood: str, namespace: str) -> None:
         self._file = file
@@ -148,13 +163,15 @@ class _Recording:
         self._identity = (0, 0)
         self._size = 0
         self._moment = 0.0
-        self.history = History(span_s=float("inf"), most_bytes=_MOST_BYTES)
+        self.is_whole = False
+        unlimited = float("inf")
+        self.history = History(unlimited, unlimited, _MOST_BYTES, is_packed=True)
         most = {**MOST_ENTRIES, "events": _MOST_EVENTS}
-        store = Store(most, self._record, is_in_use=is_in_use)
-        self._projection = Projection(store, mood)
+        self.store = Store(most, self._record, is_in_use=is_in_use)
+        self._projection = Projection(self.store, mood)
 
     def read_on(self, size: int) -> bool:
-        """Read the data written since the last call; return False if the file was replaced.
+        """Read some thousand further messages; return False if the file was replaced.
 
         A bag counts as replaced after each change.
 
@@ -164,14 +181,15 @@ class _Recording:
         """
         stat = self._file.stat()
         identity = (stat.st_dev, stat.st_ino)
+        is_longer = size > self._size
         if self._reader is None:
             self._reader = _reader(self._file, self._namespace)
-        elif identity != self._identity or size < self._size:
+        elif (
+            identity != self._identity or size < self._size or (is_longer and self._file.is_dir())
+        ):
             return False
-        elif size == self._size:
+        elif not is_longer and self.is_whole:
             return True
-        elif self._file.is_dir():
-            return False
         self._identity, self._size = identity, size
         self._take(self._reader)
         return True
@@ -181,6 +199,7 @@ class _Recording:
             entries = reader.further_entries(frozenset(self._projection.types))
         except BtAgentsError as error:
             raise Refused(RefusalCode.UNREADABLE, str(error)) from None
+        self.is_whole = reader.is_at_end
         for entry in entries:
             self._moment = entry.sent_ns * 1e-9
             live = entry.topic.endswith("/live")
@@ -194,21 +213,22 @@ class _Recording:
         self.history.record(self._moment, change)
 
 
-def moment_snapshot(history: History, at_s: float, source: str = "") -> Snapshot:
-    """Return the entries of a history at a moment [s since 1970], without events.
+def moment_snapshot(
+    store: Store, history: History, at_s: float, source: str = "", *, is_whole: bool = True
+) -> Snapshot:
+    """Return the entries of a store at a moment [s since 1970], without events.
 
     The page always shows all events, including later ones.
     """
-    entries = history.at(at_s)
-    entries.pop("events", None)
     return Snapshot(
         sequence=0,
         at_s=at_s,
         source=source,
         first_s=history.first_s,
         last_s=history.last_s,
-        bookmarks=history.newest("bookmarks", BookmarkRecord),
-        entries=entries,
+        bookmarks=store.values("bookmarks", BookmarkRecord),
+        is_whole=is_whole,
+        entries=history.at(at_s),
     )
 
 

@@ -427,7 +427,7 @@ class Server:
             answer = RecordedAnswer(
                 text=encode(Failure(code=refused.code, message=refused.reason)), is_failure=True
             )
-        feed.give(answer.text, is_failure=answer.is_failure)
+        feed.give(answer.text, is_failure=answer.is_failure, is_whole=answer.is_whole)
         self.changed()
 
     async def _send(self, socket: web.WebSocketResponse, message: ServerMessage | str) -> float:

@@ -12,6 +12,9 @@ from functools import cache
 from itertools import takewhile
 from json.encoder import encode_basestring
 from operator import attrgetter
+from typing import TypeVar
+
+_Value = TypeVar("_Value")
 
 MOST_ENTRIES = 20_000
 """Maximum number of entries of a collection without a limit of its own."""
@@ -99,6 +102,11 @@ class Store:
     def keys(self, collection: str) -> tuple[str, ...]:
         """Return the keys of a collection in order of entry."""
         return tuple(self._collections[collection])
+
+    def values(self, collection: str, kind: type[_Value]) -> tuple[_Value, ...]:
+        """Return the values of a collection, all of one type, in order of entry."""
+        values = self._collections[collection].values()
+        return tuple(value for value in values if isinstance(value, kind))
 
     def put(self, collection: str, key: str, value: object) -> None:
         """Add or replace an entry; an equal value is not a change.

@@ -35,6 +35,9 @@ MOST_UNPACKED = 1 << 26
 MOST_UNPACKED_FILE = 1 << 31
 """Most bytes to read from a file that is compressed as a whole."""
 
+MOST_FURTHER = 5000
+"""Maximum number of entries to return at once from a file that is read piece by piece."""
+
 _LARGEST_RECORD = 1 << 30
 _FIRST_MESSAGES = 1000
 _HEAD = Struct("<BQ")
@@ -160,6 +163,7 @@ class JournalReader:
         hints: Texts about information that the files lack; complete after reading.
         is_counted: Whether the files count lost messages; complete after reading.
         counted: Topic → count of its messages that are not returned; complete after reading.
+        is_at_end: Whether :meth:`further_entries` has returned everything in the files.
 
     Raises:
         Refused: ``SQLITE_BAG`` or ``NO_RECORDING``.
@@ -175,6 +179,8 @@ class JournalReader:
         self.files: list[Path] = []
         self._recorded: dict[Path, RecordedFiles] = {}
         self._positions: dict[Path, _Position] = {}
+        self._further: Iterator[JournalEntry] | None = None
+        self.is_at_end = False
         self._seen: set[int] = set()
         self._namespaces: set[str] = set()
         for path in paths:
@@ -200,18 +206,28 @@ class JournalReader:
         self._positions.clear()
         self._seen.clear()
         self._namespaces.clear()
-        return self.further_entries(types)
+        self._further = None
+        return self._of_system(list(self._unread(types)))
 
     def further_entries(self, types: Collection[str] | None = None) -> list[JournalEntry]:
-        """Return the new entries of growing files since the last call, as :meth:`entries` does.
+        """Return at most :data:`MOST_FURTHER` entries after those of the last call.
 
         A message that was sent before those of the last call, and written after them, is among
-        the further ones.
+        the further ones. A system counts from its first message on.
 
         Raises:
             Refused: As in :meth:`entries`.
         """
-        found = []
+        if self._further is None:
+            self._further = self._unread(types)
+        found = list(islice(self._further, MOST_FURTHER))
+        self.is_at_end = len(found) < MOST_FURTHER
+        if self.is_at_end:
+            self._further = None
+        return self._of_system(found)
+
+    def _unread(self, types: Collection[str] | None) -> Iterator[JournalEntry]:
+        """Yield the entries of all systems since the last call, as written; count the others."""
         for path, recorded in self._recorded.items():
             self.problems += recorded.problems
             number = 0
@@ -224,13 +240,11 @@ class JournalReader:
                     key = hash((one.topic, one.sent_ns, zlib.crc32(one.data)))
                     if key not in self._seen:
                         self._seen.add(key)
-                        found.append(one)
+                        yield one
             if number < (recorded.messages or 0):
                 self.problems.append(
                     f"{path} is said to hold {recorded.messages} messages, found {number}"
                 )
-        found = self._of_system(found)
-        return sorted(found, key=lambda entry: entry.sent_ns)
 
     def stored(self, path: Path) -> Iterator[StoredMessage]:
         """Yield the messages of one of the files as stored, including duplicates.
@@ -311,7 +325,11 @@ class JournalReader:
         self.is_counted = False
 
     def _of_system(self, entries: list[JournalEntry]) -> list[JournalEntry]:
-        """Return the messages of the system in the namespace, or of the only one; count others."""
+        """Return the messages of the system in the namespace, or of the only one, sorted.
+
+        Each of the others is counted.
+        """
+        entries.sort(key=lambda entry: entry.sent_ns)
         topics = {(one.topic, one.type) for one in entries}
         self._namespaces |= {_namespace_of(*topic) for topic in topics} - {""}
         namespaces = self._namespaces

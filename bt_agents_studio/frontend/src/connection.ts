@@ -19,6 +19,8 @@ export interface ConnectionState {
   firstS: number | null;
   /** Latest moment of the recording on show; null until it is known. */
   lastS: number | null;
+  /** Whether the recording on show has been read to its end. */
+  isWhole: boolean;
   /** Bookmarks of the recording on show. */
   bookmarks: BookmarkRecord[];
   failure: string;
@@ -49,6 +51,7 @@ let state: ConnectionState = {
   source: "",
   firstS: null,
   lastS: null,
+  isWhole: true,
   bookmarks: [],
   failure: "",
 };
@@ -133,6 +136,7 @@ function handle(message: ServerMessage): void {
         atS: state.atS === null ? null : Math.max(state.atS, message.first_s ?? 0),
         firstS: message.first_s ?? state.firstS,
         lastS: message.last_s,
+        isWhole: message.is_whole,
         bookmarks: message.bookmarks,
       });
       return;
@@ -265,7 +269,7 @@ async function logIn(): Promise<void> {
 }
 
 export function seek(source: string, atS: number): void {
-  update({ atS, source, lastS: source === state.source ? state.lastS : null });
+  update(source === state.source ? { atS } : { atS, source, lastS: null, isWhole: false });
   isLoading = true;
   askForMoment();
 }

@@ -457,6 +457,7 @@ export interface Snapshot {
   first_s: number | null;
   last_s: number | null;
   bookmarks: BookmarkRecord[];
+  is_whole: boolean;
   entries: Record<string, Record<string, unknown>>;
 }
 

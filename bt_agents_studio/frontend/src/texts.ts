@@ -172,6 +172,7 @@ export const texts = {
     back: "Back to now",
     bar: "Shown moment",
     source: "Recording",
+    reading: "is being read",
     running: "running system",
     bookmarks: "Bookmarks",
     mark: "Bookmark",

@@ -59,7 +59,7 @@ interface Drag {
 }
 
 export function Timeline() {
-  const { atS, source, failure } = useConnection();
+  const { atS, source, isWhole, failure } = useConnection();
   const whole = useWhole();
   const events = useEvents();
   const titleOf = useTitles();
@@ -100,7 +100,7 @@ export function Timeline() {
           endsNow={source === "" && (view === null || view.endS === null)}
           lanes={box}
         />
-        {source && <span className={css.source}>{source}</span>}
+        {source && <span className={css.source}>{isWhole ? source : `${source} ${words.reading}`}</span>}
         {failure && <span className={shared.failure}>{failure}</span>}
       </div>
       <Lanes

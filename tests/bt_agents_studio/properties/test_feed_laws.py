@@ -94,11 +94,15 @@ def test_resumed_page_is_complete_despite_forgotten_removals(
     st.lists(st.tuples(st.floats(0, 3), _PUT), max_size=80),
     st.integers(2, 60),
     st.integers(100, 10_000),
+    st.booleans(),
 )
 def test_history_reproduces_store_at_each_moment(
-    steps: list[tuple[float, tuple[str, str, int | None]]], most: int, most_bytes: int
+    steps: list[tuple[float, tuple[str, str, int | None]]],
+    most: int,
+    most_bytes: int,
+    is_packed: bool,
 ) -> None:
-    history = History(span_s=20.0, most=most, keyframe=7, most_bytes=most_bytes)
+    history = History(20.0, most, most_bytes, block=7, is_packed=is_packed)
     now = 0.0
     changes: list[Change] = []
     store = Store(None, changes.append)

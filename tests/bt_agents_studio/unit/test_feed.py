@@ -32,12 +32,23 @@ def test_only_one_moment_is_read_and_last_counts(feed: Feed) -> None:
         feed.take(seek(at_s))
         assert feed.take_recorded() is None
         assert feed.next() is None
-    feed.give("first", is_failure=False)
+    feed.give("first")
     assert feed.next() == "first"
     assert feed.take_recorded() == seek(3)
     assert feed.take_recorded() is None
-    feed.give("last", is_failure=False)
+    feed.give("last")
     assert (feed.next(), feed.next(), feed.take_recorded()) == ("last", None, None)
+
+
+def test_moment_stays_due_until_recording_is_whole(feed: Feed) -> None:
+    feed.take(seek(1))
+    for part in ("a", "b"):
+        assert feed.take_recorded() == seek(1)
+        feed.give(part, is_whole=False)
+        assert feed.next() == part
+    assert feed.take_recorded() == seek(1)
+    feed.give("all")
+    assert (feed.next(), feed.take_recorded()) == ("all", None)
 
 
 @pytest.mark.parametrize("wish", [Follow(), seek(1, "other.mcap"), seek(1, "")])

@@ -326,5 +326,5 @@ async def test_recording_and_bookmarks_are_shown_while_journal_exists(one: Serve
     studio.graph({}, False)
     assert studio.store.get("recording") is None
     assert studio.store.keys("listening") == ()
-    [mark] = studio.history.newest("bookmarks", BookmarkRecord)
+    [mark] = studio.store.values("bookmarks", BookmarkRecord)
     assert mark.label == "odd"

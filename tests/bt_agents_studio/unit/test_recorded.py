@@ -13,6 +13,7 @@ from rclpy.serialization import serialize_message
 
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import RecordingStatus, Run
+from bt_agents_lab.recorder import reading
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
 from bt_agents_studio.recordings import Recordings
 from bt_agents_studio.studio import Studio
@@ -97,6 +98,27 @@ def test_growing_recording_is_read_on(recording: Recording) -> None:
     assert recording.tick() == 2
 
 
+def test_large_recording_is_read_in_parts(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "MOST_FURTHER", 2)
+    for number in (2, 3, 4, 5):
+        recording.write(number)
+    shown = [recording.recordings.moment(recording.path, NEWEST_S) for _ in range(3)]
+    assert [one.is_whole for one in shown] == [False, False, True]
+    assert [one.last_s for one in shown] == [3.0, 5.0, 6.0]
+    assert {one.first_s for one in shown} == {2.0}
+    assert recording.tick() == 5
+
+
+def test_timeline_of_large_recording_grows_with_each_request(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "MOST_FURTHER", 1)
+    wholes = [recording.recordings.events(recording.path).is_whole for _ in range(3)]
+    assert wholes == [False, True, True]
+
+
 def test_replaced_recording_is_read_from_its_beginning(recording: Recording) -> None:
     assert recording.tick() == 1
     other = JournalFile(recording.path.with_name("other"))
@@ -168,7 +190,7 @@ def test_worker_answers_and_ends_with_its_input(recording: Recording) -> None:
     assert (kind, json.loads(rest[: int(length)])["type"]) == (b"found", "snapshot")
     head, _, rest = rest[int(length) :].partition(b"\n")
     kind, length = head.split()
-    assert (kind, json.loads(rest[: int(length)])) == (b"found", {"type": "events", "events": []})
+    assert (kind, json.loads(rest[: int(length)])["type"]) == (b"found", "events")
     head, _, rest = rest[int(length) :].partition(b"\n")
     assert (head, ticks(into)) == (b"found 0", [1])
     kind, length, failure = rest.split(maxsplit=2)

@@ -15,6 +15,7 @@ import pytest
 from aiohttp import ClientError, ClientSession, ClientWebSocketResponse, CookieJar, WSMsgType
 
 from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.reading import MOST_FURTHER
 from bt_agents_studio import server
 from bt_agents_studio.access import LARGEST_BODY, SessionRole, cookie_name
 from bt_agents_studio.connections import MOST_CONNECTIONS
@@ -175,9 +176,9 @@ async def _until(condition: Callable[[], object]) -> None:
         await asyncio.sleep(0.01)
 
 
-def _journal(folder: Path) -> JournalFile:
+def _journal(folder: Path, messages: int = 2) -> JournalFile:
     file = JournalFile(folder / "journal-2026-03-01_001.mcap")
-    for number in (1, 2):
+    for number in range(1, messages + 1):
         file.add(recorded(number), number)
     file.flush()
     return file
@@ -213,13 +214,28 @@ async def test_reading_recording_does_not_delay_other_pages(
 
 
 @served
+async def test_large_recording_is_shown_while_it_is_read(
+    one: ServedStudio, tmp_path: Path
+) -> None:
+    messages = MOST_FURTHER + 1
+    file = _journal(tmp_path, messages)
+    async with one.client(SessionRole.VIEW) as client:
+        socket = await _open(client)
+        await socket.send_json({"type": "seek", "source": file.path.name, "at_s": 2.0**40})
+        for is_whole, tick in ((False, MOST_FURTHER), (True, messages)):
+            moment = await _next(socket)
+            [run] = moment["entries"]["runs"].values()
+            assert (moment["is_whole"], run["tick"]) == (is_whole, tick)
+
+
+@served
 async def test_timeline_of_recording_is_served_to_observers(
     one: ServedStudio, tmp_path: Path
 ) -> None:
     address = f"/api/journals/{_journal(tmp_path).path.name}/events"
     async with one.client(SessionRole.VIEW) as client:
         answer = await client.get(address)
-        assert (answer.status, await answer.json()) == (200, {"type": "events", "events": []})
+        assert (answer.status, (await answer.json())["events"]) == (200, [])
         (tmp_path / "torn").mkdir()
         (tmp_path / "torn" / "metadata.yaml").write_text("torn")
         torn = await client.get("/api/journals/torn/events")
