@@ -81,7 +81,9 @@ class LedgerReader:
         """
         if agent in self._authored:
             return self._authored[agent]
-        for row in self._back(agent, ""):
+        # The text only narrows the search: an agent has thousands of revisions, few are authored.
+        where = "WHERE agent = ? AND layer = '' AND instr(content, ?) ORDER BY revision DESC"
+        for row in self._select(where, agent, f'"{AUTHORED}"'):
             if row.cause.cause == AUTHORED:
                 self._authored[agent] = row.cause.target
                 return row.cause.target
