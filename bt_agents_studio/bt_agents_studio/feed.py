@@ -17,8 +17,9 @@ from bt_agents_studio.protocol import (
     Seek,
     ServerMessage,
     Snapshot,
+    encode,
 )
-from bt_agents_studio.recordings import moment_snapshot
+from bt_agents_studio.recordings import moment_of
 from bt_agents_studio.records import OF_THE_PRESENT, BookmarkRecord
 from bt_agents_studio.store import Entries, NewValue, Store
 
@@ -123,7 +124,7 @@ class Feed:
             return read
         if self._seek is not None and self._is_moment_due and not self._seek.source:
             self._is_moment_due = False
-            return moment_snapshot(self._store, self._history, self._seek.at_s)
+            return encode(moment_of(self._store, self._history, self._seek.at_s))
         if self._sent == self._store.sequence:
             return None
         changes = self._store.since(self._sent) if self._sent is not None else None

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import zlib
 from bisect import bisect_right
+from collections import defaultdict
 from collections.abc import Iterable
 
 from bt_agents_studio.store import Change
@@ -17,29 +18,26 @@ MOST_CHANGES = 300_000
 """Maximum number of a running system's changes to keep; the oldest go first."""
 
 MOST_BYTES = 64 * 1024 * 1024
-"""Maximum size of the changes of a running system to keep [bytes]; the oldest go first."""
+"""Maximum size of a running system's history [bytes]; the oldest changes go first."""
 
 _BLOCK = 5000
 _BLOCKS_OF_SPAN, _BLOCKS_OF_SIZE = 10, 8
-_CHANGE = 200
-"""Bytes of a change in addition to its key and its value."""
-
-_Entries = dict[tuple[str, str], object]
+_BEFORE = "-inf"
+_REMOVED = "null"
+_encode = json.JSONEncoder(default=vars, allow_nan=False, separators=(",", ":")).encode
 
 
 class History:
     """Changes of a store by time; restores the store at any moment, except its events.
 
-    It consists of blocks of changes, each with the entries before its first change. It drops the
-    oldest block first.
+    It consists of blocks of changes, each with the entries before its first change. It compresses
+    complete blocks, and drops the oldest first.
 
     Args:
         span_s: Age from which it drops changes [s]; infinite for recordings.
         most: Maximum number of changes.
-        most_bytes: Maximum size of the changes [bytes].
+        most_bytes: Maximum size [bytes].
         block: Number of changes in a block; a block has at least as many as there are entries.
-        is_packed: Whether it compresses each complete block, and returns the values in it as
-            plain data, as they are in JSON.
     """
 
     def __init__(
@@ -48,16 +46,13 @@ class History:
         most: float = MOST_CHANGES,
         most_bytes: int = MOST_BYTES,
         block: int = _BLOCK,
-        *,
-        is_packed: bool = False,
     ) -> None:
         self._span_s = span_s
         self._most = most
         self._most_bytes = most_bytes
         self._block = block
-        self._is_packed = is_packed
         self._blocks: list[_Block] = []
-        self._newest: _Entries = {}
+        self._newest: dict[tuple[str, str], str] = {}
         self._last_s = 0.0
 
     @property
@@ -76,27 +71,32 @@ class History:
         if change.collection == "events":
             return
         if not self._blocks or self._is_complete(self._blocks[-1]):
-            if self._blocks and self._is_packed:
+            if self._blocks:
                 self._blocks[-1].pack()
-            self._blocks.append(_Block(self._last_s, dict(self._newest)))
+            self._blocks.append(_Block(self._last_s, self._newest.items()))
             self._drop()
-        self._blocks[-1].add(self._last_s, change)
-        _apply(self._newest, change.collection, change.key, change.value)
+        entry, value = (change.collection, _encode(change.key)), _encode(change.value)
+        self._blocks[-1].add(self._last_s, entry, value)
+        if value == _REMOVED:
+            self._newest.pop(entry, None)
+        else:
+            self._newest[entry] = value
 
-    def at(self, at_s: float) -> dict[str, dict[str, object]]:
-        """Return the contents of the store at a moment [s since 1970], including its changes."""
-        found: dict[str, dict[str, object]] = {}
+    def at(self, at_s: float) -> str:
+        """Return the contents of the store at a moment [s since 1970], including its changes.
+
+        As JSON: collection → key → value.
+        """
         if not self._blocks:
-            return found
+            return "{}"
         number = bisect_right(self._blocks, at_s, key=lambda block: block.first_s)
-        for (collection, key), value in self._blocks[max(number - 1, 0)].at(at_s).items():
-            found.setdefault(collection, {})[key] = value
-        return found
+        found = self._blocks[max(number - 1, 0)].at(at_s)
+        return f"{{{','.join(f'{_encode(name)}:{{{one}}}' for name, one in found.items())}}}"
 
     def _is_complete(self, block: _Block) -> bool:
         return (
             block.count >= max(self._block, len(self._newest))
-            or block.size * _BLOCKS_OF_SIZE >= self._most_bytes
+            or block.size >= max(self._most_bytes / _BLOCKS_OF_SIZE, 2 * block.size_before)
             or self._last_s - block.first_s >= self._span_s / _BLOCKS_OF_SPAN
         )
 
@@ -115,50 +115,53 @@ class History:
 class _Block:
     """Consecutive changes, and the entries before them.
 
+    Each is a line: time, collection, key and value. The last two are JSON, which has neither tabs
+    nor line ends of its own.
+
     Attributes:
         first_s: Time of the first change [s since 1970].
         count: Number of changes.
-        size: Bytes of the changes; of a packed block, of everything.
+        size: Number of bytes.
+        size_before: Number of bytes of the entries before it, uncompressed.
     """
 
-    def __init__(self, first_s: float, before: _Entries) -> None:
+    def __init__(self, first_s: float, before: Iterable[tuple[tuple[str, str], str]]) -> None:
         self.first_s = first_s
         self.count = 0
-        self.size = 0
-        self._before = before
-        self._changes: list[tuple[float, str, str, object | None]] = []
+        self._lines = [_line_of(_BEFORE, entry, value) for entry, value in before]
         self._packed = b""
+        self.size = self.size_before = sum(map(len, self._lines))
 
-    def add(self, at_s: float, change: Change) -> None:
+    def add(self, at_s: float, entry: tuple[str, str], value: str) -> None:
         """Add a change."""
-        self._changes.append((at_s, change.collection, change.key, change.value))
+        line = _line_of(repr(at_s), entry, value)
+        self._lines.append(line)
         self.count += 1
-        self.size += _CHANGE + change.size
+        self.size += len(line)
 
     def pack(self) -> None:
         """Compress the block."""
-        before = [(*entry, value) for entry, value in self._before.items()]
-        text = json.dumps((before, self._changes), default=vars, separators=(",", ":"))
-        self._packed = zlib.compress(text.encode(), level=1)
-        self._before, self._changes = {}, []
+        self._packed = zlib.compress("\n".join(self._lines).encode(), level=1)
+        self._lines = []
         self.size = len(self._packed)
 
-    def at(self, at_s: float) -> _Entries:
-        """Return the entries at a moment [s since 1970]."""
-        entries = dict(self._before)
-        changes: Iterable[tuple[float, str, str, object | None]] = self._changes
+    def at(self, at_s: float) -> dict[str, str]:
+        """Return collection → members of its JSON object at a moment [s since 1970]."""
+        lines = self._lines
         if self._packed:
-            before, changes = json.loads(zlib.decompress(self._packed))
-            entries = {(collection, key): value for collection, key, value in before}
-        for changed_s, collection, key, value in changes:
-            if changed_s > at_s:
+            lines = zlib.decompress(self._packed).decode().split("\n")
+        values: dict[tuple[str, str], str] = {}
+        for line in lines:
+            changed_s, collection, key, value = line.split("\t")
+            if float(changed_s) > at_s:
                 break
-            _apply(entries, collection, key, value)
-        return entries
+            values[collection, key] = value
+        found: defaultdict[str, list[str]] = defaultdict(list)
+        for (collection, key), value in values.items():
+            if value != _REMOVED:
+                found[collection].append(f"{key}:{value}")
+        return {collection: ",".join(members) for collection, members in found.items()}
 
 
-def _apply(entries: _Entries, collection: str, key: str, value: object | None) -> None:
-    if value is None:
-        entries.pop((collection, key), None)
-    else:
-        entries[collection, key] = value
+def _line_of(at_s: str, entry: tuple[str, str], value: str) -> str:
+    return "\t".join((at_s, *entry, value))

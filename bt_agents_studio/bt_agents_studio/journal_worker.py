@@ -21,7 +21,7 @@ from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
-from bt_agents_studio.protocol import Events, Failure, Snapshot, encode
+from bt_agents_studio.protocol import Events, Failure, Moment, encode
 from bt_agents_studio.recordings import Recordings
 
 LIMIT_S = 60.0
@@ -139,18 +139,14 @@ def main() -> None:
     recordings = Recordings(mood, namespace)
     for line in sys.stdin:
         message = _message(recordings, json.loads(line))
-        if isinstance(message, Failure):
-            kind = _FAILURE
-        else:
-            kind = _FOUND if message is None or message.is_whole else _PART
         text = encode(message).encode() if message is not None else b""
-        answers.write(b"%s %d\n%s" % (kind, len(text), text))
+        answers.write(b"%s %d\n%s" % (_kind_of(message), len(text), text))
         answers.flush()
 
 
 def _message(
     recordings: Recordings, request: Mapping[str, Any]
-) -> Snapshot | Events | Failure | None:
+) -> Moment | Events | Failure | None:
     try:
         file = Path(request["file"])
         if "into" in request:
@@ -162,6 +158,13 @@ def _message(
         return recordings.moment(file, request["at_s"], waits=request["waits"])
     except Refused as refused:
         return Failure(code=refused.code, message=refused.reason)
+
+
+def _kind_of(message: Moment | Events | Failure | None) -> bytes:
+    if isinstance(message, Failure):
+        return _FAILURE
+    answer = message.snapshot if isinstance(message, Moment) else message
+    return _FOUND if answer is None or answer.is_whole else _PART
 
 
 if __name__ == "__main__":

@@ -75,6 +75,19 @@ class Snapshot:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Moment:
+    """Snapshot of an earlier moment.
+
+    Attributes:
+        snapshot: The snapshot without its entries.
+        entries: Its entries as JSON.
+    """
+
+    snapshot: Snapshot
+    entries: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Delta:
     """Newest change of each entry since the last message; a value of None removes it.
 
@@ -177,12 +190,15 @@ _CLIENT_MESSAGES: Mapping[str, type[Resume] | type[Seek] | type[Follow]] = {
 }
 
 
-def encode(message: ServerMessage | Events) -> str:
+def encode(message: ServerMessage | Events | Moment) -> str:
     """Return a message as JSON; records become objects with the names of their fields.
 
     Raises:
         ValueError: A number is not finite.
     """
+    if isinstance(message, Moment):
+        # The entries are the last field of a snapshot.
+        return f"{encode(message.snapshot).removesuffix('{}}')}{message.entries}}}"
     found = {"type": message.type, **vars(message)}
     return json.dumps(
         found, default=vars, allow_nan=False, ensure_ascii=False, separators=(",", ":")

@@ -14,7 +14,7 @@ from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_studio.history import History
 from bt_agents_studio.projection import Projection, is_in_use
-from bt_agents_studio.protocol import Events, Snapshot
+from bt_agents_studio.protocol import Events, Moment, Snapshot
 from bt_agents_studio.records import MOST_ENTRIES, BookmarkRecord, EventRecord
 from bt_agents_studio.store import Change, Store
 
@@ -54,7 +54,7 @@ class Recordings:
         self._sleep = sleep
         self._held: OrderedDict[Path, _Recording] = OrderedDict()
 
-    def moment(self, file: Path, at_s: float, *, waits: bool = False) -> Snapshot:
+    def moment(self, file: Path, at_s: float, *, waits: bool = False) -> Moment:
         """Return the entries of a journal file or a bag at a moment [s since 1970].
 
         Each call reads at most some thousand messages. Until ``is_whole``, the recording seems to
@@ -69,7 +69,7 @@ class Recordings:
             Refused: ``NO_JOURNAL``, ``TOO_LARGE`` or ``UNREADABLE``.
         """
         recording = self._read(file, waits=waits)
-        return moment_snapshot(
+        return moment_of(
             recording.store, recording.history, at_s, file.name, is_whole=recording.is_whole
         )
 
@@ -165,7 +165,7 @@ class _Recording:
         self._moment = 0.0
         self.is_whole = False
         unlimited = float("inf")
-        self.history = History(unlimited, unlimited, _MOST_BYTES, is_packed=True)
+        self.history = History(unlimited, unlimited, _MOST_BYTES)
         most = {**MOST_ENTRIES, "events": _MOST_EVENTS}
         self.store = Store(most, self._record, is_in_use=is_in_use)
         self._projection = Projection(self.store, mood)
@@ -213,14 +213,14 @@ class _Recording:
         self.history.record(self._moment, change)
 
 
-def moment_snapshot(
+def moment_of(
     store: Store, history: History, at_s: float, source: str = "", *, is_whole: bool = True
-) -> Snapshot:
+) -> Moment:
     """Return the entries of a store at a moment [s since 1970], without events.
 
     The page always shows all events, including later ones.
     """
-    return Snapshot(
+    snapshot = Snapshot(
         sequence=0,
         at_s=at_s,
         source=source,
@@ -228,8 +228,9 @@ def moment_snapshot(
         last_s=history.last_s,
         bookmarks=store.values("bookmarks", BookmarkRecord),
         is_whole=is_whole,
-        entries=history.at(at_s),
+        entries={},
     )
+    return Moment(snapshot=snapshot, entries=history.at(at_s))
 
 
 def _reader(file: Path, namespace: str) -> JournalReader:

@@ -35,12 +35,11 @@ _NUMBER, _OBJECT = 32, 100
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
-    """New value of one entry; None if removed. ``size`` includes key and value [bytes]."""
+    """New value of one entry; None if removed."""
 
     collection: str
     key: str
     value: object | None
-    size: int = 0
 
 
 NewValue = tuple[str, str, object | None]
@@ -127,7 +126,7 @@ class Store:
         sizes.move_to_end(key)
         if self._removed.pop((collection, key), None) is not None:
             self._removed_bytes -= size_of(key)
-        self._note(Change(collection=collection, key=key, value=value, size=size))
+        self._note(Change(collection=collection, key=key, value=value))
         most = self._most.get(collection, MOST_ENTRIES)
         while len(entries) > most:
             self._drop(collection, key, [collection])
@@ -140,7 +139,7 @@ class Store:
             return
         self._bytes[collection] -= self._sizes[collection].pop(key)
         size = size_of(key)
-        self._note(Change(collection=collection, key=key, value=None, size=size))
+        self._note(Change(collection=collection, key=key, value=None))
         self._removed[collection, key] = self.sequence
         self._removed_bytes += size
         while (

@@ -277,7 +277,7 @@ def test_studio_shows_bag_beside_journals(journaled: JournaledSystem, tmp_path: 
     assert list(shown) == ["rosbag2_2026", "journal-2026-05-04_001.mcap"]
     recordings = Recordings(studio.mood)
     of_bag, of_journal = (
-        recordings.moment(tmp_path / name, 2.0**40).entries["rounds"] for name in shown
+        json.loads(recordings.moment(tmp_path / name, 2.0**40).entries)["rounds"] for name in shown
     )
     assert of_bag == of_journal
     assert len(of_bag) == 4
