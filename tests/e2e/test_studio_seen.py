@@ -115,7 +115,7 @@ def test_page_fits_its_window(browser: Browser, studio: BackgroundStudio, name: 
             page.set_viewport_size({"width": width, "height": height})
             # The timeline is redrawn when its width changes.
             page.wait_for_function(
-                "[...document.querySelectorAll('.timeline-lanes svg')]"
+                "() => [...document.querySelectorAll('.timeline-lanes svg')]"
                 ".every((one) => one.getBoundingClientRect().right <= innerWidth)"
             )
             unfold(page)

@@ -225,7 +225,7 @@ def test_mood_lane_shows_where_rules_act(
     )
     for line in (positive, negative):
         expect(line).to_be_in_viewport()
-    page.wait_for_function("document.querySelector('.timeline-mood').points.length === 3")
+    page.wait_for_function("() => document.querySelector('.timeline-mood').points.length === 3")
     assert style(positive, "stroke") != style(negative, "stroke")
     left, ups, levels = page.evaluate(
         """() => {
