@@ -36,7 +36,7 @@ MOST_UNPACKED_FILE = 1 << 31
 """Most bytes to read from a file that is compressed as a whole."""
 
 MOST_FURTHER = 5000
-"""Maximum number of entries to return at once from a file that is read piece by piece."""
+"""Maximum number of messages of any type to read at once from a file that is read in pieces."""
 
 _LARGEST_RECORD = 1 << 30
 _FIRST_MESSAGES = 1000
@@ -207,44 +207,49 @@ class JournalReader:
         self._seen.clear()
         self._namespaces.clear()
         self._further = None
-        return self._of_system(list(self._unread(types)))
+        return self._of_system([one for one in self._unread() if self._is_new(one, types)])
 
     def further_entries(self, types: Collection[str] | None = None) -> list[JournalEntry]:
-        """Return at most :data:`MOST_FURTHER` entries after those of the last call.
+        """Return the entries among the next :data:`MOST_FURTHER` messages after the last call.
 
         A message that was sent before those of the last call, and written after them, is among
-        the further ones. A system counts from its first message on.
+        the further ones. The first system counts as the only one until another one has a message.
 
         Raises:
             Refused: As in :meth:`entries`.
         """
         if self._further is None:
-            self._further = self._unread(types)
+            self._further = self._unread()
         found = list(islice(self._further, MOST_FURTHER))
         self.is_at_end = len(found) < MOST_FURTHER
         if self.is_at_end:
             self._further = None
-        return self._of_system(found)
+        return self._of_system([one for one in found if self._is_new(one, types)])
 
-    def _unread(self, types: Collection[str] | None) -> Iterator[JournalEntry]:
-        """Yield the entries of all systems since the last call, as written; count the others."""
+    def _unread(self) -> Iterator[JournalEntry]:
+        """Yield all messages since the last call, as written."""
         for path, recorded in self._recorded.items():
             self.problems += recorded.problems
             number = 0
             for file in recorded.paths:
                 for one in self._of_file(file):
                     number += 1
-                    if types is not None and one.type not in types:
-                        self._count(one)
-                        continue
-                    key = hash((one.topic, one.sent_ns, zlib.crc32(one.data)))
-                    if key not in self._seen:
-                        self._seen.add(key)
-                        yield one
+                    yield one
             if number < (recorded.messages or 0):
                 self.problems.append(
                     f"{path} is said to hold {recorded.messages} messages, found {number}"
                 )
+
+    def _is_new(self, one: JournalEntry, types: Collection[str] | None) -> bool:
+        """Return whether a message is of the types and no duplicate; count one of other types."""
+        if types is not None and one.type not in types:
+            self._count(one)
+            return False
+        key = hash((one.topic, one.sent_ns, zlib.crc32(one.data)))
+        if key in self._seen:
+            return False
+        self._seen.add(key)
+        return True
 
     def stored(self, path: Path) -> Iterator[StoredMessage]:
         """Yield the messages of one of the files as stored, including duplicates.

@@ -24,6 +24,7 @@ from bt_agents_interfaces.msg import Bookmark, Scene
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
+from bt_agents_lab.recorder import reading
 from bt_agents_lab.recorder.file import LIBRARY, JournalFile, RecordedMessage
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import read
@@ -79,6 +80,19 @@ def test_growing_file_is_read_on_from_last_record(tmp_path: Path) -> None:
     copy.write_bytes(bytes(before) + whole[before:])
     assert [one.decode().label for one in reader.further_entries()] == ["more", "more"]
     file.close()
+
+
+def test_piece_ends_after_messages_of_any_type(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "MOST_FURTHER", 2)
+    file = begun(tmp_path / "a.mcap", scenes=4)
+    reader = JournalReader([file.path])
+    found = []
+    while not reader.is_at_end:
+        found.append(len(reader.further_entries({BOOKMARK})))
+    file.close()
+    assert (sum(found), len(found)) == (1, 3)
 
 
 def test_file_ending_inside_record_is_reported(tmp_path: Path) -> None:
