@@ -100,7 +100,7 @@ class Feed:
     def give(self, encoded: str, *, is_failure: bool = False, is_whole: bool = True) -> None:
         """Take a moment read from a recording, unless the client has requested another view.
 
-        After a failure, the client returns to now. Until a recording is read as a whole, its
+        After a failure, the client returns to now. Until all of a recording has been read, its
         moment stays due.
         """
         read, self._reading = self._reading, None
@@ -110,7 +110,8 @@ class Feed:
         if not is_failure:
             # The client may have requested another moment; this one at least shows progress.
             self._read = encoded
-            self._is_moment_due = self._is_moment_due or not is_whole
+            if not is_whole:
+                self._is_moment_due = True
         elif wanted is read:
             self._return()
             self._read = encoded
