@@ -18,19 +18,23 @@ class AwardMonitor:
     def __init__(self, now: float) -> None:
         self.stall = StallDetector(now)
         self._named: RunKey | None = None
+        # The run that the last heartbeat did not name.
+        self._unnamed: RunKey | None = None
 
     def on_heartbeat(self, named: RunKey, run: RunKey | None, now: float) -> bool:
         """Handle the run that a market names; return whether the current run was given away."""
         if run is not None and run.epoch != named.epoch:
             return False
-        before, self._named = self._named, named
+        self._named = named
         if self.stall.confirmed or self.stall.hold_off_s(now):
             return False
         if run is None or named == run:
             self.stall.confirmed = True
+            self._unnamed = None
             return False
-        # Two heartbeats are needed, because the first may be from before the award.
-        return before is not None and before.epoch == run.epoch and before != run
+        # Two heartbeats of the run are needed, because the first may be from before the award.
+        unnamed, self._unnamed = self._unnamed, run
+        return unnamed == run
 
     def is_over(self, run: RunKey) -> bool:
         """Return whether the market is already at a later round."""

@@ -73,6 +73,15 @@ def test_run_survives_stall_only_if_market_confirms_it(
     assert (word.hold_off_s(MINE, 2.5) == 0.0) == goes_on
 
 
+def test_heartbeat_from_before_award_leaves_run_alone() -> None:
+    word = after_a_hold_up()
+    assert not word.on_heartbeat(NOBODYS, None, 2.2)
+    # The goal arrives before a heartbeat that was sent before it.
+    assert not word.on_heartbeat(NOBODYS, MINE, 2.4)
+    assert not word.on_heartbeat(MINE, MINE, 2.6)
+    assert word.hold_off_s(MINE, 2.6) == 0.0
+
+
 def test_message_queued_during_stall_confirms_nothing() -> None:
     word = after_a_hold_up(MINE)
     assert not word.on_heartbeat(MINE, MINE, 2.1)
