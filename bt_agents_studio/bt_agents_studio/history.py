@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import json
 import zlib
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Iterable
 
-from bt_agents_studio.store import Change
+from bt_agents_studio.store import REMOVED, Change, encode_value
 
 SPAN_S = 600.0
 """Length of a running system's history [s]."""
@@ -23,8 +22,6 @@ MOST_BYTES = 64 * 1024 * 1024
 _BLOCK = 5000
 _BLOCKS_OF_SPAN, _BLOCKS_OF_SIZE = 10, 8
 _BEFORE = "-inf"
-_REMOVED = "null"
-_encode = json.JSONEncoder(default=vars, allow_nan=False, separators=(",", ":")).encode
 
 
 class History:
@@ -75,12 +72,12 @@ class History:
                 self._blocks[-1].pack()
             self._blocks.append(_Block(self._last_s, self._newest.items()))
             self._drop()
-        entry, value = (change.collection, _encode(change.key)), _encode(change.value)
-        self._blocks[-1].add(self._last_s, entry, value)
-        if value == _REMOVED:
+        entry = (change.collection, encode_value(change.key))
+        self._blocks[-1].add(self._last_s, entry, change.value)
+        if change.value == REMOVED:
             self._newest.pop(entry, None)
         else:
-            self._newest[entry] = value
+            self._newest[entry] = change.value
 
     def at(self, at_s: float) -> str:
         """Return the contents of the store at a moment [s since 1970], including its changes.
@@ -91,7 +88,7 @@ class History:
             return "{}"
         number = bisect_right(self._blocks, at_s, key=lambda block: block.first_s)
         found = self._blocks[max(number - 1, 0)].at(at_s)
-        return f"{{{','.join(f'{_encode(name)}:{{{one}}}' for name, one in found.items())}}}"
+        return f"{{{','.join(f'{encode_value(name)}:{{{one}}}' for name, one in found.items())}}}"
 
     def _is_complete(self, block: _Block) -> bool:
         return (
@@ -158,7 +155,7 @@ class _Block:
             values[collection, key] = value
         found: defaultdict[str, list[str]] = defaultdict(list)
         for (collection, key), value in values.items():
-            if value != _REMOVED:
+            if value != REMOVED:
                 found[collection].append(f"{key}:{value}")
         return {collection: ",".join(members) for collection, members in found.items()}
 

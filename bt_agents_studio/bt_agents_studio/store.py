@@ -3,15 +3,11 @@
 
 from __future__ import annotations
 
-import math
-import sys
+import json
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import cache
+from dataclasses import dataclass
 from itertools import takewhile
-from json.encoder import encode_basestring
-from operator import attrgetter
 from typing import TypeVar
 
 _Value = TypeVar("_Value")
@@ -29,17 +25,23 @@ _MOST_REMOVED_BYTES = 4 * 1024 * 1024
 _LOOKS = 100
 """Maximum number of entries of a collection to search for one that is not in use."""
 
-_NUMBER, _OBJECT = 32, 100
-"""Bytes of a number, and of a collection or a record in addition to its contents."""
+REMOVED = "null"
+"""JSON of the value of a removed entry."""
+
+_ENTRY = 100
+"""Bytes of an entry in addition to its key and its value."""
+
+encode_value = json.JSONEncoder(default=vars, allow_nan=False, separators=(",", ":")).encode
+"""Returns a value as JSON in ASCII; records become objects with the names of their fields."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
-    """New value of one entry; None if removed."""
+    """New value of one entry, as JSON; :data:`REMOVED` if removed."""
 
     collection: str
     key: str
-    value: object | None
+    value: str
 
 
 NewValue = tuple[str, str, object | None]
@@ -116,7 +118,8 @@ class Store:
         entries, sizes = self._collections[collection], self._sizes[collection]
         if entries.get(key) == value:
             return
-        size = size_of(key) + size_of(value)
+        text = encode_value(value)
+        size = size_of(key, text)
         if size > self._most_bytes // 2:
             self.dropped[collection] += 1
             return
@@ -126,7 +129,7 @@ class Store:
         sizes.move_to_end(key)
         if self._removed.pop((collection, key), None) is not None:
             self._removed_bytes -= size_of(key)
-        self._note(Change(collection=collection, key=key, value=value))
+        self._note(Change(collection=collection, key=key, value=text))
         most = self._most.get(collection, MOST_ENTRIES)
         while len(entries) > most:
             self._drop(collection, key, [collection])
@@ -139,7 +142,7 @@ class Store:
             return
         self._bytes[collection] -= self._sizes[collection].pop(key)
         size = size_of(key)
-        self._note(Change(collection=collection, key=key, value=None))
+        self._note(Change(collection=collection, key=key, value=REMOVED))
         self._removed[collection, key] = self.sequence
         self._removed_bytes += size
         while (
@@ -204,29 +207,6 @@ class Store:
         return None
 
 
-def size_of(value: object) -> int:
-    """Return the approximate size of a value in memory or as JSON, whichever is larger [bytes].
-
-    Raises:
-        ValueError: A number is not finite, which JSON cannot represent.
-    """
-    if isinstance(value, str):
-        return max(sys.getsizeof(value), len(encode_basestring(value)))
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"a number is {value}")
-    if value is None or isinstance(value, (int, float)):  # quicker than int | float
-        return _NUMBER
-    if isinstance(value, tuple):
-        return _OBJECT + sum(map(size_of, value))
-    if isinstance(value, dict):
-        return _OBJECT + sum(size_of(key) + size_of(one) for key, one in value.items())
-    kind: type = type(value)
-    return _OBJECT + sum(size_of(one) for one in _fields_of(kind)(value))
-
-
-@cache
-def _fields_of(kind: type) -> Callable[[object], tuple[object, ...]]:
-    """Return a function that reads all fields of a record."""
-    names = [one.name for one in fields(kind)]
-    read = attrgetter(*names)
-    return read if len(names) > 1 else lambda record: (read(record),)
+def size_of(key: str, text: str = "") -> int:
+    """Return the approximate size of an entry in memory, at least that of its JSON [bytes]."""
+    return _ENTRY + 2 * (len(key) + len(text))

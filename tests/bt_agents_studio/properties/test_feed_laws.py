@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from bt_agents_studio.feed import Feed
 from bt_agents_studio.history import History
 from bt_agents_studio.protocol import VERSION, Delta, Resume, Snapshot
-from bt_agents_studio.store import Change, Store, size_of
+from bt_agents_studio.store import Change, Store, encode_value, size_of
 
 _PUT = st.tuples(
     st.sampled_from(["nodes", "log"]), st.sampled_from("abcdef"), st.integers(0, 3) | st.none()
@@ -131,7 +131,7 @@ def test_bounded_store_keeps_entries_in_use(steps: list[tuple[str, str, str]]) -
         after = store.snapshot()
         assert len(after.get("log", {})) <= 3
         entries = [pair for entries in after.values() for pair in entries.items()]
-        assert sum(size_of(key) + size_of(value) for key, value in entries) <= 2000
+        assert sum(size_of(key, encode_value(value)) for key, value in entries) <= 2000
         lost = [one for name in before for one in before[name] if one not in after.get(name, {})]
         if any(one.startswith("used") and one != key for one in lost):
             raise AssertionError(f"{lost} left for {key}")

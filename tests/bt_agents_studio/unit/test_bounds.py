@@ -27,7 +27,7 @@ from bt_agents_studio.node import Handover
 from bt_agents_studio.projection.health import FAILURES, ROOM
 from bt_agents_studio.projection.recording import RECORDING
 from bt_agents_studio.records import MOST_ENTRIES, FileRecord, HealthRecord, MoodRecord
-from bt_agents_studio.store import MOST_BYTES, Change, Store, size_of
+from bt_agents_studio.store import MOST_BYTES, Change, Store, encode_value, size_of
 from bt_agents_studio.studio import Studio
 from studio_harness import SPACE
 
@@ -78,7 +78,9 @@ def test_entry_exceeding_the_budget_is_dropped() -> None:
 
 @pytest.mark.parametrize("value", ["\x01" * KIB, "ü€😀" * KIB, '"\\' * KIB, "plain" * KIB])
 def test_estimated_text_size_covers_its_json(value: str) -> None:
-    assert size_of(value) >= len(json.dumps(value, ensure_ascii=False))
+    text = encode_value(value)
+    assert json.loads(text) == value
+    assert size_of("", text) >= len(json.dumps(value, ensure_ascii=False).encode())
 
 
 def test_large_removed_keys_are_forgotten() -> None:
@@ -104,7 +106,7 @@ def test_large_history_forgets_oldest_changes() -> None:
 
 def test_huge_change_is_still_the_last_moment() -> None:
     history = History(most_bytes=KIB)
-    history.record(1.0, Change(collection="files", key="a", value=text()))
+    history.record(1.0, Change(collection="files", key="a", value=encode_value(text())))
     assert (history.first_s, history.last_s) == (1.0, 1.0)
     assert json.loads(history.at(1.0))["files"]["a"] == vars(text())
 
