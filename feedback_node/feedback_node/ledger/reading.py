@@ -53,7 +53,7 @@ class LedgerReader:
         """Return the latest revision of each layer of an agent, sorted by name."""
         where = (
             "JOIN (SELECT layer AS l, max(revision) AS r FROM revision WHERE agent = ? AND "
-            "layer <> '' AND content IS NOT NULL GROUP BY layer) ON layer = l AND revision = r "
+            "layer > '' GROUP BY layer) ON layer = l AND revision = r "
             f"WHERE agent = ? AND layer NOT LIKE '{FORGOTTEN_LAYER}%' ORDER BY layer"
         )
         return tuple(self._select(where, agent, agent))
