@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,8 +20,8 @@ from bt_agents_lab.recorder.reading import JournalReader, StoredMessage
 
 _FLUSHED = 1000
 
-Round = tuple[str, int]
-"""Epoch of a market, and number of a round in it."""
+Rounds = Mapping[str, set[int]]
+"""Epoch of a market → numbers of rounds in it."""
 
 
 @dataclass(kw_only=True)
@@ -76,27 +77,27 @@ def erase_from_journals(folder: Path, person: PersonMention) -> ErasedJournals:
 
 def _erase(paths: list[Path], open_file: Path | None, person: PersonMention) -> ErasedJournals:
     reader = JournalReader(paths)
-    rounds = {
-        of
-        for path in paths
-        for one in reader.stored(path)
-        if _names(one, person) and (of := _round_of(_decoded(one)))
-    }
+    rounds: defaultdict[str, set[int]] = defaultdict(set)
+    for path in paths:
+        for one in reader.stored(path):
+            if _names(one, person) and (of := _round_of(_decoded(one))):
+                epoch, number = of
+                rounds[epoch].add(number)
     found = ErasedJournals(problems=tuple(reader.problems))
     for path in paths:
-        number = sum(_is_about(one, person, rounds) for one in reader.stored(path))
-        if not number:
+        messages = sum(_is_about(one, person, rounds) for one in reader.stored(path))
+        if not messages:
             continue
         if path == open_file:
             found.in_use = path
             continue
         _rewrite(reader, path, person, rounds)
-        found.messages += number
+        found.messages += messages
         found.files += (path,)
     return found
 
 
-def _rewrite(reader: JournalReader, path: Path, person: PersonMention, rounds: set[Round]) -> None:
+def _rewrite(reader: JournalReader, path: Path, person: PersonMention, rounds: Rounds) -> None:
     new = path.with_name(f".{path.name}.new")
     with suppress(FileNotFoundError):
         new.unlink()
@@ -137,8 +138,14 @@ def _recorded(one: StoredMessage) -> RecordedMessage:
     )
 
 
-def _is_about(one: StoredMessage, person: PersonMention, rounds: set[Round]) -> bool:
-    return _names(one, person) or (bool(rounds) and _round_of(_decoded(one)) in rounds)
+def _is_about(one: StoredMessage, person: PersonMention, rounds: Rounds) -> bool:
+    if _names(one, person):
+        return True
+    # Decoding is slow, and most messages are of other markets or of none.
+    if not any(epoch.encode() in one.message.data for epoch in rounds):
+        return False
+    epoch, number = _round_of(_decoded(one)) or ("", 0)
+    return number in rounds.get(epoch, ())
 
 
 def _names(one: StoredMessage, person: PersonMention) -> bool:
@@ -158,7 +165,7 @@ def _decoded(one: StoredMessage) -> Any:
         return None
 
 
-def _round_of(message: Any) -> Round | None:
+def _round_of(message: Any) -> tuple[str, int] | None:
     epoch, number = getattr(message, "epoch", ""), getattr(message, "round", 0)
     return (epoch, number) if epoch and number else None
 
