@@ -6,16 +6,14 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
-import rclpy
-from rclpy.signals import SignalHandlerOptions
 
 from checkout import ROOT
 from fake_market import Market
 from graph import Ros, fresh_graph
 from scripted_server import Script, ScriptedServer
+from stranger import Stranger
 
 
 @pytest.fixture
@@ -38,14 +36,11 @@ def mouth(ros: Ros) -> ScriptedServer:
 
 
 @pytest.fixture
-def stranger() -> Iterator[Any]:
-    """Node with its own participant; a participant can have only one type under each name."""
-    context = rclpy.Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("stranger", context=context)
-    yield node
-    node.destroy_node()
-    rclpy.try_shutdown(context=context)
+def stranger(ros: Ros) -> Iterator[Stranger]:
+    """A node with its own participant."""
+    made = Stranger(ros)
+    yield made
+    made.close()
 
 
 @pytest.fixture

@@ -12,32 +12,21 @@ from itertools import count
 from typing import Any
 
 import pytest
-import rclpy
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionServer, GoalResponse
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from bt_agents_interfaces.action import Say
 from bt_agents_ros.qos import SERVICE
-from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from graph import Ros
+from stranger import Stranger
 
 ASKED = "/asked"
 REQUESTS = 30
 
 
-class Stranger:
+class Leaver(Stranger):
     """A separate participant, with clients that come and go."""
-
-    def __init__(self, ros: Ros) -> None:
-        self.ros = ros
-        self.context = Context()
-        rclpy.init(context=self.context)
-        self.node = Node("stranger", context=self.context, enable_rosout=False)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
 
     def client(self, kind: Any = GetParameters, name: str = ASKED) -> Any:
         """Return a client matched with the service in both directions."""
@@ -61,26 +50,14 @@ class Stranger:
         topic = f"rr{name}Reply"
         return list(self.ros.node.get_subscriptions_info_by_topic(topic, no_mangle=True))
 
-    def answer(self, future: Any) -> Any:
-        """Return an answer that arrives."""
-
-        def has_come() -> bool:
-            self.executor.spin_once(0)
-            return bool(future.done())
-
-        self.ros.until(has_come)
-        return future.result()
-
 
 @pytest.fixture
-def stranger(ros: Ros) -> Iterator[Stranger]:
-    made = Stranger(ros)
+def stranger(ros: Ros) -> Iterator[Leaver]:
+    made = Leaver(ros)
     looks = count()
     ros.executor._departed.clock = lambda: 0.06 * next(looks)
     yield made
-    made.node.destroy_node()
-    made.executor.shutdown()
-    made.context.try_shutdown()
+    made.close()
 
 
 class Service:
@@ -105,7 +82,7 @@ class Service:
 
 
 @pytest.mark.filterwarnings("ignore:failed to send response:RuntimeWarning")
-def test_service_skips_remaining_requests_of_departed_client(ros: Ros, stranger: Stranger) -> None:
+def test_service_skips_remaining_requests_of_departed_client(ros: Ros, stranger: Leaver) -> None:
     leaves = iter([lambda: stranger.leave(client)])
     service = Service(ros, lambda: next(leaves, lambda: None)())
     client = stranger.client()
@@ -119,7 +96,7 @@ def test_service_skips_remaining_requests_of_departed_client(ros: Ros, stranger:
     assert stranger.answer(other.call_async(GetParameters.Request())) is not None
 
 
-def test_slow_service_still_answers_present_client(ros: Ros, stranger: Stranger) -> None:
+def test_slow_service_still_answers_present_client(ros: Ros, stranger: Leaver) -> None:
     service = Service(ros, lambda: None)
     client = stranger.client()
     for _ in range(3):
@@ -130,13 +107,10 @@ def test_slow_service_still_answers_present_client(ros: Ros, stranger: Stranger)
 
 def test_second_node_of_one_name_hides_no_client(ros: Ros) -> None:
     # The graph names the older of two participants first.
-    context = Context()
-    rclpy.init(context=context)
-    node = Node("twin", context=context, enable_rosout=False)
-    executor = CachedExecutor(context=context)
-    executor.add_node(node)
+    other = Stranger(ros, "twin")
+    node = other.node
     looks = count()
-    executor._departed.clock = lambda: 0.06 * next(looks)
+    other.executor._departed.clock = lambda: 0.06 * next(looks)
     server = ActionServer(
         node,
         Say,
@@ -149,25 +123,22 @@ def test_second_node_of_one_name_hides_no_client(ros: Ros) -> None:
     kind = Say.Impl.SendGoalService
     client = ros.node.create_client(kind, "say/_action/send_goal", qos_profile=SERVICE)
 
-    def until(condition: Callable[[], object]) -> None:
-        ros.until(lambda: (executor.spin_once(0), condition())[1])
-
     try:
-        until(lambda: node.get_node_names().count("twin") == 2)
-        until(client.service_is_ready)
-        until(lambda: node.get_subscriptions_info_by_topic("rr/say/_action/send_goalReply", True))
+        other.until(lambda: node.get_node_names().count("twin") == 2)
+        other.until(client.service_is_ready)
+        other.until(
+            lambda: node.get_subscriptions_info_by_topic("rr/say/_action/send_goalReply", True)
+        )
         for _ in range(3):
-            until(client.call_async(kind.Request()).done)
+            other.until(client.call_async(kind.Request()).done)
     finally:
         server.destroy()
         twin.destroy_node()
-        node.destroy_node()
-        executor.shutdown()
-        context.try_shutdown()
+        other.close()
 
 
 @pytest.mark.filterwarnings("ignore:failed to send response:RuntimeWarning")
-def test_goals_of_departed_client_are_not_started(ros: Ros, stranger: Stranger) -> None:
+def test_goals_of_departed_client_are_not_started(ros: Ros, stranger: Leaver) -> None:
     asked: list[Any] = []
 
     def decide(goal: Any) -> GoalResponse:

@@ -31,6 +31,7 @@ from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from bt_agents_ros import goal_cancellation, qos
 from bt_agents_ros.types import MessageView
 from scripted_server import Script, ScriptedServer, ScriptedService
+from stranger import Stranger
 from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
@@ -545,8 +546,8 @@ def test_latched_inbox_receives_from_volatile_publishers(
     assert (message["data"], inbox.take()) == (True, None)
 
 
-def test_topic_type_mismatch_is_a_problem(ros: Any, host: Host, stranger: Any) -> None:
-    publisher = stranger.create_publisher(String, "door", qos.EVENTS)
+def test_topic_type_mismatch_is_a_problem(ros: Any, host: Host, stranger: Stranger) -> None:
+    publisher = stranger.node.create_publisher(String, "door", qos.EVENTS)
     problems = host.environment.graph_problems
     inbox = host.environment.watch("door", "std_msgs/msg/Bool")
 
@@ -557,7 +558,7 @@ def test_topic_type_mismatch_is_a_problem(ros: Any, host: Host, stranger: Any) -
     ros.until(lambda: looked(True))
     said = "door is published as std_msgs/msg/String, expected std_msgs/msg/Bool"
     assert (problems.messages, inbox.problem) == ({"door": said}, said)
-    stranger.destroy_publisher(publisher)
+    stranger.node.destroy_publisher(publisher)
     ros.until(lambda: looked(False))
     assert inbox.problem == ""
     inbox.close()
@@ -584,8 +585,8 @@ def test_latched_message_without_publisher_is_a_problem(ros: Any, host: Host) ->
     assert problems.messages == {}
 
 
-def test_server_type_mismatch_is_named(ros: Any, host: Host, stranger: Any) -> None:
-    server = ActionServer(stranger, Ask, "say", lambda _goal: Ask.Result())
+def test_server_type_mismatch_is_named(ros: Any, host: Host, stranger: Stranger) -> None:
+    server = ActionServer(stranger.node, Ask, "say", lambda _goal: Ask.Result())
     ros.until(lambda: len(host.servers()) == 1)
     run = host.send(timeouts=Timeouts(server_s=0.3))
     ros.until(lambda: run.state.ended)

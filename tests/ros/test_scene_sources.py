@@ -269,7 +269,7 @@ def test_publisher_of_other_type_is_named(ros, stranger):
     ros.node.create_subscription(
         DiagnosticArray, "/diagnostics", lambda one: heard.extend(one.status), qos.EVENTS
     )
-    stranger.create_publisher(String, "person/age", 1)
+    stranger.node.create_publisher(String, "person/age", 1)
     message = "person/age is published as std_msgs/msg/String, expected std_msgs/msg/Float64"
     ros.until(lambda: heard and heard[-1].message == message)
     assert (heard[-1].name, heard[-1].level) == ("scene_layer: sources", DiagnosticStatus.ERROR)

@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-import rclpy
 from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
 
 from active_nodes import active_feedback
 from bt_agents_core.errors import Refused
@@ -18,57 +16,17 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profiles, Run
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
-from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from fake_market import Market, agent_text, folder, make_host
 from feedback_node.ledger import Ledger
 from market_harness import EXPRESS, GUIDE, SPACE
 from market_node_harness import FakeHost, MarketNodeHarness
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.node.messages import heartbeat_of
+from stranger import Stranger
 
 TOKEN = bytes(range(1, 17))
 
 WAITER = agent_text("talker", "wait: 60 s")
-
-
-class Stranger:
-    """Node with its own participant, like another process."""
-
-    def __init__(self) -> None:
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node("stranger", context=self.context)
-        self.executor = CachedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-
-    def publisher(self, ros: Any, kind: Any, topic: str) -> Any:
-        publisher = self.node.create_publisher(kind, topic, qos.EVENTS)
-        ros.until(lambda: publisher.get_subscription_count() > 0)
-        return publisher
-
-    def call(self, ros: Any, kind: Any, name: str, request: Any) -> Any:
-        client = self.node.create_client(kind, name, qos_profile=qos.SERVICE)
-        ros.until(client.service_is_ready)
-        answer = client.call_async(request)
-
-        def answered() -> bool:
-            self.executor.spin_once(0.0)
-            return bool(answer.done())
-
-        ros.until(answered)
-        return answer.result()
-
-    def close(self) -> None:
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown(context=self.context)
-
-
-@pytest.fixture
-def stranger(ros: Any) -> Iterator[Stranger]:
-    other = Stranger()
-    yield other
-    other.close()
 
 
 def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
@@ -76,7 +34,7 @@ def test_early_forged_bid_wins_no_round(ros: Any, stranger: Stranger) -> None:
     harness = MarketNodeHarness(ros, bid_deadline=30.0)
     heard: list[Bids] = ros.collect(Bids, "bt_agents/bids", qos.EVENTS)
     host = harness.host()
-    forged = stranger.publisher(ros, Bids, "bt_agents/bids")
+    forged = stranger.publisher(Bids, "bt_agents/bids")
     ros.until(lambda: forged.get_subscription_count() == 2)
     host.silent = True
     for number in range(1, 6):
@@ -170,7 +128,7 @@ def test_foreign_heartbeats_do_not_keep_host_alive(
     harness = MarketNodeHarness(ros)
     host = harness.host()
     ros.until(lambda: harness.statuses[-1].hosts == 1)
-    forged = stranger.publisher(ros, Heartbeat, "/agents/heartbeat")
+    forged = stranger.publisher(Heartbeat, "/agents/heartbeat")
     name = host.host
     ros.remove(host)
 
@@ -187,7 +145,7 @@ def test_stranger_cannot_register_as_existing_host(ros: Any, stranger: Stranger)
     host = harness.host()
     ros.until(lambda: harness.statuses[-1].hosts == 1)
     request = host.request(run_action="/stranger/run", agents=["spy"], token=[0] * 16)
-    answer = stranger.call(ros, RegisterHost, "marketplace/register", request)
+    answer = stranger.call(RegisterHost, "marketplace/register", request)
     assert not answer.accepted
     assert answer.message.startswith("WRONG_TOKEN")
     assert not any(answer.token)
@@ -203,7 +161,7 @@ def test_restarted_host_registers_from_its_new_process(ros: Any, stranger: Stran
     ros.until(lambda: harness.statuses[-1].hosts == 1)
     ros.remove(host)
     ros.until(lambda: harness.statuses[-1].hosts == 0)
-    answer = stranger.call(ros, RegisterHost, "marketplace/register", request)
+    answer = stranger.call(RegisterHost, "marketplace/register", request)
     assert answer.accepted, answer.message
 
 
@@ -259,7 +217,7 @@ def test_forged_future_revision_does_not_block_later_profiles(
     market = Market(ros)
     host = market.host(folder(tmp_path, WAITER))
     # A host cannot know who sets a profile.
-    assert stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
+    assert stranger.call(SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
     member = host.registry.members["talker"]
     assert (member.profile[0], member.revision) == (5.0, 2**32 - 1)
 
@@ -268,7 +226,7 @@ def test_forged_future_revision_does_not_block_later_profiles(
     ros.until(lambda: (member.profile[0], member.revision) == (3.0, 0))
     ros.until(lambda: published and not published[-1].differing)
 
-    assert stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
+    assert stranger.call(SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
     ros.until(lambda: (member.profile[0], member.revision) == (3.0, 0))
     teaching = ros.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE)
     lesson = GiveFeedback.Request(
