@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from bt_agents_core.errors import Refused, RefusedElsewhere
+from bt_agents_core.errors import Refused
 from bt_agents_tools.cli.commands import profile as command
 from bt_agents_tools.cli.main import bt_agents
 from feedback_node.management.management import ManagementAction
@@ -21,20 +21,16 @@ ANNA = "person/anna"
 
 
 class ProfileCommandHarness:
-    """The commands, a management that carries out their orders, and a scene layer."""
+    """The commands, and a management that carries out their orders."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.managed = ManagedLedger()
-        self.scene_layer: Any = None
         self.asked: list[tuple[str, str]] = []
         monkeypatch.setattr(command, "connect", lambda: self)
         monkeypatch.setenv("COLUMNS", "200")
 
     def ask(self, service: str, *, action: str, find_s: float = 10.0, **fields: Any) -> Any:
-        node = service.removesuffix("/manage")
-        self.asked.append((node, action))
-        if node == "scene_layer":
-            return self.scene_layer
+        self.asked.append((service, action))
         try:
             done = self.managed.execute(ManagementAction[action], **fields)
         except Refused as refused:
@@ -97,27 +93,6 @@ def test_export_can_be_imported_without_overwriting(harness, tmp_path):
     assert "cannot be read" in str(harness.run("import", str(tmp_path / "bad.json")).exception)
 
 
-def test_forget_asks_for_confirmation_and_informs_scene_layer(harness):
-    harness.managed.teach_layer(ANNA)
-    harness.scene_layer = SimpleNamespace(accepted=True, code="", message="anna is forgotten")
-    assert harness.run("forget", ANNA, answer="n\n").exit_code == 1
-    assert harness.asked == []
-    done = harness.run("forget", ANNA, answer="y\n")
-    assert done.output.splitlines()[-2:] == [
-        "scene layer: anna is forgotten",
-        "1 profile forgotten",
-    ]
-    assert harness.asked == [("feedback", "FORGET"), ("scene_layer", "FORGET")]
-    # Only the scene layer knows a person who has taught nothing.
-    again = harness.run("forget", ANNA, "--yes")
-    assert (again.exit_code, again.output.splitlines()[-1]) == (
-        0,
-        f"ledger: no layer '{ANNA}'; there are: none",
-    )
-    harness.scene_layer = None
-    assert isinstance(harness.run("forget", ANNA, "--yes").exception, RefusedElsewhere)
-
-
 @pytest.mark.parametrize(
     ("text", "seconds"), [("90d", 7_776_000), ("2 weeks", 1_209_600), ("12 h", 43_200)]
 )
@@ -153,7 +128,7 @@ def test_expire_lists_affected_persons_and_asks(harness):
     assert (asked.exit_code, "person/anna" in asked.output) == (1, True)
     assert "bob" not in asked.output
     assert "lobby" not in asked.output
-    assert harness.asked == [("feedback", "HISTORY")]
+    assert harness.asked == [("feedback/manage", "HISTORY")]
     done = harness.run("expire", "--older", "90d", answer="y\n")
     assert done.output.splitlines()[-1] == "2 profiles forgotten"
     assert harness.run("expire", "--older", "90d").output == "nothing to forget\n"

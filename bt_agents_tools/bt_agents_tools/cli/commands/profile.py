@@ -220,30 +220,6 @@ def expire(older: str, kind: str | None, yes: bool, author: str) -> None:
 
 
 @profile.command()
-@click.argument("layer")
-@click.option("--yes", is_flag=True, help="Do not ask.")
-@author_option
-def forget(layer: str, yes: bool, author: str) -> None:
-    """Take all that was learned for a person or a place out of the ledger.
-
-    For example: bt-agents profile forget person/anna. It cannot be undone. The scene layer
-    forgets them as well.
-    """
-    if not yes:
-        click.confirm(f"forget what all agents learned for {layer}, for ever?", abort=True)
-    observer = connect()
-    asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
-    from_ledger = observer.ask("feedback/manage", **asked)
-    from_scene_layer = observer.ask("scene_layer/manage", find_s=1.0, **asked)
-    if from_scene_layer is not None:
-        click.echo(f"scene layer: {from_scene_layer.message}")
-        if from_scene_layer.accepted and from_ledger is not None and not from_ledger.accepted:
-            click.echo(f"ledger: {from_ledger.message}")
-            sys.exit(0 if from_ledger.code == RefusalCode.UNKNOWN_LAYER else 1)
-    click.echo(accepted(from_ledger, "the feedback node").message)
-
-
-@profile.command()
 @click.argument("file", required=False, type=click.Path(path_type=Path))
 @state_option
 def check(file: Path | None, state: str) -> None:
