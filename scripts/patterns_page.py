@@ -56,11 +56,11 @@ def _pattern(name: str) -> str:
     agent = pattern_file(name).read_text(encoding="utf-8")
     tests = tests_beside(pattern_file(name)).read_text(encoding="utf-8")
     case = tests.partition("- name: ")[2].partition("\n")[0]
-    script = shlex.quote(f"trees/agents/{name}.test.yaml:{case}")
+    test_case = shlex.quote(f"trees/agents/{name}.test.yaml:{case}")
     return (
         f"## {name}\n\n**{_title(name)}.** {_why(agent)}\n\n```yaml\n{agent}```\n\n"
         f"```console\n$ bt-agents new {name} --pattern {name}\n"
-        f"$ bt-agents rehearse {name} --script {script}\n{_rehearsal(name, case)}```\n\n"
+        f"$ bt-agents rehearse {test_case}\n{_rehearsal(name, case)}```\n\n"
         "Its tests check:\n\n" + "\n".join(f"- {one}" for one in _cases(tests))
     )
 
@@ -71,7 +71,7 @@ def _rehearsal(name: str, case: str) -> str:
     with TemporaryDirectory() as folder, chdir(folder):
         made = runner.invoke(bt_agents, ["new", name, "--pattern", name], catch_exceptions=False)
         assert made.exit_code == 0, made.output
-        words = ["rehearse", name, "--script", f"trees/agents/{name}.test.yaml:{case}"]
+        words = ["rehearse", f"trees/agents/{name}.test.yaml:{case}"]
         return runner.invoke(bt_agents, words, catch_exceptions=False).stdout
 
 

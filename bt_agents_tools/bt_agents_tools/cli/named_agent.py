@@ -14,26 +14,24 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.cli.trees_choice import take_trees
 
 
-def named_agent(
-    argument: str, directory: str = "", trees: Trees | None = None, language: str = ""
-) -> tuple[Trees, AgentSpec]:
+def named_agent(argument: str, directory: str = "", language: str = "") -> tuple[Trees, AgentSpec]:
     """Return the trees folder and the agent for an argument, which is a name or a file.
 
-    An empty directory is looked up above the file, or as in :func:`take_trees`; ``trees`` is the
-    folder if it was read already, in the language of its scene or in another one.
+    An empty directory is looked up above the file, or as in :func:`take_trees`; an empty language
+    is that of the scene.
 
     Raises:
         BtAgentsError: There is no such file or agent.
         ReadError: The agent's file, or the scene or the skills of its folder, are broken.
     """
     if not argument.endswith((".yaml", ".yml")) and "/" not in argument:
-        trees = trees or read_trees(take_trees(directory), language=language)
+        trees = read_trees(take_trees(directory), language=language)
         return trees, _find(trees, argument, lambda _: False)
     path = Path(argument)
     if not path.is_file():
         raise BtAgentsError(f"there is no file '{argument}'; name an agent file, or an agent")
     folder = take_trees(directory) if directory else enclosing_folder(path)
-    trees = trees or read_trees(folder, language=language)
+    trees = read_trees(folder, language=language)
     return trees, _find(trees, argument, path.samefile)
 
 

@@ -98,12 +98,12 @@ def test_options_cover_whole_scenario() -> None:
 
 
 def test_test_file_case_is_rehearsed_and_judged() -> None:
-    script = f"{GUIDE}.test.yaml:annoyed"
-    result = rehearse("attentive_guide", "--script", script)
+    case = f"{GUIDE}.test.yaml:annoyed"
+    result = rehearse(case)
     assert "Attentive guide · somebody who gets annoyed is left alone" in result.output
     assert "✔ as the test expects" in result.output
     assert result.exit_code == 0
-    other = rehearse(script, "--at", "1s cancel")
+    other = rehearse(case, "--at", "1s cancel")
     assert other.exit_code == 1
     assert "✘ trees/agents/attentive_guide.test.yaml:" in other.output
 
@@ -163,8 +163,7 @@ def test_interactive_user_can_supply_event_when_idle() -> None:
         (("silent_text", "--at", "2s buttons/confirm dta=true"), "no field 'dta'"),
         (("attentive_guide", "--answer", "drive=yes"), "it gives nothing back"),
         (("attentive_guide", "--answer", "ask={broken"), "an option cannot be understood"),
-        (("attentive_guide", "--script", f"{GUIDE}.test.yaml:xyz"), "no case has 'xyz'"),
-        (("silent_text", "--script", f"{GUIDE}.test.yaml"), "is a test of attentive_guide"),
+        ((f"{GUIDE}.test.yaml:xyz",), "no case has 'xyz'"),
     ],
 )
 def test_invalid_arguments_are_named(words: tuple[str, ...], message: str) -> None:

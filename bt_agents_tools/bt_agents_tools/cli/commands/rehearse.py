@@ -53,7 +53,6 @@ Examples:
     "--person", multiple=True, metavar="name=anna", help="Who it is; visits=3, favourite=tea."
 )
 @click.option("--clock", multiple=True, metavar="hour=22", help="Local time; weekday=sunday.")
-@click.option("--script", metavar="FILE[:CASE]", default="", help="A case of a test file.")
 @click.option("--answer", multiple=True, metavar="SKILL=ANSWER", help="ask=yes, drive={fails: x}.")
 @click.option("--at", multiple=True, metavar="'TIME WHAT'", help="'2s mood=1.5', '5s cancel' …")
 @click.option("--tune", multiple=True, metavar="NAME=VALUE", help="A tunable from the start.")
@@ -69,7 +68,6 @@ def rehearse(
     scene: tuple[str, ...],
     person: tuple[str, ...],
     clock: tuple[str, ...],
-    script: str,
     answer: tuple[str, ...],
     at: tuple[str, ...],
     tune: tuple[str, ...],
@@ -82,16 +80,15 @@ def rehearse(
 ) -> None:
     """Rehearse an AGENT, by its name or file, without a robot.
 
+    TEST.test.yaml:CASE is a case of a test file; without CASE, it is the first one.
+
     The time is virtual. Questions without a given answer get a likely one; with -i you answer.
     Exit code 1 when the run fails or does not end.
     """
     agents = [one for one in arguments if "=" not in one]
-    if len(agents) > 1 or not (agents or script):
+    if len(agents) != 1:
         raise click.UsageError("name one agent, or a test file")
-    agent = agents[0] if agents else ""
-    if agent.partition(":")[0].endswith(TEST_SUFFIXES):
-        agent, script = "", agent
-    trees, spec, case = _material(agent, script, directory, language)
+    trees, spec, case = _material(agents[0], directory, language)
     space, symbols = trees.scene.space, with_installed_types(trees.symbols)
     options = scenario_yaml(
         spec,
@@ -128,11 +125,11 @@ def rehearse(
 
 
 def _material(
-    agent: str, script: str, directory: str, language: str
+    agent: str, directory: str, language: str
 ) -> tuple[Trees, AgentSpec, AgentTestCase | None]:
-    if not script:
+    file, _, name = agent.partition(":")
+    if not file.endswith(TEST_SUFFIXES):
         return (*named_agent(agent, directory, language=language), None)
-    file, _, name = script.partition(":")
     path = Path(file)
     trees = (
         read_trees(take_trees(directory), language=language)
@@ -141,13 +138,7 @@ def _material(
     )
     test = read_test(path, trees.agents, with_installed_types(trees.symbols))
     case = _chosen(test.cases, name, file)
-    if not agent:
-        return trees, case.agent, case
-    trees, named = named_agent(agent, directory, trees)
-    if named.name != test.agent.name:
-        raise BtAgentsError(f"{script} is a test of {test.agent.name}, not of {named.name}")
-    speaks_other = case.agent is not test.agent
-    return trees, case.agent if speaks_other else named, case
+    return trees, case.agent, case
 
 
 def _chosen(cases: Sequence[AgentTestCase], name: str, file: str) -> AgentTestCase:
