@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import textwrap
@@ -157,11 +158,8 @@ def test_plugin_outputs_are_known_and_typed(package):
     assert "error[" in misfit
 
 
-def test_explain_plugin_lists_installed_plugins(package):
-    printed = command(package, "explain", "plugin", "--dir", "TREES")
-    assert "setup(node=…)" in printed
-    assert "CheckData and FromConstant" in printed
-    assert "Installed: blink" in printed
+def test_explain_lists_installed_plugins(package):
+    assert re.search("node of a plug-in +blink", command(package, "explain", "--dir", "TREES"))
 
 
 @pytest.mark.parametrize(

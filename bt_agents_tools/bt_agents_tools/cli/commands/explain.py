@@ -21,7 +21,7 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_language.model.specs import SubtreeSpec
-from bt_agents_language.nodes.plugin_discovery import GROUP, installed_plugins
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.reference.codes import Code, codes
 from bt_agents_language.reference.file_pages import FilePage, file_pages, file_words
@@ -37,20 +37,6 @@ from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
 from bt_agents_language.tools.schema.folder import folder_symbols
 from bt_agents_tools.cli.installed_kinds import installed_kinds
 from bt_agents_tools.cli.trees_choice import take_trees
-
-_PLUGIN = ("plugin", "plug-in")
-
-_DECLARED = (
-    ("fields", "a tuple of NodeField: the arguments of the class, and the keys in a file"),
-    ("main", "the field that a scalar after the key stands for"),
-    ("reads", "key of the blackboard → the field whose value it has before each tick"),
-    ("writes", "key of the blackboard → NodeField: the name that has its value after each tick"),
-)
-
-_PLUGIN_EXAMPLE = """\
-[project.entry-points."bt_agents.nodes"]
-door = "their_nodes:Door"
-"""
 
 Part = Text | Table | Padding
 """Part of a page; a text that must not be wrapped has ``no_wrap``."""
@@ -129,8 +115,6 @@ def _pages(
     for library, one in subtrees:
         if one.name == word:
             yield _node(subtree_page(library, one))
-    if word in _PLUGIN:
-        yield _plugin(symbols)
     for in_file in file_pages(word, installed_kinds()):
         yield _file(in_file)
     for node in node_pages(symbols):
@@ -202,29 +186,6 @@ def _node(page: NodePage) -> Iterable[Part]:
     yield _example(page.example, "yaml")
 
 
-def _plugin(symbols: SymbolTable) -> Iterable[Part]:
-    yield Text.assemble(("plugin", "bold"), "  nodes of packages")
-    yield Text(
-        "\nA class of py_trees or py_trees_ros becomes a node by an entry point of its package, "
-        f"in the group {GROUP}; the name of the entry point is the key. The class may declare:\n"
-    )
-    table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
-    for name, meaning in _DECLARED:
-        table.add_row(Text(f"  {name}", style="bold"), Text(meaning))
-    yield table
-    yield Text(
-        "\nA run makes one object of it for each node, calls setup(node=…) once with the node of "
-        "the host, initialise at each start, and shutdown after the run. What was made with that "
-        "node is destroyed then, and its keys are removed from the blackboard. Every call may "
-        "take 0.25 s. docs/py_trees_ros.md has an example with CheckData and FromConstant."
-    )
-    yield Text("\nInstalled: " + ("  ".join(symbols.plugins) or "none"))
-    for problem in installed_plugins().without(symbols.skills).problems:
-        yield Text(f"left out: {problem}", style="yellow")
-    yield Text("\nExample, in pyproject.toml:")
-    yield _example(_PLUGIN_EXAMPLE, "toml")
-
-
 def _file(page: FilePage) -> Iterable[Part]:
     yield Text.assemble((page.key, "bold"), f"  {page.where}")
     yield Text(f"\n{page.description}\n")
@@ -293,7 +254,6 @@ def _overview(symbols: SymbolTable) -> Table:
         table.add_row("subtree", Text(f"{'  '.join(names)}\nin {path}"))
     table.add_row("file", Text("  ".join(installed_kinds())))
     table.add_row("about values", Text("  ".join(TOPICS)))
-    table.add_row("about packages", Text("plugin"))
     table.add_row("code", Text("  ".join(codes())))
     table.add_row("refusal", Text("  ".join(RefusalCode)))
     for problem in installed_plugins().without(symbols.skills).problems:
