@@ -8,7 +8,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from changed_versions import changes, versions
 
 from checkout import ROOT
 from locked_packages import uv
@@ -45,10 +44,3 @@ def test_environment_has_only_locked_versions(requirements: Path):
     ).stdout.split()
     assert len(installed) > 50
     assert set(installed) <= locked
-
-
-def test_update_names_changed_versions():
-    before = '[[package]]\nname = "gone"\nversion = "1"\n[[package]]\nname = "kept"\nversion = "2"'
-    after = '{"packages": {"": {}, "node_modules/a/node_modules/kept": {"version": "3"}}}'
-    found = changes(versions("uv.lock", before), versions("package-lock.json", after))
-    assert found == ["gone 1 → none", "kept 2 → 3"]
