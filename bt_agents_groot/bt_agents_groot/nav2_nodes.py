@@ -100,13 +100,12 @@ def _pipeline(tree: TreeImport, element: Element) -> YamlNode:
 
 def _repeated(tree: TreeImport, element: Element) -> Repeated:
     """Return a child of a pipeline, with the limit on its repetitions."""
-    if CONDITIONS.keys() & element.attributes.keys():
-        return Repeated(node=tree.node(element))
-    if node_id(element) == "RateController":
+    # A controller with a condition is read as a whole.
+    controller = "" if CONDITIONS.keys() & element.attributes.keys() else node_id(element)
+    if controller == "RateController":
         return Repeated(node=tree.node(element.children[0]), pause=_period(tree, element))
-    if node_id(element) in _CONTROLLERS:
-        due = tree.skill(element)
-        return Repeated(node=tree.node(element.children[0]), due=due)
+    if controller in _CONTROLLERS:
+        return Repeated(due=tree.skill(element), node=tree.node(element.children[0]))
     return Repeated(node=tree.node(element))
 
 

@@ -57,9 +57,8 @@ def journal(files: tuple[Path, ...], out: Path | None) -> None:
         if one.label or one.notes:
             console.print(_escaped(f"{one.file}: {_described(one)}"))
     for one in recording.bookmarks:
-        console.print(
-            _escaped(f"{_moment(_nanoseconds(one.header.stamp))}  marked: {_described(one)}")
-        )
+        marked = _moment(one.header.stamp.sec * 10**9)
+        console.print(_escaped(f"{marked}  marked: {_described(one)}"))
     digits = len(str(max(recording.counts.values())))
     for topic, number in sorted(recording.counts.items()):
         console.print(f"{number:>{digits}}  {_escaped(topic)}")
@@ -180,10 +179,6 @@ def _described(one: Any) -> str:
     author = f" ({one.author})" if one.author else ""
     notes = f" - {one.notes}" if one.notes else ""
     return f"{one.label or 'no label'}{notes}{author}"
-
-
-def _nanoseconds(stamp: Any) -> int:
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def _moment(nanoseconds: int) -> str:

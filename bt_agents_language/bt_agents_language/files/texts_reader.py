@@ -149,7 +149,8 @@ class FolderTexts:
 
     def find(self, name: str) -> WrittenText:
         if self._file is None:
-            raise self._no_file()
+            # Why no text can be found is reported once per file.
+            raise NoText(*self._why_no_file(), code=NO_TEXTS)
         if name not in self._file.texts:
             known = [f"{TEXT_PREFIX}{one}" for one in self._file.texts]
             raise NoText(
@@ -162,10 +163,6 @@ class FolderTexts:
     @property
     def _shown(self) -> str:
         return f"{FOLDER}/{self.language}{SUFFIX}"
-
-    def _no_file(self) -> NoText:
-        """Return why no text can be found, which is reported once per file."""
-        return NoText(*self._why_no_file(), code=NO_TEXTS)
 
     def _why_no_file(self) -> tuple[str, str]:
         if self.broken is not None:

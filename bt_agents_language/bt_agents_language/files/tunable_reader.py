@@ -115,7 +115,8 @@ def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
         return FieldType.DURATION
     if not _is_numeric(text):
         return FieldType.NUMBER if any(map(_is_numeric, texts)) else FieldType.TEXT
-    whole = all(_is_whole(one) for one in (text, *filter(_is_numeric, texts)))
+    numbers = (text, *filter(_is_numeric, texts))
+    whole = all(one.strip().lstrip("+-").isdigit() for one in numbers)
     return FieldType.INTEGER if whole else FieldType.NUMBER
 
 
@@ -125,10 +126,6 @@ def _is_numeric(text: str) -> bool:
     except quantities.QuantityError:
         return text[:1].isdigit() and text.replace(".", "").isdigit()
     return True
-
-
-def _is_whole(text: str) -> bool:
-    return text.strip().lstrip("+-").isdigit()
 
 
 def _refuse_range(

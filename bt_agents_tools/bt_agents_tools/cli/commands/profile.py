@@ -271,8 +271,7 @@ def _document(action: str, state: str, **fields: str) -> str:
     """Return a document of the running system, or of the ledger if none runs."""
     if not state:
         try:
-            observer = connect()
-            return str(_manage(observer, action, **fields).document)
+            return str(_manage(connect(), action, **fields).document)
         except NoSystemError as error:
             click.echo(f"{error}; this is from the ledger", err=True)
     from feedback_node.management.profile_documents import read_profiles
@@ -299,8 +298,7 @@ def _manage(observer: Observer, action: str, **fields: Any) -> Any:
 
 
 def _manage_and_print(action: str, **fields: Any) -> None:
-    observer = connect()
-    click.echo(_manage(observer, action, **fields).message)
+    click.echo(_manage(connect(), action, **fields).message)
 
 
 def _age(text: str) -> float:
