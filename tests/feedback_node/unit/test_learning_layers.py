@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from random import Random
 
 import pytest
 
@@ -14,11 +15,12 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import profiles as profiles_module
-from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
+from feedback_node.learning.cards import LearningEntry
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import IMPORT, RevisionCause
+from learning_cards import card, entry
 from scene_spaces import AGE_AND_MOOD as SPACE
 
 NAN = math.nan
@@ -30,20 +32,12 @@ def learning(*layers: str, general: float = 0.0, **fields: object) -> LearningEn
     return LearningEntry(**described | fields)
 
 
-def guide(entry: LearningEntry, **fields: object) -> AgentEntry:
-    plain = AgentEntry(
-        name="guide", profile=(3.0, 3.0), revision=0, learning_rate=0.5, learning=entry
-    )
-    return replace(plain, **fields)
+PERSON = learning("person")
 
 
-def card(*agents: AgentEntry, instance: str = "i1") -> LearningCard:
-    return LearningCard(host="/agents", instance=instance, parameters=SPACE.names, agents=agents)
-
-
-def known(entry: LearningEntry, ledger: Ledger | None = None) -> Profiles:
+def known(learning: LearningEntry = PERSON, ledger: Ledger | None = None) -> Profiles:
     made = Profiles(SPACE, ledger or Ledger(":memory:"))
-    assert made.register_card(card(guide(entry)))[1] == ()
+    assert made.register_card(card(entry(learning=learning)))[1] == ()
     return made
 
 
@@ -84,11 +78,11 @@ def ages(profiles: Profiles) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(
-    ("entry", "where", "expected"),
+    ("learning", "where", "expected"),
     [
-        (learning("person"), run("anna"), {"": 3.0, ANNA: 4.0}),
-        (learning("person"), run(), {"": 4.0}),
-        (learning("person"), None, {"": 4.0}),
+        (PERSON, run("anna"), {"": 3.0, ANNA: 4.0}),
+        (PERSON, run(), {"": 4.0}),
+        (PERSON, None, {"": 4.0}),
         (learning(), run("anna", "lobby"), {"": 4.0}),
         (learning("place"), run("anna", "lobby"), {"": 3.0, LOBBY: 4.0}),
         (learning("person", "place"), run("anna", "lobby"), {"": 3.0, ANNA: 4.0, LOBBY: 4.0}),
@@ -96,8 +90,8 @@ def ages(profiles: Profiles) -> dict[str, float]:
         (learning("person", general=1.0), run("anna"), {"": 4.0, ANNA: 4.0}),
     ],
 )
-def test_feedback_moves_scene_layers_and_partly_general_profile(entry, where, expected):
-    profiles = known(entry)
+def test_feedback_moves_scene_layers_and_partly_general_profile(learning, where, expected):
+    profiles = known(learning)
     change = teach(profiles, "f1", where=where)
     assert ages(profiles) == expected
     moved = {layer for layer, age in expected.items() if age != 3.0}
@@ -105,7 +99,7 @@ def test_feedback_moves_scene_layers_and_partly_general_profile(entry, where, ex
 
 
 def test_layer_starts_from_general_profile_then_diverges():
-    profiles = known(learning("person"))
+    profiles = known()
     teach(profiles, "f1")
     teach(profiles, "f2", where=run("anna"), age=1.0)
     teach(profiles, "f3")
@@ -186,21 +180,22 @@ def test_each_layer_anneals_and_averages_its_own_feedback():
 
 def test_restarted_host_drops_layers_and_receives_existing_ones():
     ledger = Ledger(":memory:")
-    profiles = known(learning("person"), ledger)
-    assert profiles.register_card(card(guide(learning("person")), instance="i2"))[0] == ()
+    profiles = known(ledger=ledger)
+    guide = entry(learning=PERSON)
+    assert profiles.register_card(card(guide, instance="i2"))[0] == ()
     teach(profiles, "f1", where=run("anna"))
     for fresh in (profiles, Profiles(SPACE, ledger)):
-        deliveries, _ = fresh.register_card(card(guide(learning("person")), instance="i3"))
+        deliveries, _ = fresh.register_card(card(guide, instance="i3"))
         assert deliveries == (Delivery(host="/agents", agent="", remove=True),)
         assert [(d.layer, d.values) for d in fresh.layers_at("/agents")] == [(ANNA, (4.0, 3.0))]
         # A card of the same start has nothing new.
-        assert fresh.register_card(card(guide(learning("person")), instance="i3"))[0] == ()
+        assert fresh.register_card(card(guide, instance="i3"))[0] == ()
 
 
 def test_author_edit_reaches_layers_at_host():
-    profiles = known(learning("person"))
+    profiles = known()
     teach(profiles, "f1", where=run("anna"))
-    edited = guide(learning("person"), profile=(3.0, 1.5))
+    edited = entry(profile=(3.0, 1.5), learning=PERSON)
     deliveries, _ = profiles.register_card(card(edited))
     assert [(d.layer, d.values) for d in deliveries] == [("", (3.0, 1.5)), (ANNA, (4.0, 1.5))]
 
@@ -208,14 +203,14 @@ def test_author_edit_reaches_layers_at_host():
 def test_layers_are_bounded_and_existing_ones_still_learn(monkeypatch):
     monkeypatch.setattr(profiles_module, "MOST_LAYERS", 2)
     assert layers_module.MOST_LAYERS == 1000
-    profiles = known(learning("person"))
+    profiles = known()
     for name in ("anna", "bob"):
         teach(profiles, name, where=run(name))
     with pytest.raises(Refused, match=r"TOO_MANY_LAYERS: guide has .* 2 persons and places"):
         teach(profiles, "carl", where=run("carl"))
     assert set(ages(profiles)) == {"", ANNA, "person/bob"}
     # If everybody's profile learns as well, only the person's own is omitted.
-    profiles.register_card(card(guide(learning("person", general=0.5)), instance="i2"))
+    profiles.register_card(card(entry(learning=learning("person", general=0.5))))
     before = ages(profiles)
     change = teach(profiles, "dora", where=run("dora"))
     assert set(ages(profiles)) == set(before)
@@ -232,7 +227,7 @@ def test_id_reserved_for_forgotten_feedback_is_rejected():
 
 
 def test_wrong_share_is_reported_per_layer():
-    profiles = known(learning("person"))
+    profiles = known()
     for number in range(10):
         odd = number % 5 == 4
         change = teach(profiles, f"f{number}", age=5.0 if odd else 2.0, where=run("anna"))
@@ -243,7 +238,7 @@ def test_wrong_share_is_reported_per_layer():
 
 @pytest.mark.parametrize("name", ["a\nb", "a\x1b[2J", "a\0b"])
 def test_person_with_invalid_layer_name_is_rejected(name):
-    profiles = known(learning("person"))
+    profiles = known()
     with pytest.raises(Refused, match="BAD_LAYER"):
         teach(profiles, "f1", where=run(name))
     assert set(ages(profiles)) == {""}
@@ -267,15 +262,21 @@ def test_control_characters_are_stripped_only_from_reason():
             profiles.apply("guide", FeedbackKind.DIRECT, reason="", **texts, **target)
 
 
-def test_wrong_share_is_computed_once_per_revision(monkeypatch):
-    profiles = known(learning("person"))
-    for number in range(9):
-        teach(profiles, f"f{number}", age=2.0 + number % 2, where=run("anna"))
-    asked = []
-    taught = profiles_module.taught
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """The requests for earlier feedback of a profile."""
+    asked, taught = [], profiles_module.taught
     monkeypatch.setattr(
         profiles_module, "taught", lambda *args: asked.append(args) or taught(*args)
     )
+    return asked
+
+
+def test_wrong_share_is_computed_once_per_revision(asked):
+    profiles = known()
+    for number in range(9):
+        teach(profiles, f"f{number}", age=2.0 + number % 2, where=run("anna"))
+    asked.clear()
     first = profiles.false_rate("guide", ANNA)
     assert (profiles.false_rate("guide", ANNA), asked) == (first, [])
     fresh = Profiles(SPACE, profiles._ledger)
@@ -284,17 +285,50 @@ def test_wrong_share_is_computed_once_per_revision(monkeypatch):
 
 
 def test_retreat_target_counts_after_restart_and_file_change():
-    def profiles(retreat: float) -> Profiles:
-        entry = learning(update="median", window=3, retreat=(retreat, NAN))
-        return known(entry, ledger)
+    for later in (1.0, 5.0):
+        ledger = Ledger(":memory:")
+        rules = [learning(update="median", window=3, retreat=(age, NAN)) for age in (1.0, later)]
+        before = known(rules[0], ledger)
+        teach(before, "f1", age=3.0, kind=FeedbackKind.NEGATIVE, where=run())
+        assert ages(before)[""] == 2.0
+        assert teach(known(rules[1], ledger), "f2", age=4.0).after[0] == 2.25
 
-    ledger = Ledger(":memory:")
-    first = profiles(1.0)
-    teach(first, "f1", age=3.0, kind=FeedbackKind.NEGATIVE, where=run())
-    assert ages(first)[""] == 2.0
-    expected = teach(first, "f2", age=4.0).after[0]
-    assert expected == 2.25
-    ledger.close()
-    ledger = Ledger(":memory:")
-    teach(profiles(1.0), "f1", age=3.0, kind=FeedbackKind.NEGATIVE, where=run())
-    assert teach(profiles(5.0), "f2", age=4.0).after[0] == expected
+
+# --- cached feedback ------------------------------------------------------------------------
+
+
+def give(profiles: Profiles, number: int, random: Random) -> None:
+    kind, values = random.choice([*FeedbackKind]), (random.uniform(1, 5), random.uniform(1, 5))
+    told = {"feedback_id": f"f{number}", "source": "me", "reason": "", "run": None}
+    profiles.apply("guide", kind, values, **told)
+
+
+def test_cached_and_reread_feedback_teach_the_same():
+    histories = []
+    for forgets in (False, True):
+        random, ledger = Random(3), Ledger(":memory:")
+        rule = learning(update="median")
+        profiles = known(rule, ledger)
+        for number in range(60):
+            if number == 40:
+                rule = replace(rule, window=9)
+                profiles.register_card(card(entry(learning=rule)))
+            if forgets:
+                profiles = known(rule, ledger)
+            if number % 17 == 16:
+                profiles.on_recorded([ledger.undo("guide")])
+            give(profiles, number, random)
+        histories.append([(row.profile, row.cause) for row in ledger.history("guide")])
+    assert histories[0] == histories[1]
+
+
+def test_feedback_reads_no_earlier_feedback(asked):
+    profiles, random = known(learning(update="median")), Random(1)
+    for number in range(5):
+        give(profiles, number, random)
+    assert len(asked) == 1
+    profiles.on_recorded([profiles._ledger.undo("guide")])
+    asked.clear()
+    for number in (8, 9):
+        give(profiles, number, random)
+    assert len(asked) == 1

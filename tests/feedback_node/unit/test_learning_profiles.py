@@ -13,23 +13,21 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
-from feedback_node.learning.cards import AgentEntry, LearningCard, read_card
+from feedback_node.learning import cards as cards_module
+from feedback_node.learning.cards import AgentEntry, LearningEntry, read_card, read_learning
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import MOST_HOSTS, Profiles
 from feedback_node.ledger import Ledger
+from learning_cards import card, entry
 from scene_spaces import AGE_AND_MOOD as SPACE
 
 NAN = math.nan
-GUIDE = AgentEntry(name="guide", profile=(4.0, 3.0), revision=0, learning_rate=0.5)
-EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.2)
+GUIDE = entry(profile=(4.0, 3.0))
+EXPRESS = entry("express", (2.0, 3.0))
 
 
-def card(*agents: AgentEntry, host: str = "/agents", instance: str = "i1") -> LearningCard:
-    return LearningCard(host=host, instance=instance, parameters=SPACE.names, agents=agents)
-
-
-def profiles(*agents: AgentEntry) -> Profiles:
-    known = Profiles(SPACE, Ledger(":memory:"))
+def profiles(*agents: AgentEntry, ledger: Ledger | None = None) -> Profiles:
+    known = Profiles(SPACE, ledger or Ledger(":memory:"))
     known.register_card(card(*agents))
     return known
 
@@ -47,7 +45,7 @@ def teach(known: Profiles, agent: str = "guide", feedback_id: str = "f1") -> Pro
 
 
 @pytest.mark.parametrize(
-    ("entry", "code"),
+    ("bad", "code"),
     [
         (replace(GUIDE, name=""), "BAD_NAME"),
         (replace(GUIDE, name="express"), "BAD_NAME"),
@@ -58,25 +56,24 @@ def teach(known: Profiles, agent: str = "guide", feedback_id: str = "f1") -> Pro
         (replace(GUIDE, learning_rate=1.5), "OUT_OF_RANGE"),
     ],
 )
-def test_invalid_card_entry_does_not_affect_other_entries(entry, code):
-    agents, problems = read_card(card(EXPRESS, entry), SPACE)
+def test_invalid_card_entry_does_not_affect_other_entries(bad, code):
+    agents, problems = read_card(card(EXPRESS, bad), SPACE)
     assert [agent.name for agent in agents] == ["express"]
-    assert len(problems) == 1
-    assert problems[0].startswith(f"{code}: card of /agents: agent '{entry.name}'")
+    [problem] = problems
+    assert problem.startswith(f"{code}: card of /agents: agent '{bad.name}'")
 
 
-def test_unreadable_rule_is_skipped_and_others_kept():
+def test_unreadable_rule_is_reported_with_every_card():
     good = restore_mood_rule(SPACE, when="mood.change >= 1", hold_s=1.0, give=1)
-    with pytest.raises(Refused) as refusal:
-        restore_mood_rule(SPACE, when="mood.change >=", hold_s=1.0, give=1)
-    entry = replace(GUIDE, rules=(good,), invalid_rules=(refusal.value,))
-    agents, problems = read_card(card(entry), SPACE)
-    assert [rule.when.text for rule in agents[0].entry.rules] == ["mood.change >= 1"]
-    assert len(problems) == 1
-    assert problems[0].startswith(
-        "BAD_RULE: card of /agents: agent 'guide': rule 'mood.change >='"
+    bad = Refused("BAD_RULE", "rule 'moood > 1': there is no name 'moood' here")
+    guide = card(entry(rules=(good,), invalid_rules=(bad,)))
+    (agent,), problems = read_card(guide, SPACE)
+    assert agent.entry.rules == (good,)
+    assert problems == (
+        "BAD_RULE: card of /agents: agent 'guide': rule 'moood > 1': there is no name 'moood' "
+        "here; the rule is skipped",
     )
-    assert "the rule is skipped" in problems[0]
+    assert read_card(guide, SPACE, {"guide": agent})[1] == problems
 
 
 @pytest.mark.parametrize("parameters", [(), ("age",), ("mood", "age"), ("age", "stress")])
@@ -89,6 +86,78 @@ def test_card_with_other_parameters_is_rejected(parameters):
 def test_card_without_full_host_name_is_rejected(host):
     with pytest.raises(Refused, match="BAD_NAME"):
         read_card(card(GUIDE, host=host), SPACE)
+
+
+# --- learning rules of cards ------------------------------------------------------------
+
+PLAIN = LearningEntry(update="plain", window=5, rates=(NAN, NAN))
+
+
+@pytest.mark.parametrize(
+    "learning",
+    [
+        replace(PLAIN, update="medium"),
+        replace(PLAIN, rates=(0.1,)),
+        replace(PLAIN, rates=(0.1, 1.1)),
+        replace(PLAIN, rates=(0.1, math.inf)),
+        replace(PLAIN, width=(-1.0, NAN)),
+        replace(PLAIN, update="median", window=0),
+        replace(PLAIN, update="median", window=1000),
+        replace(PLAIN, anneal=NAN),
+        replace(PLAIN, anneal=-1.0),
+        replace(PLAIN, drift=(4.5, NAN)),
+        replace(PLAIN, retreat=(0.5, NAN)),
+        replace(PLAIN, retreat=(5.5, NAN)),
+        replace(PLAIN, retreat=(math.inf, NAN)),
+        replace(PLAIN, retreat=(3.0,)),
+        replace(PLAIN, sources=("button",)),
+        replace(PLAIN, sources=("button",), weights=(NAN,)),
+        replace(PLAIN, sources=("button",), weights=(1e9,)),
+        replace(PLAIN, layers=("persons",)),
+        replace(PLAIN, general=1.5),
+    ],
+)
+def test_invalid_learning_entry_does_not_affect_other_agents(learning):
+    agents, problems = read_card(card(entry("bad", learning=learning), entry("good")), SPACE)
+    assert [agent.name for agent in agents] == ["good"]
+    [problem] = problems
+    assert problem.startswith("BAD_LEARNING: card of /agents: agent 'bad'")
+
+
+def test_unchanged_agent_of_card_is_not_parsed_again(monkeypatch):
+    rule = restore_mood_rule(SPACE, when="mood.change > 1", hold_s=1.0, give=1)
+    guide = entry(learning=replace(PLAIN, rates=(math.nan, math.nan)), rules=(rule,))
+
+    def read(one, known=(), host="/agents"):
+        (agent,), problems = read_card(
+            card(one, host=host), SPACE, {one.name: one for one in known}
+        )
+        assert problems == ()
+        return agent
+
+    first = read(guide)
+    asked = []
+    monkeypatch.setattr(
+        cards_module,
+        "read_learning",
+        lambda *args, **more: asked.append(1) or read_learning(*args, **more),
+    )
+    again = replace(PLAIN, rates=(float("nan"), float("nan")))
+    later = read(replace(guide, revision=7, learning=again), [first])
+    assert (later.entry.revision, later.entry.rules, asked) == (7, first.entry.rules, [])
+    others = (
+        replace(guide, rules=(replace(rule, hold_s=2.0),)),
+        replace(guide, learning=replace(PLAIN, anneal=0.5)),
+        replace(guide, learning_rate=0.3),
+        replace(guide, profile=(3.0, 4.0)),
+    )
+    for number, other in enumerate(others, start=1):
+        assert read(other, [first]) == read(other)
+        assert len(asked) == 2 * number
+    assert read(guide, [first], host="/other").host == "/other"
+
+
+# --- current profiles ---------------------------------------------------------------------
 
 
 def test_new_agent_has_no_pending_delivery():
@@ -115,13 +184,6 @@ def test_restarted_host_receives_learned_profile():
     deliveries, _ = known.register_card(card(GUIDE, EXPRESS))
     assert deliveries == (known.delivery("guide"),)
     assert known.register_card(card(replace(GUIDE, revision=1), EXPRESS)) == ((), ())
-
-
-def test_author_edit_overrides_learned_profile():
-    known = profiles(GUIDE)
-    teach(known)
-    deliveries, _ = known.register_card(card(replace(GUIDE, profile=(1.0, 1.0), revision=1)))
-    assert [(one.values, one.revision) for one in deliveries] == [((1.0, 1.0), 2)]
 
 
 def test_returning_agent_gets_its_learned_profile_back():
@@ -223,9 +285,7 @@ def test_agent_with_undelivered_profile_is_listed_until_confirmed():
 
 def test_narrowed_range_clamps_learned_profile():
     ledger = Ledger(":memory:")
-    known = Profiles(SPACE, ledger)
-    known.register_card(card(GUIDE))
-    teach(known)
+    teach(profiles(GUIDE, ledger=ledger))
     narrow = SceneSpace(
         parameters=tuple(replace(parameter, maximum=4.2) for parameter in SPACE.parameters)
     )
@@ -244,8 +304,7 @@ def test_oversized_text_is_rejected(field):
 
 def test_failed_ledger_write_leaves_profile_unchanged():
     ledger = Ledger(":memory:")
-    known = Profiles(SPACE, ledger)
-    known.register_card(card(GUIDE))
+    known = profiles(GUIDE, ledger=ledger)
     ledger._database.execute("PRAGMA query_only = ON")
     with pytest.raises(Refused, match="LEDGER_FAILED"):
         teach(known)
