@@ -7,7 +7,8 @@ import shutil
 import sqlite3
 import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -42,11 +43,18 @@ def ages(ledger: Ledger, layer: str = "") -> list[float]:
     return [row.profile["age"] for row in ledger.history("guide", layer)]
 
 
+@contextmanager
+def read(path: Path) -> Iterator[None]:
+    """Read the file of a ledger, like another program, until the end of the block."""
+    with closing(sqlite3.connect(path, isolation_level=None)) as reader:
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM revision").fetchone()
+        yield
+
+
 def test_several_layers_are_recorded_atomically(ledger):
     good = LedgerEntry(agent="guide", profile=FIRST, cause=RevisionCause(feedback_id="f"))
-    bad = LedgerEntry(
-        agent="guide", layer=ANNA, profile={"age": float("nan")}, cause=RevisionCause()
-    )
+    bad = replace(good, layer=ANNA, profile={"age": float("nan")})
     with pytest.raises(LedgerError):
         ledger.record([good, bad])
     assert (ages(ledger), ledger.layers("guide"), ledger.find_all("f")) == ([4.0], (), ())
@@ -54,12 +62,8 @@ def test_several_layers_are_recorded_atomically(ledger):
 
 def test_feedback_id_of_several_layers_returns_all_revisions(ledger):
     begin(ledger)
-    entries = [
-        LedgerEntry(
-            agent="guide", layer=layer, profile=FIRST, cause=RevisionCause(feedback_id="f")
-        )
-        for layer in (ANNA, "")
-    ]
+    entry = LedgerEntry(agent="guide", profile=FIRST, cause=RevisionCause(feedback_id="f"))
+    entries = [replace(entry, layer=layer) for layer in (ANNA, "")]
     recorded = ledger.record(entries)
     assert ledger.record(entries) == recorded == ledger.find_all("f")
     assert [row.layer for row in recorded] == [ANNA, ""]
@@ -141,14 +145,10 @@ def test_open_reader_delays_erasure_until_it_closes(path):
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
         begin(ledger)
-        reader = sqlite3.connect(path, isolation_level=None)
-        reader.execute("BEGIN")
-        reader.execute("SELECT count(*) FROM revision").fetchone()
-        assert ledger.forget([("guide", ANNA)])
-        assert not ledger.checkpoint()
-        assert traces(path, "anna")
-        reader.execute("ROLLBACK")
-        reader.close()
+        with read(path):
+            assert ledger.forget([("guide", ANNA)])
+            assert not ledger.checkpoint()
+            assert traces(path, "anna")
         assert ledger.checkpoint()
         assert traces(path, "anna") == []
 
@@ -158,12 +158,9 @@ def test_next_start_completes_erasure_after_crash(tmp_path):
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
         begin(ledger)
-        with closing(sqlite3.connect(path, isolation_level=None)) as reader:
-            reader.execute("BEGIN")
-            reader.execute("SELECT count(*) FROM revision").fetchone()
+        with read(path):
             ledger.forget([("guide", ANNA)])
             shutil.copytree(path.parent, tmp_path / "after")
-            reader.execute("ROLLBACK")
     after = tmp_path / "after" / "ledger.sqlite"
     assert traces(after, "anna")
     with Ledger(after) as ledger:
@@ -173,21 +170,19 @@ def test_next_start_completes_erasure_after_crash(tmp_path):
 
 def test_open_reader_does_not_grow_log_during_erasure(path):
     log = path.with_name(path.name + "-wal")
-    with Ledger(path) as ledger, closing(sqlite3.connect(path, isolation_level=None)) as reader:
+    with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
         begin(ledger)
         for number in range(50):
             teach(ledger, f"long{number}" * 100)
-        reader.execute("BEGIN")
-        reader.execute("SELECT count(*) FROM revision").fetchone()
-        assert ledger.forget([("guide", ANNA)])
-        size = log.stat().st_size
-        begun = time.perf_counter()
-        assert [ledger.checkpoint() for _ in range(5)] == [False] * 5
-        # Otherwise each would wait half a second for the reader.
-        assert time.perf_counter() - begun < 1.5
-        assert log.stat().st_size == size
-        reader.execute("ROLLBACK")
+        with read(path):
+            assert ledger.forget([("guide", ANNA)])
+            size = log.stat().st_size
+            begun = time.perf_counter()
+            assert [ledger.checkpoint() for _ in range(5)] == [False] * 5
+            # Otherwise each would wait half a second for the reader.
+            assert time.perf_counter() - begun < 1.5
+            assert log.stat().st_size == size
         assert ledger.checkpoint()
         assert traces(path, "anna") == []
 
@@ -224,11 +219,8 @@ def test_feedback_is_counted_once_for_all_layers(ledger):
     for feedback_id in ("s/1/a", "s/1/b", "s/2/a", "s"):
         teach(ledger, feedback_id, ANNA)
         teach(ledger, feedback_id)
-    assert (ledger.count("s/1/"), ledger.count("s/"), ledger.count("t")) == (
-        {"guide": 2},
-        {"guide": 3},
-        {},
-    )
+    counts = [ledger.count(prefix) for prefix in ("s/1/", "s/", "t")]
+    assert counts == [{"guide": 2}, {"guide": 3}, {}]
 
 
 def test_authored_profile_is_cached_and_survives_failed_edit(ledger):
