@@ -4,16 +4,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from functools import partial
 
 import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
-from feedback_node.learning.learning_step import Step, false_rate, requested, step
+from feedback_node.learning.learning_step import false_rate, requested, step
 
 NAN = math.nan
+MIDDLE: Vector = (3.0, 3.0, 3.0)
 SPACE = SceneSpace(
     parameters=tuple(
         SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
@@ -23,29 +24,16 @@ SPACE = SceneSpace(
 )
 
 
-PLAIN = LearningRule()
 AWAY = LearningRule(retreat={"age": 1.0})
+MEDIAN = LearningRule(update=Update.MEDIAN)
 
-
-def asked(kind: FeedbackKind, scene: Vector, rule: LearningRule = PLAIN) -> Vector:
-    """Return the target that feedback requests for a profile of 3 everywhere."""
-    return requested(kind, (3.0, 3.0, 3.0), scene, space=SPACE, rule=rule)
-
-
-def direct(profile: Vector, target: Vector, rate: float, **more: Any) -> Step:
-    return step(FeedbackKind.DIRECT, profile, target, rate=rate, space=SPACE, **more)
-
-
-def positive(profile: Vector, scene: Vector, rate: float, **more: Any) -> Step:
-    return step(FeedbackKind.POSITIVE, profile, scene, rate=rate, space=SPACE, **more)
-
-
-def negative(profile: Vector, scene: Vector, rate: float, **more: Any) -> Step:
-    return step(FeedbackKind.NEGATIVE, profile, scene, rate=rate, space=SPACE, **more)
+direct = partial(step, FeedbackKind.DIRECT, space=SPACE)
+positive = partial(step, FeedbackKind.POSITIVE, space=SPACE)
+negative = partial(step, FeedbackKind.NEGATIVE, space=SPACE)
 
 
 def test_positive_feedback_moves_towards_known_scene_values():
-    made = positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
+    made = positive(MIDDLE, (4.0, NAN, 2.0), rate=0.5)
     assert made.after == (3.5, 3.0, 2.5)
     assert made.text == "age 3 → 3.5, mood 3 → 2.5"
 
@@ -53,7 +41,7 @@ def test_positive_feedback_moves_towards_known_scene_values():
 @pytest.mark.parametrize(
     ("profile", "after"),
     [
-        ((3.0, 3.0, 3.0), (2.0, 3.0, 3.0)),
+        (MIDDLE, (2.0, 3.0, 3.0)),
         # So close to the scene, on either side, that the displayed numbers are equal.
         ((3.003, 3.0, 3.0), (2.0015, 3.0, 3.0)),
         ((2.997, 3.0, 3.0), (1.9985, 3.0, 3.0)),
@@ -62,7 +50,7 @@ def test_positive_feedback_moves_towards_known_scene_values():
     ],
 )
 def test_negative_feedback_on_exact_scene_moves_to_retreat(profile, after):
-    made = negative(profile, (3.0, 3.0, 3.0), 0.5, rule=AWAY)
+    made = negative(profile, MIDDLE, rate=0.5, rule=AWAY)
     assert made.after == pytest.approx(after)
 
 
@@ -71,64 +59,48 @@ def test_retreat_is_bounded_like_any_step():
     bounded = LearningRule(retreat=far, drift={"age": 0.25})
     clipped = LearningRule(retreat=far, update=Update.HUBER, width={"age": 0.5})
     frozen = LearningRule(retreat=far, rates={"age": 0.0})
-    on_scene: tuple[Vector, Vector, float] = ((3.0, 3.0, 3.0), (3.0, NAN, NAN), 0.5)
-    authored: Vector = (3.0, 3.0, 3.0)
-    assert negative(*on_scene, rule=bounded, authored=authored).after[0] == 2.75
-    assert negative(*on_scene, rule=clipped).after[0] == 2.75
-    assert negative(*on_scene, rule=frozen).after[0] == 3.0
-    assert negative(*on_scene, rule=AWAY, weight=0.5).after[0] == 2.5
+    on_scene = partial(negative, MIDDLE, (3.0, NAN, NAN), rate=0.5)
+    assert on_scene(rule=bounded, authored=MIDDLE).after[0] == 2.75
+    assert on_scene(rule=clipped).after[0] == 2.75
+    assert on_scene(rule=frozen).after[0] == 3.0
+    assert on_scene(rule=AWAY, weight=0.5).after[0] == 2.5
 
 
 def test_median_counts_retreat_as_one_feedback():
-    made = negative(
-        (3.0, 3.0, 3.0),
-        (3.0, NAN, NAN),
-        0.5,
-        rule=LearningRule(update=Update.MEDIAN, retreat={"age": 1.0}),
-        recent=((2.0, NAN, NAN), (4.0, NAN, NAN)),
-    )
+    rule = LearningRule(update=Update.MEDIAN, retreat={"age": 1.0})
+    recent = ((2.0, NAN, NAN), (4.0, NAN, NAN))
+    made = negative(MIDDLE, (3.0, NAN, NAN), rate=0.5, rule=rule, recent=recent)
     assert made.after[0] == 2.5
 
 
 def test_unmoved_perfect_fit_suggests_declaring_retreat():
-    made = negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5)
+    made = negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), rate=0.5)
     assert (
         "'retreat' under 'learning' in its file declares where to, for age and mood" in made.text
     )
-    there = negative((1.0, 2.0, 4.0), (1.0, NAN, NAN), 0.5, rule=AWAY)
+    there = negative((1.0, 2.0, 4.0), (1.0, NAN, NAN), rate=0.5, rule=AWAY)
     assert there.text == "the profile stays: it has retreated as far as its file says"
+
+
+FROZEN, BOUNDED = LearningRule(rates={"age": 0.0}), LearningRule(drift={"age": 1.0})
+AGE: Vector = (5.0, NAN, NAN)
 
 
 @pytest.mark.parametrize(
     ("made", "text"),
     [
-        (negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5), "negative feedback moves nothing"),
-        (positive((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5), "it is there already"),
-        (direct((3.0, 2.0, 4.0), (5.0, 5.0, 5.0), 0.0), "the learning rate is 0"),
-        (negative((5.0, 5.0, 5.0), (1.0, 1.0, 1.0), 0.5), "at the edge"),
+        (negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), rate=0.5), "negative feedback moves nothing"),
+        (positive((3.0, 2.0, 4.0), (3.0, NAN, 4.0), rate=0.5), "it is there already"),
+        (direct((3.0, 2.0, 4.0), (5.0, 5.0, 5.0), rate=0.0), "the learning rate is 0"),
+        (negative((5.0, 5.0, 5.0), (1.0, 1.0, 1.0), rate=0.5), "at the edge"),
+        (direct(MIDDLE, AGE, rate=0.5, rule=FROZEN), "the learning rate is 0"),
+        (direct(MIDDLE, AGE, rate=0.5, weight=0.0), "the learning rate is 0"),
         (
-            direct((3.0, 2.0, 4.0), (5.0, NAN, NAN), 0.5, rule=LearningRule(rates={"age": 0.0})),
-            "the learning rate is 0",
-        ),
-        (direct((3.0, 2.0, 4.0), (5.0, NAN, NAN), 0.5, weight=0.0), "the learning rate is 0"),
-        (
-            direct(
-                (4.0, 2.0, 4.0),
-                (5.0, NAN, NAN),
-                0.5,
-                rule=LearningRule(drift={"age": 1.0}),
-                authored=(3.0, 3.0, 3.0),
-            ),
+            direct((4.0, 2.0, 4.0), AGE, rate=0.5, rule=BOUNDED, authored=MIDDLE),
             "may not get farther from its file",
         ),
         (
-            direct(
-                (3.0, 3.0, 3.0),
-                (5.0, 3.0, 3.0),
-                0.5,
-                rule=LearningRule(update=Update.MEDIAN),
-                recent=((3.0, 3.0, 3.0),) * 4,
-            ),
+            direct(MIDDLE, AGE, rate=0.5, rule=MEDIAN, recent=(MIDDLE,) * 4),
             "where most of the last feedbacks want it",
         ),
     ],
@@ -151,19 +123,19 @@ def test_unchanged_profile_states_reason(made, text):
 )
 def test_invalid_feedback_vector_is_rejected(code, target):
     with pytest.raises(Refused, match=f"^{code}:"):
-        direct((3.0, 3.0, 3.0), target, 0.2)
+        direct(MIDDLE, target, rate=0.2)
 
 
 @pytest.mark.parametrize("feedback", [positive, negative])
 def test_scene_without_known_values_teaches_nothing(feedback):
     with pytest.raises(Refused, match=r"^NO_SCENE:"):
-        feedback((3.0, 3.0, 3.0), (NAN, NAN, NAN), 0.2)
+        feedback(MIDDLE, (NAN, NAN, NAN), rate=0.2)
 
 
 @pytest.mark.parametrize("rate", [-0.1, 1.1, NAN, math.inf])
 def test_rate_outside_0_to_1_is_rejected(rate):
     with pytest.raises(Refused, match=r"^OUT_OF_RANGE:"):
-        direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), rate)
+        direct(MIDDLE, (4.0, 4.0, 4.0), rate=rate)
 
 
 # --- rates, weights and bounds --------------------------------------------------------------
@@ -171,7 +143,7 @@ def test_rate_outside_0_to_1_is_rejected(rate):
 
 def test_parameter_may_have_own_rate_or_be_frozen():
     rule = LearningRule(rates={"age": 0.5, "mood": 0.0})
-    made = direct((3.0, 3.0, 3.0), (5.0, 5.0, 5.0), 0.1, rule=rule)
+    made = direct(MIDDLE, (5.0, 5.0, 5.0), rate=0.1, rule=rule)
     assert made.after == (4.0, 3.2, 3.0)
     assert made.rates == (0.5, 0.1, 0.0)
 
@@ -180,27 +152,20 @@ def test_parameter_may_have_own_rate_or_be_frozen():
     ("weight", "after"), [(0.0, 3.0), (0.5, 3.2), (1.0, 3.4), (3.0, 4.2), (50.0, 5.0)]
 )
 def test_source_weight_scales_step_up_to_full_distance(weight, after):
-    made = direct((3.0, 3.0, 3.0), (5.0, NAN, NAN), 0.2, weight=weight)
+    made = direct(MIDDLE, (5.0, NAN, NAN), rate=0.2, weight=weight)
     assert made.after[0] == pytest.approx(after)
-
-
-def test_button_outweighs_mood_rule_by_default():
-    usual, own = LearningRule(), LearningRule(weights={"mood rule": 2.0})
-    assert [usual.weight(one) for one in ("button", "mood rule", "anybody")] == [1.0, 0.5, 1.0]
-    assert [own.weight(one) for one in ("button", "mood rule", "anybody")] == [1.0, 2.0, 1.0]
 
 
 @pytest.mark.parametrize("weight", [-0.1, NAN, math.inf])
 def test_invalid_weight_is_rejected(weight):
     with pytest.raises(Refused, match="OUT_OF_RANGE"):
-        direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), 0.2, weight=weight)
+        direct(MIDDLE, (4.0, 4.0, 4.0), rate=0.2, weight=weight)
 
 
 @pytest.mark.parametrize(("changes", "rate"), [(0, 0.4), (1, 0.2), (9, 0.04)])
 def test_annealed_rate_falls_with_number_of_changes(changes, rate):
-    made = direct(
-        (3.0, 3.0, 3.0), (5.0, NAN, NAN), 0.4, rule=LearningRule(anneal=1.0), changes=changes
-    )
+    rule = LearningRule(anneal=1.0)
+    made = direct(MIDDLE, AGE, rate=0.4, rule=rule, changes=changes)
     assert made.rates[0] == pytest.approx(rate)
     assert made.after[0] == pytest.approx(3.0 + 2.0 * rate)
 
@@ -217,13 +182,8 @@ def test_annealed_rate_falls_with_number_of_changes(changes, rate):
     ],
 )
 def test_drift_limit_bounds_distance_from_authored_profile(before, target, after):
-    made = direct(
-        (before, 3.0, 3.0),
-        (target, NAN, NAN),
-        1.0,
-        rule=LearningRule(drift={"age": 0.5}),
-        authored=(3.0, 3.0, 3.0),
-    )
+    bounds = {"rule": LearningRule(drift={"age": 0.5}), "authored": MIDDLE}
+    made = direct((before, 3.0, 3.0), (target, NAN, NAN), rate=1.0, **bounds)
     assert made.after == (after, 3.0, 3.0)
 
 
@@ -231,7 +191,7 @@ def test_set_feedback_ignores_the_learning_rule():
     rule = LearningRule(rates={"age": 0.0}, update=Update.MEDIAN, anneal=9.0, drift={"age": 0.1})
     made = step(
         FeedbackKind.SET,
-        (3.0, 3.0, 3.0),
+        MIDDLE,
         (5.0, NAN, NAN),
         rate=0.0,
         space=SPACE,
@@ -239,7 +199,7 @@ def test_set_feedback_ignores_the_learning_rule():
         weight=0.0,
         recent=((1.0, 1.0, 1.0),) * 9,
         changes=9,
-        authored=(3.0, 3.0, 3.0),
+        authored=MIDDLE,
     )
     assert (made.after, made.rate, made.weight) == ((5.0, 3.0, 3.0), 1.0, 1.0)
 
@@ -256,7 +216,7 @@ def taught(rule: LearningRule, count: int, wrong_every: int) -> list[Vector]:
         wrong = number % wrong_every == 0
         target: Vector = (5.0, 5.0, 5.0) if wrong else (5.0, 4.0, 1.0)
         last = tuple(recent[-rule.window :])
-        profile = direct(profile, target, 0.2, rule=rule, recent=last).after
+        profile = direct(profile, target, rate=0.2, rule=rule, recent=last).after
         recent.append(target)
         profiles.append(profile)
     return profiles
@@ -294,48 +254,37 @@ def test_robust_update_converges_despite_one_third_wrong_feedback(rule, count, n
 
 def test_huber_step_is_bounded_by_its_width():
     rule = LearningRule(update=Update.HUBER, width={"age": 1.0})
-    made = direct((2.0, 2.0, 2.0), (5.0, 2.1, 5.0), 0.5, rule=rule)
+    made = direct((2.0, 2.0, 2.0), (5.0, 2.1, 5.0), rate=0.5, rule=rule)
     # The default width is a quarter of the range.
     assert made.after == pytest.approx((2.5, 2.05, 2.5))
 
 
 def test_median_covers_window_of_feedback_including_newest():
     recent = ((1.0, NAN, NAN), (2.0, NAN, NAN), (4.0, NAN, NAN), (5.0, NAN, NAN))
-    made = [
-        direct(
-            (3.0, 3.0, 3.0),
-            (4.5, 5.0, NAN),
-            1.0,
-            rule=LearningRule(update=Update.MEDIAN, window=window),
-            recent=recent,
-        ).after
-        for window in (1, 2, 3, 4, 5, 9)
-    ]
+    rules = [LearningRule(update=Update.MEDIAN, window=window) for window in (1, 2, 3, 4, 5, 9)]
+    wanted = partial(direct, MIDDLE, (4.5, 5.0, NAN), rate=1.0, recent=recent)
+    made = [wanted(rule=rule).after for rule in rules]
     assert [one[0] for one in made] == [4.5, 4.75, 4.5, 4.25, 4.0, 4.0]
     assert {one[1:] for one in made} == {(5.0, 3.0)}
 
 
-def test_negative_feedback_targets_mirror_image_of_scene():
-    assert asked(FeedbackKind.NEGATIVE, (4.0, NAN, 1.0)) == pytest.approx(
-        (2.0, NAN, 5.0), nan_ok=True
-    )
-    assert asked(FeedbackKind.POSITIVE, (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
-
-
-def test_negative_feedback_on_exact_scene_targets_retreat():
-    assert asked(FeedbackKind.NEGATIVE, (3.0, 3.0, 1.0), AWAY) == (1.0, 3.0, 5.0)
-    assert asked(FeedbackKind.POSITIVE, (3.0, 3.0, 1.0), AWAY) == (3.0, 3.0, 1.0)
+@pytest.mark.parametrize(
+    ("kind", "scene", "rule", "target"),
+    [
+        (FeedbackKind.NEGATIVE, (4.0, NAN, 1.0), LearningRule(), (2.0, NAN, 5.0)),
+        (FeedbackKind.POSITIVE, (4.0, 2.0, 1.0), LearningRule(), (4.0, 2.0, 1.0)),
+        (FeedbackKind.NEGATIVE, (3.0, 3.0, 1.0), AWAY, (1.0, 3.0, 5.0)),
+        (FeedbackKind.POSITIVE, (3.0, 3.0, 1.0), AWAY, (3.0, 3.0, 1.0)),
+    ],
+)
+def test_negative_feedback_targets_mirror_image_or_retreat(kind, scene, rule, target):
+    asked = requested(kind, MIDDLE, scene, space=SPACE, rule=rule)
+    assert asked == pytest.approx(target, nan_ok=True)
 
 
 def test_single_wrong_negative_does_not_move_positive_median():
     recent = ((4.0, 3.0, 3.0), (4.2, 3.0, 3.0), (3.8, 3.0, 3.0))
-    made = negative(
-        (3.5, 3.0, 3.0),
-        (4.0, NAN, NAN),
-        0.5,
-        rule=LearningRule(update=Update.MEDIAN),
-        recent=recent,
-    )
+    made = negative((3.5, 3.0, 3.0), (4.0, NAN, NAN), rate=0.5, rule=MEDIAN, recent=recent)
     assert made.after[0] == pytest.approx(3.7)
 
 

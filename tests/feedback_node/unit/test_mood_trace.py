@@ -8,14 +8,7 @@ import math
 import pytest
 
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node.mood_trace import (
-    MOST_CHANGES,
-    MOST_LEAVES,
-    MOST_VALUES,
-    LeafMood,
-    MoodTrace,
-    RunValues,
-)
+from feedback_node.mood_trace import MOST_CHANGES, MOST_LEAVES, MOST_VALUES, MoodTrace, RunValues
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -46,11 +39,7 @@ class Run:
 
     def so_far(self, at: float) -> list[tuple[str, float, float, float]]:
         self.now = at
-        return [trace(one) for one in self.trace.so_far()]
-
-
-def trace(one: LeafMood) -> tuple[str, float, float, float]:
-    return one.leaf, one.seconds, one.mean, one.change
+        return [(one.leaf, one.seconds, one.mean, one.change) for one in self.trace.so_far()]
 
 
 def test_each_leaf_has_time_mean_mood_and_change():
@@ -95,10 +84,8 @@ def test_leaf_without_known_mood_has_none():
     run = Run(scene(NAN))
     run.on_leaf(0.0, "say")
     run.see(1.0, scene(NAN))
-    ((leaf, seconds, mean, change),) = run.so_far(2.0)
-    assert (leaf, seconds) == ("say", 2.0)
-    assert math.isnan(mean)
-    assert math.isnan(change)
+    unknown = pytest.approx(NAN, nan_ok=True)
+    assert run.so_far(2.0) == [("say", 2.0, unknown, unknown)]
 
 
 def test_mood_counts_no_longer_than_the_lease():

@@ -15,20 +15,10 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodAction, MoodRule
-from feedback_node.rules import MIN_REPEAT_S, Fired, Watch
+from feedback_node.rules import MIN_REPEAT_S, Watch
 from scene_spaces import AGE_AND_MOOD as SPACE
 
 NAN = math.nan
-
-
-class Clock:
-    """Steady time that only a test moves."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 def scene(
@@ -63,20 +53,17 @@ class Story:
         settle_s: float = 0.0,
         lease_s: float = 1.0,
     ) -> None:
-        self.clock = Clock()
-        self.watch = Watch(rules, awarded or scene(4.0), SPACE, self.clock, settle_s, lease_s)
+        self.now = 100.0
+        awarded = awarded or scene(4.0)
+        self.watch = Watch(rules, awarded, SPACE, lambda: self.now, settle_s, lease_s)
 
     def see(self, at: float, live: Scene) -> list[tuple[int, str]]:
-        self.clock.now = 100.0 + at
-        return self._told(self.watch.receive(live))
+        self.now = 100.0 + at
+        return [(one.index, one.reason) for one in self.watch.receive(live)]
 
     def tick(self, at: float) -> list[tuple[int, str]]:
-        self.clock.now = 100.0 + at
-        return self._told(self.watch.tick())
-
-    @staticmethod
-    def _told(fired: tuple[Fired, ...]) -> list[tuple[int, str]]:
-        return [(one.index, one.reason) for one in fired]
+        self.now = 100.0 + at
+        return [(one.index, one.reason) for one in self.watch.tick()]
 
 
 WORSE = "mood.change <= -1.0"
@@ -298,7 +285,7 @@ def test_firing_states_start_of_hold_and_previous_count():
     story = Story(rule(WORSE, 1.0, cooldown_s=2.0))
     trace = []
     for tick in range(120):
-        story.clock.now = 100.0 + tick / 20
+        story.now = 100.0 + tick / 20
         trace += [(one.since, one.count) for one in story.watch.receive(scene(2.0))]
     assert trace == [(100.0, 0), (103.0, 1)]
 
