@@ -16,12 +16,7 @@ from bt_agents_interfaces.msg import TreeStatus
 from bt_agents_lab.cli.trace import trace
 from command_results import split_runner
 from hostile_texts import HOSTILE
-from journal_fixture import JournaledSystem, morning
-
-
-@pytest.fixture(scope="module")
-def journaled(tmp_path_factory: pytest.TempPathFactory) -> JournaledSystem:
-    return morning(tmp_path_factory.mktemp("journaled") / "trees")
+from journal_fixture import JournaledSystem
 
 
 @pytest.fixture
