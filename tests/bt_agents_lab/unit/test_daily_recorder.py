@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from collections.abc import Iterator
 from datetime import date, timedelta
 from pathlib import Path
@@ -90,16 +91,14 @@ def test_full_disk_is_reported_once_and_messages_buffered(recorder: Recorder) ->
     for number in range(2, 6):
         recorder.keep(number)
     [text] = recorder.reports
-    assert text.startswith("STORAGE_FULL")
-    assert "No space left" in text
+    assert re.match("STORAGE_FULL.*No space left", text)
     health = recorder.journal.health
     failure = "journal-2026-03-01_001.mcap cannot be written: No space left on device"
     assert (health.level, health.message) == (Health.ERROR, failure)
     recorder.full = False
     recorder.flush()
     assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4, 5]
-    assert "goes on" in recorder.reports[-1]
-    assert "lost" not in recorder.reports[-1]
+    assert ["goes on" in recorder.reports[-1], "lost" in recorder.reports[-1]] == [True, False]
     assert recorder.journal.health.message == "everything is recorded"
 
 
@@ -121,26 +120,18 @@ def test_buffer_is_bounded_and_lost_messages_are_counted(
     assert recording.lost == {"/agents/status": lost}
 
 
-def test_new_topic_on_full_disk_loses_nothing(recorder: Recorder) -> None:
-    recorder.full = True
-    recorder.journal.record(recorded(1, topic="/new"))
-    recorder.flush()
-    recorder.full = False
-    recorder.journal.record(recorded(2, topic="/new"))
-    recorder.flush()
-    assert ticks(recorder.file("2026-03-01")) == [1, 2]
-    assert "lost" not in recorder.reports[-1]
-
-
-def test_full_disk_at_midnight_keeps_the_old_file(recorder: Recorder) -> None:
+def test_new_topic_on_full_disk_at_midnight_loses_nothing(recorder: Recorder) -> None:
     recorder.receive(1)
     recorder.full = True
     recorder.today += timedelta(days=1)
-    recorder.keep(2)
+    recorder.journal.record(recorded(2, topic="/new"))
+    recorder.flush()
     recorder.full = False
-    recorder.keep(3)
+    recorder.journal.record(recorded(3, topic="/new"))
+    recorder.flush()
     kept = ticks(recorder.file("2026-03-01")) + ticks(recorder.file("2026-03-02"))
     assert kept == [1, 2, 3]
+    assert "lost" not in recorder.reports[-1]
 
 
 def test_room_for_file_head_only_loses_nothing(recorder: Recorder) -> None:
@@ -213,8 +204,7 @@ def test_other_storage_error_is_not_called_full_disk(recorder: Recorder, number:
     recorder.full, recorder.error = True, number
     recorder.keep(2)
     [text] = recorder.reports
-    assert text.startswith("STORAGE_FAILED")
-    assert os.strerror(number) in text
+    assert re.match(f"STORAGE_FAILED.*{os.strerror(number)}", text)
     recorder.full = False
     recorder.flush()
     assert "goes on" in recorder.reports[-1]
@@ -223,20 +213,11 @@ def test_other_storage_error_is_not_called_full_disk(recorder: Recorder, number:
 def test_only_files_of_oldest_days_are_deleted(tmp_path: Path) -> None:
     folder = tmp_path / "journal"
     folder.mkdir()
-    for day in range(20, 28):
-        (folder / f"journal-2026-02-{day}_001.mcap").touch()
-        (folder / f"journal-2026-02-{day}_002.mcap").touch()
-    for name in ("journal-2026-02-26.mcap", "journal-2026-01-01.mcap", "mine.mcap"):
+    starts = [f"2026-02-{day}_00{start}" for day in range(20, 28) for start in (1, 2)]
+    names = [f"journal-{start}.mcap" for start in (*starts, "2026-02-26", "2026-01-01")]
+    for name in (*names, "mine.mcap"):
         (folder / name).touch()
-    recorder = Recorder(folder, kept=3)
-    recorder.journal.close()
-    left = sorted(path.name for path in folder.iterdir())
-    assert left == [
-        "journal-2026-02-26.mcap",
-        "journal-2026-02-26_001.mcap",
-        "journal-2026-02-26_002.mcap",
-        "journal-2026-02-27_001.mcap",
-        "journal-2026-02-27_002.mcap",
-        "journal-2026-03-01_001.mcap",
-        "mine.mcap",
-    ]
+    Recorder(folder, kept=3).journal.close()
+    left = {path.name for path in folder.iterdir()}
+    kept = ("2026-02-26", *starts[-4:], "2026-03-01_001")
+    assert left == {*(f"journal-{start}.mcap" for start in kept), "mine.mcap"}

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tracemalloc
+from io import BytesIO
 from pathlib import Path
 from random import Random
 
@@ -14,7 +15,7 @@ import pytest
 import zstandard
 from click.testing import CliRunner
 from mcap.data_stream import RecordBuilder
-from mcap.records import Chunk, Footer, Header
+from mcap.records import Chunk, Footer, Header, McapRecord
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 from rclpy.serialization import serialize_message
@@ -33,30 +34,36 @@ from journal_fixture import morning, topic_of
 BOOKMARK = "bt_agents_interfaces/msg/Bookmark"
 
 
+def add(file: JournalFile, message: Bookmark | Scene, name: str, numbers: range) -> None:
+    """Add a message several times; each number is its place, and its time [ns]."""
+    topic, data = topic_of(type(message), name), serialize_message(message)
+    for one in numbers:
+        file.add(RecordedMessage(topic=topic, data=data, sent_ns=one, received_ns=one), one)
+    file.flush()
+
+
 def begun(path: Path, *, bookmarks: int = 1, scenes: int = 0) -> JournalFile:
     """Return a journal that is still being written, with messages of two topics."""
     file = JournalFile(path)
-    for kind, name, number in (
-        (Bookmark, "/bookmarks", bookmarks),
-        (Scene, "/bt_agents/scene/live", scenes),
-    ):
-        topic, data = topic_of(kind, name), serialize_message(kind())
-        for count in range(1, number + 1):
-            file.add(
-                RecordedMessage(topic=topic, data=data, sent_ns=count, received_ns=count), count
-            )
-    file.flush()
+    add(file, Bookmark(), "/bookmarks", range(1, bookmarks + 1))
+    add(file, Scene(), "/bt_agents/scene/live", range(1, scenes + 1))
     return file
+
+
+def written(*records: McapRecord, library: str = LIBRARY) -> bytes:
+    """Return a file of a writer with some records after the header."""
+    builder = RecordBuilder()
+    for record in (Header(profile="ros2", library=library), *records):
+        record.write(builder)
+    return MCAP0_MAGIC + bytes(builder.end())
 
 
 def test_journal_being_written_is_read_without_problems(tmp_path: Path) -> None:
     file = begun(tmp_path / "a.mcap")
     reader = JournalReader([file.path])
-    assert len(reader.entries()) == 1
-    assert reader.problems == []
+    assert (len(reader.entries()), reader.problems) == (1, [])
     file.close()
-    assert len(reader.entries()) == 1
-    assert reader.problems == []
+    assert (len(reader.entries()), reader.problems) == (1, [])
 
 
 def test_growing_file_is_read_on_from_last_record(tmp_path: Path) -> None:
@@ -65,10 +72,7 @@ def test_growing_file_is_read_on_from_last_record(tmp_path: Path) -> None:
     assert len(reader.further_entries()) == 1
     assert reader.further_entries() == []
     before = file.path.stat().st_size
-    topic, data = topic_of(Bookmark, "/bookmarks"), serialize_message(Bookmark(label="more"))
-    for count in (2, 3):
-        file.add(RecordedMessage(topic=topic, data=data, sent_ns=count, received_ns=count), count)
-    file.flush()
+    add(file, Bookmark(label="more"), "/bookmarks", range(2, 4))
     whole = file.path.read_bytes()
     # The new part is read without the earlier ones, and partly left for later.
     copy = tmp_path / "b.mcap"
@@ -82,9 +86,7 @@ def test_growing_file_is_read_on_from_last_record(tmp_path: Path) -> None:
     file.close()
 
 
-def test_piece_ends_after_messages_of_any_type(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_piece_counts_all_types(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reading, "MOST_FURTHER", 2)
     file = begun(tmp_path / "a.mcap", scenes=4)
     reader = JournalReader([file.path])
@@ -125,24 +127,17 @@ def test_unrequested_messages_are_counted_and_not_kept(tmp_path: Path) -> None:
     assert (recording.first_ns, recording.last_ns) == (1, 20_000)
 
 
-def headed(library: str) -> bytes:
-    """Return an empty file of a writer."""
-    builder = RecordBuilder()
-    Header(profile="ros2", library=library).write(builder)
-    return MCAP0_MAGIC + bytes(builder.end())
-
-
 @pytest.mark.parametrize("library", ["bt-agents", "bt-agents journal 2", "bt-agents journal 4"])
 def test_journal_of_another_format_is_rejected(tmp_path: Path, library: str) -> None:
     path = tmp_path / "a.mcap"
-    path.write_bytes(headed(library))
+    path.write_bytes(written(library=library))
     with pytest.raises(Refused, match=rf"OTHER_FORMAT.*'{library}'.*'{LIBRARY}'"):
         JournalReader([path]).entries()
 
 
-def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
-    """Return a file with one chunk of some bytes, whose header states another size."""
-    chunk = Chunk(
+def chunk(data: bytes, said: int, compression: str = "zstd") -> Chunk:
+    """Return a chunk of some bytes, whose header states another size."""
+    return Chunk(
         compression=compression,
         data=zstandard.compress(data),
         message_start_time=0,
@@ -150,23 +145,12 @@ def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
         uncompressed_crc=0,
         uncompressed_size=said,
     )
-    builder = RecordBuilder()
-    Header(profile="ros2", library=LIBRARY).write(builder)
-    chunk.write(builder)
-    return MCAP0_MAGIC + bytes(builder.end())
-
-
-def end_of_messages(path: Path) -> int:
-    """Return where the summary of a journal begins, and the preceding record that announces it."""
-    with path.open("rb") as stream:
-        [footer] = [one for one in StreamReader(stream).records if isinstance(one, Footer)]
-    return footer.summary_start - 13
 
 
 @pytest.mark.parametrize("said", [100, 200_000_000])
 def test_decompression_bomb_is_not_unpacked(tmp_path: Path, said: int) -> None:
     path = tmp_path / "a.mcap"
-    path.write_bytes(packed_chunk(bytes(200_000_000), said))
+    path.write_bytes(written(chunk(bytes(200_000_000), said)))
     tracemalloc.start()
     reader = JournalReader([path])
     assert reader.entries() == []
@@ -178,7 +162,7 @@ def test_decompression_bomb_is_not_unpacked(tmp_path: Path, said: int) -> None:
 
 def test_unknown_compression_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    path.write_bytes(packed_chunk(b"", 0, "lz4"))
+    path.write_bytes(written(chunk(b"", 0, "lz4")))
     reader = JournalReader([path])
     assert reader.entries() == []
     assert "compressed by lz4, expected zstd" in reader.problems[0]
@@ -247,7 +231,9 @@ def test_commands_report_flipped_bits_with_a_message(tmp_path: Path) -> None:
 def test_torn_journal_is_never_reported_as_fully_equal(tmp_path: Path) -> None:
     path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
     content = path.read_bytes()
-    end = end_of_messages(path)
+    [footer] = [one for one in StreamReader(BytesIO(content)).records if isinstance(one, Footer)]
+    # Where the record before the summary begins.
+    end = footer.summary_start - 13
     path.write_bytes(content[: end + 5])
     result = CliRunner().invoke(replay, [str(path)])
     assert result.exit_code == 2

@@ -7,7 +7,6 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from datetime import date
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -42,6 +41,9 @@ class Recording:
     def begin(self, label: str = "") -> str:
         return self.control.start(label=label, notes="", author="")
 
+    def mark(self, label: str = "", age_s: float = 0.0) -> None:
+        self.control.mark(label=label, notes="", author="", age_s=age_s)
+
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Iterator[Recording]:
@@ -58,9 +60,8 @@ def code(call: Callable[[], object]) -> str:
 
 def test_journal_records_from_start_without_label(recording: Recording) -> None:
     [state] = recording.states
-    assert state.is_recording
-    assert state.label == ""
-    assert state.file == "journal-2026-03-01_001.mcap"
+    found = (state.is_recording, state.label, state.file)
+    assert found == (True, "", "journal-2026-03-01_001.mcap")
 
 
 def test_messages_between_stop_and_start_are_not_recorded(recording: Recording) -> None:
@@ -90,31 +91,26 @@ def test_label_notes_and_author_last_until_next_start(recording: Recording) -> N
     state = recording.states[-1]
     assert (state.label, state.notes, state.author) == ("morning", "a class", "anna")
     recording.control.stop()
-    assert recording.states[-1].label == "morning"
-    assert not recording.states[-1].is_recording
+    state = recording.states[-1]
+    assert (state.label, state.is_recording) == ("morning", False)
     recording.begin("noon")
-    assert recording.states[-1].file == "journal-2026-03-01_003.mcap"
-    assert recording.states[-1].notes == ""
+    state = recording.states[-1]
+    assert (state.file, state.notes) == ("journal-2026-03-01_003.mcap", "")
 
 
 def test_bookmarks_are_counted_and_published(recording: Recording) -> None:
-    recording.control.mark(label="odd", notes="", author="anna")
-    recording.control.mark(label="", notes="again", author="")
-    assert [one.label for one in recording.bookmarks] == ["odd", ""]
-    assert recording.states[-1].bookmarks == 2
-
-
-def test_earlier_moment_of_the_recording_is_marked(recording: Recording) -> None:
     recording.now_ns += 5 * 10**9
-    recording.control.mark(label="odd", notes="", author="", age_s=1.5)
-    assert [one.at_ns for one in recording.bookmarks] == [4_500_000_000]
+    recording.mark("odd")
+    recording.mark(age_s=1.5)
+    marked = [(one.label, one.at_ns) for one in recording.bookmarks]
+    assert marked == [("odd", 6_000_000_000), ("", 4_500_000_000)]
+    assert recording.states[-1].bookmarks == 2
 
 
 @pytest.mark.parametrize("age_s", [-0.1, 5.1, math.nan, math.inf])
 def test_moment_outside_the_recording_is_rejected(recording: Recording, age_s: float) -> None:
     recording.now_ns += 5 * 10**9
-    ask = partial(recording.control.mark, label="", notes="", author="", age_s=age_s)
-    assert code(ask) == "OUT_OF_RANGE"
+    assert code(lambda: recording.mark(age_s=age_s)) == "OUT_OF_RANGE"
     assert recording.bookmarks == []
 
 
@@ -122,7 +118,7 @@ def test_request_in_wrong_state_is_rejected_without_change(recording: Recording)
     assert code(recording.begin) == "RECORDING_ALREADY"
     recording.control.stop()
     assert code(recording.control.stop) == "NOT_RECORDING"
-    assert code(lambda: recording.control.mark(label="", notes="", author="")) == "NOT_RECORDING"
+    assert code(recording.mark) == "NOT_RECORDING"
     assert len(recording.states) == 2
     assert recording.bookmarks == []
 
@@ -131,8 +127,8 @@ def test_bookmarks_beyond_limit_are_rejected(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recording_control, "MOST_BOOKMARKS", 1)
-    recording.control.mark(label="", notes="", author="")
-    assert code(lambda: recording.control.mark(label="", notes="", author="")) == "TOO_MANY"
+    recording.mark()
+    assert code(recording.mark) == "TOO_MANY"
 
 
 def test_unwritable_or_locked_folder_is_reported(recording: Recording) -> None:
@@ -155,8 +151,8 @@ def test_next_day_file_continues_the_same_recording(recording: Recording) -> Non
     recording.today = date(2026, 3, 2)
     recording.recorder.flush(10**9)
     recording.control.check_file()
-    assert recording.states[-1].file == "journal-2026-03-02_001.mcap"
-    assert recording.states[-1].label == "night"
+    state = recording.states[-1]
+    assert (state.file, state.label) == ("journal-2026-03-02_001.mcap", "night")
     told = len(recording.states)
     recording.control.check_file()
     assert len(recording.states) == told

@@ -20,8 +20,22 @@ from bt_agents_lab.cli.what_if import what_if as command
 from bt_agents_lab.replay.counterfactual_replay import Changes, CounterfactualResult, replay_with
 from bt_agents_lab.replay.recording_index import RecordingIndex
 from bt_agents_language.files.folder_reader import read_trees
-from journal_fixture import EPOCH, NAN, JournaledSystem, index_of, morning, write_folder
+from journal_fixture import (
+    EPOCH,
+    NAN,
+    JournaledSystem,
+    PublishedMessage,
+    index_of,
+    morning,
+    write_folder,
+)
 from tree_harness import SPACE, scene
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> JournaledSystem:
+    """Return a system before its first round."""
+    return JournaledSystem(tmp_path / "trees")
 
 
 def result(journaled: JournaledSystem, path: Path, changes: Changes) -> CounterfactualResult:
@@ -64,29 +78,21 @@ def test_unchanged_replay_of_partial_journal_gives_same_results(
         assert [c.margin_now for c in found.rounds] == [c.margin_was for c in found.rounds]
 
 
-def test_other_learning_rate_moves_profiles_accordingly(tmp_path: Path) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    journaled.round(scene("s", age=4.0))
-    journaled.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
-    found = result(journaled, tmp_path, Changes(rate=0.5))
-    assert found.profiles["bert"] == (4.5 + 0.5 * (5.0 - 4.5), 2.1, 3.3)
+def test_other_learning_rate_changes_later_winner(system: JournaledSystem, tmp_path: Path) -> None:
+    system.round(scene("s0", age=4.0))
+    system.give_feedback("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
+    assert system.round(scene("s1", age=2.6)) == "bert"
+    assert winners(result(system, tmp_path, Changes())) == ["bert", "bert"]
+    assert winners(result(system, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
 
 
-def test_other_learning_rate_changes_later_winner(tmp_path: Path) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    journaled.round(scene("s0", age=4.0))
-    journaled.give_feedback("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
-    assert journaled.round(scene("s1", age=2.6)) == "bert"
-    assert winners(result(journaled, tmp_path, Changes())) == ["bert", "bert"]
-    assert winners(result(journaled, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
-
-
-def test_feedback_about_another_agents_run_is_withheld(tmp_path: Path) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    assert journaled.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
-    journaled.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+def test_feedback_about_another_agents_run_is_withheld(
+    system: JournaledSystem, tmp_path: Path
+) -> None:
+    assert system.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
+    system.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
     agents = read_trees(write_folder(tmp_path / "other", anna=(3.0, 1.6, 3.1), bert=(5, 5, 5)))
-    found = result(journaled, tmp_path, Changes(agents=agents.agents))
+    found = result(system, tmp_path, Changes(agents=agents.agents))
     assert winners(found) == ["anna"]
     assert (found.given, found.withheld) == (0, 1)
     assert found.never == ("bert",)
@@ -103,88 +109,77 @@ def test_agents_of_another_folder_bid_by_their_files(tmp_path: Path) -> None:
     assert found.bidders == {"carla", "bert"}
 
 
-def _refused(auction: Auction) -> None:
-    auction.refused = [RefusedBid(agent="anna", kind=RefusedBid.REFUSED, code="NOT_AWARDED")]
+def _before(system: JournaledSystem, **fields: Any) -> None:
+    status = MarketStatus(epoch=EPOCH, **fields)
+    system.published.insert(0, PublishedMessage(topic="/bt_agents/market", message=status))
+
+
+def _first(system: JournaledSystem, kind: type) -> Any:
+    return next(one.message for one in system.published if isinstance(one.message, kind))
 
 
 LEFT_OUT: dict[str, Callable[[JournaledSystem], None]] = {
-    "pinned": lambda journaled: journaled.publish(
-        "/bt_agents/market", MarketStatus(epoch=EPOCH, pinned="bert")
+    "pinned": lambda system: _before(system, pinned="bert"),
+    "vetoed": lambda system: _before(system, vetoed=["anna", "carla"]),
+    "excluded": lambda system: _first(system, CallForBids).excluded.extend(["anna", "carla"]),
+    "not awarded": lambda system: _first(system, Auction).refused.append(
+        RefusedBid(agent="anna", kind=RefusedBid.REFUSED, code="NOT_AWARDED")
     ),
-    "vetoed": lambda journaled: journaled.publish(
-        "/bt_agents/market", MarketStatus(epoch=EPOCH, vetoed=["anna", "carla"])
-    ),
-    "excluded": lambda journaled: setattr(
-        _first(journaled, CallForBids), "excluded", ["anna", "carla"]
-    ),
-    "not awarded": lambda journaled: _refused(_first(journaled, Auction)),
 }
 
 
-def _first(journaled: JournaledSystem, kind: type) -> Any:
-    return next(one.message for one in journaled.published if isinstance(one.message, kind))
-
-
 @pytest.mark.parametrize("why", LEFT_OUT)
-def test_agents_excluded_from_round_stay_excluded(tmp_path: Path, why: str) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    if why in ("pinned", "vetoed"):
-        LEFT_OUT[why](journaled)
-    assert journaled.round(scene("s0", age=4.5, familiarity=2.1, mood=3.3)) == "bert"
-    if why not in ("pinned", "vetoed"):
-        LEFT_OUT[why](journaled)
+def test_agents_excluded_from_round_stay_excluded(
+    system: JournaledSystem, tmp_path: Path, why: str
+) -> None:
+    assert system.round(scene("s0", age=4.5, familiarity=2.1, mood=3.3)) == "bert"
+    LEFT_OUT[why](system)
     nearer = (4.5, 2.1, 3.3)
     folder = write_folder(tmp_path / "other", anna=nearer, carla=nearer, bert=(4.0, 2.0, 3.0))
     agents = read_trees(folder).agents
-    assert winners(result(journaled, tmp_path, Changes(agents=agents))) == ["bert"]
+    assert winners(result(system, tmp_path, Changes(agents=agents))) == ["bert"]
 
 
-def test_substitute_that_ran_is_taught(tmp_path: Path) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    assert journaled.round(scene("s0", age=4.5)) == "bert"
-    _first(journaled, Run).agent = "anna"
-    journaled.give_feedback("anna", FeedbackKind.DIRECT, (5.0, NAN, NAN))
-    found = result(journaled, tmp_path, Changes())
+def test_substitute_that_ran_is_taught(system: JournaledSystem, tmp_path: Path) -> None:
+    assert system.round(scene("s0", age=4.5)) == "bert"
+    _first(system, Run).agent = "anna"
+    system.give_feedback("anna", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    found = result(system, tmp_path, Changes())
     assert (found.given, found.withheld) == (1, 0)
-    assert found.profiles["anna"] == journaled.profiles["anna"]
+    assert found.profiles["anna"] == system.profiles["anna"]
 
 
-def test_author_edits_in_between_count(tmp_path: Path) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    journaled.round(scene("s0", age=4.5))
-    journaled.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
-    journaled.profiles["bert"] = (2.0, 2.0, 2.0)
-    names = list(SPACE.names)
-    journaled.publish(
-        "/bt_agents/profiles",
-        Profiles(
-            parameters=names, agents=["bert"], layers=[""], revisions=[2], vectors=[2.0, 2.0, 2.0]
-        ),
-    )
-    found = result(journaled, tmp_path, Changes(rate=0.5))
+def test_author_edits_in_between_count(system: JournaledSystem, tmp_path: Path) -> None:
+    system.round(scene("s0", age=4.5))
+    system.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
+    system.profiles["bert"] = (2.0, 2.0, 2.0)
+    edited = Profiles(agents=["bert"], layers=[""], revisions=[2], vectors=[2.0, 2.0, 2.0])
+    edited.parameters = list(SPACE.names)
+    system.publish("/bt_agents/profiles", edited)
+    found = result(system, tmp_path, Changes(rate=0.5))
     assert found.profiles["bert"] == (2.0, 2.0, 2.0)
 
 
-def test_undo_reverts_hypothetical_learning(tmp_path: Path) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    journaled.round(scene("s0", age=4.5))
-    journaled.give_feedback("bert", FeedbackKind.DIRECT, (3.5, NAN, NAN))
-    kept = journaled.profiles["bert"]
-    journaled.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
-    journaled.give_feedback("bert", FeedbackKind.SET, kept)
-    undo = journaled.published[-1].message
+def test_undo_reverts_hypothetical_learning(system: JournaledSystem, tmp_path: Path) -> None:
+    system.round(scene("s0", age=4.5))
+    system.give_feedback("bert", FeedbackKind.DIRECT, (3.5, NAN, NAN))
+    kept = system.profiles["bert"]
+    system.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
+    system.give_feedback("bert", FeedbackKind.SET, kept)
+    undo = system.published[-1].message
     undo.learning_rate, undo.rates, undo.feedback_id = 0.0, [], ""
-    assert result(journaled, tmp_path, Changes()).profiles["bert"] == kept
-    assert result(journaled, tmp_path, Changes(rate=0.5)).profiles["bert"] == (4.0, 2.1, 3.3)
+    assert result(system, tmp_path, Changes()).profiles["bert"] == kept
+    assert result(system, tmp_path, Changes(rate=0.5)).profiles["bert"] == (4.0, 2.1, 3.3)
 
 
-def test_a_robust_update_withstands_one_wrong_feedback(tmp_path: Path) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    journaled.round(scene("s", age=4.0))
+def test_a_robust_update_withstands_one_wrong_feedback(
+    system: JournaledSystem, tmp_path: Path
+) -> None:
+    system.round(scene("s", age=4.0))
     for age in (4.5, 4.5, 4.5, 1.0):
-        journaled.give_feedback("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
-    assert result(journaled, tmp_path, Changes()).profiles["bert"][0] < 4.0
-    assert result(journaled, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
+        system.give_feedback("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
+    assert result(system, tmp_path, Changes()).profiles["bert"][0] < 4.0
+    assert result(system, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
 
 
 def test_random_strategy_gives_reproducible_results(tmp_path: Path) -> None:
@@ -219,9 +214,8 @@ def test_command_prints_changed_winners_and_its_assumptions(tmp_path: Path) -> N
     assert result.exit_code == 0, result.output
     assert "3 of 4 rounds would have had another winner" in result.output
     assert "The chosen agent runs" in result.output
-    data = json.loads(
-        CliRunner().invoke(command, [str(path), "--agents", str(folder), "--json"]).output
-    )
+    told = CliRunner().invoke(command, [str(path), "--agents", str(folder), "--json"])
+    data = json.loads(told.output)
     assert data["chosen"] == {"anna": 4}
     assert [one["now"] for one in data["rounds"]] == ["anna"] * 4
 
@@ -243,15 +237,12 @@ def test_only_agents_with_given_tags_bid(tmp_path: Path) -> None:
     assert "name their folder with --agents" in str(told.exception)
 
 
-def test_unlabelled_scene_is_shown_by_its_values(tmp_path: Path) -> None:
-    journaled = JournaledSystem(tmp_path / "trees")
-    journaled.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
-    journaled.round(replace(scene("0b60", age=4.5), label="", person=False))
-    found = result(journaled, tmp_path, Changes())
-    assert [case.label for case in found.rounds] == [
-        "age 4.5, familiarity 1, mood 3",
-        "nobody, age 4.5",
-    ]
+def test_unlabelled_scene_is_shown_by_its_values(system: JournaledSystem, tmp_path: Path) -> None:
+    system.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
+    system.round(replace(scene("0b60", age=4.5), label="", person=False))
+    found = result(system, tmp_path, Changes())
+    labels = [case.label for case in found.rounds]
+    assert labels == ["age 4.5, familiarity 1, mood 3", "nobody, age 4.5"]
     shown = CliRunner().invoke(journal, [str(tmp_path / "a.mcap")])
     assert "age 4.5, familiarity 1, mood 3: bert wins" in shown.output
 
