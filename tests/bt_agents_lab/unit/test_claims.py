@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's claims and the verdicts on them, and reproducible figures."""
+"""The paper's claims and the verdicts on them, and figures: reproducible, with no text cut."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 
-from bt_agents_lab.experiments import claims, drawing
+from bt_agents_core.trees_folder import find_sweep
+from bt_agents_lab.experiments import claims, drawing, paper_figures, sweep_figures
 from bt_agents_lab.experiments.core import through_core
-from bt_agents_lab.experiments.replicas import replicas, streams_of, with_seed, world_of
+from bt_agents_lab.experiments.replicas import opened, replicas, streams_of, with_seed, world_of
+from bt_agents_lab.experiments.sweep import sweep
+from bt_agents_lab.experiments.sweep_reader import read_sweep
 from bt_agents_lab.experiments.verdicts import Claim, as_markdown, judged, percent
-from bt_agents_language.files.experiment_reader import read_experiment
-from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.experiment import closed_form
 from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
@@ -23,14 +28,14 @@ EXPERIMENTS = ROOT / "experiments"
 CLAIM = Claim(name="n", section="1", quote="q", criterion="c")
 
 
-def opened(name: str):
-    folder = read_trees(EXPERIMENTS / name)
-    return folder, read_experiment(EXPERIMENTS / name / "experiment.yaml", folder.scene.space)
+def paper(name: str) -> claims.Paper:
+    folder, spec = opened(EXPERIMENTS / name)
+    return claims.Paper(folder=folder, spec=spec)
 
 
 @pytest.mark.parametrize("name", ["2-aggressive", "2-moderate", "3"])
 def test_batched_runs_equal_experiments_with_their_seeds(name):
-    folder, spec = opened(name)
+    folder, spec = opened(EXPERIMENTS / name)
     spec = spec.shortened(25)
     world = world_of(folder, spec)
     seeds = [spec.seed, 5]
@@ -45,7 +50,7 @@ def test_batched_runs_equal_experiments_with_their_seeds(name):
 
 
 def test_experiment_1_reaches_its_target_in_100_cycles():
-    folder, spec = opened("1")
+    folder, spec = opened(EXPERIMENTS / "1")
     records = through_core(folder, spec)
     assert len(records) == 100
     assert records[-1].after == pytest.approx((5.0, 4.0, 1.0), abs=1e-8)
@@ -54,7 +59,7 @@ def test_experiment_1_reaches_its_target_in_100_cycles():
 
 
 def test_every_third_wrong_feedback_shifts_the_mean():
-    folder, spec = opened("2-aggressive")
+    folder, spec = opened(EXPERIMENTS / "2-aggressive")
     world = world_of(folder, spec)
     assert (streams_of(world, spec, [2]).error_draw[0, :6, 0] == [1, 1, 0, 1, 1, 0]).all()
     late = replicas(world, spec, [2]).course.profiles[0, -99:, 0].mean(axis=0)
@@ -109,9 +114,8 @@ def test_plot_command_reproduces_figures_and_judges_all_claims(tmp_path, monkeyp
 
 
 def test_unreached_distance_is_reported_as_never_reached():
-    folder, spec = opened("1")
-    short = claims.Paper(folder=folder, spec=spec.shortened(5))
-    convergence, speed = claims.first(short)
+    one = paper("1")
+    convergence, speed = claims.first(replace(one, spec=one.spec.shortened(5)))
     assert convergence.text == speed.text == "fails"
     assert "after 5 cycles at rate 0.2, never below 0.05;" in convergence.found
     assert speed.found == "never at rate 0.05, never at rate 0.2, never at rate 0.5"
@@ -127,3 +131,35 @@ def test_verdict_links_its_figures():
     claim = replace(CLAIM, figures=(6, 8))
     text = as_markdown([judged(claim, [True], "f")])
     assert "- Shown by: [figure 6](figure-6.svg), [figure 8](figure-8.svg)\n" in text
+
+
+@pytest.fixture
+def saved(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, bool]]:
+    """Saved pictures, each with whether something is cut."""
+    found: dict[str, bool] = {}
+
+    def checked(figure: Figure, file: Path, **_: Any) -> None:
+        if file.suffix == ".png":
+            shown, room = figure.get_tightbbox(), figure.bbox_inches
+            found[file.name] = (
+                min(shown.x0, shown.y0) < 0.0 or shown.x1 > room.x1 or shown.y1 > room.y1
+            )
+
+    monkeypatch.setattr(Figure, "savefig", checked)
+    yield found
+    assert found
+    assert not [file for file, is_cut in found.items() if is_cut]
+
+
+def test_paper_figures_cut_no_label(saved: dict[str, bool], tmp_path: Path) -> None:
+    three = paper("3")
+    paper_figures.first(tmp_path, paper("1"))
+    paper_figures.second(tmp_path, {arm: paper(f"2-{arm}") for arm in claims.RATES}, range(3))
+    paper_figures.third(tmp_path, claims.played_third(three, range(3)), three.spec.rounds)
+    assert {f"figure-{number}.png" for number in range(5, 10)} <= saved.keys()
+
+
+def test_sweep_figures_cut_no_label(saved: dict[str, bool], tmp_path: Path) -> None:
+    spec = replace(read_sweep(find_sweep("told")), runs=2, rounds=5)
+    sweep_figures.write(tmp_path, spec, sweep(spec, 1, lambda done, total: None))
+    assert {"curves.png", "robustness.png"} <= saved.keys()

@@ -80,16 +80,6 @@ def test_a_run_equals_market_and_learning_exactly(world, strategy, update):
         assert course.cancelled.any()
 
 
-@pytest.mark.parametrize(
-    "strategy", ["softmax", "epsilon_greedy", "thompson", "ucb", "bounded_ucb"]
-)
-def test_run_is_independent_of_other_runs(strategy):
-    arm = Arm(strategy=strategy)
-    together = simulate(PERSONS, arm, draw(PERSONS, range(5), 30), 0.2)
-    alone = simulate(PERSONS, arm, draw(PERSONS, [3], 30), 0.2)
-    assert np.array_equal(together.profiles[3], alone.profiles[0])
-
-
 def test_absent_agent_gets_no_award_and_counts_later():
     world = replace(PAPER, absent={"agent_5": 20})
     streams = draw(world, range(5), 40)
@@ -179,5 +169,5 @@ def test_share_interval_is_wilson_interval():
         found = wilson(hits, runs)
         assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
     assert wilson(0, 20).low == 0.0
-    assert wilson(0, 20).high == pytest.approx(0.1611, abs=5e-5)
-    assert wilson(1, 29).high == pytest.approx(0.1718, abs=5e-5)
+    highs = wilson(0, 20).high, wilson(1, 29).high
+    assert highs == pytest.approx((0.1611, 0.1718), abs=5e-5)

@@ -117,12 +117,19 @@ def test_sweep_errors_are_reported_in_one_pass(file):
     assert places == ["3:7", "10:22", "13:28"]
 
 
-def test_sweep_of_missing_experiment_names_expected_folder(file):
-    file.write_text(file.read_text().replace("/persons", "/nobody"))
-    with pytest.raises(
-        BtAgentsError, match=r"nobody' is not an experiment: it has no experiment.yaml"
-    ):
-        read_sweep(file)
+def test_sweep_refusal_names_what_is_missing(changing, monkeypatch):
+    text = changing.read_text()
+    changing.write_text(text.replace("/persons", "/nobody"))
+    with pytest.raises(BtAgentsError, match=r"nobody' is not an experiment: it has no experiment"):
+        read_sweep(changing)
+    others = "calm_helper: 2, first_guide: 2, playful_companion: 2, swift_assistant: 9"
+    changing.write_text(text.replace("swift_assistant: 9", others))
+    with pytest.raises(ReadError, match="in the first round nobody is there"):
+        read_sweep(changing)
+    monkeypatch.chdir(ROOT)
+    assert find_sweep("told") == Path("experiments/sweeps/told.yaml")
+    with pytest.raises(BtAgentsError, match=r"no sweep 'nobody'; there are .*persons, .*told, "):
+        find_sweep("nobody")
 
 
 def test_results_are_independent_of_number_of_processes(file, monkeypatch):
@@ -150,13 +157,6 @@ def test_sweep_declares_late_agents_and_preference_changes(changing):
     assert np.array_equal(world.best_in(9), world.best)
     assert world.best_in(10)[0].tolist() == [1.0, 1.0, 2.0]
     assert np.array_equal(world.best_in(10)[1:], world.best[1:])
-
-
-def test_sweep_needs_an_agent_from_the_start(changing):
-    others = "calm_helper: 2, first_guide: 2, playful_companion: 2, swift_assistant: 9"
-    changing.write_text(changing.read_text().replace("swift_assistant: 9", others))
-    with pytest.raises(ReadError, match="in the first round nobody is there"):
-        read_sweep(changing)
 
 
 def test_measures_of_parts_equal_measures_of_whole(file):
@@ -248,10 +248,3 @@ def test_with_the_defaults_nobody_starves(world):
         assert ours.worst >= 0.95
         assert world == "persons" or ours.regret < theirs.regret
     assert found["paper"][0].starved.share > 0.1, "by the paper's rule some do"
-
-
-def test_missing_sweep_error_lists_existing_sweeps(monkeypatch):
-    monkeypatch.chdir(ROOT)
-    assert find_sweep("told") == Path("experiments/sweeps/told.yaml")
-    with pytest.raises(BtAgentsError, match=r"no sweep 'nobody'; there are .*persons, .*told, "):
-        find_sweep("nobody")
