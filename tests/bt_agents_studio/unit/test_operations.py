@@ -102,9 +102,7 @@ def test_person_may_only_answer_cancel_rate_and_arrive() -> None:
     allowed = {name for name, one in every.items() if SessionRole.PERSON in one.roles}
     assert allowed == {"answer", "cancel", "feedback", "scene"}
     assert not any(SessionRole.VIEW in one.roles for one in every.values())
-
-
-def test_only_authors_write_files() -> None:
+    # Only authors write files.
     assert OWN_OPERATIONS["keep"].roles == {SessionRole.AUTHOR}
 
 

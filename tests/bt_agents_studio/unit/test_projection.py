@@ -92,12 +92,12 @@ def rounds_left(count: int, path: str = "tree/0.ask") -> Countdown:
 
 
 def test_remaining_time_and_rounds_share_one_entry(shown: Shown) -> None:
-    shown.details(time_left(2.5), rounds_left(1))
-    record = shown.get("countdowns")
-    assert (record.kind, record.remaining_s, record.remaining) == ("retry", 2.5, 1)
-    shown.details(rounds_left(0))
-    record = shown.get("countdowns")
-    assert (record.remaining_s, record.remaining) == (None, 0)
+    found = []
+    for countdowns in ((time_left(2.5), rounds_left(1)), (rounds_left(0),)):
+        shown.details(*countdowns)
+        record = shown.get("countdowns")
+        found.append((record.kind, record.remaining_s, record.remaining))
+    assert found == [("retry", 2.5, 1), ("retry", None, 0)]
 
 
 def test_countdown_knows_its_whole_time(shown: Shown) -> None:
@@ -156,10 +156,8 @@ def control(**fields: Any) -> RunControl:
 def test_breakpoints_are_kept_per_agent(shown: Shown) -> None:
     stops = [Breakpoint(agent="guide", path=path) for path in ("tree", "tree/0.ask")]
     shown.take(control(breakpoints=[*stops, Breakpoint(agent="other", path="tree")]))
-    assert shown.get("controls", "/agents").breakpoints == {
-        "guide": ("tree", "tree/0.ask"),
-        "other": ("tree",),
-    }
+    kept = {"guide": ("tree", "tree/0.ask"), "other": ("tree",)}
+    assert shown.get("controls", "/agents").breakpoints == kept
     shown.take(control())
     assert shown.get("controls", "/agents").breakpoints == {}
 
@@ -183,10 +181,8 @@ def test_pause_ending_with_run_is_no_resume(shown: Shown) -> None:
 
 
 def test_changed_values_belong_to_their_node(shown: Shown) -> None:
-    changed = [ChangedValue(name="answer", value="'yes'")]
-    change = StatusChange(
-        path="tree/0.ask", name="ask", status=StatusChange.SUCCESS, values=changed
-    )
+    change = StatusChange(path="tree/0.ask", name="ask", status=StatusChange.SUCCESS)
+    change.values = [ChangedValue(name="answer", value="'yes'")]
     shown.take(TreeStatus(**RUN, tick=8, changes=[change]))
     [record] = shown.get("values").values
     assert (record.name, record.value, record.written, record.tick) == ("answer", "'yes'", True, 8)
@@ -202,14 +198,6 @@ def test_new_message_of_running_node_is_no_restart(shown: Shown) -> None:
     assert shown.get("nodes").starts == 1
 
 
-RUNNING, SUCCESS, FAILURE, INVALID = (
-    StatusChange.RUNNING,
-    StatusChange.SUCCESS,
-    StatusChange.FAILURE,
-    StatusChange.INVALID,
-)
-
-
 PATHS = {
     "tree": "tree",
     "ask": "tree/0.ask",
@@ -220,71 +208,64 @@ PATHS = {
 }
 
 
-def tick(shown: Shown, **statuses: int) -> None:
-    """Take the changes of a tick, in order."""
-    changes = [StatusChange(path=PATHS[name], status=one) for name, one in statuses.items()]
+def tick(shown: Shown, *changed: str) -> None:
+    """Take the changes of a tick, in order, such as ``ask SUCCESS``."""
+    pairs = [one.split() for one in changed]
+    changes = [
+        StatusChange(path=PATHS[name], status=getattr(StatusChange, status))
+        for name, status in pairs
+    ]
     shown.take(TreeStatus(**RUN, tick=8, changes=changes))
 
 
-def statuses(shown: Shown) -> dict[str, str]:
-    found = {key: shown.get("nodes", key) for key in shown.store.keys("nodes")}
-    return {key.partition("|")[2]: one.status for key, one in found.items()}
+def statuses(shown: Shown) -> set[str]:
+    """Return the status of each node, in the words of :func:`tick`."""
+    known = {f"guide|{path}": name for name, path in PATHS.items()}
+    return {f"{known[k]} {shown.get('nodes', k).status}" for k in shown.store.keys("nodes")}
+
+
+ENDED = ("handled RUNNING", "say FAILURE", "handler RUNNING")
 
 
 def test_stopped_run_keeps_how_each_node_ended(shown: Shown) -> None:
-    tick(shown, tree=RUNNING, ask=SUCCESS, handled=RUNNING, say=FAILURE, handler=RUNNING)
-    tick(shown, ask=INVALID, say=INVALID, handler=INVALID, handled=INVALID, tree=INVALID)
-    assert statuses(shown) == {
-        "tree": "STOPPED",
-        "tree/0.ask": "SUCCESS",
-        "tree/1.say": "FAILURE",
-        "tree/1.say@on_failure": "STOPPED",
-        "tree/1.say@on_failure/0.light": "STOPPED",
-    }
+    tick(shown, "tree RUNNING", "ask SUCCESS", *ENDED)
+    tick(shown, *(f"{name} INVALID" for name in ("ask", "say", "handler", "handled", "tree")))
+    stopped = {"tree STOPPED", "handled STOPPED", "handler STOPPED"}
+    assert statuses(shown) == {*stopped, "ask SUCCESS", "say FAILURE"}
     record = shown.get("nodes")
     assert (record.starts, record.successes) == (1, 1)
     assert shown.get("nodes", "guide|tree").busy_s == 1.0
 
 
 def test_node_stopped_by_its_timeout_says_so(shown: Shown) -> None:
-    tick(shown, tree=RUNNING, ask_timeout=RUNNING, ask=RUNNING, say=RUNNING)
-    tick(shown, ask_timeout=FAILURE, ask=INVALID)
-    assert statuses(shown) == {
-        "tree": "RUNNING",
-        "tree/0.ask@timeout": "FAILURE",
-        "tree/0.ask": "STOPPED",
-        "tree/1.say": "RUNNING",
-    }
-    tick(shown, ask_timeout=RUNNING, ask=RUNNING)
+    others = ("tree RUNNING", "say RUNNING")
+    tick(shown, *others, "ask_timeout RUNNING", "ask RUNNING")
+    tick(shown, "ask_timeout FAILURE", "ask INVALID")
+    assert statuses(shown) == {*others, "ask_timeout FAILURE", "ask STOPPED"}
+    tick(shown, "ask_timeout RUNNING", "ask RUNNING")
     assert shown.get("nodes").status == "RUNNING"
     assert shown.get("nodes").starts == 2
 
 
 def test_restart_clears_what_stopped_subtree_did(shown: Shown) -> None:
-    tick(shown, tree=RUNNING, handled=RUNNING, say=FAILURE, handler=RUNNING, ask=SUCCESS)
-    tick(shown, say=INVALID, handler=INVALID, handled=INVALID)
-    assert statuses(shown)["tree/1.say@on_failure/0.light"] == "STOPPED"
-    tick(shown, say=RUNNING, handled=RUNNING)
-    assert statuses(shown) == {
-        "tree": "RUNNING",
-        "tree/0.ask": "SUCCESS",
-        "tree/1.say": "RUNNING",
-        "tree/1.say@on_failure": "RUNNING",
-        "tree/1.say@on_failure/0.light": "INVALID",
-    }
+    tick(shown, "tree RUNNING", *ENDED, "ask SUCCESS")
+    tick(shown, "say INVALID", "handler INVALID", "handled INVALID")
+    assert "handler STOPPED" in statuses(shown)
+    tick(shown, "say RUNNING", "handled RUNNING")
+    running = {"tree RUNNING", "say RUNNING", "handled RUNNING"}
+    assert statuses(shown) == {*running, "ask SUCCESS", "handler INVALID"}
 
 
 def test_next_round_clears_results_of_previous_round(shown: Shown) -> None:
-    tick(shown, tree=RUNNING, ask=SUCCESS, say=RUNNING)
-    tick(shown, ask=INVALID)
-    assert statuses(shown)["tree/0.ask"] == "INVALID"
-    assert statuses(shown)["tree/1.say"] == "RUNNING"
+    tick(shown, "tree RUNNING", "ask SUCCESS", "say RUNNING")
+    tick(shown, "ask INVALID")
+    assert statuses(shown) == {"tree RUNNING", "ask INVALID", "say RUNNING"}
 
 
 def test_lost_run_leaves_running_nodes_unknown(shown: Shown) -> None:
-    tick(shown, tree=RUNNING, ask=SUCCESS, say=RUNNING)
+    tick(shown, "tree RUNNING", "ask SUCCESS", "say RUNNING")
     shown.take(Run(**RUN, event=Run.ENDED, outcome=Run.LOST))
-    assert statuses(shown) == {"tree": "UNKNOWN", "tree/0.ask": "SUCCESS", "tree/1.say": "UNKNOWN"}
+    assert statuses(shown) == {"tree UNKNOWN", "ask SUCCESS", "say UNKNOWN"}
 
 
 def test_run_shows_its_scene_despite_early_tick(shown: Shown) -> None:
@@ -332,12 +313,8 @@ def test_recording_is_one_event_until_its_end(shown: Shown) -> None:
         shown.take(RecordingStatus(recording=on, file="a.mcap", **told), since_s)
 
     def spans() -> list[tuple[str, str, float, float | None]]:
-        found = [shown.get("events", key) for key in shown.store.keys("events")]
-        return [
-            (one.kind, one.text, one.began_s, one.ended_s)
-            for one in found
-            if one.lane == "RECORDING"
-        ]
+        _, *found = [shown.get("events", key) for key in shown.store.keys("events")]
+        return [(one.kind, one.text, one.began_s, one.ended_s) for one in found]
 
     recording(900.0)
     assert spans() == [("RECORDING", "a.mcap", 900.0, None)]
@@ -383,80 +360,69 @@ def test_text_of_event_is_short_and_printable(shown: Shown) -> None:
     assert len(record.text) <= 200
 
 
-class Told:
+class Told(Shown):
     """Health that a node reports, and what the studio shows of it."""
 
-    def __init__(self) -> None:
-        self.store = Store()
-        self.projection = Projection(self.store)
-
-    def take(self, at_s: float, level: int, message: str = "m", **values: str) -> None:
-        status = DiagnosticStatus(
-            level=bytes([level]),
-            name="agents: files",
-            message=message,
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
+    def tell(self, at_s: float, level: int, message: str = "m", **values: str) -> None:
+        pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+        status = DiagnosticStatus(name="agents: files", message=message, values=pairs)
+        status.level = bytes([level])
         told = DiagnosticArray(status=[status])
         self.projection.handle("diagnostic_msgs/msg/DiagnosticArray", told, at_s)
 
     @property
-    def shown(self) -> Any:
-        return self.store.get("health", "agents: files")
+    def level(self) -> tuple[str, float]:
+        """The level, and since when it holds."""
+        record = self.get("health", "agents: files")
+        return record.level, record.since_s
 
 
-def test_health_states_since_when_its_level_holds() -> None:
-    told = Told()
-    told.take(10.0, 0)
-    told.take(11.0, 0)
-    assert (told.shown.level, told.shown.since_s) == ("OK", 10.0)
-    assert told.store.sequence == 1
-    told.take(12.0, 2, "two files", file="a.yaml")
-    assert (told.shown.level, told.shown.message, told.shown.since_s) == (
-        "ERROR",
-        "two files",
-        12.0,
-    )
-    assert told.shown.values == {"file": "a.yaml"}
+@pytest.fixture
+def told() -> Told:
+    return Told()
 
 
-def test_each_new_error_of_health_is_an_event() -> None:
-    told = Told()
+def test_health_states_since_when_its_level_holds(told: Told) -> None:
+    told.tell(10.0, 0)
+    told.tell(11.0, 0)
+    assert (told.level, told.store.sequence) == (("OK", 10.0), 1)
+    told.tell(12.0, 2, "two files", file="a.yaml")
+    assert told.level == ("ERROR", 12.0)
+    record = told.get("health", "agents: files")
+    assert (record.message, record.values) == ("two files", {"file": "a.yaml"})
+
+
+def test_each_new_error_of_health_is_an_event(told: Told) -> None:
     for at_s, level in ((10.0, 2), (11.0, 2), (12.0, 0), (13.0, 1), (14.0, 2)):
-        told.take(at_s, level, "two files")
-    found = [told.store.get("events", key) for key in told.store.keys("events")]
-    assert [(one.kind, one.began_s, one.text) for one in found] == [  # type: ignore[union-attr]
-        ("ERROR", 10.0, "agents: files: two files"),
-        ("ERROR", 14.0, "agents: files: two files"),
-    ]
+        told.tell(at_s, level, "two files")
+    assert events(told) == [("FAULT", "ERROR", 10.0, 10.0), ("FAULT", "ERROR", 14.0, 14.0)]
+    found = [told.get("events", key).text for key in told.store.keys("events")]
+    assert found == ["agents: files: two files"] * 2
 
 
-def test_recorded_health_with_numeric_level_is_shown() -> None:
-    told = Told()
+def test_recorded_health_with_numeric_level_is_shown(told: Told) -> None:
     status = SimpleNamespace(level=1, name="agents: files", message="m", values=[])
-    told.projection.handle(
-        "diagnostic_msgs/msg/DiagnosticArray", SimpleNamespace(status=[status]), 10.0
-    )
-    assert told.shown.level == "WARN"
+    recorded = SimpleNamespace(status=[status])
+    told.projection.handle("diagnostic_msgs/msg/DiagnosticArray", recorded, 10.0)
+    assert told.level == ("WARN", 10.0)
 
 
-def test_unreported_health_is_stale_since_last_report() -> None:
-    told = Told()
-    told.take(10.0, 0)
+def test_unreported_health_is_stale_since_last_report(told: Told) -> None:
+    told.tell(10.0, 0)
     told.projection.health.check(10.0 + UNTOLD_S)
-    assert told.shown.level == "OK"
+    assert told.level == ("OK", 10.0)
     told.projection.health.check(10.1 + UNTOLD_S)
-    assert (told.shown.level, told.shown.since_s) == ("STALE", 10.0)
-    told.take(20.0, 0)
-    assert (told.shown.level, told.shown.since_s) == ("OK", 20.0)
+    assert told.level == ("STALE", 10.0)
+    told.tell(20.0, 0)
+    assert told.level == ("OK", 20.0)
 
 
-def test_health_of_unknown_nodes_is_bounded_and_sanitised() -> None:
-    told = Told()
-    told.take(10.0, 77, "\x1b[31mred\n" + "x" * 10_000)
-    assert told.shown.level == "77"
-    assert told.shown.message.startswith("[31mred xxx")
-    assert len(told.shown.message) <= 500
+def test_health_of_unknown_nodes_is_bounded_and_sanitised(told: Told) -> None:
+    told.tell(10.0, 77, "\x1b[31mred\n" + "x" * 10_000)
+    assert told.level == ("77", 10.0)
+    message = told.get("health", "agents: files").message
+    assert message.startswith("[31mred xxx")
+    assert len(message) <= 500
 
 
 def test_files_of_one_host_leave_those_of_another(shown: Shown) -> None:

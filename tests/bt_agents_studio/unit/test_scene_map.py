@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -17,30 +18,18 @@ from bt_agents_studio.scene_map import (
     map_record,
     side_length,
 )
+from marketplace_node.strategies import STRATEGIES
 
+RANGE: dict[str, Any] = {"minimum": 1.0, "maximum": 5.0, "default": 3.0}
 AGE, MOOD = (
-    ParameterRecord(
-        name=name,
-        minimum=1.0,
-        maximum=5.0,
-        default=3.0,
-        description="",
-        labels={},
-        is_mood=name == "mood",
-    )
+    ParameterRecord(name=name, description="", labels={}, is_mood=name == "mood", **RANGE)
     for name in ("age", "mood")
 )
 SCENE = {"age": 3.0, "familiarity": 2.0, "mood": 4.0}
 
 
-def bid(
-    agent: str,
-    *vector: float,
-    weights: tuple[float, ...] = (),
-    bonus: float = 0.0,
-    last_run: int = 0,
-) -> RankedBid:
-    return RankedBid(agent=agent, vector=vector, weights=weights, bonus=bonus, last_run=last_run)
+def bid(agent: str, *vector: float, **fields: Any) -> RankedBid:
+    return RankedBid(agent=agent, vector=vector, **fields)
 
 
 YOUNG, OLD = bid("young", 1.0, 2.0, 3.0), bid("old", 5.0, 2.0, 3.0)
@@ -105,16 +94,7 @@ def test_bonus_is_subtracted_from_distance_everywhere() -> None:
 
 def test_only_maps_of_summed_differences_are_computed() -> None:
     computed = {"manhattan", "weighted_manhattan", "ucb", "bounded_ucb"}
-    others = {
-        "euclidean",
-        "softmax",
-        "rules",
-        "external",
-        "thompson",
-        "expected_manhattan",
-        "of a plug-in",
-    }
-    assert {one for one in computed | others if is_computed(one)} == computed
+    assert {one for one in (*STRATEGIES, "of a plug-in") if is_computed(one)} == computed
 
 
 @pytest.mark.parametrize(
