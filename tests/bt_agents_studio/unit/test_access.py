@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import count
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,6 +26,7 @@ from bt_agents_studio.access import (
     WebRequest,
     is_loopback,
 )
+from bt_agents_studio.access_file import AccessFile
 
 HOST = "127.0.0.1:8770"
 OWN = f"http://{HOST}"
@@ -37,14 +39,15 @@ class _Clock:
         return self.now
 
 
-def _bytes() -> Callable[[int], bytes]:
-    numbers = count(1)
-    return lambda length: next(numbers).to_bytes(length, "big")
-
-
-def _access(clock: _Clock | None = None) -> AccessControl:
-    hosts = frozenset({HOST, "localhost:8770"})
-    return AccessControl(hosts, scheme="http", random_bytes=_bytes(), clock=clock or _Clock())
+def _access(clock: _Clock | None = None, first: int = 1, **more: Any) -> AccessControl:
+    numbers = count(first)
+    return AccessControl(
+        frozenset({HOST, "localhost:8770"}),
+        scheme="http",
+        random_bytes=lambda length: next(numbers).to_bytes(length, "big"),
+        clock=clock or _Clock(),
+        **more,
+    )
 
 
 def _signed_in(role: SessionRole) -> tuple[AccessControl, str]:
@@ -121,17 +124,9 @@ def test_session_limits_are_separate_per_role() -> None:
 @pytest.mark.parametrize(
     ("fields", "code"),
     [
-        ({"host": ""}, "FOREIGN_HOST"),
-        ({"host": "evil.example"}, "FOREIGN_HOST"),
+        # The tests of the server send more names and origins.
         ({"host": "evil.example:8770"}, "FOREIGN_HOST"),
-        ({"host": "127.0.0.1"}, "FOREIGN_HOST"),
-        ({"host": "127.0.0.1:8771"}, "FOREIGN_HOST"),
-        ({"host": "127.0.0.1:8770.evil.example"}, "FOREIGN_HOST"),
-        ({"origin": "http://evil.example"}, "FOREIGN_ORIGIN"),
-        ({"origin": "https://127.0.0.1:8770"}, "FOREIGN_ORIGIN"),
         ({"origin": "http://localhost:8770"}, "FOREIGN_ORIGIN"),
-        ({"origin": "null"}, "FOREIGN_ORIGIN"),
-        ({"fetch_site": "cross-site"}, "FOREIGN_ORIGIN"),
         ({"fetch_site": "same-site"}, "FOREIGN_ORIGIN"),
     ],
 )
@@ -142,15 +137,7 @@ def test_possible_cross_site_request_is_rejected(fields: dict[str, str], code: s
     assert _code(lambda: access.check_sender(request)) == code
 
 
-@pytest.mark.parametrize(
-    ("fields", "code"),
-    [
-        ({}, "NO_ORIGIN"),
-        ({"origin": OWN}, "NOT_JSON"),
-        ({"origin": OWN, "content_type": "text/plain"}, "NOT_JSON"),
-        ({"origin": OWN, "content_type": "application/x-www-form-urlencoded"}, "NOT_JSON"),
-    ],
-)
+@pytest.mark.parametrize(("fields", "code"), [({}, "NO_ORIGIN"), ({"origin": OWN}, "NOT_JSON")])
 def test_change_requires_origin_and_json(fields: dict[str, str], code: str) -> None:
     access, session = _signed_in(SessionRole.OPERATE)
     request = _request(method="POST", session=session, key=access.key(session), **fields)
@@ -173,13 +160,11 @@ def test_change_requires_key_of_its_role() -> None:
     sessions = {role: access.log_in(access.token(role)) for role in SessionRole}
     for role, session in sessions.items():
         change = _request(method="DELETE", session=session, origin=OWN)
-        assert _code(lambda one=change: access.check(one, ALL_ROLES)) == "NO_KEY"
-        for other, its in sessions.items():
-            with_key = replace(change, key=access.key(its))
-            if other is role:
-                assert access.check(with_key, ALL_ROLES) is role
-            else:
-                assert _code(lambda one=with_key: access.check(one, ALL_ROLES)) == "NO_KEY"
+        keys = {other: access.key(its) for other, its in sessions.items()}
+        assert access.check(replace(change, key=keys.pop(role)), ALL_ROLES) is role
+        for key in ("", *keys.values()):
+            wrong = replace(change, key=key)
+            assert _code(lambda one=wrong: access.check(one, ALL_ROLES)) == "NO_KEY"
 
 
 def test_later_session_has_the_same_key() -> None:
@@ -213,17 +198,6 @@ def test_socket_requires_origin() -> None:
     assert access.check(replace(request, origin=OWN), ALL_ROLES) is SessionRole.VIEW
 
 
-def _started_again(kept: str, clock: _Clock) -> AccessControl:
-    numbers = count(1000)
-    return AccessControl(
-        {HOST},
-        scheme="http",
-        random_bytes=lambda length: next(numbers).to_bytes(length, "big"),
-        clock=clock,
-        kept=kept,
-    )
-
-
 def test_tokens_and_sessions_survive_restart_until_expiry() -> None:
     clock = _Clock()
     access = _access(clock)
@@ -231,22 +205,20 @@ def test_tokens_and_sessions_survive_restart_until_expiry() -> None:
     kept = access.text()
     assert session not in kept
     clock.now = SESSION_S - 1
-    again = _started_again(kept, clock)
+    again = _access(clock, 1000, kept=kept)
     assert again.check(_request(session=session), ALL_ROLES) is SessionRole.PERSON
     assert again.token(SessionRole.VIEW) == access.token(SessionRole.VIEW)
     clock.now = SESSION_S + 1
-    late = _started_again(kept, clock)
+    late = _access(clock, 1000, kept=kept)
     assert _code(lambda: late.check(_request(session=session), ALL_ROLES)) == "NO_SESSION"
     clock.now = TOKEN_S + 1
-    later = _started_again(kept, clock)
+    later = _access(clock, 1000, kept=kept)
     assert later.token(SessionRole.VIEW) != access.token(SessionRole.VIEW)
 
 
 def test_changes_are_saved_and_session_use_only_hourly() -> None:
     clock, kept = _Clock(), list[str]()
-    access = AccessControl(
-        {HOST}, scheme="http", random_bytes=_bytes(), clock=clock, keep=kept.append
-    )
+    access = _access(clock, keep=kept.append)
     session = access.log_in(access.token(SessionRole.VIEW))
     for _ in range(100):
         access.check(_request(session=session), ALL_ROLES)
@@ -287,7 +259,7 @@ def _changed(change: Callable[[dict[str, Any]], object]) -> str:
     ],
 )
 def test_damaged_access_file_is_replaced(kept: str) -> None:
-    access = _started_again(kept, _Clock())
+    access = _access(first=1000, kept=kept)
     old = _access()
     assert len({access.token(role) for role in SessionRole}) == len(SessionRole)
     assert all(access.token(role) != old.token(role) for role in SessionRole)
@@ -297,3 +269,36 @@ def test_damaged_access_file_is_replaced(kept: str) -> None:
 def test_loopback_addresses_are_distinguished_from_others() -> None:
     assert all(map(is_loopback, ("127.0.0.1", "127.9.9.9", "::1", "localhost")))
     assert not any(map(is_loopback, ("0.0.0.0", "192.168.1.2", "::", "robot", "")))
+
+
+# --- the file of the tokens and sessions -----------------------------------------------------
+
+
+def test_written_state_is_private_and_read_back(tmp_path: Path) -> None:
+    path = tmp_path / "studio-8770.json"
+    assert AccessFile(path).read() == ""
+    for text in ("one", "two"):
+        AccessFile(path).write(text)
+        assert AccessFile(path).read() == text
+        assert path.stat().st_mode & 0o777 == 0o600
+        path.chmod(0o644)
+
+
+def test_oversized_file_is_read_only_to_the_limit(tmp_path: Path) -> None:
+    path = tmp_path / "studio-8770.json"
+    path.write_text("x" * (3 * LARGEST_STATE))
+    assert len(AccessFile(path).read()) == LARGEST_STATE + 1
+
+
+def test_unusable_path_is_reported_once_and_nothing_saved(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    file = AccessFile(tmp_path / "file" / "studio-8770.json")
+    for _ in range(3):
+        file.write("text")
+    assert capsys.readouterr().err.count("not kept over its restart") == 1
+    broken = tmp_path / "broken.json"
+    broken.write_bytes(b"\xff")
+    assert AccessFile(broken).read() == ""
+    assert AccessFile(None).read() == ""
