@@ -8,6 +8,7 @@ import random
 import time
 from string import ascii_letters
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -26,7 +27,7 @@ from bt_agents_studio.history import History
 from bt_agents_studio.node import Handover
 from bt_agents_studio.projection.health import FAILURES, ROOM
 from bt_agents_studio.projection.recording import RECORDING
-from bt_agents_studio.records import MOST_ENTRIES, FileRecord, HealthRecord, MoodRecord
+from bt_agents_studio.records import MOST_ENTRIES, FileRecord, MoodRecord
 from bt_agents_studio.store import MOST_BYTES, Change, Store, encode_value, size_of
 from bt_agents_studio.studio import Studio
 from studio_harness import SPACE
@@ -98,7 +99,6 @@ def test_large_history_forgets_oldest_changes() -> None:
     noise = ["".join(numbers.choices(ascii_letters, k=KIB)) for _ in range(100)]
     for one in noise:
         store.put("files", "a", FileRecord(text=one))
-    assert history.first_s is not None
     assert 50 < history.first_s < 100
     for number in range(int(history.first_s), 101):
         assert json.loads(history.at(float(number)))["files"]["a"] == {"text": noise[number - 1]}
@@ -148,8 +148,7 @@ def test_flood_leaves_a_bounded_view(flooded: Studio) -> None:
 
 
 def test_dropped_entries_are_reported_in_health(flooded: Studio) -> None:
-    told = flooded.store.get("health", ROOM)
-    assert isinstance(told, HealthRecord)
+    told: Any = flooded.store.get("health", ROOM)
     assert told.level == "WARN"
     left = len(flooded.store.keys("runs"))
     assert int(told.values["runs"]) == 4001 - left
@@ -172,8 +171,7 @@ def test_unreadable_message_is_counted_and_logged_once(
     for _ in range(3):
         studio.receive(f"bt_agents_interfaces/msg/{kind}", message, 1000.0, False)
     studio.check_parts()
-    told = studio.store.get("health", FAILURES)
-    assert isinstance(told, HealthRecord)
+    told: Any = studio.store.get("health", FAILURES)
     assert told.level == "ERROR"
     assert told.values[kind].startswith("3, first: ")
     assert len(caplog.messages) == 1
@@ -199,8 +197,7 @@ def test_failure_reasons_are_bounded_and_cleaned(caplog: pytest.LogCaptureFixtur
     for number in range(100):
         studio.fail(f"Type{number}", ValueError("\x1b[31m" + "x" * 10_000))
     studio.check_parts()
-    told = studio.store.get("health", FAILURES)
-    assert isinstance(told, HealthRecord)
+    told: Any = studio.store.get("health", FAILURES)
     assert told.values["others"].startswith("70, first: ValueError: [31mxxx")
     assert len(told.values) == len(caplog.messages) == 31
     assert max(map(len, caplog.messages)) < 400
@@ -222,24 +219,16 @@ def test_calls_are_delivered_in_order() -> None:
     assert (done, len(woken), handover.waits) == ([0, 1, 2], 1, False)
 
 
-def test_handover_accepts_no_more_calls_when_full() -> None:
+@pytest.mark.parametrize(("value", "most"), [(0, node.MOST_HANDED_OVER), (HostCard(), 2)])
+def test_handover_accepts_no_more_calls_when_full(value: object, most: int) -> None:
     handover = Handover(lambda: None, unexpected)
     post = handover.to(lambda _value: None)
-    for _ in range(node.MOST_HANDED_OVER):
+    for _ in range(most):
         assert handover.wait_for_room(0.0)
-        post(0)
+        post(value)
     assert not handover.wait_for_room(0.0)
     handover.deliver(60.0)
     assert handover.wait_for_room(0.0)
-
-
-def test_two_large_messages_fill_the_handover() -> None:
-    handover = Handover(lambda: None, unexpected)
-    post = handover.to(lambda _message: None)
-    post(HostCard())
-    assert handover.wait_for_room(0.0)
-    post(HostCard())
-    assert not handover.wait_for_room(0.0)
 
 
 def test_failed_call_does_not_block_others() -> None:
