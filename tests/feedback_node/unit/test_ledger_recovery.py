@@ -55,6 +55,8 @@ def test_check_of_open_ledger_counts_its_rows(path):
 
 
 ROW_7 = "row 7 (revision 4 of guide) is damaged"
+GAP = "revision 4 of guide is missing before row 8"
+NO_TABLES = "its tables are not the tables of a ledger"
 
 
 @pytest.mark.parametrize(
@@ -75,18 +77,11 @@ ROW_7 = "row 7 (revision 4 of guide) is damaged"
             7,
             [ROW_7, "row 9 (revision 6 of guide) is damaged"],
         ),
-        (
-            "DELETE FROM revision WHERE number = 7",
-            7,
-            ["revision 4 of guide is missing before row 8"],
-        ),
+        ("DELETE FROM revision WHERE number = 7", 7, [GAP]),
         (
             "UPDATE revision SET agent = 'other' WHERE number = 7",
             7,
-            [
-                "row 7 (revision 4 of other) is damaged",
-                "revision 4 of guide is missing before row 8",
-            ],
+            ["row 7 (revision 4 of other) is damaged", GAP],
         ),
         (
             "UPDATE revision SET feedback_id = 'sha256:0' WHERE number = 3",
@@ -98,8 +93,8 @@ ROW_7 = "row 7 (revision 4 of guide) is damaged"
             12,
             ["row 13 (revision 2 of guide for forgotten/2) is damaged"],
         ),
-        ("DROP INDEX revision_of_feedback", 13, ["its tables are not the tables of a ledger"]),
-        ("DROP TABLE pending", 13, ["its tables are not the tables of a ledger"]),
+        ("DROP INDEX revision_of_feedback", 13, [NO_TABLES]),
+        ("DROP TABLE pending", 13, [NO_TABLES]),
     ],
 )
 def test_altered_ledger_content_is_reported(path, statement, good, problems):
@@ -118,13 +113,9 @@ def test_damaged_page_reports_rows_and_others_are_recovered(tmp_path):
     with Ledger(path) as ledger:
         ledger.enter({agent: {"age": 1.0} for agent in agents})
     content = bytearray(path.read_bytes())
-    leaves = [
-        at
-        for at in range(PAGE, len(content), PAGE)
-        if content[at] == LEAF_OF_TABLE and b"agent100" in content[at : at + PAGE]
-    ]
-    assert len(leaves) == 1
-    content[leaves[0] : leaves[0] + PAGE] = b"\xa5" * PAGE
+    leaves = [at for at in range(PAGE, len(content), PAGE) if content[at] == LEAF_OF_TABLE]
+    [leaf] = [at for at in leaves if b"agent100" in content[at : at + PAGE]]
+    content[leaf : leaf + PAGE] = b"\xa5" * PAGE
     path.write_bytes(content)
     with pytest.raises(LedgerError, match="LEDGER_CORRUPT"):
         Ledger(path)
@@ -205,11 +196,8 @@ def test_check_and_recover_commands_report_their_findings(path, tmp_path):
     made(path)
     run = CliRunner().invoke
     fine = run(bt_agents, ["profile", "check", str(path)])
-    assert (fine.exit_code, fine.output) == (
-        0,
-        f"{path}: 13 revisions are as they were written, 2 of them without their content, which "
-        "was forgotten\n",
-    )
+    what = "are as they were written, 2 of them without their content, which was forgotten"
+    assert (fine.exit_code, fine.output) == (0, f"{path}: 13 revisions {what}\n")
     spoil(path, "UPDATE revision SET checksum = 0 WHERE number = 7")
     bad = run(bt_agents, ["profile", "check", str(path)])
     assert bad.exit_code == 1

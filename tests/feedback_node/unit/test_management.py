@@ -26,38 +26,30 @@ def managed() -> ManagedLedger:
 def test_undo_and_reset_are_revisions_delivered_to_hosts(managed):
     managed.teach("f1")
     managed.teach("f2")
-    done = managed.execute(
-        ManagementAction.UNDO, agent="guide", author="eva", reason="wrong button"
-    )
+    why = {"author": "eva", "reason": "wrong button"}
+    done = managed.execute(ManagementAction.UNDO, agent="guide", **why)
     assert done.message == "guide: age 4.5 → 4 (revision 3)"
     assert [(c.revision.revision, c.after) for c in done.changes] == [(3, (4.0, 3.0))]
     cause = done.changes[0].revision.cause
     assert (cause.source, cause.reason, cause.kind) == ("eva", "wrong button", FeedbackKind.SET)
-    assert (
-        managed.execute(ManagementAction.RESET, agent="guide").message
-        == "guide: age 4 → 3 (revision 4)"
-    )
+    done = managed.execute(ManagementAction.RESET, agent="guide")
+    assert done.message == "guide: age 4 → 3 (revision 4)"
     assert managed.current_profiles()["guide", ""] == (3.0, 3.0)
 
 
 def test_history_lists_every_revision_with_its_cause(managed):
     managed.teach("f1")
     answer = managed.document(ManagementAction.HISTORY, agent="guide")
-    assert [(r["revision"], r["cause"], r["values"]["age"]) for r in answer["revisions"]] == [
-        (0, "authored", 3.0),
-        (1, "feedback", 4.0),
-    ]
+    found = [(r["revision"], r["cause"], r["values"]["age"]) for r in answer["revisions"]]
+    assert found == [(0, "authored", 3.0), (1, "feedback", 4.0)]
     assert answer["profiles"][0]["false_rate"] is None
 
 
 def test_history_without_agent_lists_all_current_profiles(managed):
     managed.teach_layer(ANNA)
     answer = managed.document(ManagementAction.HISTORY)
-    assert [(p["agent"], p["layer"]) for p in answer["profiles"]] == [
-        ("express", ""),
-        ("guide", ""),
-        ("guide", ANNA),
-    ]
+    found = [(p["agent"], p["layer"]) for p in answer["profiles"]]
+    assert found == [("express", ""), ("guide", ""), ("guide", ANNA)]
     assert answer["revisions"] == []
 
 
@@ -75,10 +67,8 @@ def test_export_is_imported_once_and_restores_profiles(managed):
     assert again.message == "this document was taken in before; nothing has changed"
     assert other.profiles.table() == before
     # A layer of the document can be undone to its beginning.
-    assert other.execute(ManagementAction.UNDO, agent="guide", layer=ANNA).changes[0].after == (
-        4.0,
-        3.0,
-    )
+    [undone] = other.execute(ManagementAction.UNDO, agent="guide", layer=ANNA).changes
+    assert undone.after == (4.0, 3.0)
 
 
 def test_export_holds_one_persons_profiles_with_history(managed):
@@ -86,10 +76,8 @@ def test_export_holds_one_persons_profiles_with_history(managed):
     managed.teach_layer(ANNA, "express")
     managed.teach_layer(LOBBY)
     answer = managed.document(ManagementAction.EXPORT, layer=ANNA)
-    assert {(p["agent"], p["layer"]) for p in answer["profiles"]} == {
-        ("guide", ANNA),
-        ("express", ANNA),
-    }
+    found = {(p["agent"], p["layer"]) for p in answer["profiles"]}
+    assert found == {("guide", ANNA), ("express", ANNA)}
     assert {r["layer"] for r in answer["revisions"]} == {ANNA}
     with pytest.raises(Refused, match="UNKNOWN_LAYER: no layer 'person/bob'; there are: pers"):
         managed.execute(ManagementAction.EXPORT, layer="person/bob")
@@ -151,14 +139,12 @@ def test_layers_unchanged_for_given_time_expire(managed):
     managed.teach_layer("place/old")
     managed.now += 50 * DAY
     managed.teach_layer(ANNA)
-    assert (
-        managed.execute(ManagementAction.EXPIRE, older_s=60 * DAY).message == "nothing to forget"
-    )
+    done = managed.execute(ManagementAction.EXPIRE, older_s=60 * DAY)
+    assert done.message == "nothing to forget"
     done = managed.execute(ManagementAction.EXPIRE, older_s=40 * DAY, layer="person")
     assert done.message == "1 profile forgotten"
-    assert [(d.agent, d.layer, d.remove) for d in done.deliveries] == [
-        ("guide", "person/old", True)
-    ]
+    [told] = done.deliveries
+    assert (told.agent, told.layer, told.remove) == ("guide", "person/old", True)
     managed.execute(ManagementAction.EXPIRE, older_s=40 * DAY)
     assert {layer for _, layer in managed.current_profiles()} == {"", ANNA}
 
