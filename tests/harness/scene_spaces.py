@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
-from bt_agents_core.scene import SceneParameter, SceneSpace
+import math
+from typing import Any
+
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 
 AGE_AND_MOOD = SceneSpace(
     parameters=tuple(
@@ -12,3 +15,23 @@ AGE_AND_MOOD = SceneSpace(
     ),
     mood="mood",
 )
+
+
+def age_and_mood(
+    age: float,
+    mood: float,
+    scene_id: str = "s1",
+    *,
+    origin: Origin = Origin.MEASURED,
+    confidence: float = 1.0,
+    person: bool = True,
+    **fields: Any,
+) -> Scene:
+    """Return a scene with these values; NaN marks a missing one."""
+    values = tuple(
+        SceneValue.missing(name)
+        if math.isnan(value)
+        else SceneValue(name=name, value=value, origin=origin, confidence=confidence)
+        for name, value in (("age", age), ("mood", mood))
+    )
+    return Scene(scene_id=scene_id, label="", person=person, values=values, **fields)

@@ -10,14 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.scene import Origin, Scene
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodRule
 from feedback_node.rules import MIN_REPEAT_S, Fired, Watch
+from scene_spaces import AGE_AND_MOOD as SPACE
+from scene_spaces import age_and_mood
 
-SPACE = SceneSpace(
-    parameters=(SceneParameter(name="mood", minimum=1.0, maximum=5.0, default=3.0),), mood="mood"
-)
 START = 4.0
 LEASE_S = 1.0
 
@@ -44,14 +43,14 @@ class Look:
 
     def scene(self) -> Scene:
         assert self.mood is not None
-        value = SceneValue(
-            name="mood", value=self.mood, origin=self.origin, confidence=self.confidence
+        return age_and_mood(
+            3.0,
+            self.mood,
+            origin=self.origin,
+            confidence=self.confidence,
+            person=self.person,
+            person_id=self.person_id,
         )
-        return scene(value, self.person, self.person_id)
-
-
-def scene(value: SceneValue, person: bool = True, person_id: str = "anna") -> Scene:
-    return Scene(scene_id="s", label="", person=person, values=(value,), person_id=person_id)
 
 
 moods = st.sampled_from([1.0, 2.9, 3.0, 3.1, 5.0])
@@ -88,7 +87,7 @@ def rules(draw: st.DrawFn) -> MoodRule:
 def firings(rule: MoodRule, course: list[Look]) -> list[tuple[float, Fired]]:
     """Return when a rule fires in a run that begins at 0 s."""
     now = 0.0
-    awarded = scene(SceneValue(name="mood", value=START, origin=Origin.MEASURED))
+    awarded = age_and_mood(3.0, START, person_id="anna")
     watch = Watch([rule], awarded, SPACE, lambda: now, lease_s=LEASE_S)
     found = []
     for look in course:

@@ -4,22 +4,20 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
-from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.scene import Scene
 from feedback_node.mood_trace import MOST_CHANGES, MOST_LEAVES, MOST_VALUES, MoodTrace, RunValues
+from scene_spaces import AGE_AND_MOOD as SPACE
+from scene_spaces import age_and_mood
 
 NAN = math.nan
-SPACE = SceneSpace(
-    parameters=(SceneParameter(name="mood", minimum=1.0, maximum=5.0, default=3.0),), mood="mood"
-)
 
 
-def scene(mood: float, *, person: bool = True, person_id: str = "") -> Scene:
-    known = SceneValue(name="mood", value=mood, origin=Origin.MEASURED)
-    values = (SceneValue.missing("mood") if math.isnan(mood) else known,)
-    return Scene(scene_id="s1", label="", person=person, values=values, person_id=person_id)
+def scene(mood: float, **fields: Any) -> Scene:
+    return age_and_mood(3.0, mood, **fields)
 
 
 class Run:

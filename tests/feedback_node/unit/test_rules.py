@@ -5,38 +5,24 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_core.scene import Origin, Scene, SceneSpace
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodAction, MoodRule
 from feedback_node.rules import MIN_REPEAT_S, Watch
 from scene_spaces import AGE_AND_MOOD as SPACE
+from scene_spaces import age_and_mood
 
 NAN = math.nan
 
 
-def scene(
-    mood: float,
-    *,
-    age: float = 3.0,
-    person: bool = True,
-    origin: Origin = Origin.MEASURED,
-    confidence: float = 1.0,
-    person_id: str = "",
-) -> Scene:
-    values = tuple(
-        SceneValue.missing(name)
-        if math.isnan(value)
-        else SceneValue(name=name, value=value, origin=origin, confidence=confidence)
-        for name, value in (("age", age), ("mood", mood))
-    )
-    return Scene(scene_id="s1", label="", person=person, values=values, person_id=person_id)
+def scene(mood: float, *, age: float = 3.0, **fields: Any) -> Scene:
+    return age_and_mood(age, mood, **fields)
 
 
 def rule(when: str, hold_s: float = 1.0, **more: Any) -> MoodRule:
@@ -89,14 +75,6 @@ def test_undecidable_condition_never_fires_and_reports_once():
     assert story.tick(1.6) == []
     assert len(story.tick(1.7)) == 1
     assert story.watch.take_undecided() == ()
-
-
-def test_rule_fires_once_per_run():
-    story = Story(rule(WORSE, 0.0))
-    assert len(story.see(0.0, scene(2.0))) == 1
-    assert story.see(1.0, scene(4.0)) == []
-    assert story.see(2.0, scene(1.0)) == []
-    assert story.watch.over
 
 
 def test_broken_condition_restarts_hold_time():
@@ -250,35 +228,28 @@ def test_baseline_is_mean_mood_of_first_seconds():
 # --- rules that fire again ----------------------------------------------------------------
 
 
-def firings(story: Story, mood: Callable[[float], float], seconds: float) -> list[float]:
-    fired = []
-    for tick in range(round(seconds * 20) + 1):
-        at = tick / 20
-        fired += [at for _ in story.see(at, scene(mood(at)))]
-    return fired
-
-
-def test_rule_fires_again_after_cooldown_and_new_hold():
-    story = Story(rule(WORSE, 1.0, cooldown_s=3.0))
-    assert firings(story, lambda _: 2.0, 10.0) == [1.0, 5.0, 9.0]
+@pytest.mark.parametrize(
+    ("how", "moods", "fired"),
+    [
+        # Moods second by second, and the times of the firings.
+        ({"hold_s": 1.0, "cooldown_s": 3.0}, [2.0] * 11, [1.0, 5.0, 9.0]),
+        (
+            {"hold_s": 1.0, "release": "mood.change >= -0.5"},
+            [2.0, 2.0, 2.9, 2.0, 2.0, 3.4, 2.0, 2.0, 3.5, 2.0, 2.0, 2.0],
+            [1.0, 10.0],
+        ),
+        # A release counts only after the cooldown, and one that is always true only after 1 s.
+        ({"release": "mood.change > -1", "cooldown_s": 5.0}, [2.0, 4.0, *[2.0] * 7], [0.0, 5.0]),
+        ({"release": "live.person"}, [2.0] * 4, [0.0, MIN_REPEAT_S, 2.0, 3.0]),
+    ],
+)
+def test_rule_fires_again_after_release_and_cooldown(how, moods, fired):
+    story = Story(rule(WORSE, **{"hold_s": 0.0} | how))
+    found = []
+    for tick in range((len(moods) - 1) * 20 + 1):
+        found += [tick / 20 for _ in story.see(tick / 20, scene(moods[tick // 20]))]
+    assert found == fired
     assert not story.watch.over
-
-
-def test_rule_with_release_waits_for_it():
-    story = Story(rule(WORSE, 1.0, release="mood.change >= -0.5"))
-    mood = dict(enumerate([2.0, 2.0, 2.9, 2.0, 2.0, 3.4, 2.0, 2.0, 3.5, 2.0, 2.0, 2.0]))
-    assert firings(story, lambda at: mood[int(at)], 11.0) == [1.0, 10.0]
-
-
-def test_release_counts_only_after_cooldown():
-    story = Story(rule(WORSE, 0.0, release="mood.change > -1", cooldown_s=5.0))
-    assert firings(story, lambda at: 4.0 if 1 <= at < 2 else 2.0, 8.0) == [0.0, 5.0]
-
-
-def test_always_true_release_does_not_cause_chatter():
-    story = Story(rule(WORSE, 0.0, release="live.person"))
-    assert firings(story, lambda _: 2.0, 3.9) == [0.0, 1.0, 2.0, 3.0]
-    assert MIN_REPEAT_S == 1.0
 
 
 def test_firing_states_start_of_hold_and_previous_count():
@@ -301,10 +272,6 @@ def test_next_due_time_is_known():
     for second in (2.0, 3.0, 4.0):
         story.see(second, scene(4.0))
     assert story.watch.due == math.inf
-
-
-def test_run_without_rules_is_over_at_once():
-    assert Story().watch.over
 
 
 @pytest.mark.parametrize(
