@@ -61,14 +61,20 @@ def perform(robots: list[Robot], who: int, event: tuple[Any, ...]) -> None:
             robot.manage(ManagementAction.UNDO, agent="guide")
 
 
+def lived(course: list[tuple[Any, ...]], *names: str, **fields: Any) -> list[Robot]:
+    """Return robots after a course of events."""
+    clock = Clock()
+    robots = [Robot(name, clock, **fields) for name in names]
+    for who, later_s, event in course:
+        clock.now += later_s
+        perform(robots, who % len(robots), event)
+    return robots
+
+
 @settings(max_examples=60, deadline=None)
 @given(rules, st.lists(acts, max_size=25), st.randoms(use_true_random=False))
 def test_profiles_depend_on_steps_not_on_their_order(rule, course, random):
-    clock = Clock()
-    robots = [Robot(name, clock, rule=rule) for name in NAMES]
-    for who, later_s, event in course:
-        clock.now += later_s
-        perform(robots, who, event)
+    robots = lived(course, *NAMES, rule=rule)
     everything = [step for robot in robots for step in robot.steps()]
     for robot in robots:
         others = [step for step in everything if step.robot != robot.name]
@@ -85,7 +91,7 @@ def test_profiles_depend_on_steps_not_on_their_order(rule, course, random):
             step.key < end.key and hidden_layer(step.layer) == end.layer for end in forgettings
         )
     ]
-    newcomer = Robot("dora", clock, rule=rule)
+    newcomer = Robot("dora", robots[0].clock, rule=rule)
     assert newcomer.take(later) == []
     assert largest_difference([*robots, newcomer]) <= 1e-9
 
@@ -93,12 +99,8 @@ def test_profiles_depend_on_steps_not_on_their_order(rule, course, random):
 @settings(max_examples=40, deadline=None)
 @given(rules, st.lists(acts, max_size=20))
 def test_fleet_order_does_not_move_single_robot(rule, course):
-    clock = Clock()
-    robot = Robot("anna", clock, rule=rule)
-    other = Robot("ben", clock, rule=rule)
-    for _, later_s, event in course:
-        clock.now += later_s
-        perform([robot], 0, event)
+    [robot] = lived(course, "anna", rule=rule)
+    other = Robot("ben", robot.clock, rule=rule)
     before = robot.current()
     other.take(robot.steps())
     robot.take([])
@@ -123,11 +125,7 @@ def test_median_after_undo_is_same_everywhere():
 @settings(max_examples=30, deadline=None)
 @given(st.lists(acts, max_size=15), st.integers(1, 3))
 def test_repeated_steps_are_taken_once(course, times):
-    clock = Clock()
-    robots = [Robot(name, clock) for name in NAMES]
-    for who, later_s, event in course:
-        clock.now += later_s
-        perform(robots, who, event)
+    robots = lived(course, *NAMES)
     steps = [step for robot in robots[1:] for step in robot.steps()]
     robots[0].take(steps)
     after = len(robots[0].ledger.entries())

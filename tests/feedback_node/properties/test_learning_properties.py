@@ -55,50 +55,52 @@ rules = st.builds(
     drift=by_parameter(widths),
     retreat=by_parameter(st.floats),
 )
-evidences = st.fixed_dictionaries(
-    {
-        "recent": st.lists(targets, max_size=8).map(tuple),
-        "changes": st.integers(0, 1000),
-        "authored": profiles,
-    }
-)
+
+
+def lessons(kinds: st.SearchStrategy[FeedbackKind]) -> st.SearchStrategy[dict[str, Any]]:
+    return st.fixed_dictionaries(
+        {
+            "kind": kinds,
+            "profile": profiles,
+            "target": targets,
+            "rate": rates,
+            "rule": rules,
+            "weight": weights,
+            "recent": st.lists(targets, max_size=8).map(tuple),
+            "changes": st.integers(0, 1000),
+            "authored": profiles,
+        }
+    )
 
 
 def step(kind: FeedbackKind, profile: Vector, target: Vector, rate: float, **more: Any) -> Vector:
     return learning_step.step(kind, profile, target, rate=rate, space=SPACE, **more).after
 
 
-@given(kinds, profiles, targets, rates, rules, weights, evidences)
-def test_profile_never_leaves_its_ranges(kind, profile, target, rate, rule, weight, evidence):
-    SPACE.vector(step(kind, profile, target, rate, rule=rule, weight=weight, **evidence))
+@given(lessons(kinds))
+def test_profile_never_leaves_its_ranges(lesson):
+    SPACE.vector(step(**lesson))
 
 
-@given(learned, profiles, targets, rates, rules, weights, evidences)
-def test_profile_never_drifts_beyond_its_limit(
-    kind, profile, target, rate, rule, weight, evidence
-):
-    after = step(kind, profile, target, rate, rule=rule, weight=weight, **evidence)
-    rows = zip(SPACE.names, profile, after, evidence["authored"], strict=True)
+@given(lessons(learned))
+def test_profile_never_drifts_beyond_its_limit(lesson):
+    rows = zip(SPACE.names, lesson["profile"], step(**lesson), lesson["authored"], strict=True)
     for name, before, now, authored in rows:
-        drift = rule.drift.get(name, math.inf)
+        drift = lesson["rule"].drift.get(name, math.inf)
         assert min(before, authored - drift) <= now <= max(before, authored + drift)
 
 
-@given(kinds, profiles, targets, rates, rules, weights, evidences)
-def test_values_without_opinion_stay_exactly_the_same(
-    kind, profile, target, rate, rule, weight, evidence
-):
-    after = step(kind, profile, target, rate, rule=rule, weight=weight, **evidence)
-    assert [a for a, f in zip(after, target, strict=True) if math.isnan(f)] == [
-        p for p, f in zip(profile, target, strict=True) if math.isnan(f)
-    ]
+@given(lessons(kinds))
+def test_values_without_opinion_stay_exactly_the_same(lesson):
+    rows = zip(lesson["profile"], lesson["target"], step(**lesson), strict=True)
+    assert not [1 for before, wanted, now in rows if math.isnan(wanted) and now != before]
 
 
-@given(learned, profiles, targets, rates, rules, evidences)
-def test_frozen_or_zero_weight_values_do_not_move(kind, profile, target, rate, rule, evidence):
-    frozen = replace(rule, rates=dict.fromkeys(SPACE.names, 0.0))
-    assert step(kind, profile, target, rate, rule=frozen, **evidence) == profile
-    assert step(kind, profile, target, rate, rule=rule, weight=0.0, **evidence) == profile
+@given(lessons(learned))
+def test_frozen_or_zero_weight_values_do_not_move(lesson):
+    frozen = replace(lesson["rule"], rates=dict.fromkeys(SPACE.names, 0.0))
+    assert step(**lesson | {"rule": frozen}) == lesson["profile"]
+    assert step(**lesson | {"weight": 0.0}) == lesson["profile"]
 
 
 @given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)

@@ -132,16 +132,6 @@ def test_document_with_repeated_steps_is_one_update(robots):
     assert (change.revision.cause.source, change.text) == ("anna", "age 3 → 4.314")
 
 
-def test_undo_applies_to_the_whole_fleet(robots):
-    anna, ben = robots
-    anna.teach()
-    ben.take(anna.steps())
-    anna.clock.now += 1.0
-    ben.manage(ManagementAction.UNDO, agent="guide")
-    anna.take(ben.steps())
-    assert anna.current() == ben.current() == {"": (3.0, 3.0)}
-
-
 def test_answer_without_fleet_support_is_rejected():
     for answer in ("", "[]", '{"format": 1}'):
         with pytest.raises(Refused, match="OTHER_VERSION"):
