@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -338,6 +338,14 @@ def recorded(number: int, *, topic: str = "/agents/status", tip: str = "") -> Re
     return RecordedMessage(
         topic=topic_of(TreeStatus, topic), data=data, sent_ns=ns, received_ns=ns
     )
+
+
+def add_messages(file: JournalFile, message: Any, name: str, numbers: Iterable[int]) -> None:
+    """Add a message several times; each number is its place, and its time [ns]."""
+    topic, data = topic_of(type(message), name), serialize_message(message)
+    for one in numbers:
+        file.add(RecordedMessage(topic=topic, data=data, sent_ns=one, received_ns=one), one)
+    file.flush()
 
 
 def ticks(path: Path) -> list[int]:

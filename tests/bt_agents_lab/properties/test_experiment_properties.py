@@ -4,27 +4,22 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_lab.experiments.measures import wilson
-from bt_agents_lab.experiments.random_streams import RandomStreams, draw
+from bt_agents_lab.experiments.random_streams import draw
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
 from bt_agents_language.model.experiment import FeedbackErrors, PreparedFeedback, closed_form
 from feedback_node.simulated_feedback import SimulatedFeedback
 from one_run import react
+from scene_spaces import AGE_AND_MOOD as SPACE
 
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1, maximum=5, default=3) for name in ("age", "mood")
-    ),
-    mood="mood",
-)
 VALUES = st.floats(1.0, 5.0)
 VECTORS = st.tuples(VALUES, VALUES)
 SHORT = settings(max_examples=60, deadline=None)
@@ -65,15 +60,11 @@ def test_simulated_reactions_match_mood_rules(noise, fit, hold, better, worse):
         seconds=len(noise), noise=0.5, drift=0.4, better=better, worse=worse, hold_s=hold
     )
     one = world((2.0, 2.0), (3.0, 3.0), 0.5, person)
-    drawn = draw(one, [0], 1)
-    streams = RandomStreams(
-        seeds=drawn.seeds,
-        scene=drawn.scene,
+    streams = replace(
+        draw(one, [0], 1),
         error_draw=np.zeros((1, 1, 1)),
-        wrong=drawn.wrong,
         wrong_fit=np.full((1, 1, 1), fit),
         mood_noise=np.array(noise, dtype=np.float32).reshape(1, 1, 1, -1),
-        ties=drawn.ties,
     )
     course = simulate(one, Arm(), streams, wrong_share=1.0)
     fired, _ = react(person, SPACE, (3.0, 3.0), fit, [float(value) for value in noise])
@@ -118,7 +109,6 @@ def test_wrong_feedback_depends_only_on_its_number(seed, given_before, every, sh
         assert wrong == [(index + 1) % every == 0 for index in range(12)]
 
 
-VECTORS = st.tuples(st.floats(1.0, 5.0), st.floats(1.0, 5.0))
 ROWS = st.lists(VECTORS, min_size=1, max_size=4).map(tuple)
 
 

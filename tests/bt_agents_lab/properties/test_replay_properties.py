@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from bt_agents.host.host_card import learning_to_msg
 from bt_agents_core.feedback import BUTTON, MOOD_RULE, FeedbackKind, LearningRule, Update
-from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard
 from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import ReplayVerdict
@@ -28,10 +27,9 @@ from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
-from marketplace_node.outcomes import AuctionOutcome
-from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, External, Terms
-from marketplace_node.round.ranking import decide
+from marketplace_node.round.decision import External
 from marketplace_node.strategies import STRATEGIES
+from ranked_rounds import bids, decided, terms
 from tree_harness import SPACE, scene
 
 NAN = float("nan")
@@ -85,20 +83,9 @@ def test_replay_repeats_all_learning(
     rule: LearningRule,
     taught: list[tuple[FeedbackKind, tuple[float, ...], str, str]],
 ) -> None:
-    card = HostCard(
-        host="/agents",
-        host_instance="i1",
-        parameters=list(SPACE.names),
-        agents=[
-            AgentCard(
-                name="guide",
-                profile=list(authored),
-                current=list(authored),
-                learning_rate=rate,
-                learning=learning_to_msg(rule, SPACE),
-            )
-        ],
-    )
+    guide = AgentCard(name="guide", profile=authored, current=authored, learning_rate=rate)
+    guide.learning = learning_to_msg(rule, SPACE)
+    card = HostCard(host="/agents", host_instance="i1", parameters=SPACE.names, agents=[guide])
     known = Profiles(SPACE, Ledger(":memory:"))
     _, problems = known.register_card(card_from_msg(card, SPACE))
     assert problems == ()
@@ -111,14 +98,11 @@ def test_replay_repeats_all_learning(
         )
         kept += [feedback_to_msg(one, SPACE) for one in change.all]
     found = replay_feedback(
-        RecordedFeedback(feedback=one, card=card.agents[0], parameters=SPACE.names, space=SPACE)
+        RecordedFeedback(feedback=one, card=guide, parameters=SPACE.names, space=SPACE)
         for one in kept
     )
     for finding in found:
         assert finding.verdict is ReplayVerdict.EQUAL, finding.text
-
-
-bids = st.lists(vectors, min_size=1, max_size=3)
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)
@@ -126,7 +110,7 @@ bids = st.lists(vectors, min_size=1, max_size=3)
     st.sampled_from(sorted(STRATEGIES)),
     st.sampled_from(["", *sorted(STRATEGIES)]),
     scenes,
-    bids,
+    st.lists(vectors, min_size=1, max_size=3),
     st.integers(0, 5),
     st.sampled_from([(), ("carl",), ("bert", "anna")]),
     st.booleans(),
@@ -142,62 +126,37 @@ def test_replay_repeats_all_decisions(
 ) -> None:
     bidders = NAMES[: len(vectors)]
     ranking = tuple(name for name in outside if name in bidders)
-    terms = Terms(
-        epoch="e",
-        round=4,
-        follows=0,
-        scene=Scene(**{**vars(scene(**person)), "scene_id": "s"}),
+    held = terms(
+        scene("s", **person),
         strategy=strategy,
-        tie_break="least_recently_run",
         runs={"anna": runs, "bert": 1},
         last_run={"anna": runs, "bert": 1} if runs else {},
         rounds_run=runs + 1,
         earlier_runs=runs // 2,
         options={option.name: option.default for option in STRATEGIES[strategy].options},
-        seed="e/4",
         shadow=shadow if shadow != strategy else "",
         shadow_options={"temperature": 0.7} if shadow == "softmax" != strategy else {},
         rules=RULES,
     )
     external = External(ranking=ranking) if ranking else External(failure="it is silent")
-    accepted = [
-        AcceptedBid(
-            agent=name,
-            agent_id=number,
-            host="/agents",
-            instance="i",
-            vector=vector,
-            weights=(2.0, 1.0, 0.5) if weighted else (),
-        )
-        for number, (name, vector) in enumerate(zip(bidders, vectors, strict=True), 1)
-    ]
-    ranked = decide(SPACE, terms, accepted, external=external if strategy == "external" else None)
-    decision = Decision(
-        terms=terms,
-        outcome=AuctionOutcome.AWARDED,
-        closed_by=ClosedBy.ALL_ANSWERED,
-        duration_s=0.1,
-        ranked=ranked,
-        refused=(),
-        silent_hosts=(),
+    weights = {name: (2.0, 1.0, 0.5) for name in bidders if weighted}
+    decision = decided(
+        held,
+        bids(dict(zip(bidders, vectors, strict=True)), **weights),
+        space=SPACE,
+        external=external if strategy == "external" else None,
     )
-    message = auction_to_msg(
-        PublishAuction(
-            decision=decision,
-            reason_fn=partial(reason_of, decision),
-            explanation_fn=partial(explanation, decision, SPACE),
-        ),
-        to_time(1.0),
+    published = PublishAuction(
+        decision=decision,
+        reason_fn=partial(reason_of, decision),
+        explanation_fn=partial(explanation, decision, SPACE),
     )
-    [finding] = replay_decisions(
-        [
-            Round(
-                auction=message,
-                runs=runs + 1 - runs // 2,
-                space=SPACE,
-                possible_rules=((), RULES),
-                excluded=(),
-            )
-        ]
+    recorded = Round(
+        auction=auction_to_msg(published, to_time(1.0)),
+        runs=runs + 1 - runs // 2,
+        space=SPACE,
+        possible_rules=((), RULES),
+        excluded=(),
     )
+    [finding] = replay_decisions([recorded])
     assert finding.verdict is ReplayVerdict.EQUAL, finding.text

@@ -22,7 +22,7 @@ from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import FindingCounts
 from bt_agents_lab.replay.replay_learning import replay_feedback
-from journal_fixture import JournaledSystem, index_of, morning
+from journal_fixture import JournaledSystem, index_of
 
 Sent = tuple[int, str, Any]
 """When a message was sent [s], its topic, and the message."""
@@ -74,11 +74,6 @@ def contents(path: Path) -> list[tuple[str, float]]:
     return [(one.topic, one.sent_ns / 1e9) for one in JournalReader([path]).entries()]
 
 
-@pytest.fixture(scope="module")
-def journaled(tmp_path_factory: pytest.TempPathFactory) -> JournaledSystem:
-    return morning(tmp_path_factory.mktemp("journaled") / "trees")
-
-
 def sent_ns(journaled: JournaledSystem, kind: type) -> list[int]:
     """Return when messages of a type were sent [ns]."""
     return [n for n, one in enumerate(journaled.published, 1) if isinstance(one.message, kind)]
@@ -98,32 +93,26 @@ def test_excerpt_replays_equal_and_has_no_gaps(journaled: JournaledSystem, tmp_p
     # Earlier facts come first, followed by the unchanged messages of the span.
     entries = JournalReader([path]).entries()
     inside = [one for one in entries if one.sent_ns >= second]
-    assert {one.type.rpartition("/")[2] for one in entries if one not in inside} == {
-        *("AgentFiles", "HostCard")
-    }
+    facts = {one.type.rpartition("/")[2] for one in entries if one not in inside}
+    assert facts == {"AgentFiles", "HostCard"}
     by_time = {one.sent_ns: one for one in JournalReader([whole]).entries()}
     assert [one.sent_ns for one in inside] == list(range(second, third))
     assert all(one.data == by_time[one.sent_ns].data for one in entries)
 
 
-def test_other_programs_read_excerpt_by_its_index(
-    journaled: JournaledSystem, tmp_path: Path
-) -> None:
+def test_other_programs_read_excerpt(journaled: JournaledSystem, tmp_path: Path) -> None:
     whole = journaled.write(tmp_path / "a.mcap")
     _, second, third, _ = sent_ns(journaled, Auction)
     with excerpt(whole, second * 1e-9, third * 1e-9).open("rb") as file:
         reader = make_reader(file)
         assert reader.get_header().profile == "ros2"
         summary = reader.get_summary()
-        assert summary is not None
-        assert summary.statistics is not None
         messages = list(reader.iter_messages())
     assert summary.statistics.message_count == len(messages)
     # Nothing precedes the span: a player begins with it.
     assert messages[0][2].log_time == second
     assert {channel.topic for _, channel, _ in messages} >= {"/agents/files", "/agents/status"}
     for schema, channel, _ in messages:
-        assert schema is not None
         assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
         assert b"float64" in schema.data or b"string" in schema.data
 
@@ -171,9 +160,7 @@ def test_fact_received_late_is_not_left_out(tmp_path: Path) -> None:
     assert contents(excerpt(path, 5, 10)) == [("/a/files", 4), ("/a/status", 6)]
 
 
-def test_excerpt_of_bag_does_not_claim_to_count(
-    journaled: JournaledSystem, tmp_path: Path
-) -> None:
+def test_excerpt_of_bag_claims_no_count(journaled: JournaledSystem, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", journaled.published, files=2)
     found = index_of(excerpt(bag, 0, 1))
     assert len(found.rounds) == 4

@@ -12,13 +12,34 @@ from click.testing import CliRunner, Result
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_lab.cli.through_ros import prepared_experiment
 from bt_agents_lab.experiments.core import through_core
+from bt_agents_lab.experiments.replicas import opened
 from bt_agents_language.files.experiment_reader import read_experiment
-from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
 
 EXPERIMENTS = ROOT / "experiments"
+FILE = "experiment.yaml"
+OWN, LAST = (
+    f"    agent_{number}: {{age: {number}, profession: {number}, emotion: {number}}}\n"
+    for number in (3, 5)
+)
+ROWS = "[{age: 3, profession: 3, emotion: 3}, {age: 1, profession: 2, emotion: 5}]"
+LISTS = f"  sequences:\n    agent_3: {ROWS}\n  repeat: true\n"
+LISTED = ((FILE, OWN, ""), (FILE, LAST, LAST + LISTS))
+"""Changes of the paper's third experiment: a list of feedback for one agent."""
+HUBER = (("agents/agent_1.yaml", "learning_rate: 0.2", "learning: {rate: 0.2, update: huber}"),)
+NO_FORM = "not compared with the closed form, as"
+
+
+def changed(into: Path, name: str, *changes: tuple[str, str, str]) -> Path:
+    """Return a copy of an experiment with other texts in its files."""
+    folder = shutil.copytree(EXPERIMENTS / name, into / name)
+    for file, old, new in changes:
+        text = (folder / file).read_text()
+        assert old in text
+        (folder / file).write_text(text.replace(old, new))
+    return folder
 
 
 def run(*words: str) -> Result:
@@ -35,13 +56,9 @@ def test_strategy_needing_more_than_bids_is_rejected(strategy):
 
 
 def test_missing_feedback_for_scene_error_suggests_fix(tmp_path):
-    shutil.copytree(EXPERIMENTS / "3", tmp_path / "3")
-    file = tmp_path / "3" / "experiment.yaml"
-    lines = file.read_text().splitlines(keepends=True)
-    file.write_text("".join(line for line in lines if not line.lstrip().startswith("agent_3:")))
-    folder = read_trees(tmp_path / "3")
+    folder, spec = opened(changed(tmp_path, "3", (FILE, OWN, "")))
     with pytest.raises(BtAgentsError, match=r"^scene \d+ led to no feedback, .*under 'each'"):
-        through_core(folder, read_experiment(file, folder.scene.space))
+        through_core(folder, spec)
 
 
 @pytest.mark.parametrize(
@@ -76,59 +93,29 @@ def test_vector_stays_on_one_80_column_line():
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "changes", "said"),
     [
-        ("1", "equal, largest difference"),
-        ("recommended", "not compared with the closed form, as some of the feedback is wrong"),
-        ("huber", "not compared with the closed form, as agent_1 does not learn by the paper's"),
+        ("1", (), "equal, largest difference"),
+        ("recommended", (), f"{NO_FORM} some of the feedback is wrong"),
+        ("1", HUBER, f"{NO_FORM} agent_1 does not learn by the paper's"),
+        ("3", LISTED, f"{NO_FORM} agent_3 does not get the same feedback after each run"),
     ],
 )
-def test_command_states_whether_closed_form_exists(name: str, said: str, tmp_path: Path):
-    folder = EXPERIMENTS / name
-    if name == "huber":
-        folder = tmp_path / name
-        shutil.copytree(EXPERIMENTS / "1", folder)
-        (agent,) = (folder / "agents").glob("*.yaml")
-        rate = next(line for line in agent.read_text().splitlines() if "rate" in line)
-        huber = "learning: {rate: 0.2, update: huber}"
-        agent.write_text(agent.read_text().replace(rate, huber))
-    result = run(str(folder))
+def test_command_states_whether_closed_form_exists(tmp_path, name, changes, said):
+    result = run(str(changed(tmp_path, name, *changes)))
     assert result.exit_code == 0
     assert said in " ".join(result.output.split())
 
 
-@pytest.fixture
-def listed(tmp_path: Path) -> Path:
-    """Return the paper's third experiment, with a list of feedback for one agent."""
-    folder = shutil.copytree(EXPERIMENTS / "3", tmp_path / "3")
-    file = folder / "experiment.yaml"
-    text = file.read_text()
-    own = "    agent_3: {age: 3, profession: 3, emotion: 3}\n"
-    assert own in text
-    rows = "[{age: 3, profession: 3, emotion: 3}, {age: 1, profession: 2, emotion: 5}]"
-    lists = f"  sequences:\n    agent_3: {rows}\n  repeat: true\n"
-    file.write_text(text.replace(own, "") + lists)
-    return folder
-
-
-def test_feedback_list_is_reported_without_closed_form(listed):
-    result = run(str(listed))
-    assert result.exit_code == 0
-    assert "agent_3 does not get the same feedback after each run" in " ".join(
-        result.output.split()
-    )
-
-
-def test_exhausted_feedback_list_error_suggests_fix(listed):
-    file = listed / "experiment.yaml"
-    file.write_text(file.read_text().replace("repeat: true", "repeat: false"))
-    refusal = run(str(listed), "--seed", "3").exception
+def test_exhausted_feedback_list_error_suggests_fix(tmp_path):
+    once = changed(tmp_path, "3", *LISTED, (FILE, "repeat: true", "repeat: false"))
+    refusal = run(str(once), "--seed", "3").exception
     assert isinstance(refusal, BtAgentsError)
     assert "let each list be long enough, or 'repeat: true'" in str(refusal)
 
 
-def test_feedback_node_receives_the_same_lists(listed):
-    space = read_trees(listed).scene.space
-    spec = read_experiment(listed / "experiment.yaml", space)
+def test_feedback_node_receives_the_same_lists(tmp_path):
+    folder, spec = opened(changed(tmp_path, "3", *LISTED))
+    space = folder.scene.space
     again = read_experiment(Source("prepared.json", prepared_experiment(spec, space)), space)
     assert again.feedback == spec.feedback

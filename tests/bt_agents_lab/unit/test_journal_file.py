@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""File of the journal: append-only, and every complete record is readable."""
+"""File of the journal: append-only, with readable records and definitions of its types."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.summary import Summary
+from mcap_ros2._dynamic import generate_dynamic
 from mcap_ros2.decoder import DecoderFactory
 
-from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_core.errors import Refused
+from bt_agents_lab.node import definition_text
+from bt_agents_lab.recorder.file import JournalFile, definition
 from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_ros.types import types_of
 from journal_fixture import recorded, ticks
 
 
@@ -24,18 +29,21 @@ def fill(file: JournalFile, first: int, last: int, *, chunk: int = 3) -> None:
     file.flush()
 
 
+def summary_of(path: Path) -> Summary:
+    with path.open("rb") as stream:
+        return make_reader(stream).get_summary()
+
+
 def test_closed_file_has_standard_summary(tmp_path: Path) -> None:
     file = JournalFile(tmp_path / "a.mcap")
     fill(file, 0, 10)
     file.close()
+    summary = summary_of(file.path)
+    assert summary.statistics.message_count == 10
+    [schema] = summary.schemas.values()
+    assert b"MSG: bt_agents_interfaces/StatusChange" in schema.data
     with file.path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        summary = reader.get_summary()
-        assert summary is not None
-        assert summary.statistics is not None
-        assert summary.statistics.message_count == 10
-        [schema] = summary.schemas.values()
-        assert b"MSG: bt_agents_interfaces/StatusChange" in schema.data
         found = [message.tick for _, _, _, message in reader.iter_decoded_messages()]
         assert found == list(range(10))
         middle = reader.iter_decoded_messages(starting_at=4_000_000_000, ending_at=6_000_000_000)
@@ -82,10 +90,7 @@ def rotten(path: Path, part: int) -> bytes:
     fill(file, 0, 9)
     file.close()
     content = bytearray(path.read_bytes())
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    chunk = summary.chunk_indexes[part]
+    chunk = summary_of(path).chunk_indexes[part]
     content[chunk.chunk_start_offset + chunk.chunk_length - 20] ^= 0xFF
     return bytes(content)
 
@@ -104,11 +109,8 @@ def test_corrupt_chunk_loses_only_its_own_messages(tmp_path: Path, part: int) ->
 def test_messages_of_undeclared_topic_are_counted(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     content = rotten(path, 0)
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
     # Killed: it has its parts, but no summary.
-    path.write_bytes(content[: summary.chunk_indexes[2].chunk_start_offset])
+    path.write_bytes(content[: summary_of(path).chunk_indexes[2].chunk_start_offset])
     reader = JournalReader([path])
     assert reader.entries() == []
     assert "cannot be read" in reader.problems[0]
@@ -155,3 +157,32 @@ def test_duplicate_messages_are_read_once(tmp_path: Path) -> None:
     fill(file, 0, 3)
     file.close()
     assert ticks(file.path) == [0, 1, 2]
+
+
+# --- definitions of types ---------------------------------------------------------------------
+
+TYPES = {
+    "a/msg/Top": "b/Part part\nLeaf[] leaves  # of a\nb/msg/Part[<=3] more\nuint8 X=1\nstring s",
+    "a/msg/Leaf": "float64 value\nwstring w\nuint8[16] id",
+    "b/msg/Part": "Inner inner\nstring<=10 short",
+    "b/msg/Inner": "bool x",
+}
+
+
+def test_nested_types_follow_their_type_once() -> None:
+    text = definition("a/msg/Top", TYPES.get)
+    heads = [line for line in text.splitlines() if line.startswith("MSG: ")]
+    assert heads == ["MSG: b/Part", "MSG: a/Leaf", "MSG: b/Inner"]
+    assert text.startswith("b/Part part\n")
+    assert text.count("=" * 80) == 3
+
+
+def test_type_without_definition_is_reported() -> None:
+    with pytest.raises(Refused, match="no definition of b/msg/Part, which a/msg/Top needs"):
+        definition("a/msg/Top", {"a/msg/Top": "b/Part part"}.get)
+
+
+@pytest.mark.parametrize("name", [t for t in types_of("bt_agents_interfaces") if "msg/" in t])
+def test_every_own_message_decodes_from_its_definition(name: str) -> None:
+    text = definition(f"bt_agents_interfaces/{name}", definition_text)
+    assert f"bt_agents_interfaces/{name}" in generate_dynamic(f"bt_agents_interfaces/{name}", text)

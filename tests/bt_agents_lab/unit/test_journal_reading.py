@@ -18,7 +18,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Footer, Header, McapRecord
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
-from rclpy.serialization import serialize_message
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.msg import Bookmark, Scene
@@ -26,27 +25,19 @@ from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
 from bt_agents_lab.recorder import reading
-from bt_agents_lab.recorder.file import LIBRARY, JournalFile, RecordedMessage
+from bt_agents_lab.recorder.file import LIBRARY, JournalFile
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import read
-from journal_fixture import morning, topic_of
+from journal_fixture import add_messages, morning
 
 BOOKMARK = "bt_agents_interfaces/msg/Bookmark"
-
-
-def add(file: JournalFile, message: Bookmark | Scene, name: str, numbers: range) -> None:
-    """Add a message several times; each number is its place, and its time [ns]."""
-    topic, data = topic_of(type(message), name), serialize_message(message)
-    for one in numbers:
-        file.add(RecordedMessage(topic=topic, data=data, sent_ns=one, received_ns=one), one)
-    file.flush()
 
 
 def begun(path: Path, *, bookmarks: int = 1, scenes: int = 0) -> JournalFile:
     """Return a journal that is still being written, with messages of two topics."""
     file = JournalFile(path)
-    add(file, Bookmark(), "/bookmarks", range(1, bookmarks + 1))
-    add(file, Scene(), "/bt_agents/scene/live", range(1, scenes + 1))
+    add_messages(file, Bookmark(), "/bookmarks", range(1, bookmarks + 1))
+    add_messages(file, Scene(), "/bt_agents/scene/live", range(1, scenes + 1))
     return file
 
 
@@ -72,7 +63,7 @@ def test_growing_file_is_read_on_from_last_record(tmp_path: Path) -> None:
     assert len(reader.further_entries()) == 1
     assert reader.further_entries() == []
     before = file.path.stat().st_size
-    add(file, Bookmark(label="more"), "/bookmarks", range(2, 4))
+    add_messages(file, Bookmark(label="more"), "/bookmarks", range(2, 4))
     whole = file.path.read_bytes()
     # The new part is read without the earlier ones, and partly left for later.
     copy = tmp_path / "b.mcap"
@@ -86,7 +77,7 @@ def test_growing_file_is_read_on_from_last_record(tmp_path: Path) -> None:
     file.close()
 
 
-def test_piece_counts_all_types(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_piece_counts_any_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reading, "MOST_FURTHER", 2)
     file = begun(tmp_path / "a.mcap", scenes=4)
     reader = JournalReader([file.path])

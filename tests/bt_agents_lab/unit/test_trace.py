@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command that shows the trace of a recorded run."""
+"""The command that shows the trace of a recorded run; what all commands print of its texts."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import Result
+from click.testing import CliRunner, Result
 
-from bt_agents_interfaces.msg import TreeStatus
+from bt_agents_interfaces.msg import Auction, TreeStatus
+from bt_agents_lab.cli.journal import journal, recorded_rounds
+from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.trace import trace
+from bt_agents_lab.cli.what_if import what_if
 from command_results import split_runner
 from hostile_texts import HOSTILE
 from journal_fixture import JournaledSystem
@@ -66,10 +69,12 @@ def test_lost_messages_are_counted(journaled: JournaledSystem, tmp_path: Path) -
     assert "1 messages about trees are lost" in shown(path, "1").stderr
 
 
-def test_texts_of_others_are_printable(journaled: JournaledSystem, tmp_path: Path) -> None:
+def test_raw_journal_text_is_never_printed(journaled: JournaledSystem, tmp_path: Path) -> None:
     def alter(_: int, message: Any) -> Any:
+        message = copy.deepcopy(message)
+        if isinstance(message, Auction):
+            message.winner = message.scene.label = message.reason = message.explanation = HOSTILE
         if isinstance(message, TreeStatus):
-            message = copy.deepcopy(message)
             message.agent = HOSTILE
             for change in message.changes:
                 change.name = change.message = change.path = HOSTILE
@@ -77,6 +82,12 @@ def test_texts_of_others_are_printable(journaled: JournaledSystem, tmp_path: Pat
                     value.name = value.value = HOSTILE
         return message
 
-    output = shown(journaled.write(tmp_path / "a.mcap", alter), "1").output
-    assert "title" in output
-    assert not [one for one in output if not one.isprintable() and one != "\n"]
+    path = journaled.write(tmp_path / "a.mcap", alter)
+    for command, option in ((journal, ()), (replay, ()), (what_if, ()), (trace, ("--journal",))):
+        output = CliRunner().invoke(command, [*option, str(path)]).output
+        assert "title" in output
+        assert not [one for one in output if not one.isprintable() and one != "\n"]
+    decision = recorded_rounds([path])[-1].auction
+    assert decision.winner.isprintable()
+    assert decision.scene.label.isprintable()
+    assert len(decision.explanation.splitlines()) == 2

@@ -20,15 +20,7 @@ from bt_agents_lab.cli.what_if import what_if as command
 from bt_agents_lab.replay.counterfactual_replay import Changes, CounterfactualResult, replay_with
 from bt_agents_lab.replay.recording_index import RecordingIndex
 from bt_agents_language.files.folder_reader import read_trees
-from journal_fixture import (
-    EPOCH,
-    NAN,
-    JournaledSystem,
-    PublishedMessage,
-    index_of,
-    morning,
-    write_folder,
-)
+from journal_fixture import EPOCH, NAN, JournaledSystem, index_of, morning, write_folder
 from tree_harness import SPACE, scene
 
 
@@ -110,8 +102,8 @@ def test_agents_of_another_folder_bid_by_their_files(tmp_path: Path) -> None:
 
 
 def _before(system: JournaledSystem, **fields: Any) -> None:
-    status = MarketStatus(epoch=EPOCH, **fields)
-    system.published.insert(0, PublishedMessage(topic="/bt_agents/market", message=status))
+    system.publish("/bt_agents/market", MarketStatus(epoch=EPOCH, **fields))
+    system.published.insert(0, system.published.pop())
 
 
 def _first(system: JournaledSystem, kind: type) -> Any:

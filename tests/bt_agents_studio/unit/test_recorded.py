@@ -9,15 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from rclpy.serialization import serialize_message
 
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import RecordingStatus, Run
 from bt_agents_lab.recorder import reading
-from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
+from bt_agents_lab.recorder.file import JournalFile
 from bt_agents_studio.recordings import Recordings
 from bt_agents_studio.studio import Studio
-from journal_fixture import recorded, ticks, topic_of
+from journal_fixture import add_messages, recorded, ticks
 from studio_harness import SPACE
 
 NOW_S = 1000.0
@@ -133,20 +132,13 @@ def test_recording_that_is_gone_is_refused(recording: Recording) -> None:
 
 
 def test_timeline_of_recording_is_told_apart_from_moments(recording: Recording) -> None:
-    told = Run(epoch="e", round=1, agent="guide", event=Run.STARTED)
-    message = RecordedMessage(
-        topic=topic_of(Run, "/bt_agents/runs"),
-        data=serialize_message(told),
-        sent_ns=3,
-        received_ns=3,
-    )
-    recording.file.add(message, 3)
-    recording.file.flush()
+    run = Run(epoch="e", round=1, agent="guide", event=Run.STARTED)
+    add_messages(recording.file, run, "/bt_agents/runs", [3])
     moment = recording.recordings.moment(recording.path, NEWEST_S)
     assert "events" not in json.loads(moment.entries)
     [event] = recording.recordings.events(recording.path).events
-    assert (event.lane, event.kind, event.agent) == ("AGENT", "RUNNING", "guide")
-    assert event.ended_s is None
+    found = (event.lane, event.kind, event.agent, event.ended_s)
+    assert found == ("AGENT", "RUNNING", "guide", None)
 
 
 def test_excerpt_of_active_recording_waits_for_flush(recording: Recording, tmp_path: Path) -> None:
