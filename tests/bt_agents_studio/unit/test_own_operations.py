@@ -271,15 +271,11 @@ async def test_only_journals_are_downloadable(one: ServedStudio, tmp_path: Path)
         assert await answer.read() == content
         assert answer.headers["X-Content-Type-Options"] == "nosniff"
         assert answer.headers["Content-Disposition"].startswith("attachment")
-        refusals = {
-            "rosbag2_2026": (400, "NO_FILE"),
-            **dict.fromkeys(
-                ("secret.sqlite", "..%2fsecret.sqlite", "%2fetc%2fpasswd"), (404, "NO_JOURNAL")
-            ),
-        }
-        for name, refusal in refusals.items():
+        found = []
+        for name in ("rosbag2_2026", "secret.sqlite", "..%2fsecret.sqlite", "%2fetc%2fpasswd"):
             refused = await client.get(f"/api/journals/{name}")
-            assert (refused.status, (await refused.json())["code"]) == refusal, name
+            found.append((refused.status, (await refused.json())["code"]))
+        assert found == [(400, "NO_FILE"), *[(404, "NO_JOURNAL")] * 3]
     async with one.client() as client:
         assert (await client.get(f"/api/journals/{file.path.name}")).status == 401
 
