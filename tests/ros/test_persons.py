@@ -45,6 +45,7 @@ parameters:
   mood: {min: 1, max: 5, default: 3, description: how it feels, missing: estimate}
 mood: mood
 place: lobby
+remembers: {favourite: text}
 no_person: {mood: 3}
 """
 FACES = f"""{PARAMETERS}
@@ -138,6 +139,16 @@ class Layer:
         self.ros.until(lambda: len(self.scenes) > before)
         return self.scenes[-1]
 
+    def remember(self, person: str, *facts: PersonFact) -> Remember.Response:
+        client = self.ros.node.create_client(Remember, "scene_layer/remember")
+        return self.ros.call(client, Remember.Request(person_id=person, facts=facts))
+
+    def forget(
+        self, layer: str = "person/anna", action: int = ManageProfiles.Request.FORGET
+    ) -> ManageProfiles.Response:
+        client = self.ros.node.create_client(ManageProfiles, "scene_layer/manage")
+        return self.ros.call(client, ManageProfiles.Request(action=action, layer=layer))
+
     def shown(self) -> str:
         """Return the shown persons, the addressee with a star."""
         if not self.persons:
@@ -187,14 +198,6 @@ def test_robot_addresses_nearer_person_and_switches_scene_once(ros):
     assert layer.persons[-1].addressee == ""
 
 
-def test_scene_without_persons_has_declared_values(ros):
-    layer = Layer(ros)
-    scene = layer.announce()
-    assert (scene.person, scene.person_id, scene.persons) == (False, "", 0)
-    assert value(scene, "mood") == (SceneValue.DEFAULT, 3.0)
-    assert value(scene, "age")[0] == SceneValue.MISSING
-
-
 def test_live_scene_keeps_lost_person_of_its_run(ros):
     layer = Layer(ros)
     anna, ben = face("anna", age=70.0), face("ben", distance_m=2.0, age=20.0)
@@ -234,28 +237,25 @@ def test_named_person_survives_restart_until_forgotten(ros, tmp_path):
     assert age.source == "anna, seen 2 times"
     assert 0.0 < age.std < 30.0
 
-    manage = ros.node.create_client(ManageProfiles, "scene_layer/manage")
-    forget = ManageProfiles.Request(action=ManageProfiles.Request.FORGET, layer="person/anna")
-    answer = ros.call(manage, forget)
+    answer = layer.forget()
     assert (answer.accepted, answer.message) == (True, "person/anna is forgotten")
     assert "anna" not in path.read_text()
-    assert ros.call(manage, forget).message == "nothing was known of person/anna"
+    assert layer.forget().message == "nothing was known of person/anna"
     assert value(layer.announce(), "age") == (SceneValue.DEFAULT, 40.0)
-    for action, layer_name, code in (
-        (ManageProfiles.Request.UNDO, "person/anna", "UNKNOWN_ACTION"),
-        (ManageProfiles.Request.FORGET, "anna", "UNKNOWN_LAYER"),
-        (ManageProfiles.Request.FORGET, "person/", "UNKNOWN_LAYER"),
+    for fields, code in (
+        ({"action": ManageProfiles.Request.UNDO}, "UNKNOWN_ACTION"),
+        ({"layer": "anna"}, "UNKNOWN_LAYER"),
+        ({"layer": "person/"}, "UNKNOWN_LAYER"),
     ):
-        answer = ros.call(manage, ManageProfiles.Request(action=action, layer=layer_name))
+        answer = layer.forget(**fields)
         assert (answer.accepted, answer.code) == (False, code)
 
 
 def test_tree_remembers_person_and_updates_live_scene(ros, monkeypatch):
     # The live scene shows the value before the tree goes on, even on a slow machine.
     monkeypatch.setattr("bt_agents.engine.nodes.set._SHOWN_WITHIN_S", 300.0)
-    more = "remembers: {favourite: text}\nplace: lobby\n"
     pain = "parameters:\n  pain: {min: 0, max: 10, default: 0, of: person}\n"
-    layer = Layer(ros, FACES.replace("place: lobby\n", more).replace("parameters:\n", pain))
+    layer = Layer(ros, FACES.replace("parameters:\n", pain))
     anna = face("anna", known=True)
     layer.see_until(lambda: layer.shown() == "anna*", anna)
     message = layer.announce()
@@ -290,15 +290,12 @@ def test_tree_remembers_person_and_updates_live_scene(ros, monkeypatch):
     ]
     live = scene_from_msg(layer.live[-1], space)
     assert (live.get("pain"), live.remembered) == (8.0, {"favourite": "tea for anna"})
-    client = ros.node.create_client(Remember, "scene_layer/remember")
-    refused = ros.call(client, Remember.Request(person_id="face7"))
+    refused = layer.remember("face7")
     assert (refused.accepted, refused.code) == (False, "UNKNOWN_PERSON")
 
 
 def test_manually_named_person_is_known_to_robot(ros):
-    more = "remembers: {favourite: text}\nplace: lobby\n"
-    layer = Layer(ros, FACES.replace("place: lobby\n", more))
-    remember = ros.node.create_client(Remember, "scene_layer/remember")
+    layer = Layer(ros)
     tea = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="tea")
 
     def named(name: str, person: int = Analyze.Request.PRESENT) -> Analyze.Response:
@@ -306,10 +303,7 @@ def test_manually_named_person_is_known_to_robot(ros):
 
     first = named("anna").scene
     assert (first.person, first.person_id, first.visits) == (True, "anna", 1)
-    kept = ros.call(
-        remember,
-        Remember.Request(person_id="anna", facts=[PersonFact(key="favourite", value=tea)]),
-    )
+    kept = layer.remember("anna", PersonFact(key="favourite", value=tea))
     assert kept.message == "remembered of anna; the memory ends with the scene layer"
     assert named("ben").scene.visits == 1
     second = named("anna").scene
@@ -337,14 +331,12 @@ def test_forgetting_fails_when_memory_file_is_unwritable(ros, tmp_path):
     folder, away = tmp_path / "state", tmp_path / "away"
     layer = Layer(ros, memory=folder / "memory.json")
     layer.see_until(lambda: layer.shown() == "anna*", face("anna", known=True))
-    manage = ros.node.create_client(ManageProfiles, "scene_layer/manage")
-    forget = ManageProfiles.Request(action=ManageProfiles.Request.FORGET, layer="person/anna")
     folder.write_text("no folder")
-    answer = ros.call(manage, forget)
+    answer = layer.forget()
     assert (answer.accepted, answer.code) == (False, "STORAGE_FULL")
     assert "its file still has it" in answer.message
     folder.rename(away)
-    assert ros.call(manage, forget).accepted
+    assert layer.forget().accepted
     assert (folder / "memory.json").exists()
 
 
@@ -367,41 +359,38 @@ persons:
 """
 
 
-def tracked_by(ros, type_name: str, field: str, *messages: Any) -> list[tuple[str, ...]]:
-    """Return the shown persons after each of some messages."""
+@pytest.mark.parametrize(
+    ("type_name", "field", "messages", "shown"),
+    [
+        (
+            "bt_agents_interfaces/msg/Persons",
+            "scenes.0.values, id: name",
+            [
+                Persons(scenes=[Scene(values=[SceneValue(name="anna"), SceneValue(name="ben")])]),
+                Persons(),
+            ],
+            [["anna", "ben"], []],
+        ),
+        (
+            "std_msgs/msg/Int32MultiArray",
+            "data",
+            [Int32MultiArray(data=[7, 12, 7]), Int32MultiArray(data=[12])],
+            [["7", "12"], ["12"]],
+        ),
+    ],
+    ids=["nested list", "numbers"],
+)
+def test_tracker_may_send_nested_lists_or_numbers(ros, type_name, field, messages, shown):
     text = NUMBERED.format(type=type_name, field=field)
-    layer = active_scene_layer(read_scene_text(text, "scene.yaml", InstalledInterfaces()))
-    ros.add(layer)
+    ros.add(active_scene_layer(read_scene_text(text, "scene.yaml", InstalledInterfaces())))
     publisher = ros.node.create_publisher(type(messages[0]), "tracked", qos.SENSOR)
     persons = ros.collect(Persons, "bt_agents/scene/persons", qos.FACT)
     # The layer first publishes that nobody is there.
     ros.until(lambda: publisher.get_subscription_count() and persons)
-    found = []
-    for message in messages:
-        before = len(persons)
+    for number, message in enumerate(messages, start=2):
         publisher.publish(message)
-        ros.until(lambda before=before: len(persons) > before)
-        found.append(tuple(scene.person_id for scene in persons[-1].scenes))
-    return found
-
-
-def test_person_list_may_be_nested_in_list_item(ros):
-    values = [SceneValue(name="anna"), SceneValue(name="ben")]
-    assert tracked_by(
-        ros,
-        "bt_agents_interfaces/msg/Persons",
-        "scenes.0.values, id: name",
-        Persons(scenes=[Scene(values=values)]),
-        Persons(),
-    ) == [("anna", "ben"), ()]
-
-
-def test_tracker_may_use_numeric_ids(ros):
-    messages = Int32MultiArray(data=[7, 12, 7]), Int32MultiArray(data=[12])
-    assert tracked_by(ros, "std_msgs/msg/Int32MultiArray", "data", *messages) == [
-        ("7", "12"),
-        ("12",),
-    ]
+        ros.until(lambda number=number: len(persons) == number)
+    assert [[scene.person_id for scene in one.scenes] for one in persons[1:]] == shown
 
 
 def test_unusable_topic_is_refused_by_name(ros):
