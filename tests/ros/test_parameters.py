@@ -178,27 +178,6 @@ def test_failing_parameter_callback_is_answered_and_node_continues(ros: Any) -> 
     assert asking.values()["size"].double_value == 1.0
 
 
-def test_ten_thousand_updates_all_arrive_and_last_wins(ros: Any) -> None:
-    host: Any = ros.add(NODES["agents"]())
-    name = "attentive_guide.patience"
-    client = ros.node.create_client(
-        SetParameters, "agents/set_parameters", qos_profile=qos.SERVICE
-    )
-    ros.until(client.service_is_ready)
-    under_way = int(0.9 * qos.QUEUE)
-    futures = []
-    for count in range(10_000):
-        value = 2.0 + count % 1000 * 0.02
-        futures.append(client.call_async(SetParameters.Request(parameters=[number(name, value)])))
-        if count >= under_way:
-            ros.until(futures[count - under_way].done)
-    for future in futures[-under_way:]:
-        ros.until(future.done)
-    assert all(future.result().results[0].successful for future in futures)
-    assert host.get_parameter(name).value == value
-    assert host.registry.members["attentive_guide"].tunables["patience"] == value
-
-
 def test_unknown_parameter_is_named_with_closest_match(
     ros: Any, capfd: pytest.CaptureFixture[str]
 ) -> None:
