@@ -12,25 +12,13 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
-from active_nodes import active_host, active_market
 from bt_agents.host import market_registration
 from bt_agents.host.node import HostNode
 from bt_agents.host.reload.folder_watch import FolderWatch
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import (
-    AgentFiles,
-    Heartbeat,
-    HostCard,
-    MarketStatus,
-    Run,
-    Trees,
-    TreeStatus,
-)
-from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_interfaces.srv import CancelRun, ReloadAgents, SetProfile
-from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.specs import iter_nodes
+from bt_agents_interfaces.msg import AgentFiles, Heartbeat, HostCard, Trees, TreeStatus
+from bt_agents_interfaces.srv import ReloadAgents, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from fake_market import Market, never_held_up
@@ -48,6 +36,11 @@ CLEANS_UP = "on_cancel: {log: cleaned up}\n"
 def often_polled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let hosts poll their folders so often that no test waits for it."""
     monkeypatch.setattr("bt_agents.host.reload.reload_service.PERIOD_S", 0.05)
+
+
+def patient(name: str, patience: str = "50 s") -> str:
+    """Return the file of an agent that waits."""
+    return agent(name, WAITING, PATIENT.format(patience))
 
 
 class AgeMarket(Market):
@@ -123,14 +116,14 @@ def test_file_texts_are_republished_only_when_changed(ros: Any, tmp_path: Path) 
 def test_failed_reload_is_rolled_back_and_reported(
     ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    host = Host(ros, tmp_path, ann=agent("ann", WAITING, PATIENT.format("8 s")))
+    host = Host(ros, tmp_path, ann=patient("ann", "8 s"))
 
     def broken(*_arguments: Any) -> None:
         raise RuntimeError("cogwheel")
 
     with monkeypatch.context() as patch:
         patch.setattr(host.node._tunables, "add", broken)
-        host.edit("bob", agent("bob", WAITING, PATIENT.format("8 s")))
+        host.edit("bob", patient("bob", "8 s"))
         answer = host.ask(ReloadAgents, "reload")
         assert not answer.accepted
         assert answer.message == "bob: version 1 could not be added: RuntimeError: cogwheel"
@@ -182,20 +175,8 @@ def test_changed_file_reloads_only_its_own_agent(
     assert len(host.trees) == trees + 1
 
 
-def test_changed_default_retunes_running_tree_immediately(ros: Any, tmp_path: Path) -> None:
-    host = Host(ros, tmp_path, bob=agent("bob", WAITING, PATIENT.format("50 s")))
-    tunables = host.node.registry.members["bob"].tunables
-    handle = host.market.start(host.node, "bob")
-    host.edit("bob", agent("bob", WAITING, PATIENT.format("1 s")))
-    host.await_version("bob", 2)
-    assert host.node.registry.members["bob"].tunables is tunables
-    assert tunables == {"patience": 1.0}
-    assert not host.card("bob").waiting
-    host.market.end(handle)
-
-
 def test_changed_tree_waits_for_end_of_run(ros: Any, tmp_path: Path) -> None:
-    host = Host(ros, tmp_path, bob=agent("bob", WAITING, PATIENT.format("50 s")))
+    host = Host(ros, tmp_path, bob=patient("bob"))
     member = host.node.registry.members["bob"]
     before, tunables = member.spec, member.tunables
     handle = host.market.start(host.node, "bob")
@@ -212,8 +193,7 @@ def test_changed_tree_waits_for_end_of_run(ros: Any, tmp_path: Path) -> None:
 
 
 def test_forced_reload_cancels_run_with_clean_up(ros: Any, tmp_path: Path) -> None:
-    text = agent("bob", WAITING, PATIENT.format("50 s")) + CLEANS_UP
-    host = Host(ros, tmp_path, bob=text)
+    host = Host(ros, tmp_path, bob=patient("bob") + CLEANS_UP)
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
     handle = host.market.start(host.node, "bob")
     host.edit("bob", agent("bob", "{say: bye}"))
@@ -234,10 +214,9 @@ def test_forced_reload_cancels_run_with_clean_up(ros: Any, tmp_path: Path) -> No
 
 
 def test_agents_change_while_another_agent_runs(ros: Any, tmp_path: Path) -> None:
-    text = agent("bob", WAITING, PATIENT.format("50 s"))
-    host = Host(ros, tmp_path, ann=agent("ann", WAITING, PATIENT.format("50 s")), bob=text)
+    host = Host(ros, tmp_path, ann=patient("ann"), bob=patient("bob"))
     handle = host.market.start(host.node, "bob")
-    host.edit("mia", agent("mia", WAITING, PATIENT.format("9 s")))
+    host.edit("mia", patient("mia", "9 s"))
     host.await_version("mia", 1)
     assert host.market.registered[-1] == ["ann", "bob", "mia"]
     assert host.node.get_parameter("mia.patience").value == 9.0
@@ -255,8 +234,7 @@ def test_agents_change_while_another_agent_runs(ros: Any, tmp_path: Path) -> Non
 
 
 def test_agent_deleted_while_running_leaves_after_its_run(ros: Any, tmp_path: Path) -> None:
-    text = agent("bob", WAITING, PATIENT.format("50 s"))
-    host = Host(ros, tmp_path, ann=agent("ann"), bob=text)
+    host = Host(ros, tmp_path, ann=agent("ann"), bob=patient("bob"))
     handle = host.market.start(host.node, "bob")
     (host.folder / "agents" / "bob.yaml").unlink()
     ros.until(lambda: host.card("bob").degraded)
@@ -390,34 +368,6 @@ def test_thousand_swaps_under_ticking_never_mix_versions(ros: Any, tmp_path: Pat
     host.await_version("bob", 501)
 
 
-def test_constant_file_rewriting_never_harms_run(ros: Any, tmp_path: Path) -> None:
-    def text(number: int) -> str:
-        return agent("bob", MARKED.format(number, 300))
-
-    host = Host(ros, tmp_path, bob=text(0))
-    file = host.folder / "agents" / "bob.yaml"
-    versions = []
-    for number in range(1, 9):
-        handle = host.market.start(host.node, "bob")
-        future = handle.get_result_async()
-        half = True
-        while not future.done():
-            whole = text(number)
-            file.write_text(whole[: len(whole) // 2] if half else whole)
-            half = not half
-            ros.turns(5)
-        assert future.result().result.outcome == RunAgent.Result.SUCCEEDED
-        file.write_text(text(number))
-        versions.append(host.card("bob").version)
-    answer = host.ask(ReloadAgents, "reload")
-    assert answer.accepted
-    tree = host.node.registry.members["bob"].spec.tree
-    names = {node.name for node in iter_nodes(tree) if node.name.startswith("v")}
-    assert names == {"v8_a", "v8_b", "v8_c"}
-    ros.until(lambda: not host.card("bob").degraded)
-    assert versions == sorted(versions)
-
-
 def test_heartbeats_continue_while_many_agents_reload(ros: Any, tmp_path: Path) -> None:
     many = 200
     texts = {
@@ -453,37 +403,8 @@ def test_changes_are_published_after_last_agents_time_slice(
     ros.until(lambda: [one.version for one in host.cards[-1].agents] == [2, 2])
 
 
-def test_market_continues_run_while_other_agents_change(ros: Any, tmp_path: Path) -> None:
-    folder = new_folder(tmp_path / "trees", "bob")
-    write(folder, "ann", agent("ann", "{wait: 60 s}").replace("age: 3", "age: 5"))
-    trees = read_trees(folder)
-    runs = ros.collect(Run, "bt_agents/runs", qos.HISTORY)
-    statuses = ros.collect(MarketStatus, "bt_agents/market", qos.FACT)
-    cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
-    scenes = ros.node.create_publisher(SceneMsg, "bt_agents/scene", qos.EVENTS)
-    ros.add(active_market(trees.scene.space, "epoch"))
-    host = ros.add(active_host(trees))
-    ros.until(lambda: host.registered and scenes.get_subscription_count() > 0)
-    value = SceneValue(name="age", value=5.0, origin=Origin.GIVEN)
-    awarded = Scene(scene_id="s", label="", person=True, values=(value,))
-    scenes.publish(scene_to_msg(awarded))
-    ros.until(lambda: runs)
-    assert (runs[-1].event, runs[-1].agent) == (Run.STARTED, "ann")
-    write(folder, "mia", agent("mia"))
-    write(folder, "zoe", agent("zoe"))
-    (folder / "agents" / "bob.yaml").unlink()
-    ros.until(lambda: {one.name for one in cards[-1].agents} == {"ann", "mia", "zoe"})
-    ros.until(lambda: statuses[-1].agents == 3)
-    assert [run.event for run in runs] == [Run.STARTED]
-    client = ros.node.create_client(CancelRun, "marketplace/cancel")
-    assert ros.call(client, CancelRun.Request(reason="enough")).accepted
-    ros.until(lambda: runs[-1].event == Run.ENDED)
-    assert runs[-1].outcome == Run.CANCELLED
-
-
 def test_idle_host_drops_clients_of_earlier_versions(ros: Any, tmp_path: Path) -> None:
-    text = agent("bob", WAITING, PATIENT.format("50 s"))
-    host = Host(ros, tmp_path, ann=agent("ann"), bob=text)
+    host = Host(ros, tmp_path, ann=agent("ann"), bob=patient("bob"))
     handle = host.market.start(host.node, "bob")
     robot = host.folder / "skills" / "robot.yaml"
     for number in range(3):
