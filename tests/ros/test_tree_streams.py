@@ -65,12 +65,44 @@ def types() -> Iterator[None]:
 class Watcher:
     """Does what the watchers of py_trees_ros do: opens a stream, and subscribes to it."""
 
-    def __init__(self, ros: Any) -> None:
+    def __init__(self, ros: Any, host: HostNode, market: Market) -> None:
         from py_trees_ros_interfaces import msg, srv
 
         self.ros = ros
+        self.host = host
+        self.market = market
         self.msg = msg
         self.srv = srv
+
+    def run(self, agent: str, **changes: Any) -> Any:
+        """Run an agent; return the handle of its goal."""
+        return self.market.send(self.market.goal(self.host, agent, **changes))
+
+    def show(self) -> Any:
+        """Run the agent ``shower``; return the handle of its goal after the first tick."""
+        handle = self.run("shower")
+        self.ros.until(lambda: self.host._runs.run and self.host._runs.run.ticks)
+        return handle
+
+    def press(self) -> None:
+        """Press the button for which the agent ``shower`` waits."""
+        publisher = self.ros.node.create_publisher(Bool, "button", 1)
+        self.ros.until(publisher.get_subscription_count)
+        publisher.publish(Bool(data=True))
+
+    def until_watched(self) -> None:
+        """Wait until the host knows that somebody watches."""
+        self.ros.until(lambda: self.host._tree_streams._watched)
+
+    def open(self, topic: str = "", **parameters: Any) -> str:
+        """Open a snapshot stream; return its topic, empty if it is refused."""
+        answer = self.call(
+            "snapshot_streams/open",
+            "OpenSnapshotStream",
+            topic_name=topic,
+            parameters=self.parameters(**parameters),
+        )
+        return str(answer.topic_name)
 
     def call(self, service: str, kind: str, **fields: Any) -> Any:
         loaded = getattr(self.srv, kind)
@@ -92,15 +124,8 @@ class Watcher:
 
     def snapshots(self, topic: str = "", **parameters: Any) -> tuple[str, list[Any]]:
         """Open a snapshot stream; return its topic, and the list of its messages."""
-        answer = self.call(
-            "snapshot_streams/open",
-            "OpenSnapshotStream",
-            topic_name=topic,
-            parameters=self.parameters(**parameters),
-        )
-        return answer.topic_name, self.ros.collect(
-            self.msg.BehaviourTree, answer.topic_name, LATCHED
-        )
+        opened = self.open(topic, **parameters)
+        return opened, self.ros.collect(self.msg.BehaviourTree, opened, LATCHED)
 
     def blackboard(self, *variables: str, **how: Any) -> tuple[str, list[str]]:
         """Open a blackboard stream, with the subscription of py-trees-blackboard-watcher."""
@@ -120,25 +145,8 @@ def trees(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def host(ros: Any, market: Market, trees: Path) -> HostNode:
-    return market.host(trees)
-
-
-@pytest.fixture
-def watcher(ros: Any, host: HostNode) -> Watcher:
-    return Watcher(ros)
-
-
-def running(ros: Any, market: Market, host: HostNode, agent: str = "shower", **how: Any) -> Any:
-    handle = market.send(market.goal(host, agent, **how))
-    ros.until(lambda: host._runs.run is not None and host._runs.run.ticks)
-    return handle
-
-
-def press(ros: Any) -> None:
-    publisher = ros.node.create_publisher(Bool, "button", 1)
-    ros.until(publisher.get_subscription_count)
-    publisher.publish(Bool(data=True))
+def watcher(ros: Any, market: Market, trees: Path) -> Watcher:
+    return Watcher(ros, market.host(trees), market)
 
 
 def shown(message: Any) -> dict[str, Any]:
@@ -166,10 +174,8 @@ def shown(message: Any) -> dict[str, Any]:
     return found
 
 
-def test_watcher_joins_running_tree_and_sees_its_end(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher
-) -> None:
-    handle = running(ros, market, host)
+def test_watcher_joins_running_tree_and_sees_its_end(ros: Any, watcher: Watcher) -> None:
+    handle = watcher.show()
     topic, messages = watcher.snapshots()
     assert topic.startswith("/agents/snapshot_streams/_snapshots_")
     ros.until(lambda: messages)
@@ -188,15 +194,15 @@ def test_watcher_joins_running_tree_and_sees_its_end(
         tree["bt_agents.parallel"].own_id.uuid
     )
     assert not any(tree["bt_agents.wait_for"].tip_id.uuid)
-    ros.until(lambda: host._tree_streams._watched)
-    press(ros)
-    assert market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
+    watcher.until_watched()
+    watcher.press()
+    assert watcher.market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
     ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 3)
     last = shown(messages[-1])
     assert last["bt_agents.choose"].status == 3
     assert last["bt_agents.choose"].is_active
     assert messages[-1].changed
-    assert messages[-1].statistics.count == host._tree_streams._run.run.ticks
+    assert messages[-1].statistics.count == watcher.host._tree_streams._run.run.ticks
     assert 0.0 < messages[-1].statistics.tick_duration < 5.0
     keys = {
         one.key: one.value for message in messages for one in message.blackboard_on_visited_path
@@ -207,57 +213,38 @@ def test_watcher_joins_running_tree_and_sees_its_end(
     assert ("/word", "READ") in {(one.key, one.activity_type) for one in activity}
 
 
-def test_late_watcher_sees_end_of_last_run(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher
-) -> None:
+def test_late_watcher_sees_end_of_last_run(ros: Any, watcher: Watcher) -> None:
     _, nothing = watcher.snapshots("early")
     ros.turns()
     assert nothing == []
-    market.result(running_to_end(market, host))
+    watcher.market.result(watcher.run("quick"))
     _, messages = watcher.snapshots("late")
     ros.until(lambda: messages)
     assert shown(messages[0])["bt_agents.set"].status == 3
 
 
-def running_to_end(market: Market, host: HostNode, round_number: int = 1) -> Any:
-    return market.send(market.goal(host, "quick", round=round_number))
-
-
-def test_stream_keeps_node_identifiers_across_agent_changes(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher
-) -> None:
+def test_stream_keeps_node_identifiers_across_agent_changes(ros: Any, watcher: Watcher) -> None:
     _, messages = watcher.snapshots("mine")
-    ros.until(lambda: watched(host))
+    watcher.until_watched()
     identifiers = []
     for number, agent in enumerate(("quick", "shower", "quick"), start=1):
         messages.clear()
-        handle = (
-            running(ros, market, host, agent, round=number)
-            if agent == "shower"
-            else (running_to_end(market, host, number))
-        )
+        handle = watcher.run(agent, round=number)
         ros.until(lambda: messages)
         assert shown(messages[-1])["bt_agents.agent"].name == agent
         identifiers.append(sorted(bytes(one.own_id.uuid) for one in messages[-1].behaviours))
         if agent == "shower":
-            press(ros)
-        market.result(handle)
+            watcher.press()
+        watcher.market.result(handle)
         ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 3)
     assert identifiers[0] == identifiers[2] != identifiers[1]
 
 
-def watched(host: HostNode) -> bool:
-    assert host._tree_streams is not None
-    return bool(host._tree_streams._watched)
-
-
-def test_a_cancelled_run_shows_its_clean_up(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher
-) -> None:
-    never_held_up(host)
+def test_a_cancelled_run_shows_its_clean_up(ros: Any, watcher: Watcher) -> None:
+    never_held_up(watcher.host)
     _, messages = watcher.snapshots()
-    ros.until(lambda: watched(host))
-    handle = running(ros, market, host)
+    watcher.until_watched()
+    handle = watcher.show()
     ros.until(lambda: messages)
     future = handle.cancel_goal_async()
     ros.until(future.done)
@@ -269,30 +256,10 @@ def test_a_cancelled_run_shows_its_clean_up(
     )
 
 
-def test_node_identifiers_survive_host_restart(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher, trees: Path
-) -> None:
-    market.result(running_to_end(market, host))
-    _, before = watcher.snapshots()
-    ros.until(lambda: before)
-    ros.remove(host)
-    again = ros.add(make_host(trees))
-    market.open()
-    ros.until(lambda: again.registered)
-    market.result(running_to_end(market, again, 2))
-    _, after = watcher.snapshots()
-    ros.until(lambda: after)
-    assert [list(one.own_id.uuid) for one in after[0].behaviours] == [
-        list(one.own_id.uuid) for one in before[0].behaviours
-    ]
-
-
-def test_reconfigured_stream_changes_its_detail(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher
-) -> None:
+def test_reconfigured_stream_changes_its_detail(ros: Any, watcher: Watcher) -> None:
     topic, messages = watcher.snapshots(data=False, activity=False)
-    ros.until(lambda: watched(host))
-    handle = running(ros, market, host)
+    watcher.until_watched()
+    handle = watcher.show()
     ros.until(lambda: messages)
     assert not messages[-1].blackboard_on_visited_path
     count = len(messages)
@@ -305,8 +272,9 @@ def test_reconfigured_stream_changes_its_detail(
         parameters=watcher.parameters(0.0),
     )
     assert answer.result
-    press(ros)
-    market.result(handle)
+    ros.until(lambda: any(not message.changed for message in messages[count:]))
+    watcher.press()
+    watcher.market.result(handle)
     ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 3)
     assert any(message.blackboard_on_visited_path for message in messages[count:])
     assert any(message.blackboard_activity for message in messages[count:])
@@ -319,23 +287,7 @@ def test_reconfigured_stream_changes_its_detail(
     assert not refused.result
 
 
-def test_stream_with_period_includes_unchanged_ticks(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher
-) -> None:
-    _, messages = watcher.snapshots(period=0.0, activity=False)
-    ros.until(lambda: watched(host))
-    running(ros, market, host)
-    publisher = ros.node.create_publisher(Bool, "button", 10)
-    ros.until(publisher.get_subscription_count)
-
-    def quiet() -> bool:
-        publisher.publish(Bool(data=False))
-        return any(not message.changed for message in messages)
-
-    ros.until(quiet)
-
-
-def test_closing_stream_twice_fails(ros: Any, host: HostNode, watcher: Watcher) -> None:
+def test_closing_stream_twice_fails(watcher: Watcher) -> None:
     topic, _ = watcher.snapshots("~/mine")
     assert topic == "/agents/mine"
     for there in (True, False):
@@ -349,80 +301,61 @@ def test_closing_stream_twice_fails(ros: Any, host: HostNode, watcher: Watcher) 
         assert answer.result is there
 
 
-def test_blackboard_stream_shows_variables_and_their_activity(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher
-) -> None:
+def test_blackboard_stream_shows_variables_and_their_activity(ros: Any, watcher: Watcher) -> None:
     topic, texts = watcher.blackboard("word", "/scene/age", with_activity_stream=True)
     assert topic.startswith("/agents/blackboard_streams/_watcher_")
     _, visited = watcher.blackboard(filter_on_visited_path=True)
-    ros.until(lambda: all(one.use.watched for one in host._tree_streams._blackboards.values()))
-    handle = running(ros, market, host)
+    ros.until(
+        lambda: all(one.use.watched for one in watcher.host._tree_streams._blackboards.values())
+    )
+    handle = watcher.show()
     ros.until(lambda: texts and visited)
     listed = watcher.call("blackboard_streams/get_variables", "GetBlackboardVariables").variables
     assert {"/word", "/scene/age", "/live/age", "/patience"} <= set(listed)
     assert "    /word      : 'hello'" in texts[-1]
     assert "    /scene/age : 3" in texts[-1]
     assert "/word : INITIALISED | tree/0.set | 'hello'" in texts[-1]
-    press(ros)
-    market.result(handle)
+    watcher.press()
+    watcher.market.result(handle)
     ros.until(lambda: "/word : WRITE" in texts[-1])
     assert "'hello' → 'good-bye'" in texts[-1]
     assert "/scene/familiarity" not in "".join(visited)
 
 
-def test_parameter_opens_and_closes_default_stream(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher
-) -> None:
+def test_parameter_opens_and_closes_default_stream(ros: Any, watcher: Watcher) -> None:
     messages = ros.collect(watcher.msg.BehaviourTree, "/agents/snapshots", LATCHED)
-    market.result(running_to_end(market, host))
+    watcher.market.result(watcher.run("quick"))
     for name, value in (("default_snapshot_period", math.inf), ("default_snapshot_stream", True)):
-        [answer] = host.set_parameters([Parameter(name, value=value)])
+        [answer] = watcher.host.set_parameters([Parameter(name, value=value)])
         assert answer.successful, answer.reason
     ros.until(lambda: messages)
-    host.set_parameters([Parameter("default_snapshot_stream", value=False)])
+    watcher.host.set_parameters([Parameter("default_snapshot_stream", value=False)])
     ros.until(lambda: not ros.node.count_publishers("/agents/snapshots"))
-    [refused] = host.set_parameters([Parameter("default_snapshot_period", value=math.nan)])
+    [refused] = watcher.host.set_parameters([Parameter("default_snapshot_period", value=math.nan)])
     assert not refused.successful
 
 
 def test_unsubscribed_streams_are_dropped_and_number_is_limited(
-    ros: Any, host: HostNode, watcher: Watcher, monkeypatch: pytest.MonkeyPatch
+    ros: Any, watcher: Watcher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def opened(name: str) -> str:
-        answer = watcher.call(
-            "snapshot_streams/open",
-            "OpenSnapshotStream",
-            topic_name=name,
-            parameters=watcher.parameters(),
-        )
-        return str(answer.topic_name)
-
     monkeypatch.setattr(streams, "UNUSED_S", 300.0)
-    topics = [opened(f"of_{number}") for number in range(streams.MOST_STREAMS)]
+    topics = [watcher.open(f"of_{number}") for number in range(streams.MOST_STREAMS)]
     assert "" not in topics
-    assert opened("one_more") == ""
+    assert watcher.open("one_more") == ""
     monkeypatch.setattr(streams, "UNUSED_S", 0.0)
-    ros.until(lambda: not host._tree_streams._snapshots)
-    assert opened("one_more")
+    ros.until(lambda: not watcher.host._tree_streams._snapshots)
+    assert watcher.open("one_more")
 
 
 @pytest.mark.parametrize("name", ["a b", "/", "x" * 500, "é", "a//b", "~/status"])
-def test_invalid_topic_name_opens_no_stream(
-    ros: Any, host: HostNode, watcher: Watcher, name: str
-) -> None:
+def test_invalid_topic_name_opens_no_stream(ros: Any, watcher: Watcher, name: str) -> None:
     logged = ros.collect(Log, "/rosout", qos.FACTS)
-    answer = watcher.call(
-        "snapshot_streams/open",
-        "OpenSnapshotStream",
-        topic_name=name,
-        parameters=watcher.parameters(),
-    )
-    assert answer.topic_name == ""
+    assert watcher.open(name) == ""
     ros.until(lambda: [one for one in logged if "snapshot_streams/open refused" in one.msg])
 
 
 def test_unwatched_ticks_are_not_recorded(
-    ros: Any, host: HostNode, market: Market, watcher: Watcher, monkeypatch: pytest.MonkeyPatch
+    ros: Any, watcher: Watcher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     noted: list[Any] = []
     monkeypatch.setattr(Ticker, "report_visits", lambda *args: noted.append(args))
@@ -433,10 +366,10 @@ def test_unwatched_ticks_are_not_recorded(
     for subscription in list(ros.node.subscriptions):
         if subscription.topic_name.endswith("nobody"):
             ros.node.destroy_subscription(subscription)
-    handle = running(ros, market, host)
-    press(ros)
-    market.result(handle)
-    run = host._tree_streams._run
+    handle = watcher.show()
+    watcher.press()
+    watcher.market.result(handle)
+    run = watcher.host._tree_streams._run
     assert noted == []
     assert run.activity == []
     assert run._statuses == []
