@@ -216,6 +216,13 @@ class MarketNodeHarness:
         host.take(answer)
         return host
 
+    def busy_host(self) -> FakeHost:
+        """Return a host whose agent runs for the scene ``s1``."""
+        host = self.host()
+        self.scene()
+        self.until_event(Run.STARTED)
+        return host
+
     def scene(self, scene_id: str = "s1", *values: float, urgent: bool = False) -> None:
         self.scenes.publish(scene_to_msg(scene(scene_id, *values, urgent=urgent)))
 

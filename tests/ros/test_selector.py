@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from bt_agents_interfaces.msg import AgentCard, Auction, HostCard, Run, Scene
+from bt_agents_interfaces.msg import AgentCard, Auction, HostCard, Scene
 from bt_agents_interfaces.srv import SelectAgent
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
@@ -17,7 +17,7 @@ from market_harness import EXPRESS, GUIDE, SPACE, scene
 from market_node_harness import MarketNodeHarness
 from marketplace_node.external_ranking.openai_protocol import Endpoint
 from marketplace_node.node.selector import SelectorNode
-from model_server import ModelServer, drips, free_port, model_server, says, sends
+from model_server import ModelServer, drips, free_port, model_server, says
 
 pytestmark = pytest.mark.ros
 
@@ -38,14 +38,11 @@ def decide(ros: Any, *, url: str = "", limit_s: float = 10.0, cards: int = 0) ->
         selector = ros.add(SelectorNode(SPACE, Endpoint(base_url=url, model="small")))
         ros.until(lambda: len(selector.descriptions) == cards)
         ros.until(lambda: harness.market.selector.service_is_ready())
-    host = harness.host()
-    harness.scene()
-    started = harness.until_event(Run.STARTED)
-    ros.until(lambda: harness.auctions)
-    assert started.agent == harness.auctions[0].winner
-    host.finish()
+    harness.busy_host().finish()
     harness.until_over()
-    return harness.auctions[0]
+    [auction] = harness.auctions
+    assert harness.runs[0].agent == auction.winner
+    return auction
 
 
 def test_model_chooses_winner(ros: Any, server: ModelServer) -> None:
@@ -63,22 +60,12 @@ def test_model_chooses_winner(ros: Any, server: ModelServer) -> None:
     assert described == "Guide. Slow and loud"
 
 
-@pytest.mark.parametrize(
-    ("make_reply", "limit_s", "words"),
-    [
-        (lambda _: says("bob"), 10.0, "'bob'"),
-        (lambda _: sends(b"x" * 10_000_000), 10.0, "more than"),
-        (lambda s: drips(b"HTTP/1.0 200 OK\r\n" * 100, s.ended), 0.3, "did not answer"),
-    ],
-)
-def test_bad_answer_falls_back_to_distance(
-    ros: Any, server: ModelServer, make_reply: Callable[..., Any], limit_s: float, words: str
-) -> None:
-    server.reply = make_reply(server)
-    auction = decide(ros, url=server.url, limit_s=limit_s)
+def test_slow_server_falls_back_to_distance(ros: Any, server: ModelServer) -> None:
+    server.reply = drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)
+    auction = decide(ros, url=server.url, limit_s=0.3)
 
     assert auction.winner == GUIDE
-    assert words in auction.reason
+    assert "did not answer" in auction.reason
 
 
 def test_dead_server_falls_back_to_distance(ros: Any) -> None:
