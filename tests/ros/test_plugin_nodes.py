@@ -18,12 +18,11 @@ from rcl_interfaces.msg import Log
 from std_msgs.msg import Bool, String
 
 from bt_agents.engine.nodes import plugin
-from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_ros import qos
 from checkout import ROOT
-from fake_market import Market, folder, make_host
+from fake_market import Market, folder
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -68,9 +67,7 @@ class PluginHarness:
         self.ros = ros
         self.market = Market(ros)
         text = HEAD.format("guide") + PROFILE + tree
-        self.host: HostNode = ros.add(make_host(folder(tmp_path, text)))
-        self.market.open()
-        ros.until(lambda: self.host.registered)
+        self.host = self.market.host(folder(tmp_path, text))
         self.made = self.count()
         self.handle: Any = None
 
@@ -83,6 +80,11 @@ class PluginHarness:
 
     def result(self) -> Any:
         return self.market.result(self.handle).result
+
+    def play(self) -> Any:
+        """Start a run; return its result."""
+        self.begin()
+        return self.result()
 
     def publish(self, kind: Any, topic: str, data: Any) -> None:
         """Publish once the behaviour has subscribed."""
@@ -154,8 +156,7 @@ def test_goal_stopped_before_acceptance_is_cancelled_on_acceptance(
 ) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(accept_s=1.5, finish_s=None))
     harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in., timeout: 1 s}\n")
-    harness.begin()
-    result = harness.result()
+    result = harness.play()
     assert (result.outcome, list(result.orphans)) == (RunAgent.Result.FAILED, [])
     [goal] = other.goals
     assert (goal.outcome, goal.cancels) == ("cancelled", 1)
@@ -177,8 +178,7 @@ def test_goal_stopped_while_running_is_cancelled_once(ros: Any, tmp_path: Path) 
 def test_goal_of_unstoppable_server_is_an_orphan(ros: Any, tmp_path: Path) -> None:
     other = ScriptedServer(ros, "other/say", script=Script(finish_s=None, on_cancel="refuses"))
     harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in., timeout: 1 s}\n")
-    harness.begin()
-    result = harness.result()
+    result = harness.play()
     assert (result.outcome, list(result.orphans)) == (RunAgent.Result.FAILED, ["tree"])
     assert other.goals[0].cancels
 
@@ -186,8 +186,7 @@ def test_goal_of_unstoppable_server_is_an_orphan(ros: Any, tmp_path: Path) -> No
 def test_missing_server_fails_leaf_without_blocking(ros: Any, tmp_path: Path) -> None:
     harness = PluginHarness(ros, tmp_path, "tree: {greet: Come in.}\n")
     began = time.monotonic()
-    harness.begin()
-    result = harness.result()
+    result = harness.play()
     assert result.outcome == RunAgent.Result.FAILED
     assert "other/say unreachable: its server is not there" in result.message
     assert time.monotonic() - began < 20.0

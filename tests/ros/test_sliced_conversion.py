@@ -147,12 +147,21 @@ def node(ros: Any) -> Iterator[Any]:
     made.destroy_node()
 
 
-def test_sliced_conversion_lets_timers_run_and_keeps_order(node: Any) -> None:
-    executor = CachedExecutor()
-    executor.add_node(node)
+@pytest.fixture
+def executor(node: Any) -> Iterator[CachedExecutor]:
+    """The executor of that node, which the test turns."""
+    made = CachedExecutor()
+    made.add_node(node)
+    yield made
+    made.shutdown()
+
+
+def test_sliced_conversion_lets_timers_run_and_keeps_order(
+    node: Any, executor: CachedExecutor
+) -> None:
     heard: list[tuple[int, int]] = []
     beats: list[None] = []
-    timer = node.create_timer(0.001, lambda: beats.append(None))
+    node.create_timer(0.001, lambda: beats.append(None))
     node.create_subscription(
         HostCard,
         "bt_agents/cards",
@@ -161,36 +170,29 @@ def test_sliced_conversion_lets_timers_run_and_keeps_order(node: Any) -> None:
     )
     publisher = node.create_publisher(HostCard, "bt_agents/cards", qos.EVENTS)
     sizes = [4000, 1, 2000]
-    try:
-        turn_until(executor, lambda: publisher.get_subscription_count() and beats)
-        began = len(beats)
-        for size in sizes:
-            publisher.publish(host_card(size, rules=0))
-        turn_until(executor, lambda: len(heard) == len(sizes))
-    finally:
-        node.destroy_timer(timer)
-        executor.shutdown()
+    turn_until(executor, lambda: publisher.get_subscription_count() and beats)
+    began = len(beats)
+    for size in sizes:
+        publisher.publish(host_card(size, rules=0))
+    turn_until(executor, lambda: len(heard) == len(sizes))
 
     assert [size for size, _ in heard] == sizes
     assert heard[0][1] >= began + 3
 
 
-def test_subscription_destroyed_during_conversion_receives_nothing(node: Any) -> None:
-    executor = CachedExecutor()
-    executor.add_node(node)
+def test_subscription_destroyed_during_conversion_receives_nothing(
+    node: Any, executor: CachedExecutor
+) -> None:
     heard: list[HostCard] = []
     beats: list[None] = []
     subscription = node.create_subscription(HostCard, "bt_agents/cards", heard.append, qos.EVENTS)
     publisher = node.create_publisher(HostCard, "bt_agents/cards", qos.EVENTS)
-    try:
-        turn_until(executor, publisher.get_subscription_count)
-        publisher.publish(host_card(4000, rules=0))
-        turn_until(executor, lambda: executor._in_slices)
-        node.destroy_subscription(subscription)
-        node.create_timer(0.001, lambda: beats.append(None))
-        turn_until(executor, lambda: not executor._in_slices and len(beats) > 3)
-    finally:
-        executor.shutdown()
+    turn_until(executor, publisher.get_subscription_count)
+    publisher.publish(host_card(4000, rules=0))
+    turn_until(executor, lambda: executor._in_slices)
+    node.destroy_subscription(subscription)
+    node.create_timer(0.001, lambda: beats.append(None))
+    turn_until(executor, lambda: not executor._in_slices and len(beats) > 3)
 
     assert not heard
 
