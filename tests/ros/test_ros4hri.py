@@ -131,20 +131,6 @@ class Site:
         self.ros.until(self._trigger.get_subscription_count)
         self._trigger.publish(Empty())
 
-    def failure(self, name: str) -> str:
-        """Wait until a leaf has failed; return its reason."""
-
-        def found() -> list[str]:
-            return [
-                node.message
-                for status in self.statuses
-                for node in status.changes
-                if name in node.path and node.status == StatusChange.FAILURE
-            ]
-
-        self.until(found)
-        return found()[0]
-
 
 def test_interaction_follows_person_from_arrival_to_departure(
     ros: Any, tmp_path: Path, types: Any
@@ -179,19 +165,6 @@ def test_interaction_follows_person_from_arrival_to_departure(
     assert len(site.system.feedback_given) == 1
 
 
-def test_skill_succeeding_with_error_code_counts_as_failed(ros: Any, tmp_path: Path, types: Any):
-    code = {"error_code": 4, "error_msg": "interrupted by a call of higher priority"}
-    mouth = ScriptedServer(
-        ros, "/skill/say", kind=types.Say, script=Script(result={"result": code})
-    )
-    site = Site(ros, tmp_path, talker="{sequence: [{say: Hello., on_failure: {say: Sorry.}}]}")
-    site.begin()
-    reason = site.failure("say")
-    assert reason == "/skill/say failed: code 4: interrupted by a call of higher priority"
-    site.until(lambda: len(mouth.goals) == 2)
-    assert mouth.goals[0].outcome == "succeeded"
-
-
 def test_drive_uses_nav2_and_reports_remaining_distance(ros: Any, tmp_path: Path, types: Any):
     script = Script(finish_s=None, feedback=((0.0, {"distance_remaining": 7.5}),), aborts=True)
     script.result = {"error_code": 9003, "error_msg": "the goal is blocked"}
@@ -208,4 +181,10 @@ def test_drive_uses_nav2_and_reports_remaining_distance(ros: Any, tmp_path: Path
     assert (turned.z, turned.w) == (1.0, pytest.approx(0.0, abs=1e-9))
     site.until(lambda: any(one.name == "near" for s in site.statuses for one in s.changes))
     base.goals[0].finish()
-    assert site.failure("drive") == "navigate_to_pose aborted: code 9003: the goal is blocked"
+
+    def failures() -> list[str]:
+        changes = [change for status in site.statuses for change in status.changes]
+        return [one.message for one in changes if one.status == StatusChange.FAILURE]
+
+    site.until(failures)
+    assert failures()[0] == "navigate_to_pose aborted: code 9003: the goal is blocked"
