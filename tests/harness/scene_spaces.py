@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene parameters of most tests: an age and a mood from 1 to 5."""
+"""The scene parameters of most tests, an age and a mood from 1 to 5, and their sources."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_language.expression.expressions import parse_expression
+from bt_agents_language.model.scene_specs import SourceSpec
 
 AGE_AND_MOOD = SceneSpace(
     parameters=tuple(
@@ -35,3 +38,22 @@ def age_and_mood(
         for name, value in (("age", age), ("mood", mood))
     )
     return Scene(scene_id=scene_id, label="", person=person, values=values, **fields)
+
+
+def source(
+    parameter: str,
+    type_name: str = "std_msgs/msg/Float64",
+    *points: tuple[float, float],
+    field: str = "msg.data",
+    stale_after_s: float = 60.0,
+) -> SourceSpec:
+    """Return a source on the topic ``sensors/<parameter>``."""
+    return SourceSpec(
+        parameter=parameter,
+        topic=f"sensors/{parameter}",
+        type=type_name,
+        field=parse_expression(field),
+        points=points,
+        stale_after_s=stale_after_s,
+        position=Position(file="scene.yaml", line=1, column=1),
+    )
