@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import math
 import shutil
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Time
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock as ClockMsg
 
 from active_nodes import active_host
 from bt_agents.host.market_registration import MARKET_LEASE
@@ -24,6 +27,7 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
+from scripted_server import ScriptedServer
 from tree_harness import TREES, scene
 
 
@@ -176,6 +180,57 @@ class Market:
         future = handle.get_result_async()
         self.ros.until(future.done)
         return future.result()
+
+
+class Stage:
+    """A host and its market, and a server of the skill ``say``.
+
+    Args:
+        ros: The nodes of the test.
+        host: The host.
+        market: The market with which it is registered.
+        mouth: The server.
+    """
+
+    def __init__(self, ros: Any, host: HostNode, market: Market, mouth: ScriptedServer) -> None:
+        self.ros = ros
+        self.host = host
+        self.market = market
+        self.mouth = mouth
+        self.until = ros.until
+
+    def run(self, agent: str, **changes: Any) -> Any:
+        """Run an agent; return the handle of its goal."""
+        return self.market.send(self.market.goal(self.host, agent, **changes))
+
+    def begin(self, agent: str = "talker", **changes: Any) -> Any:
+        """Run an agent; return the handle of its goal once it speaks."""
+        spoken = len(self.mouth.goals)
+        handle = self.run(agent, **changes)
+        self.until(lambda: len(self.mouth.goals) > spoken)
+        return handle
+
+    def pass_time(self, seconds: float) -> None:
+        """Spin the nodes for some time."""
+        end = time.monotonic() + seconds
+        self.until(lambda: time.monotonic() >= end)
+
+
+class Bag:
+    """Publishes simulated time on request."""
+
+    def __init__(self, ros: Any) -> None:
+        self._ros = ros
+        self._clock = ros.node.create_publisher(ClockMsg, "/clock", qos.SENSOR)
+
+    def play(self, host: HostNode, seconds: int) -> None:
+        """Set the time, and wait until the host has it."""
+
+        def told() -> bool:
+            self._clock.publish(ClockMsg(clock=Time(sec=seconds)))
+            return bool(host.get_clock().now().nanoseconds == seconds * 10**9)
+
+        self._ros.until(told)
 
 
 def folder(tmp_path: Path, *agents: str) -> Path:

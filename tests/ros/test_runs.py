@@ -13,13 +13,11 @@ import py_trees
 import pytest
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
-from builtin_interfaces.msg import Time
 from py_trees.common import Status
 from rcl_interfaces.msg import Log
 from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock as ClockMsg
 from std_msgs.msg import Bool
 
 from bt_agents.engine.nodes import plugin
@@ -31,7 +29,7 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, MarketHeartbeat, Run, StatusChange, TreeStatus
 from bt_agents_language.model.specs import CLEAN_UP_S, NodeSpec
 from bt_agents_ros import qos
-from fake_market import Market, agent_text, folder, never_held_up
+from fake_market import Bag, Market, Stage, agent_text, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -58,6 +56,11 @@ def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
 
 
 @pytest.fixture
+def stage(ros: Any, host: HostNode, market: Market, mouth: ScriptedServer) -> Stage:
+    return Stage(ros, host, market, mouth)
+
+
+@pytest.fixture
 def steady(host: HostNode) -> None:
     never_held_up(host)
 
@@ -67,27 +70,17 @@ def set_parameter(node: Any, name: str, value: Any) -> None:
     assert answer.successful, answer.reason
 
 
-def assert_undisturbed(market: Market, handle: Any, goal: Any) -> None:
-    """Check that nothing has cancelled a run; it succeeds when its leaf has ended."""
-    assert goal.cancels == 0
-    goal.finish()
-    assert market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
-
-
 def running(ros: Any, host: HostNode) -> Any:
     """Return the run of a host as soon as it exists."""
     ros.until(lambda: host._runs.run)
     return host._runs.run
 
 
-def test_goal_result_triggers_tick_at_any_tick_rate(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    host._runs.set_rate(0.001)  # no regular tick after the first one
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
-    mouth.goals[0].finish()
-    answer = market.result(handle)
+def test_goal_result_triggers_tick_at_any_tick_rate(stage: Stage) -> None:
+    stage.host._runs.set_rate(0.001)  # no regular tick after the first one
+    handle = stage.begin()
+    stage.mouth.goals[0].finish()
+    answer = stage.market.result(handle)
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
     assert answer.result.ticks <= 5
 
@@ -116,17 +109,14 @@ def test_cancelled_nodes_are_published_after_run_result(
 
 
 @pytest.mark.usefixtures("steady")
-def test_cancel_takes_effect_immediately_at_any_tick_rate(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    host._runs.set_rate(0.001)  # no regular tick after the first one
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
+def test_cancel_takes_effect_immediately_at_any_tick_rate(stage: Stage) -> None:
+    stage.host._runs.set_rate(0.001)  # no regular tick after the first one
+    handle = stage.begin()
     handle.cancel_goal_async()
-    ros.until(lambda: len(mouth.goals) == 2)
-    assert mouth.goals[0].cancels == 1
-    mouth.goals[1].finish()
-    answer = market.result(handle)
+    stage.until(lambda: len(stage.mouth.goals) == 2)
+    assert stage.mouth.goals[0].cancels == 1
+    stage.mouth.goals[1].finish()
+    answer = stage.market.result(handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     # Without a tick for its result, the clean-up would take all of its time.
     assert answer.result.duration_s < CLEAN_UP_S
@@ -195,36 +185,30 @@ def test_stalled_host_does_not_catch_up_missed_ticks(
     market.result(handle)
 
 
-def test_stalled_host_waits_for_market_before_ticking(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    handle = market.send(market.goal(host, agent="two_words"))
-    ros.until(lambda: mouth.goals)
-    mouth.goals[0].finish()
+def test_stalled_host_waits_for_market_before_ticking(stage: Stage) -> None:
+    handle = stage.begin("two_words")
+    stage.mouth.goals[0].finish()
     # The cancel arrives while the host still waits, even on a slow machine.
-    host._runs._award_monitor.stall._settle_s = 300.0
+    stage.host._runs._award_monitor.stall._settle_s = 300.0
     time.sleep(0.7)
     # A regular tick is due, the result has arrived, and the market is still silent.
-    ros.until(lambda: mouth.goals[0].outcome)
+    stage.until(lambda: stage.mouth.goals[0].outcome)
     handle.cancel_goal_async()
-    answer = market.result(handle)
+    answer = stage.market.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert "the market stopped it, after this host had been held up for" in answer.result.message
     assert answer.result.stop_cause == RunAgent.Result.BY_MARKET
     assert answer.result.host_reason, "that it was held up is news to the market"
-    assert len(mouth.goals) == 1
+    assert len(stage.mouth.goals) == 1
 
 
-def test_stalled_host_continues_run_when_nothing_changed(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    handle = market.send(market.goal(host, agent="two_words"))
-    ros.until(lambda: mouth.goals)
-    mouth.script = Script()
-    mouth.goals[0].finish()
+def test_stalled_host_continues_run_when_nothing_changed(stage: Stage) -> None:
+    handle = stage.begin("two_words")
+    stage.mouth.script = Script()
+    stage.mouth.goals[0].finish()
     time.sleep(0.7)
-    assert market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
-    assert len(mouth.goals) == 2
+    assert stage.market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert len(stage.mouth.goals) == 2
 
 
 @pytest.fixture
@@ -235,15 +219,13 @@ def beating(ros: Any, host: HostNode, market: Market) -> Market:
     return market
 
 
-def test_stalled_host_silently_stops_reassigned_run(
-    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
-) -> None:
-    handle = beating.send(beating.goal(host, agent="two_words"))
-    ros.until(lambda: mouth.goals)
-    mouth.goals[0].finish()
-    beating.award = (1, "talker")
+@pytest.mark.usefixtures("beating")
+def test_stalled_host_silently_stops_reassigned_run(stage: Stage) -> None:
+    handle = stage.begin("two_words")
+    stage.mouth.goals[0].finish()
+    stage.market.award = (1, "talker")
     time.sleep(0.7)
-    answer = beating.result(handle)
+    answer = stage.market.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     held_up = re.match(
         r"the market has given its run away, after this host had been held up for (\d+\.\d) s",
@@ -252,39 +234,34 @@ def test_stalled_host_silently_stops_reassigned_run(
     assert held_up is not None
     assert float(held_up[1]) >= 0.7
     # Neither the second text nor the clean-up.
-    assert len(mouth.goals) == 1
-    assert beating.send(beating.goal(host, agent="quick", round=2)).accepted
+    assert len(stage.mouth.goals) == 1
+    assert stage.run("quick", round=2).accepted
 
 
-def test_stalled_host_continues_only_after_market_confirms_run(
-    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
-) -> None:
-    set_parameter(host, "market_lease", 10.0)
-    handle = beating.send(beating.goal(host, agent="two_words"))
-    ros.until(lambda: mouth.goals)
-    beating.fall_silent()
-    mouth.script = Script()
-    mouth.goals[0].finish()
+@pytest.mark.usefixtures("beating")
+def test_stalled_host_continues_only_after_market_confirms_run(stage: Stage) -> None:
+    set_parameter(stage.host, "market_lease", 10.0)
+    handle = stage.begin("two_words")
+    stage.market.fall_silent()
+    stage.mouth.script = Script()
+    stage.mouth.goals[0].finish()
     time.sleep(0.7)
-    end = time.monotonic() + 0.6
-    ros.until(lambda: time.monotonic() > end)
-    assert len(mouth.goals) == 1
-    beating.live()
-    assert beating.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
-    assert len(mouth.goals) == 2
+    stage.pass_time(0.6)
+    assert len(stage.mouth.goals) == 1
+    stage.market.live()
+    assert stage.market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert len(stage.mouth.goals) == 2
 
 
-def test_stalled_host_stops_clean_up_already_begun(
-    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
-) -> None:
-    handle = beating.send(beating.goal(host))
-    ros.until(lambda: mouth.goals)
+@pytest.mark.usefixtures("beating")
+def test_stalled_host_stops_clean_up_already_begun(stage: Stage) -> None:
+    handle = stage.begin()
     handle.cancel_goal_async()
-    ros.until(lambda: len(mouth.goals) == 2)
+    stage.until(lambda: len(stage.mouth.goals) == 2)
     time.sleep(0.7)
-    answer = beating.result(handle)
+    answer = stage.market.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
-    assert mouth.goals[1].cancels == 1
+    assert stage.mouth.goals[1].cancels == 1
 
 
 def test_goal_of_past_round_is_refused(ros: Any, host: HostNode, market: Market) -> None:
@@ -308,36 +285,32 @@ def test_stalled_host_registers_again_once(
     assert len(market.requests) == before + 1
 
 
-def test_replaced_host_stops_its_run_silently_and_withdraws(
-    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
-) -> None:
-    handle = beating.send(beating.goal(host))
-    ros.until(lambda: mouth.goals)
-    beating.refuses_host = "HOST_EXISTS: another /agents is alive"
+@pytest.mark.usefixtures("beating")
+def test_replaced_host_stops_its_run_silently_and_withdraws(stage: Stage) -> None:
+    handle = stage.begin()
+    stage.market.refuses_host = "HOST_EXISTS: another /agents is alive"
     time.sleep(0.7)
-    answer = beating.result(handle)
+    answer = stage.market.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert answer.result.message.startswith("the market refuses this host: HOST_EXISTS")
-    assert [goal.outcome for goal in mouth.goals] == ["cancelled"]
-    ros.until(lambda: not beating.action.server_is_ready())
-    beating.refuses_host = ""
-    ros.until(lambda: host.registered)
-    assert beating.send(beating.goal(host, agent="quick", round=2)).accepted
+    assert [goal.outcome for goal in stage.mouth.goals] == ["cancelled"]
+    stage.until(lambda: not stage.market.action.server_is_ready())
+    stage.market.refuses_host = ""
+    stage.until(lambda: stage.host.registered)
+    assert stage.run("quick", round=2).accepted
 
 
-def test_refused_host_accepts_no_goal_while_run_ends(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    mouth.script = Script(finish_s=None, on_cancel="ignores")
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
-    market.refuses_host = "OTHER_PARAMETERS: both must read the same scene.yaml"
-    market.epoch = "e2"
-    market.open()
-    ros.until(lambda: not host._registration.accepted)
-    assert host._runs.busy
-    assert market.refusal(market.goal(host, agent="quick", round=2)) == "UNREGISTERED"
-    answer = market.result(handle)
+def test_refused_host_accepts_no_goal_while_run_ends(stage: Stage) -> None:
+    stage.mouth.script = Script(finish_s=None, on_cancel="ignores")
+    handle = stage.begin()
+    stage.market.refuses_host = "OTHER_PARAMETERS: both must read the same scene.yaml"
+    stage.market.epoch = "e2"
+    stage.market.open()
+    stage.until(lambda: not stage.host._registration.accepted)
+    assert stage.host._runs.busy
+    goal = stage.market.goal(stage.host, agent="quick", round=2)
+    assert stage.market.refusal(goal) == "UNREGISTERED"
+    answer = stage.market.result(handle)
     assert answer.result.message.startswith("the market refuses this host: OTHER_PARAMETERS")
     assert list(answer.result.orphans) == ["tree"]
 
@@ -398,153 +371,111 @@ def test_blocking_plugin_fails_without_affecting_others(
     assert answer.result.outcome == RunAgent.Result.SUCCEEDED
 
 
-def test_cancel_arriving_with_goal_starts_nothing(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    begin = host._runs._begin
+def test_cancel_arriving_with_goal_starts_nothing(stage: Stage) -> None:
+    begin = stage.host._runs._begin
 
     def cancelled_at_once(goal: Any) -> None:
         begin(goal)
         goal._update_state(GoalEvent.CANCEL_GOAL)
-        host._runs._answer_cancel(goal)
+        stage.host._runs._answer_cancel(goal)
 
-    host._runs._server.register_handle_accepted_callback(cancelled_at_once)
-    handle = market.send(market.goal(host))
-    answer = market.result(handle)
+    stage.host._runs._server.register_handle_accepted_callback(cancelled_at_once)
+    handle = stage.run("talker")
+    answer = stage.market.result(handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert (answer.result.outcome, answer.result.ticks) == (RunAgent.Result.CANCELLED, 0)
-    ros.turns(NOT_ONCE_MORE)
-    assert mouth.goals == []
+    stage.ros.turns(NOT_ONCE_MORE)
+    assert stage.mouth.goals == []
 
 
-def cancel(ros: Any, goal_id: Any) -> Any:
-    client = ros.node.create_client(CancelGoal, "agents/run/_action/cancel_goal")
-    request = CancelGoal.Request()
-    request.goal_info.goal_id.uuid = goal_id
-    return ros.call(client, request)
-
-
-def test_cancel_of_unknown_goal_is_refused_without_effect(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
-    answer = cancel(ros, [7] * 16)
-    assert answer.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
-    ros.turns(NOT_ONCE_MORE)
-    assert_undisturbed(market, handle, mouth.goals[0])
-
-
-def test_cancel_of_ended_run_does_not_affect_next(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    first = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
-    mouth.goals[0].finish()
-    assert market.result(first).result.outcome == RunAgent.Result.SUCCEEDED
-    second = market.send(market.goal(host, round=2))
-    ros.until(lambda: len(mouth.goals) == 2)
-    answer = cancel(ros, first.goal_id.uuid)
-    assert answer.return_code != CancelGoal.Response.ERROR_NONE
-    ros.turns(NOT_ONCE_MORE)
-    assert_undisturbed(market, second, mouth.goals[1])
+def test_cancel_of_unknown_or_ended_goal_changes_nothing(stage: Stage) -> None:
+    first = stage.begin()
+    stage.mouth.goals[0].finish()
+    assert stage.market.result(first).result.outcome == RunAgent.Result.SUCCEEDED
+    second = stage.begin(round=2)
+    client = stage.ros.node.create_client(CancelGoal, "agents/run/_action/cancel_goal")
+    for goal_id, code in (
+        ([7] * 16, CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID),
+        (first.goal_id.uuid, CancelGoal.Response.ERROR_GOAL_TERMINATED),
+    ):
+        request = CancelGoal.Request()
+        request.goal_info.goal_id.uuid = goal_id
+        assert stage.ros.call(client, request).return_code == code
+    stage.ros.turns(NOT_ONCE_MORE)
+    assert stage.mouth.goals[1].cancels == 0
+    stage.mouth.goals[1].finish()
+    assert stage.market.result(second).result.outcome == RunAgent.Result.SUCCEEDED
 
 
 @pytest.mark.usefixtures("steady")
-def test_repeated_cancel_keeps_host_busy_until_goals_settle(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    mouth.script = Script(finish_s=None, cancel_s=0.3)
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
+def test_repeated_cancel_keeps_host_busy_until_goals_settle(stage: Stage) -> None:
+    stage.mouth.script = Script(finish_s=None, cancel_s=0.3)
+    handle = stage.begin()
     handle.cancel_goal_async()
-    ros.until(lambda: len(mouth.goals) == 2)
+    stage.until(lambda: len(stage.mouth.goals) == 2)
     again = handle.cancel_goal_async()
-    assert market.refusal(market.goal(host, agent="quick", round=2)) == "BUSY"
-    ros.until(again.done)
-    assert mouth.goals[1].cancels == 0
-    mouth.goals[1].finish()
-    answer = market.result(handle)
+    assert stage.market.refusal(stage.market.goal(stage.host, agent="quick", round=2)) == "BUSY"
+    stage.until(again.done)
+    assert stage.mouth.goals[1].cancels == 0
+    stage.mouth.goals[1].finish()
+    answer = stage.market.result(handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert list(answer.result.orphans) == []
-    assert [goal.outcome for goal in mouth.goals] == ["cancelled", "succeeded"]
-    assert market.send(market.goal(host, agent="quick", round=2)).accepted
+    assert [goal.outcome for goal in stage.mouth.goals] == ["cancelled", "succeeded"]
+    assert stage.run("quick", round=2).accepted
 
 
-def test_goal_ignoring_its_cancel_is_a_named_orphan(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    mouth.script = Script(finish_s=None, on_cancel="ignores")
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
-    mouth.script = Script()
-    handle.cancel_goal_async()
-    answer = market.result(handle)
-    assert answer.result.outcome == RunAgent.Result.CANCELLED
-    assert list(answer.result.orphans) == ["tree"]
-
-
-@pytest.mark.usefixtures("steady")
-def test_run_of_silent_market_stops_and_is_reported(
-    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
-) -> None:
-    set_parameter(host, "market_lease", 0.5)
-    handle = beating.send(beating.goal(host, round=7))
-    ros.until(lambda: mouth.goals)
-    end = time.monotonic() + 0.6
-    ros.until(lambda: time.monotonic() > end)
-    assert mouth.goals[0].cancels == 0
-    beating.fall_silent()
-    mouth.script = Script()
-    answer = beating.result(handle)
+@pytest.mark.usefixtures("beating", "steady")
+def test_run_of_silent_market_stops_and_is_reported(stage: Stage) -> None:
+    set_parameter(stage.host, "market_lease", 0.5)
+    handle = stage.begin(round=7)
+    stage.pass_time(0.6)
+    assert stage.mouth.goals[0].cancels == 0
+    stage.market.fall_silent()
+    stage.mouth.script = Script()
+    answer = stage.market.result(handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert re.match(r"its market has been silent for \d+\.\d", answer.result.message)
-    assert [goal.outcome for goal in mouth.goals] == ["cancelled", "succeeded"]
-    assert list(beating.requests[-1].unreported) == []
+    assert [goal.outcome for goal in stage.mouth.goals] == ["cancelled", "succeeded"]
+    assert list(stage.market.requests[-1].unreported) == []
 
-    beating.epoch = "e2"
-    beating.live()
-    ros.until(lambda: beating.requests[-1].unreported)
-    [run] = beating.requests[-1].unreported
+    stage.market.epoch = "e2"
+    stage.market.live()
+    stage.until(lambda: stage.market.requests[-1].unreported)
+    [run] = stage.market.requests[-1].unreported
     assert (run.epoch, run.round, run.agent) == ("e1", 7, "talker")
     assert (run.event, run.outcome) == (Run.ENDED, Run.CANCELLED)
     assert run.stop_cause == answer.result.stop_cause == Run.MARKET_LOST
-    assert run.host_instance == host.instance
+    assert run.host_instance == stage.host.instance
     assert run.scene.scene_id == "s1"
-    ros.until(lambda: host._registration.epoch == "e2")
-    count = len(beating.requests)
-    beating.epoch = "e3"
-    beating.open()
-    ros.until(lambda: len(beating.requests) > count)
-    assert list(beating.requests[-1].unreported) == []
+    stage.until(lambda: stage.host._registration.epoch == "e2")
+    count = len(stage.market.requests)
+    stage.market.epoch = "e3"
+    stage.market.open()
+    stage.until(lambda: len(stage.market.requests) > count)
+    assert list(stage.market.requests[-1].unreported) == []
 
 
-def test_market_lost_before_first_heartbeat_is_detected(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    set_parameter(host, "market_lease", 0.5)
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
-    mouth.script = Script()
-    assert market.result(handle).result.stop_cause == RunAgent.Result.MARKET_LOST
+def test_market_lost_before_first_heartbeat_is_detected(stage: Stage) -> None:
+    set_parameter(stage.host, "market_lease", 0.5)
+    handle = stage.begin()
+    stage.mouth.script = Script()
+    assert stage.market.result(handle).result.stop_cause == RunAgent.Result.MARKET_LOST
 
 
 @pytest.mark.usefixtures("steady")
-def test_run_of_restarted_market_stops_and_is_reported(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
-    market.epoch = "e2"
-    market.live()
-    ros.until(lambda: len(mouth.goals) == 2)
-    assert mouth.goals[0].cancels == 1
-    assert all(not request.unreported for request in market.requests)
-    mouth.goals[1].finish()
-    answer = market.result(handle)
+def test_run_of_restarted_market_stops_and_is_reported(stage: Stage) -> None:
+    handle = stage.begin()
+    stage.market.epoch = "e2"
+    stage.market.live()
+    stage.until(lambda: len(stage.mouth.goals) == 2)
+    assert stage.mouth.goals[0].cancels == 1
+    assert all(not request.unreported for request in stage.market.requests)
+    stage.mouth.goals[1].finish()
+    answer = stage.market.result(handle)
     assert answer.result.message == "its market is gone"
-    ros.until(lambda: market.requests[-1].unreported)
-    [run] = market.requests[-1].unreported
+    stage.until(lambda: stage.market.requests[-1].unreported)
+    [run] = stage.market.requests[-1].unreported
     assert (run.epoch, run.outcome, run.message) == ("e1", Run.CANCELLED, "its market is gone")
     assert run.stop_cause == answer.result.stop_cause == Run.MARKET_LOST
     assert answer.result.host_reason
@@ -563,16 +494,6 @@ def test_announced_run_is_not_reported_again(ros: Any, host: HostNode, market: M
     ros.until(lambda: market.requests[-1].unreported)
     [run] = market.requests[-1].unreported
     assert (run.round, run.outcome) == (2, Run.SUCCEEDED)
-
-
-def test_heartbeat_of_new_market_makes_host_register_again(
-    ros: Any, host: HostNode, market: Market
-) -> None:
-    before = len(market.requests)
-    market.epoch = "e2"
-    market.live()
-    ros.until(lambda: len(market.requests) > before)
-    ros.until(lambda: host._registration.epoch == "e2")
 
 
 def test_host_between_two_markets_limits_its_registrations(
@@ -598,23 +519,6 @@ def simulated(ros: Any, market: Market, tmp_path: Path) -> HostNode:
     path = folder(tmp_path, SLEEPER, QUICK)
     overrides = [Parameter("use_sim_time", value=True)]
     return market.host(path, parameter_overrides=overrides)
-
-
-class Bag:
-    """Publishes simulated time on request."""
-
-    def __init__(self, ros: Any) -> None:
-        self._ros = ros
-        self._clock = ros.node.create_publisher(ClockMsg, "/clock", qos.SENSOR)
-
-    def play(self, host: HostNode, seconds: int) -> None:
-        """Set the time, and wait until the host has it."""
-
-        def told() -> bool:
-            self._clock.publish(ClockMsg(clock=Time(sec=seconds)))
-            return bool(host.get_clock().now().nanoseconds == seconds * 10**9)
-
-        self._ros.until(told)
 
 
 def test_agents_without_simulated_time_do_not_bid(
