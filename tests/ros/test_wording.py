@@ -13,7 +13,7 @@ import pytest
 
 from active_nodes import active_market
 from bt_agents_core.errors import Refused
-from bt_agents_interfaces.msg import Auction, MarketStatus, Run
+from bt_agents_interfaces.msg import Auction, Run
 from bt_agents_interfaces.srv import CancelRun, GiveFeedback, OperateMarket
 from whole_system import System, write_agents
 
@@ -86,11 +86,6 @@ def started(system: System, count: int) -> Callable[[], bool]:
     return lambda: sum(run.event == Run.STARTED for run in system.runs) == count
 
 
-def operate(system: System, **fields: Any) -> Any:
-    client = system.ros.node.create_client(OperateMarket, "marketplace/operate")
-    return system.ros.call(client, OperateMarket.Request(author="test", **fields))
-
-
 def test_complete_cycle_does_not_depend_on_wording(ros: Any, tmp_path: Path, words: str) -> None:
     trees = write_agents(tmp_path, wait="30 s", young=1.5, middle=3.0, old=4.5)
     system = System(ros, trees)
@@ -100,8 +95,9 @@ def test_complete_cycle_does_not_depend_on_wording(ros: Any, tmp_path: Path, wor
     ros.until(started(system, 1))
     assert system.analyze(announce=False, mood=2).accepted, "the mood falls: a rule stops the run"
     ros.until(started(system, 2))
-    running = system.runs[-1].agent
-    assert operate(system, action=OperateMarket.Request.VETO, agent=running).accepted
+    operate = ros.node.create_client(OperateMarket, "marketplace/operate")
+    veto = {"action": OperateMarket.Request.VETO, "agent": system.runs[-1].agent}
+    assert ros.call(operate, OperateMarket.Request(author="test", **veto)).accepted
     ros.until(started(system, 3))
     cancel = ros.node.create_client(CancelRun, "marketplace/cancel")
     assert ros.call(cancel, CancelRun.Request(reason="enough")).accepted
@@ -150,13 +146,3 @@ def test_interrupted_run_is_retried_whatever_the_wording(
     ros.until(lambda: system.ends and len(system.auctions) == 2)
     assert [end.code for end in system.ends] == ["LOST"]
     assert system.auctions[-1].scene.scene_id == f"{system.auctions[0].scene.scene_id}+again"
-
-
-def test_market_publishes_its_ranking_strategies(ros: Any, tmp_path: Path) -> None:
-    system = System(ros, write_agents(tmp_path, young=1.5))
-    ros.until(lambda: system.statuses)
-    status: MarketStatus = system.statuses[-1]
-    options = {info.name: list(info.options) for info in status.strategies}
-    assert options["softmax"] == ["temperature"]
-    assert options["manhattan"] == []
-    assert all(info.description for info in status.strategies)
