@@ -12,47 +12,26 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
 from active_nodes import active_scene_layer
-from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_interfaces.msg import Expression, Faces, MarketStatus, Run, Scene, SceneValue
-from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
+from bt_agents_interfaces.msg import Faces, MarketStatus, Run, Scene, SceneValue
+from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.visitors import VisitorsNode
 from bt_agents_ros import qos
 from file_texts import read_scene_text
+from scene_spaces import AGE_AND_MOOD as SPACE
+from scene_spaces import source
 
 pytestmark = pytest.mark.ros
-
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "mood")
-    ),
-    mood="mood",
-)
-
-
-def source(parameter: str, type_name: str, *points: tuple[float, float]) -> SourceSpec:
-    return SourceSpec(
-        parameter=parameter,
-        topic=f"sensors/{parameter}",
-        type=type_name,
-        field=parse_expression("msg.data"),
-        points=points,
-        stale_after_s=0.5,
-        position=Position(file="scene.yaml", line=1, column=1),
-    )
 
 
 SPEC = SceneSpec(
     space=SPACE,
     sources=(
-        source("age", "std_msgs/msg/Int32", (0.0, 1.0), (80.0, 5.0)),
-        source("mood", "std_msgs/msg/Float64", (-1.0, 1.0), (1.0, 5.0)),
+        source("age", "std_msgs/msg/Int32", (0.0, 1.0), (80.0, 5.0), stale_after_s=0.5),
+        source("mood", "std_msgs/msg/Float64", (-1.0, 1.0), (1.0, 5.0), stale_after_s=0.5),
     ),
-    person=source("person", "std_msgs/msg/Bool"),
+    person=source("person", "std_msgs/msg/Bool", stale_after_s=0.5),
 )
 
 
@@ -91,6 +70,16 @@ class Street:
     def idle(self, finished: str = "") -> None:
         self.market.publish(MarketStatus(epoch="e", agents=1, finished_scene_id=finished))
 
+    def meet(self) -> None:
+        """Wait for the scene of the first visitor."""
+        self.idle()
+        self.ros.until(lambda: self.scenes)
+
+    def begin(self) -> None:
+        """Start the run for the first visitor."""
+        self.meet()
+        self.start(1)
+
     def start(self, number: int) -> None:
         status = MarketStatus(epoch="e", agents=1, round=number, state=MarketStatus.RUNNING)
         self.market.publish(status)
@@ -115,11 +104,11 @@ def visit(label: str, *, person: bool = True, **values: float) -> Visit:
 
 
 def test_visitors_are_sensed_in_sequence(ros):
-    street = Street(ros, visit("a", age=3.0, mood=4.0), visit("ladder", person=False, mood=2.0))
+    ladder = replace(visit("ladder", person=False, mood=2.0), urgent=True)
+    street = Street(ros, visit("a", age=3.0, mood=4.0), ladder)
     ros.turns(20)
     assert street.scenes == []
-    street.idle()
-    ros.until(lambda: len(street.scenes) == 1)
+    street.meet()
     assert measured(street.scenes[0]) == {"age": 3.0, "mood": 4.0}
     assert street.scenes[0].person
     street.start(1)
@@ -131,44 +120,21 @@ def test_visitors_are_sensed_in_sequence(ros):
     street.finish(2)
     ros.until(lambda: street.done)
     assert [label.data for label in street.current] == ["a", "", "ladder", ""]
-    assert len(street.scenes) == 2
-
-
-def test_urgent_visitor_requests_urgent_scene(ros):
-    street = Street(ros, Visit(label="a", person=True, values={"mood": 4.0}, urgent=True))
-    street.idle()
-    ros.until(lambda: street.scenes)
-    assert street.scenes[0].urgent
-    assert measured(street.scenes[0]) == {"mood": 4.0}
-    street.start(1)
-    street.finish(1)
-    ros.until(lambda: street.done)
-
-
-def test_changes_during_run_are_sensed(ros):
-    change = SceneChange(after_s=1.0, values={"mood": 1.0}, person=False)
-    angry = Visit(label="a", person=True, values={"mood": 4.0}, changes=(change,))
-    street = Street(ros, angry)
-    street.idle()
-    ros.until(lambda: street.scenes)
-    street.start(1)
-    ros.until(lambda: street.live and measured(street.live[-1]) == {"mood": 1.0})
-    ros.until(lambda: not street.live[-1].person)
+    assert [scene.urgent for scene in street.scenes] == [False, True]
 
 
 def test_change_without_effect_is_reported(ros, monkeypatch):
     # The first change has its effect, however late.
     monkeypatch.setattr("bt_agents_robot.change_effects.EFFECT_S", 300.0)
     changes = (
-        SceneChange(after_s=0.2, values={"mood": 1.0}),
+        SceneChange(after_s=0.2, values={"mood": 1.0}, person=False),
         SceneChange(after_s=6000.0, values={"mood": 2.0}),
     )
     street = Street(ros, Visit(label="a", person=True, values={"mood": 4.0}, changes=changes))
     remarks = ros.collect(String, "visitors/remarks", qos.FACTS)
-    street.idle()
-    ros.until(lambda: street.scenes)
-    street.start(1)
+    street.begin()
     ros.until(lambda: street.live and measured(street.live[-1]) == {"mood": 1.0})
+    ros.until(lambda: not street.live[-1].person)
     street.finish(1)
     ros.until(lambda: street.done and remarks)
     said = "a: mood 2 after 6000 s had no effect: the visit was over by then"
@@ -179,8 +145,7 @@ def test_change_that_no_live_scene_shows_is_reported(ros):
     change = SceneChange(after_s=0.2, values={"mood": 1.0})
     street = Street(ros, Visit(label="a", person=True, values={"mood": 4.0}, changes=(change,)))
     remarks = ros.collect(String, "visitors/remarks", qos.FACTS)
-    street.idle()
-    ros.until(lambda: street.scenes)
+    street.meet()
     ros.executor.remove_node(street.layer)
     street.start(1)
     ros.until(lambda: remarks)
@@ -192,9 +157,7 @@ def test_visitor_answers_question_by_keyword(ros):
     street = Street(ros, polite)
     street.questions.publish(String(data="Shall we go?"))
     ros.turns()
-    street.idle()
-    ros.until(lambda: street.scenes)
-    street.start(1)
+    street.begin()
     street.questions.publish(String(data="What time is it?"))
     street.questions.publish(String(data="Shall we go?"))
     ros.until(lambda: street.said)
@@ -207,30 +170,15 @@ PRESSER = Visit(
 )
 
 
-def test_button_is_pressed_once_after_robot_names_it(ros):
-    pressed = ros.collect(Bool, "buttons/ok", qos.EVENTS)
-    street = Street(ros, PRESSER)
-    ros.until(lambda: street.node.count_subscribers("buttons/ok"))
-    street.idle()
-    ros.until(lambda: street.scenes)
-    ros.turns()
-    assert pressed == []
-    street.start(1)
-    street.acts.publish(String(data="shows: Good morning."))
-    street.acts.publish(String(data="shows: Press the green button to start."))
-    ros.until(lambda: pressed)
-    ros.turns()
-    assert [button.data for button in pressed] == [True]
-
-
-def test_button_press_waits_until_tree_listens(ros, capfd):
+def test_named_button_is_pressed_once_tree_listens(ros, capfd):
     street = Street(ros, PRESSER, PRESSER)
     heard_elsewhere: list[Bool] = []
     recorder = ros.add(Node("recorder"))
     recorder.create_subscription(Bool, "buttons/ok", heard_elsewhere.append, qos.EVENTS)
-    street.idle()
-    ros.until(lambda: len(street.scenes) == 1)
-    street.start(1)
+    street.begin()
+    street.acts.publish(String(data="shows: Good morning."))
+    ros.turns(20)
+    assert not street.node._presses._planned
     street.acts.publish(String(data="says: Press the green button to start."))
     ros.until(lambda: street.node._presses._planned)
     ros.turns(20)
@@ -245,9 +193,7 @@ def test_button_press_waits_until_tree_listens(ros, capfd):
 
 def test_unpressed_button_is_reported_when_visitor_leaves(ros, capfd):
     street = Street(ros, PRESSER)
-    street.idle()
-    ros.until(lambda: street.scenes)
-    street.start(1)
+    street.begin()
     street.acts.publish(String(data="says: Press the green button to start."))
     ros.until(lambda: street.node._presses._planned)
     planned = street.node._presses._planned["buttons/ok"]
@@ -267,39 +213,6 @@ def test_visitors_wait_for_scene_layer(ros):
     ros.add(active_scene_layer(SPEC))
     ros.until(lambda: len(street.scenes) == 1)
     assert measured(street.scenes[0]) == {"mood": 4.0}
-
-
-def test_a_restarted_market_meets_the_same_visitor_again(ros):
-    street = Street(ros, visit("a", mood=4.0))
-    street.idle()
-    ros.until(lambda: len(street.scenes) == 1)
-    street.market.publish(MarketStatus(epoch="new", agents=1))
-    ros.until(lambda: len(street.scenes) == 2)
-    assert measured(street.scenes[1]) == {"mood": 4.0}
-    assert street.done == []
-
-
-def test_simulated_expressions_use_words_with_full_confidence(ros):
-    face = replace(
-        source("mood", "bt_agents_interfaces/msg/Expression"),
-        field=parse_expression("msg.expression"),
-        confidence=parse_expression("msg.confidence"),
-        table=(("sad", 1.0), ("happy", 5.0)),
-    )
-    faces = ros.collect(Expression, face.topic, qos.EVENTS)
-    spec = SceneSpec(space=SPACE, sources=(face,), person=None)
-    visitors = ros.add(VisitorsNode(spec, Script(title="", visits=())))
-    ros.until(lambda: visitors.count_subscribers(face.topic))
-    visitors._change(SceneChange(after_s=0.0, values={"mood": 4.5}))
-    ros.until(lambda: faces)
-    assert (faces[0].expression, faces[0].confidence) == ("happy", 1.0)
-
-
-def test_computed_reading_cannot_be_simulated(ros):
-    computed = replace(SPEC.sources[1], field=parse_expression("msg.data + 1"))
-    spec = SceneSpec(space=SPACE, sources=(computed,), person=None)
-    with pytest.raises(Refused, match=r"cannot write msg\.data \+ 1"):
-        VisitorsNode(spec, Script(title="", visits=()))
 
 
 TRACKED = """
@@ -341,8 +254,7 @@ def test_visitors_are_tracked(ros, text):
     street = Street(
         ros, lady, visit("child", age=1.0, mood=1.0), spec=read_scene_text(text, "scene.yaml")
     )
-    street.idle()
-    ros.until(lambda: len(street.scenes) == 1)
+    street.meet()
     assert measured(street.scenes[0]) == pytest.approx({"age": 4.0, "mood": 5.0})
     assert (street.scenes[0].person, street.scenes[0].person_id) == (True, "visitor1")
     street.start(1)
@@ -357,8 +269,7 @@ def test_a_visitor_may_be_known_by_name(ros):
     anna = Visit(label="anna comes", person=True, values={"mood": 5.0}, name="anna")
     faces = ros.collect(Faces, "faces", qos.SENSOR)
     street = Street(ros, anna, spec=read_scene_text(FACES, "scene.yaml"))
-    street.idle()
-    ros.until(lambda: len(street.scenes) == 1)
+    street.meet()
     assert street.scenes[0].person_id == "anna"
     [seen] = faces[-1].faces
     assert (seen.face_id, seen.known, seen.emotion) == ("anna", True, "happy")
@@ -377,7 +288,14 @@ def test_visitor_name_is_refused_for_numeric_ids(ros):
     assert found.value.code == "NAMED_VISITOR"
 
 
-def test_text_source_fails_start_with_message(ros):
-    spec = SceneSpec(space=SPACE, sources=(source("mood", "std_msgs/msg/String"),), person=None)
-    with pytest.raises(Refused, match=r"scene\.yaml:1:1.*expected a boolean or a number"):
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (source("mood", field="msg.data + 1"), r"cannot write msg\.data \+ 1"),
+        (source("mood", "std_msgs/msg/String"), r"expected a boolean or a number"),
+    ],
+)
+def test_unsuitable_source_fails_start_with_message(ros, bad, words):
+    spec = SceneSpec(space=SPACE, sources=(bad,), person=None)
+    with pytest.raises(Refused, match=rf"scene\.yaml:1:1.*{words}"):
         VisitorsNode(spec, Script(title="", visits=()))
