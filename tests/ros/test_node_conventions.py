@@ -41,7 +41,7 @@ def node_with(ros: Any, **overrides: Any) -> BaseNode:
     return ros.add(BaseNode("some_node", parameter_overrides=given))
 
 
-def test_qos_overrides_apply_to_publishers_and_subscriptions(ros: Any) -> None:
+def test_qos_overrides_apply_only_to_named_endpoints(ros: Any) -> None:
     node = node_with(
         ros,
         scene__publisher__depth=7,
@@ -50,36 +50,27 @@ def test_qos_overrides_apply_to_publishers_and_subscriptions(ros: Any) -> None:
     )
     publisher = node.create_publisher(Empty, "scene", qos.FACT)
     subscription = node.create_subscription(Empty, "scene", lambda _: None, qos.FACT)
+    other = node.create_publisher(Empty, "market", qos.FACT)
+    elsewhere = ros.add(BaseNode("other")).create_publisher(Empty, "scene", qos.FACT)
     assert publisher.qos_profile.depth == 7
     assert publisher.qos_profile.durability == DurabilityPolicy.VOLATILE
     assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
     assert subscription.qos_profile.depth == 1
     assert subscription.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-
-
-def test_override_applies_to_one_topic_of_one_node(ros: Any) -> None:
-    node = node_with(ros, scene__publisher__depth=7)
-    node.create_publisher(Empty, "scene", qos.FACT)
-    other = node.create_publisher(Empty, "market", qos.FACT)
-    elsewhere = ros.add(BaseNode("other")).create_publisher(Empty, "scene", qos.FACT)
     assert [one.qos_profile.depth for one in (other, elsewhere)] == [1, 1]
     assert qos.FACT.depth == 1
+    names = [name for name in node.list_parameters([], 0).names if name.startswith("qos")]
+    assert sorted(names) == [
+        "qos_overrides./scene.publisher.depth",
+        "qos_overrides./scene.publisher.durability",
+        "qos_overrides./scene.subscription.reliability",
+    ]
 
 
 def test_override_uses_remapped_topic_name(ros: Any) -> None:
     given = [Parameter("qos_overrides./robot/scene.publisher.depth", value=7)]
     node = ros.add(BaseNode("some_node", namespace="/robot", parameter_overrides=given))
     assert node.create_publisher(Empty, "scene", qos.FACT).qos_profile.depth == 7
-
-
-def test_only_given_overrides_become_parameters(ros: Any) -> None:
-    node = node_with(ros, scene__publisher__depth=7)
-    node.create_publisher(Empty, "scene", qos.FACT)
-    node.create_publisher(Empty, "market", qos.FACT)
-    names = node.list_parameters([], 0).names
-    assert [name for name in names if name.startswith("qos")] == [
-        "qos_overrides./scene.publisher.depth"
-    ]
 
 
 @pytest.mark.parametrize(
