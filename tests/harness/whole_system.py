@@ -78,10 +78,6 @@ class System:
         )
         return self.ros.call(client, request)
 
-    def analyze_absent(self, **values: float) -> str:
-        """Trigger a scene without a person; return its id."""
-        return str(self.analyze(person=Analyze.Request.ABSENT, **values).scene.scene_id)
-
     def finished(self, scene_id: str) -> bool:
         """Return whether a scene is over and the records of its last round are received."""
         over = any(status.finished_scene_id == scene_id for status in self.statuses)

@@ -14,7 +14,7 @@ import pytest
 from active_nodes import active_market
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Auction, Run
-from bt_agents_interfaces.srv import CancelRun, GiveFeedback, OperateMarket
+from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, OperateMarket
 from whole_system import System, write_agents
 
 pytestmark = pytest.mark.ros
@@ -89,7 +89,7 @@ def started(system: System, count: int) -> Callable[[], bool]:
 def test_complete_cycle_does_not_depend_on_wording(ros: Any, tmp_path: Path, words: str) -> None:
     trees = write_agents(tmp_path, wait="30 s", young=1.5, middle=3.0, old=4.5)
     system = System(ros, trees)
-    system.analyze_absent(age=5)
+    system.analyze(person=Analyze.Request.ABSENT, age=5)
     ros.until(lambda: len(system.ends) == 1)
     scene_id = system.analyze(age=5, familiarity=3, mood=4).scene.scene_id
     ros.until(started(system, 1))
