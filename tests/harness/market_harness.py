@@ -195,6 +195,13 @@ class MarketHarness:
         self.do(effects)
         return accepted, message
 
+    def configure(self, **settings: Any) -> None:
+        """Replace the settings; what is not named has its default."""
+        self.do(self.market.configure(Settings(**settings), self.now))
+
+    def shut_down(self, reason: str = "shutting down") -> None:
+        self.do(self.market.shut_down(reason, self.now))
+
     def operate(self, action: OperatorAction, agent: str = "", **fields: Any) -> str:
         """Act as an operator; return the answer, or the code of the refusal."""
         command = OperatorCommand(action=action, agent=agent, **fields)
@@ -312,3 +319,10 @@ class MarketHarness:
             + (f" {run.outcome.name}" if run.outcome else "")
             for run in self.all(AnnounceRun)
         ]
+
+
+def with_host(**settings: Any) -> MarketHarness:
+    """Return a market with one host, of the guide and the express."""
+    market = MarketHarness(**settings)
+    market.register()
+    return market

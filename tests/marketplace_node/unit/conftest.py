@@ -5,25 +5,27 @@ from __future__ import annotations
 
 import pytest
 
-from market_harness import GUIDE, PLAIN, MarketHarness
+from market_harness import GUIDE, PLAIN, MarketHarness, with_host
 
 
 @pytest.fixture
 def market() -> MarketHarness:
     """A market with one host, of the guide and the express."""
-    harness = MarketHarness()
-    harness.register()
-    return harness
+    return with_host()
+
+
+@pytest.fixture
+def impatient() -> MarketHarness:
+    """The same market, which does not wait for hosts."""
+    return with_host(host_wait_s=0)
 
 
 @pytest.fixture
 def two() -> MarketHarness:
     """A market that has awarded a scene to the first of two hosts."""
-    market = MarketHarness()
-    market.register()
+    market = with_host()
     market.register("/others", PLAIN)
-    market.scene()
-    market.bid()
+    market.award()
     market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
     assert market.goal.agent == GUIDE
     return market

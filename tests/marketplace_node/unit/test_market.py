@@ -11,23 +11,24 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import Health
 from bt_agents_core.stop_cause import StoppedBy
-from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, registration, scene
-from marketplace_node.effects import AnnounceRun, Collect, PublishAuction, State, StatusChanged
+from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, scene
+from marketplace_node.effects import (
+    AnnounceRun,
+    Collect,
+    PublishAuction,
+    SceneEnded,
+    State,
+    StatusChanged,
+)
+from marketplace_node.health import hosts_health, queue_health
 from marketplace_node.hosts.host_effects import CancelAll, CancelGoal, Connect
-from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.outcomes import AuctionOutcome, RunEventKind
 from marketplace_node.round.decision import ClosedBy
 from marketplace_node.settings import RANGES, Settings
 
 ROOT = Path(__file__).parents[3]
-
-
-@pytest.fixture
-def impatient() -> MarketHarness:
-    """A market that does not wait for hosts."""
-    harness = MarketHarness(host_wait_s=0)
-    harness.register()
-    return harness
 
 
 def test_interaction_passes_through_all_states(market: MarketHarness) -> None:
@@ -36,32 +37,29 @@ def test_interaction_passes_through_all_states(market: MarketHarness) -> None:
     market.end()
     market.collect("moved")
 
-    states = [effect.state for effect in market.all(StatusChanged)]
-    assert list(dict.fromkeys(states)) == [
-        State.IDLE,
-        State.BIDDING,
-        State.AWARDING,
-        State.RUNNING,
-        State.COLLECTING,
-    ]
+    states = dict.fromkeys(effect.state.name for effect in market.all(StatusChanged))
+    assert " ".join(states) == "IDLE BIDDING AWARDING RUNNING COLLECTING"
     assert market.events == ["1 attentive_guide STARTED", "1 attentive_guide ENDED SUCCEEDED"]
     ended = market.all(AnnounceRun)[-1]
     assert (ended.message, ended.orphans, ended.ticks) == ("done", ("tree/0.say",), 7)
     assert ended.duration_s == 3.0
     assert (ended.stopped_by, ended.stop_reason) == (StoppedBy.NOT_SAID, "")
-    assert market.over == ["s1"]
-    assert market.status.state is State.IDLE
-    assert market.status.finished_scene_id == "s1"
-    assert market.status.message == ("scene 's1' is over: attentive_guide succeeded: done; moved")
-    assert (market.status.scene_id, market.status.agent, market.status.host) == ("", "", "")
+    status = market.status
+    assert (status.state, status.finished_scene_id) == (State.IDLE, "s1")
+    assert status.message == "scene 's1' is over: attentive_guide succeeded: done; moved"
+    assert (status.scene_id, status.agent, status.host) == ("", "", "")
 
 
-def test_status_names_live_hosts_and_agents(market: MarketHarness) -> None:
+def test_dead_host_is_neither_counted_nor_asked(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     assert (market.status.hosts, market.status.agents) == (2, 3)
+    market.lose(away_s=1.1)
+    assert (market.status.hosts, market.status.agents) == (1, 1)
+    market.scene()
+    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
 
-    market.lose("/others", away_s=1.1)
-    assert (market.status.hosts, market.status.agents) == (1, 2)
+    assert market.auction.decision.closed_by is ClosedBy.ALL_ANSWERED
+    assert market.goal.agent == PLAIN
 
 
 def test_round_closes_at_deadline_despite_silent_host(market: MarketHarness) -> None:
@@ -72,8 +70,7 @@ def test_round_closes_at_deadline_despite_silent_host(market: MarketHarness) -> 
 
     market.wait(0.2)
     decision = market.auction.decision
-    assert decision.closed_by is ClosedBy.DEADLINE
-    assert decision.duration_s == 0.5
+    assert (decision.closed_by, decision.duration_s) == (ClosedBy.DEADLINE, 0.5)
     assert decision.silent_hosts == ("/others",)
     assert market.goal.agent == GUIDE
 
@@ -82,9 +79,8 @@ def test_market_reports_its_next_deadline(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     assert market.market.due == math.inf
     began = market.now
-    market.scene()
+    market.award()
     assert market.market.due == began + 0.5
-    market.bid()
     market.do(market.market.tick(began + 0.4999))
     assert market.status.state is State.BIDDING
     market.now = began + 0.5
@@ -117,24 +113,6 @@ def test_unpublished_call_still_ends(market: MarketHarness) -> None:
     assert market.over == ["s1"]
 
 
-def test_agents_of_dead_hosts_are_not_asked(market: MarketHarness) -> None:
-    market.register("/others", PLAIN)
-    market.lose(away_s=1.1)
-    market.scene()
-    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
-
-    assert market.auction.decision.closed_by is ClosedBy.ALL_ANSWERED
-    assert market.goal.agent == PLAIN
-
-
-def test_late_response_is_noted_but_changes_nothing(market: MarketHarness) -> None:
-    market.run()
-    market.bid(vectors={EXPRESS: (5.0, 1.0, 3.0)})
-
-    assert market.notes == ["bids of /agents are late: round 1 is closed"]
-    assert len(market.all(PublishAuction)) == 1
-
-
 @pytest.mark.parametrize("changes", [{"epoch": "x"}, {"round": 0}, {"round": 9}])
 def test_bids_without_an_open_round_are_only_noted(
     market: MarketHarness, changes: dict[str, Any]
@@ -156,18 +134,6 @@ def test_a_refused_goal_goes_to_the_next_best(market: MarketHarness) -> None:
     assert market.status.agent == EXPRESS
 
 
-def test_interaction_ends_when_all_hosts_refuse_run(impatient: MarketHarness) -> None:
-    impatient.award()
-    impatient.refuse()
-    impatient.refuse()
-
-    assert impatient.events == ["1 attentive_guide REFUSED", "1 professional_express REFUSED"]
-    assert impatient.status.message == (
-        "scene 's1' is over: nobody took the run: attentive_guide (busy); "
-        "professional_express (busy)"
-    )
-
-
 def test_silent_host_loses_award_and_late_acceptance(two: MarketHarness) -> None:
     first = two.goal
     two.wait(2.1)
@@ -177,11 +143,9 @@ def test_silent_host_loses_award_and_late_acceptance(two: MarketHarness) -> None
     cancelled = len(two.all(CancelGoal))
     two.accept(first)
     assert two.all(CancelGoal)[cancelled:] == [CancelGoal(goal=first)]
-    assert two.status.state is State.RUNNING
-    assert two.status.agent == PLAIN
-
     two.end(outcome=3, goal=first)
     assert two.status.state is State.RUNNING, "the end of an old goal ends nothing else"
+    assert two.status.agent == PLAIN
 
 
 def test_acceptance_after_interaction_is_cancelled(impatient: MarketHarness) -> None:
@@ -264,16 +228,6 @@ def test_delayed_idle_heartbeat_does_not_end_run(market: MarketHarness) -> None:
     assert market.status.state is State.RUNNING
 
 
-def test_host_running_for_earlier_market_is_not_asked(impatient: MarketHarness) -> None:
-    impatient.beat(epoch="earlier", round_number=3)
-    impatient.scene()
-    assert "another market" in impatient.auction.reason
-
-    impatient.beat()
-    impatient.scene("s2")
-    assert impatient.status.state is State.BIDDING
-
-
 @pytest.mark.parametrize("outcome", [1, 2, 3])
 def test_feedback_is_collected_after_every_ended_run(market: MarketHarness, outcome: int) -> None:
     market.run()
@@ -312,8 +266,122 @@ def test_unreachable_host_is_forgotten(market: MarketHarness) -> None:
     assert (market.status.hosts, market.status.state) == (0, State.IDLE)
 
 
+# Ends of scenes
+
+
+BID, ACCEPT, REFUSE, STOP = ("bid",), ("accept",), ("refuse",), ("cancel",)
+AGAIN = ("cancel", "enough", True)
+DECLINE = ("bid", "/agents", {}, {GUIDE: "is tired", EXPRESS: "is tired"})
+
+
+@pytest.mark.parametrize(
+    ("steps", "code", "number", "agent", "words"),
+    [
+        ([DECLINE], "NO_BIDS", 1, "", "nobody bids: "),
+        ([BID, REFUSE, REFUSE], "NOT_TAKEN", 1, "", f"run: {GUIDE} (busy); {EXPRESS} (busy)"),
+        ([BID, ACCEPT, ("finish", 1)], "SUCCEEDED", 1, GUIDE, "attentive_guide succeeded: "),
+        ([BID, ACCEPT, ("finish", 2)], "FAILED", 1, GUIDE, "attentive_guide failed: "),
+        ([BID, ACCEPT, ("finish", 3)], "CANCELLED", 1, GUIDE, "attentive_guide cancelled: "),
+        ([BID, ACCEPT, ("lose",)], "LOST", 2, GUIDE, ""),
+        ([STOP], "STOPPED", 1, "", "stopped before the round closed: enough"),
+        ([BID, STOP, ACCEPT, ("end", 3)], "STOPPED", 1, "", ""),
+        ([BID, ACCEPT, STOP, ("finish", 3)], "CANCELLED", 1, GUIDE, "cancelled: enough"),
+        ([BID, ACCEPT, AGAIN, ("finish", 3), DECLINE], "CANCELLED", 2, GUIDE, ""),
+        ([("shut_down",)], "SHUTTING_DOWN", 1, "", ""),
+    ],
+)
+def test_every_scene_has_exactly_one_end(
+    impatient: MarketHarness,
+    steps: list[tuple[Any, ...]],
+    code: str,
+    number: int,
+    agent: str,
+    words: str,
+) -> None:
+    impatient.scene()
+    for step, *values in steps:
+        getattr(impatient, step)(*values)
+
+    (end,) = impatient.all(SceneEnded)
+    assert (end.scene_id, end.code, end.round, end.agent) == ("s1", code, number, agent)
+    assert end.message
+    assert words in end.message
+    assert impatient.status.state is State.IDLE
+
+
+def test_unreadable_scene_ends_only_with_an_id() -> None:
+    market = MarketHarness()
+    for scene_id in ("", "bad"):
+        market.do(
+            market.market.malformed(scene_id, Refused("NOT_FINITE", "age is nan"), market.now)
+        )
+
+    assert market.notes == ["NOT_FINITE: age is nan; no end is announced"]
+    assert market.all(SceneEnded) == [
+        SceneEnded(scene_id="bad", code="NOT_FINITE", message="age is nan")
+    ]
+
+
+@pytest.mark.parametrize("when", ["before", "during", "after"])
+def test_late_host_never_runs_reassigned_goal(two: MarketHarness, when: str) -> None:
+    first = two.goal
+    two.lose(away_s=0.9)
+    second = two.goal
+    assert second.agent == PLAIN
+    assert two.all(CancelGoal) == [CancelGoal(goal=first)], "it finds the cancel beside the goal"
+    if when != "before":
+        two.accept(second)
+    if when == "after":
+        two.finish(goal=second)
+    two.busy["/agents"] = 0
+    two.beat("/agents")
+    two.accept(first)
+
+    assert two.effects[-1] == CancelGoal(goal=first)
+    starts = [run.goal for run in two.all(AnnounceRun) if run.event is RunEventKind.STARTED]
+    assert starts == ([] if when == "before" else [second])
+    two.scene("s2")
+    two.end(outcome=3, goal=first)
+    if when == "before":
+        assert two.goal == second, "the end of the old goal takes nothing from the new one"
+
+
+def test_lost_run_is_announced_after_stall_extension(two: MarketHarness) -> None:
+    two.accept()
+    two.die()
+    two.stall(5.0)
+    two.do(two.market.tick(two.now))
+    assert two.status.state is State.RUNNING, "nobody has listened to its heartbeats"
+    two.now += 0.5
+    two.do(two.market.tick(two.now))
+    assert two.events[-1] == "1 attentive_guide ENDED LOST"
+
+
+# Health
+
+
+def test_hosts_health_names_silent_hosts() -> None:
+    none = hosts_health({}, {})
+    assert (none.part, none.level) == ("hosts", Health.WARN)
+    assert none.message == "no host has registered, so nobody bids"
+    agents = {"/agents": 9, "/others": 5}
+    good = hosts_health(agents, {})
+    assert (good.level, good.message) == (Health.OK, "hosts: 2, agents: 14")
+    assert good.values == {"/agents": "9 agents", "/others": "5 agents"}
+    bad = hosts_health(agents, {"/others": "it has no heartbeat"})
+    assert bad.level is Health.ERROR
+    assert bad.message == "1 of 2 hosts cannot be asked: /others (it has no heartbeat)"
+    assert bad.values == {"/agents": "9 agents", "/others": "it has no heartbeat"}
+
+
+def test_queued_scenes_warn_only_when_awaiting_host() -> None:
+    assert queue_health(3, ()).level is Health.OK
+    waiting = queue_health(2, ["/agents"])
+    assert (waiting.level, waiting.message) == (Health.WARN, "scenes in line: 2, for /agents")
+
+
 def test_settings_apply_from_next_decision(market: MarketHarness) -> None:
-    market.do(market.market.configure(Settings(tie_break="name", bid_deadline_s=3.0), market.now))
+    market.configure(tie_break="name", bid_deadline_s=3.0)
     market.scene()
     market.wait(2.9)
     assert market.status.state is State.BIDDING
@@ -348,24 +416,11 @@ def test_invalid_settings_are_refused(changes: dict[str, Any], code: str) -> Non
         Settings(**changes)
 
 
-def test_refused_registration_changes_nothing(market: MarketHarness) -> None:
-    request = registration("/strangers", parameters=("age",))
-    answer, effects = market.market.register(request, market.now)
-
-    assert not answer.accepted
-    assert effects == []
-
-
 def test_market_document_lists_settings_with_defaults_and_ranges() -> None:
     text = (ROOT / "docs" / "market.md").read_text()
-    rows = [
-        line.split("|")[1:-1]
-        for line in text.partition("## Settings")[2].partition("\n## ")[0].splitlines()
-    ]
-    told = {
-        name.strip(" `"): (value.strip(" `"), span.strip())
-        for name, value, span, _ in (row for row in rows if row)
-    }
+    section = text.partition("## Settings")[2].partition("\n## ")[0]
+    rows = [[cell.strip(" `") for cell in line.split("|")] for line in section.splitlines()]
+    told = {row[1]: (row[2], row[3]) for row in rows if len(row) > 3}
     settings = dataclasses.asdict(Settings())
     assert settings.pop("options") == {}, "each strategy tells of its own"
     for name, default in settings.items():
