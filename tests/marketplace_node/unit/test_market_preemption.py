@@ -9,23 +9,29 @@ from typing import Any
 import pytest
 
 from bt_agents_core.stop_cause import StoppedBy
-from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness
-from marketplace_node.effects import AnnounceRun, Collect, OpenCall, PublishAuction, State
+from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, with_host
+from marketplace_node.effects import AnnounceRun, Collect, PublishAuction, State
 from marketplace_node.hosts.host_effects import CancelGoal
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy
-from marketplace_node.settings import Settings
 
 # The scene of the tests is [5, 1, 3].
 NEAR, MIDDLE, FAR = (5.0, 1.0, 3.5), (5.0, 1.0, 5.0), (3.0, 1.0, 5.0)  # 0.5, 2.0 and 4.0 away
+WAITS = "attentive_guide goes on, the scene waits"
+STOPS = "attentive_guide is stopped"
+HAS = "professional_express 0.5 for the new scene, attentive_guide who runs has"
+
+
+def preempting(**settings: Any) -> MarketHarness:
+    """Return a market with preemption in which the guide runs."""
+    market = MarketHarness(on_new_scene="preempt", **settings)
+    market.run()
+    return market
 
 
 @pytest.fixture
 def market() -> MarketHarness:
-    """A market in which the guide runs."""
-    harness = MarketHarness(on_new_scene="preempt", preempt_cooldown_s=5.0)
-    harness.run()
-    return harness
+    return preempting()
 
 
 def bid(market: MarketHarness, guide: tuple[float, ...], express: tuple[float, ...]) -> None:
@@ -53,9 +59,8 @@ def outcome(market: MarketHarness) -> AuctionOutcome:
 def test_challenge_opens_while_run_continues(market: MarketHarness) -> None:
     market.scene("s2")
 
-    assert (market.calls[-1].round, market.calls[-1].scene.scene_id) == (2, "s2")
-    assert market.calls[-1].excluded == ()
-    status = market.status
+    call, status = market.calls[-1], market.status
+    assert (call.round, call.scene.scene_id, call.excluded) == (2, "s2", ())
     assert (status.state, status.round, status.scene_id) == (State.RUNNING, 1, "s1")
     assert status.queued == 1
     assert market.market.due < math.inf
@@ -64,61 +69,55 @@ def test_challenge_opens_while_run_continues(market: MarketHarness) -> None:
 def test_better_agent_preempts_run_and_opens_fresh_round(market: MarketHarness) -> None:
     challenge(market, MIDDLE, NEAR)
 
-    assert outcome(market) is AuctionOutcome.PREEMPTS
-    assert market.auction.decision.winner is not None
-    assert market.auction.reason == (
-        "professional_express 0.5 for the new scene, attentive_guide who runs has 2.0: "
-        "better by 1.5, margin 1.0: attentive_guide is stopped"
-    )
-    assert market.status.state is State.CANCELLING
     assert market.all(AnnounceRun)[-1].stopped_by is StoppedBy.OTHER_SCENE
     market.end(outcome=3)
     assert market.ends == [("s1", "PREEMPTED")]
     assert market.end_words.startswith("attentive_guide cancelled: preempted by scene 's2'")
     assert (market.calls[-1].round, market.calls[-1].scene.scene_id) == (3, "s2")
     assert (market.status.scene_id, market.status.round) == ("s2", 3)
+    assert len(market.all(Collect)) == 1
+    effects = market.market.collected(1, "late", market.now)
+    assert effects == [], "feedback on the preempted run delays no scene"
     market.bid()
     assert outcome(market) is AuctionOutcome.AWARDED
 
 
-def test_feedback_on_preempted_run_delays_no_scene(market: MarketHarness) -> None:
-    challenge(market, MIDDLE, NEAR)
-    market.end(outcome=3)
-
-    assert len(market.all(Collect)) == 1
-    assert market.status.state is State.BIDDING
-    effects = market.market.collected(1, "late", market.now)
-    assert effects == [], "a late answer changes nothing"
+OWN = "attentive_guide 0.5 for the new scene, it is the one that runs"
+FARTHER = "professional_express 4.0 for the new scene, attentive_guide who runs"
+NO = "/agents says nothing about it"
+REFUSED = f"refused: attentive_guide (NO_ANSWER: {NO})"
+DECLINED = {"declined": dict.fromkeys((GUIDE, EXPRESS), "no"), "unmet": ("scene.person",) * 2}
 
 
 @pytest.mark.parametrize(
-    ("guide", "express", "words"),
+    ("vectors", "others", "reason"),
     [
+        ({GUIDE: MIDDLE, EXPRESS: NEAR}, {}, f"{HAS} 2.0: better by 1.5, margin 1.0: {STOPS}"),
+        ({GUIDE: NEAR, EXPRESS: MIDDLE}, {}, f"{OWN}: {WAITS}"),
         (
-            NEAR,
-            MIDDLE,
-            "attentive_guide 0.5 for the new scene, it is the one that runs: "
-            "attentive_guide goes on, the scene waits",
+            {GUIDE: (5.0, 1.0, 4.25), EXPRESS: NEAR},
+            {},
+            f"{HAS} 1.25: better by 0.75, margin 1.0: {WAITS}",
         ),
-        (
-            (5.0, 1.0, 4.25),
-            NEAR,
-            "professional_express 0.5 for the new scene, attentive_guide who runs has 1.25: "
-            "better by 0.75, margin 1.0: attentive_guide goes on, the scene waits",
-        ),
+        ({EXPRESS: FAR}, {"declined": {GUIDE: "no"}}, f"{FARTHER} declines (no): {STOPS}"),
+        ({EXPRESS: FAR}, {}, f"{FARTHER} is refused ({NO}): {STOPS}; {REFUSED}"),
+        ({}, DECLINED, f"nobody bids: {GUIDE} and {EXPRESS} need scene.person; {WAITS}"),
     ],
 )
-def test_scene_waits_without_margin(
-    market: MarketHarness, guide: tuple[float, ...], express: tuple[float, ...], words: str
+def test_challenge_is_decided_by_the_distances(
+    market: MarketHarness,
+    vectors: dict[str, tuple[float, ...]],
+    others: dict[str, Any],
+    reason: str,
 ) -> None:
     market.scene("s2")
-    bid(market, guide, express)
+    market.bid(vectors=vectors, round=2, **others)
 
-    assert outcome(market) is AuctionOutcome.WAITS
-    assert market.auction.reason == words
-    assert (market.status.state, market.status.queued) == (State.RUNNING, 1)
-    assert market.all(CancelGoal) == []
-    market.finish()
+    assert market.auction.reason == reason
+    stops = STOPS in reason
+    expected = (AuctionOutcome.PREEMPTS if stops else AuctionOutcome.WAITS, 1, stops)
+    assert (outcome(market), market.status.queued, bool(market.all(CancelGoal))) == expected
+    market.finish(outcome=3 if stops else 1)
     assert market.status.scene_id == "s2"
 
 
@@ -127,34 +126,14 @@ def test_scene_waits_without_margin(
     [(1.0, 1.0, True), (1.0, 0.9375, False), (0.0, 0.5, True), (100.0, 4.0, False)],
 )
 def test_margin_is_reached_or_missed(margin: float, better: float, stops: bool) -> None:
-    market = MarketHarness(on_new_scene="preempt", preempt_margin=margin)
-    market.run()
-    market.scene("s2")
-    bid(market, guide=(5.0 - better, 1.0, 3.0), express=(5.0, 1.0, 3.0))
+    market = preempting(preempt_margin=margin)
+    challenge(market, (5.0 - better, 1.0, 3.0), (5.0, 1.0, 3.0))
 
     assert (outcome(market) is AuctionOutcome.PREEMPTS) == stops
 
 
-@pytest.mark.parametrize(
-    ("bids", "words"),
-    [
-        ({"declined": {GUIDE: "needs scene.person"}}, "who runs declines (needs scene.person)"),
-        ({}, "who runs is refused (/agents says nothing about it)"),
-    ],
-)
-def test_running_agent_without_bid_is_infinitely_far(
-    market: MarketHarness, bids: dict[str, Any], words: str
-) -> None:
-    market.scene("s2")
-    market.bid(vectors={EXPRESS: FAR}, round=2, **bids)
-
-    assert outcome(market) is AuctionOutcome.PREEMPTS
-    assert words in market.auction.reason
-
-
 def test_running_agent_with_silent_host_is_infinitely_far() -> None:
-    market = MarketHarness(on_new_scene="preempt")
-    market.register()
+    market = with_host(on_new_scene="preempt")
     market.register("/others", PLAIN)
     market.award()
     market.bid("/others", {PLAIN: FAR})
@@ -172,23 +151,6 @@ def test_running_agent_with_silent_host_is_infinitely_far() -> None:
     )
 
 
-def test_run_continues_without_bids(market: MarketHarness) -> None:
-    market.scene("s2")
-    market.bid(
-        vectors={},
-        declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"),
-        unmet=("scene.person", "scene.person"),
-        round=2,
-    )
-
-    assert outcome(market) is AuctionOutcome.WAITS
-    assert market.auction.decision.winner is None
-    assert market.auction.reason == (
-        "nobody bids: attentive_guide and professional_express need scene.person; "
-        "attentive_guide goes on, the scene waits"
-    )
-
-
 @pytest.mark.parametrize("express", [NEAR, FAR])
 def test_urgent_scene_stops_run_for_any_winner(
     market: MarketHarness, express: tuple[float, ...]
@@ -197,14 +159,14 @@ def test_urgent_scene_stops_run_for_any_winner(
 
     assert outcome(market) is AuctionOutcome.PREEMPTS
     assert market.auction.reason.startswith("urgent: ")
-    assert market.auction.reason.endswith("attentive_guide is stopped")
+    assert market.auction.reason.endswith(STOPS)
     market.end(outcome=3)
     assert market.status.scene_id == "s2"
 
 
 def test_urgent_scene_without_bids_stops_nothing(market: MarketHarness) -> None:
     market.scene("s2", urgent=True)
-    market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"), round=2)
+    market.bid(vectors={}, round=2, **DECLINED)
 
     assert outcome(market) is AuctionOutcome.WAITS
 
@@ -223,9 +185,8 @@ def test_preemption_cooldown_blocks_next_preemption(market: MarketHarness) -> No
 
     assert outcome(market) is AuctionOutcome.WAITS
     assert market.auction.reason == (
-        "professional_express 0.5 for the new scene, attentive_guide who runs has 2.0: better by "
-        "1.5, margin 1.0: the next stop may come in 5.0 s at the earliest: attentive_guide goes "
-        "on, the scene waits"
+        f"{HAS} 2.0: better by 1.5, margin 1.0: the next stop may come in 5.0 s at the earliest: "
+        f"{WAITS}"
     )
     market.wait(5.1)
     challenge(market, MIDDLE, NEAR, "s4")
@@ -245,21 +206,19 @@ def test_run_succeeding_before_stop_is_not_preempted(market: MarketHarness) -> N
     challenge(market, MIDDLE, NEAR)
     market.end(outcome=1)
 
-    assert market.ends == [("s1", "SUCCEEDED")]
-    assert market.status.scene_id == "s2"
+    assert (market.ends, market.status.scene_id) == ([("s1", "SUCCEEDED")], "s2")
 
 
-@pytest.mark.parametrize("phase", ["bidding", "awarding"])
-def test_scene_arriving_before_run_challenges_once_it_runs(phase: str) -> None:
-    market = MarketHarness(on_new_scene="preempt")
-    market.register()
+@pytest.mark.parametrize(("before", "between"), [(0, 1), (1, 0)])
+def test_scene_arriving_before_run_challenges_once_it_runs(before: int, between: int) -> None:
+    market = with_host(on_new_scene="preempt")
     market.scene("s1")
-    if phase == "awarding":
+    for _ in range(before):
         market.bid()
     market.scene("s2")
     market.scene("s3", urgent=True)
     assert len(market.calls) == 1
-    if phase == "bidding":
+    for _ in range(between):
         market.bid()
     market.accept()
 
@@ -282,16 +241,15 @@ def test_challenges_open_one_at_a_time(market: MarketHarness) -> None:
 
 
 def test_challenge_needs_no_queue_slot_until_it_waits() -> None:
-    market = MarketHarness(on_new_scene="preempt", queue_limit=0, preempt_cooldown_s=0.0)
-    market.run()
+    market = preempting(queue_limit=0, preempt_cooldown_s=0.0)
     market.scene("s2")
     market.scene("s3")
     assert market.ends == [("s3", "QUEUE_FULL")]
     bid(market, guide=NEAR, express=NEAR)
     assert market.ends[-1] == ("s2", "QUEUE_FULL")
     assert market.end_words == (
-        "professional_express 0.5 for the new scene, attentive_guide who runs has 0.5: better by "
-        "0.0, margin 1.0: attentive_guide goes on, but 0 wait already and at most 0 may"
+        f"{HAS} 0.5: better by 0.0, margin 1.0: attentive_guide goes on, but 0 wait already and "
+        "at most 0 may"
     )
 
     challenge(market, MIDDLE, NEAR, "s4")
@@ -300,15 +258,13 @@ def test_challenge_needs_no_queue_slot_until_it_waits() -> None:
 
 
 def test_full_queue_holds_one_extra_urgent_scene() -> None:
-    market = MarketHarness(on_new_scene="preempt", queue_limit=1)
-    market.run()
+    market = preempting(queue_limit=1)
     for name, urgent in (("s2", False), ("s3", False), ("s4", True), ("s5", True)):
         market.scene(name, urgent=urgent)
 
     assert market.ends == [("s5", "QUEUE_FULL")]
     bid(market, guide=NEAR, express=NEAR)
-    assert market.ends[-1] == ("s2", "QUEUE_FULL")
-    assert market.calls[-1].scene.scene_id == "s4"
+    assert (market.ends[-1], market.calls[-1].scene.scene_id) == (("s2", "QUEUE_FULL"), "s4")
 
 
 @pytest.mark.parametrize(
@@ -370,7 +326,7 @@ def test_cancel_names_run_instead_of_challenge(market: MarketHarness) -> None:
 
 def test_shutdown_ends_challenge_and_its_scene(market: MarketHarness) -> None:
     market.scene("s2")
-    market.do(market.market.shut_down("shutting down", market.now))
+    market.shut_down()
 
     assert market.ends == [("s2", "SHUTTING_DOWN")]
     assert market.auction.reason == "stopped before the round closed: shutting down"
@@ -379,44 +335,24 @@ def test_shutdown_ends_challenge_and_its_scene(market: MarketHarness) -> None:
     assert market.status.state is State.IDLE, "nobody waits for feedback any more"
 
 
-def test_challenge_opens_only_in_preempt_mode() -> None:
-    market = MarketHarness()
-    market.run()
-    market.scene("s2", urgent=True)
-
-    assert len(market.calls) == 1
-
-
 def test_switch_to_preempt_challenges_with_queued_scene() -> None:
     market = MarketHarness()
     market.run()
-    market.scene("s2")
-    market.do(market.market.configure(Settings(on_new_scene="preempt"), market.now))
+    market.scene("s2", urgent=True)
+    assert len(market.calls) == 1, "without preemption it only waits"
+    market.configure(on_new_scene="preempt")
 
     assert market.calls[-1].scene.scene_id == "s2"
 
 
-def test_unpublished_call_still_decides_challenge(market: MarketHarness) -> None:
-    effects = market.market.scene(market.calls[0].scene.with_id("s2"), market.now)
-    market.effects += effects
-    assert any(isinstance(effect, OpenCall) for effect in effects)
-    market.wait(1.1)
-
-    assert outcome(market) is AuctionOutcome.WAITS
-    assert math.isnan(market.auction.decision.margin)
-
-
-def test_switch_to_queue_prevents_preemption_by_open_challenge() -> None:
-    market = MarketHarness(on_new_scene="preempt")
-    market.run()
+def test_switch_to_queue_prevents_preemption_by_open_challenge(market: MarketHarness) -> None:
     market.scene("s2", 3.0, 5.0, 3.5)
-    market.do(market.market.configure(Settings(on_new_scene="queue"), market.now))
-    assert market.auction.decision.outcome is AuctionOutcome.WAITS
+    market.configure(on_new_scene="queue")
+    assert outcome(market) is AuctionOutcome.WAITS
     assert "on_new_scene is 'queue' now" in market.auction.reason
     market.bid(round=2)
 
-    assert market.status.state is State.RUNNING
-    assert market.status.queued == 1
+    assert (market.status.state, market.status.queued) == (State.RUNNING, 1)
 
 
 def stopped_for_s2(market: MarketHarness, **first: tuple[float, ...]) -> tuple[str, str, str]:
@@ -433,22 +369,21 @@ def stopped_for_s2(market: MarketHarness, **first: tuple[float, ...]) -> tuple[s
 
 
 @pytest.mark.parametrize(
-    ("strategy", "options"),
+    ("strategy", "option", "value"),
     [
-        ("softmax", {"softmax.temperature": 2.0}),
-        ("epsilon_greedy", {"epsilon_greedy.epsilon": 0.5}),
-        ("thompson", {"thompson.sigma": 0.5}),
+        ("softmax", "temperature", 2.0),
+        ("epsilon_greedy", "epsilon", 0.5),
+        ("thompson", "sigma", 0.5),
     ],
 )
 def test_named_preempting_agent_wins_under_random_strategies(
-    strategy: str, options: dict[str, float]
+    strategy: str, option: str, value: float
 ) -> None:
     stops = 0
     for skipped in range(40):
-        market = MarketHarness(
-            on_new_scene="preempt", preempt_cooldown_s=0.0, strategy=strategy, options=options
+        market = with_host(
+            on_new_scene="preempt", strategy=strategy, options={f"{strategy}.{option}": value}
         )
-        market.register()
         for number in range(skipped % 8):
             market.scene(f"before{number}")
             market.cancel()
@@ -462,41 +397,35 @@ def test_named_preempting_agent_wins_under_random_strategies(
     assert stops > 3
 
 
-def test_unresponsive_running_agent_is_excluded_after_preemption() -> None:
-    market = MarketHarness(on_new_scene="preempt")
-    market.run()
-
+def test_unresponsive_running_agent_is_excluded_after_preemption(market: MarketHarness) -> None:
     ran, named, gets = stopped_for_s2(market, **{EXPRESS: (3.0, 5.0, 3.5)})
-    assert (ran, named, gets) == (GUIDE, EXPRESS, EXPRESS)
-    assert market.calls[-1].excluded == (GUIDE,)
+    assert (ran, named, gets, market.calls[-1].excluded) == (GUIDE, EXPRESS, EXPRESS, (GUIDE,))
     assert "its run was stopped for scene 's2'" in market.auction.explanation
 
 
-def ranked_outside() -> MarketHarness:
-    """Return a market in which the guide runs by an external ranking."""
-    market = MarketHarness(on_new_scene="preempt", strategy="external")
-    market.register()
+@pytest.fixture
+def outside() -> MarketHarness:
+    """A market in which the guide runs by an external ranking."""
+    market = with_host(on_new_scene="preempt", strategy="external")
     market.award()
     market.ranked(GUIDE)
     market.accept()
     return market
 
 
-def test_external_ranking_cannot_preempt_agent_for_itself() -> None:
-    market = ranked_outside()
-    market.scene("s2", 3.25, 4.5, 3.0)
-    market.bid(round=2)
-    market.ranked(EXPRESS)
-    assert outcome(market) is AuctionOutcome.PREEMPTS
-    market.end(outcome=3)
+def test_external_ranking_cannot_preempt_agent_for_itself(outside: MarketHarness) -> None:
+    outside.scene("s2", 3.25, 4.5, 3.0)
+    outside.bid(round=2)
+    outside.ranked(EXPRESS)
+    assert outcome(outside) is AuctionOutcome.PREEMPTS
+    outside.end(outcome=3)
 
-    assert market.calls[-1].excluded == (GUIDE,)
+    assert outside.calls[-1].excluded == (GUIDE,)
 
 
-def test_urgent_scene_does_not_await_external_ranking() -> None:
-    market = ranked_outside()
-    market.scene("s2", urgent=True)
-    market.bid(round=2)
+def test_urgent_scene_does_not_await_external_ranking(outside: MarketHarness) -> None:
+    outside.scene("s2", urgent=True)
+    outside.bid(round=2)
 
-    assert outcome(market) is AuctionOutcome.PREEMPTS
-    assert [question.round for question in market.questions] == [1]
+    assert outcome(outside) is AuctionOutcome.PREEMPTS
+    assert [question.round for question in outside.questions] == [1]
