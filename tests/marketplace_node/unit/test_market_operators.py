@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operators: pinned, vetoed and directly awarded agents."""
+"""Operators: pinned, vetoed and directly awarded agents, and previews without side effects."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.stop_cause import StoppedBy
-from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, scene
-from marketplace_node.effects import AnnounceRun, SendGoal, State, StoreOverrides
+from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, scene, with_host
+from marketplace_node.effects import AnnounceRun, PublishAuction, SendGoal, State, StoreOverrides
 from marketplace_node.hosts.host_effects import CancelGoal
+from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction
+from marketplace_node.operators import MOST_PREVIEWS
 from marketplace_node.outcomes import AuctionOutcome
+
+EXPRESS_BID = {EXPRESS: (3.0, 5.0, 3.5)}
 
 
 def refusals(market: MarketHarness) -> dict[str, tuple[str, str]]:
@@ -25,23 +29,17 @@ def test_only_a_pinned_agent_may_bid(market: MarketHarness) -> None:
         OperatorAction.PIN, EXPRESS, author="anna", reason="a film crew is here"
     )
     market.scene()
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.bid(vectors=EXPRESS_BID)
 
     assert (
         words == "only professional_express may bid from the next round on, until it is unpinned"
     )
-    assert market.calls[0].excluded == (GUIDE,)
-    assert market.goal.agent == EXPRESS
+    assert (market.calls[0].excluded, market.goal.agent) == ((GUIDE,), EXPRESS)
     said = "anna pins professional_express: a film crew is here"
     assert refusals(market) == {GUIDE: ("NOT_PINNED", said)}
-    assert market.auction.decision.terms.intervention == said
-    assert market.status.pinned == EXPRESS
-
-
-def test_bid_against_pin_is_refused(market: MarketHarness) -> None:
-    market.operate(OperatorAction.PIN, EXPRESS)
-    market.award()
-
+    assert (market.auction.decision.terms.intervention, market.status.pinned) == (said, EXPRESS)
+    market.perform()
+    market.award("s2")
     assert [bid.agent for bid in market.auction.decision.ranking] == [EXPRESS]
     assert {code for code, _ in refusals(market).values()} == {"NOT_PINNED"}
 
@@ -51,8 +49,7 @@ def test_all_agents_may_bid_after_unpin(market: MarketHarness) -> None:
     market.operate(OperatorAction.UNPIN)
     market.run()
 
-    assert market.goal.agent == GUIDE
-    assert market.auction.decision.terms.intervention == ""
+    assert (market.goal.agent, market.auction.decision.terms.intervention) == (GUIDE, "")
 
 
 def test_pin_does_not_stop_running_agent(market: MarketHarness) -> None:
@@ -66,15 +63,14 @@ def test_pin_does_not_stop_running_agent(market: MarketHarness) -> None:
 def test_vetoed_agent_cannot_bid_until_allowed(market: MarketHarness) -> None:
     market.operate(OperatorAction.VETO, GUIDE, author="anna", reason="too loud")
     market.scene()
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.bid(vectors=EXPRESS_BID)
     assert market.goal.agent == EXPRESS
     assert refusals(market) == {GUIDE: ("VETOED", "anna vetoes attentive_guide: too loud")}
     assert market.status.vetoed == (GUIDE,)
 
     market.perform()
-    assert market.operate(OperatorAction.ALLOW, GUIDE) == (
-        "attentive_guide may bid again from the next round on"
-    )
+    answer = market.operate(OperatorAction.ALLOW, GUIDE)
+    assert answer == "attentive_guide may bid again from the next round on"
     assert market.status.vetoed == ()
     market.run("s2")
     assert market.goal.agent == GUIDE
@@ -82,18 +78,18 @@ def test_vetoed_agent_cannot_bid_until_allowed(market: MarketHarness) -> None:
 
 def test_veto_stops_running_agent_and_asks_others(market: MarketHarness) -> None:
     market.run()
-    words = market.operate(OperatorAction.VETO, GUIDE, author="anna")
-    assert words == (
+    assert market.operate(OperatorAction.VETO, GUIDE, author="anna") == (
         "attentive_guide may not bid; stopping attentive_guide, and asking the others"
     )
     assert market.all(AnnounceRun)[-1].stopped_by is StoppedBy.OPERATOR
     market.finish(3)
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.bid(vectors=EXPRESS_BID)
     market.accept()
 
     assert market.events[-1] == "2 professional_express STARTED"
-    assert market.auction.decision.terms.follows == 1
-    assert market.auction.decision.terms.scene.scene_id == "s1+1"
+    terms = market.auction.decision.terms
+    assert (terms.follows, terms.scene.scene_id) == (1, "s1+1")
+    assert market.auction.explanation.count("attentive_guide may not bid") == 1
 
 
 def test_veto_before_start_reassigns_run(market: MarketHarness) -> None:
@@ -102,10 +98,9 @@ def test_veto_before_start_reassigns_run(market: MarketHarness) -> None:
     market.operate(OperatorAction.VETO, GUIDE)
     assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
     market.refuse(goal)
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.bid(vectors=EXPRESS_BID)
 
-    assert market.goal.agent == EXPRESS
-    assert market.ends == []
+    assert (market.goal.agent, market.ends) == (EXPRESS, [])
 
 
 def test_veto_during_bidding_applies_at_award(market: MarketHarness) -> None:
@@ -113,17 +108,16 @@ def test_veto_during_bidding_applies_at_award(market: MarketHarness) -> None:
     market.operate(OperatorAction.VETO, GUIDE, author="anna")
     market.bid()
 
-    assert market.events == ["1 attentive_guide REFUSED"]
-    assert market.goal.agent == EXPRESS
+    assert (market.events, market.goal.agent) == (["1 attentive_guide REFUSED"], EXPRESS)
 
 
 def test_no_agent_wins_when_all_are_vetoed(market: MarketHarness) -> None:
+    market.operate(OperatorAction.PIN, EXPRESS)
     market.operate(OperatorAction.VETO, GUIDE)
-    market.operate(OperatorAction.VETO, EXPRESS)
+    assert "nobody may bid" in market.operate(OperatorAction.VETO, EXPRESS)
     market.scene()
 
-    assert market.ends == [("s1", "NO_BIDS")]
-    assert market.calls == []
+    assert (market.ends, market.calls) == ([("s1", "NO_BIDS")], [])
     assert {code for code, _ in refusals(market).values()} == {"VETOED"}
 
 
@@ -131,35 +125,28 @@ def test_operator_award_beats_nearer_agents(market: MarketHarness) -> None:
     market.run()
     market.finish()
     words = market.operate(OperatorAction.AWARD, EXPRESS, author="anna", reason="she asked for it")
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.bid(vectors=EXPRESS_BID)
 
     assert words == "professional_express gets the run for scene 's1' if it bids"
     assert market.goal.agent == EXPRESS
     said = "anna gives the run to professional_express: she asked for it"
     assert refusals(market) == {GUIDE: ("NOT_AWARDED", said)}
     assert market.auction.decision.terms.scene.vector == scene().vector
+    assert "'s1'" in market.operate(OperatorAction.AWARD, EXPRESS), "named after the first scene"
 
 
 def test_operator_award_can_bring_its_own_scene(market: MarketHarness) -> None:
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs", 5.0, 1.0, 3.0))
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.bid(vectors=EXPRESS_BID)
 
     assert market.auction.decision.terms.scene.scene_id == "theirs"
     assert market.goal.agent == EXPRESS
 
 
-def test_award_declined_by_its_agent_has_no_winner(market: MarketHarness) -> None:
-    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
-    market.bid(vectors={}, declined={EXPRESS: "needs scene.person"})
-
-    assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
-    assert market.ends == [("s1", "NO_BIDS")]
-
-
 def test_any_agent_may_take_over_lost_awarded_run(market: MarketHarness) -> None:
     market.register("/others", PLAIN)
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.bid(vectors=EXPRESS_BID)
     market.accept()
     market.lose()
     market.bid("/others", {PLAIN: (1.0, 1.0, 1.0)})
@@ -169,13 +156,15 @@ def test_any_agent_may_take_over_lost_awarded_run(market: MarketHarness) -> None
 
 def test_operator_award_queues_like_scene(market: MarketHarness) -> None:
     market.run()
-    words = market.operate(OperatorAction.AWARD, EXPRESS)
+    words = market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs"))
     assert words.endswith("; it waits, number 1 in line: scene 's1' is under way")
     assert market.status.queued == 1
+    market.scene("theirs")
+    assert market.operate(OperatorAction.AWARD, GUIDE, scene=scene("theirs")) == "DUPLICATE"
     market.finish()
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.bid(vectors=EXPRESS_BID)
 
-    assert market.goal.agent == EXPRESS
+    assert market.goal.agent == EXPRESS, "a duplicate does not affect it"
 
 
 def test_operator_award_stops_run_in_preempt_mode() -> None:
@@ -185,22 +174,11 @@ def test_operator_award_stops_run_in_preempt_mode() -> None:
     assert words.endswith(
         "; scene 's1' is under way and may be stopped for it, otherwise it waits"
     )
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)}, round=2)
+    market.bid(vectors=EXPRESS_BID, round=2)
 
     assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS
     market.end(3)
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
-    assert market.goal.agent == EXPRESS
-
-
-def test_duplicate_does_not_affect_awarded_scene(market: MarketHarness) -> None:
-    market.run()
-    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs"))
-    market.scene("theirs")
-    assert market.operate(OperatorAction.AWARD, GUIDE, scene=scene("theirs")) == "DUPLICATE"
-    market.finish()
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
-
+    market.bid(vectors=EXPRESS_BID)
     assert market.goal.agent == EXPRESS
 
 
@@ -229,8 +207,7 @@ def test_impossible_operator_action_is_refused_without_effect(
         market.operate(first, whom)
     status = market.status
     assert market.operate(action, agent) == code
-    assert market.status == status
-    assert market.all(SendGoal) == []
+    assert (market.status, market.all(SendGoal)) == (status, [])
 
 
 def test_operator_award_is_refused_when_queue_is_full() -> None:
@@ -240,29 +217,28 @@ def test_operator_award_is_refused_when_queue_is_full() -> None:
     assert market.ends == []
 
 
-def test_veto_of_pinned_agent_explains_its_consequence(market: MarketHarness) -> None:
-    market.operate(OperatorAction.PIN, GUIDE)
-    assert "nobody may bid" in market.operate(OperatorAction.VETO, GUIDE)
+def restarted(market: MarketHarness, again: MarketHarness) -> str:
+    """Restore the stored orders and counts in the next market; return the orders in words."""
+    words, effects = again.market.restore_overrides(market.all(StoreOverrides)[-1].text, again.now)
+    again.do(effects)
+    return words
 
 
 def test_restarted_market_keeps_pins_and_vetoes(market: MarketHarness) -> None:
     market.operate(OperatorAction.PIN, EXPRESS, author="anna")
     market.operate(OperatorAction.VETO, GUIDE, reason="too loud")
     again = MarketHarness()
-    words, effects = again.market.restore_overrides(market.all(StoreOverrides)[-1].text, again.now)
-    again.do(effects)
 
-    assert words == "anna pins professional_express; the operator vetoes attentive_guide: too loud"
+    assert restarted(market, again) == (
+        "anna pins professional_express; the operator vetoes attentive_guide: too loud"
+    )
     assert (again.status.pinned, again.status.vetoed) == (EXPRESS, (GUIDE,))
 
 
-def test_restarted_market_continues_run_counts() -> None:
-    market = MarketHarness(starvation_rounds=1, strategy="ucb")
+def test_restarted_market_continues_run_counts(market: MarketHarness) -> None:
     market.run()
-    again = MarketHarness(starvation_rounds=1, strategy="ucb")
-    again.register()
-    _, effects = again.market.restore_overrides(market.all(StoreOverrides)[-1].text, again.now)
-    again.do(effects)
+    again = with_host(starvation_rounds=1, strategy="ucb")
+    restarted(market, again)
     assert again.status.starved == (EXPRESS,)
     again.award()
 
@@ -271,24 +247,6 @@ def test_restarted_market_continues_run_counts() -> None:
     assert (terms.rounds_run, terms.earlier_runs) == (1, 1)
     again.accept()
     assert json.loads(again.all(StoreOverrides)[-1].text)["runs"] == {GUIDE: 2}
-
-
-def test_operator_award_is_named_after_original_scene(market: MarketHarness) -> None:
-    market.run()
-    market.finish()
-    market.operate(OperatorAction.AWARD, EXPRESS)
-
-    assert "'s1'" in market.operate(OperatorAction.AWARD, EXPRESS)
-
-
-def test_veto_during_run_is_explained_once(market: MarketHarness) -> None:
-    market.run()
-    market.operate(OperatorAction.VETO, GUIDE, reason="too slow")
-    market.finish(outcome=3)
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
-
-    lines = market.auction.explanation.splitlines()
-    assert sum("attentive_guide may not bid" in line for line in lines) == 1
 
 
 @pytest.mark.parametrize(
@@ -311,3 +269,125 @@ def test_unreadable_stored_orders_change_nothing(market: MarketHarness, text: st
     with pytest.raises(Refused, match=r"^MALFORMED:"):
         market.market.restore_overrides(text, market.now)
     assert market.status.pinned == EXPRESS
+
+
+# Previews: the winner, without any side effect
+def previewed(market: MarketHarness) -> PublishAuction:
+    ended = market.previews[-1].outcome
+    assert isinstance(ended, PublishAuction), ended
+    return ended
+
+
+def test_preview_ranks_real_bids_without_awarding(market: MarketHarness) -> None:
+    number = market.preview(strategy="euclidean")
+    market.bid(round=number)
+
+    assert number == PREVIEWS + 1
+    decision = previewed(market).decision
+    assert [bid.agent for bid in decision.ranking] == [GUIDE, EXPRESS]
+    assert (decision.terms.preview, decision.terms.strategy) == (True, "euclidean")
+    assert (market.all(SendGoal), market.all(PublishAuction)) == ([], [])
+    assert (market.status.state, market.status.strategy) == (State.IDLE, "manhattan")
+
+
+def test_preview_changes_no_counters(market: MarketHarness) -> None:
+    market.run()
+    market.finish()
+    for _ in range(3):
+        market.bid(round=market.preview())
+    market.run("s2")
+
+    terms = market.auction.decision.terms
+    assert (terms.round, terms.rounds_run, dict(terms.runs)) == (2, 1, {GUIDE: 1})
+
+
+def test_preview_predicts_random_draws() -> None:
+    market = with_host(strategy="softmax", options={"softmax.temperature": 5.0})
+    for number in range(12):
+        market.bid(round=market.preview())
+        foretold = [bid.agent for bid in previewed(market).decision.ranking]
+        market.award(f"s{number}")
+        assert [bid.agent for bid in market.auction.decision.ranking] == foretold
+        market.perform()
+    winners = {publish.decision.ranking[0].agent for publish in market.all(PublishAuction)}
+    assert winners == {GUIDE, EXPRESS}, "chance has to have a say in this test"
+
+
+def test_preview_does_not_disturb_run(market: MarketHarness) -> None:
+    market.run()
+    market.bid(round=market.preview(3.0, 5.0, 3.5))
+
+    assert previewed(market).decision.ranking[0].agent == EXPRESS
+    assert market.events == ["1 attentive_guide STARTED"]
+    market.bid(round=market.preview(last=True))
+    assert previewed(market).decision.terms.scene.scene_id == "s1"
+
+
+def test_preview_respects_pins_and_vetoes(market: MarketHarness) -> None:
+    market.operate(OperatorAction.VETO, GUIDE)
+    market.bid(round=market.preview())
+
+    assert [bid.agent for bid in previewed(market).decision.ranking] == [EXPRESS]
+
+
+def test_preview_with_silent_host_ends_at_deadline(market: MarketHarness) -> None:
+    market.preview()
+    market.wait(0.6)
+
+    assert previewed(market).decision.ranking == ()
+    assert previewed(market).decision.silent_hosts == ("/agents",)
+
+
+def test_preview_waits_for_external_ranking(market: MarketHarness) -> None:
+    market.bid(round=market.preview(strategy="external"))
+    assert market.previews == []
+    market.ranked(EXPRESS)
+
+    assert previewed(market).decision.ranking[0].agent == EXPRESS
+
+
+def test_late_or_foreign_preview_bids_change_nothing(market: MarketHarness) -> None:
+    market.scene()
+    number = market.preview()
+    market.bid(round=number, vectors={EXPRESS: (5.0, 1.0, 3.0)}, declined={GUIDE: "tired"})
+    before = list(market.previews)
+    market.bid(round=number)
+
+    assert market.previews == before
+    market.bid(round=1)
+    assert market.goal.agent == GUIDE, "bids for a preview never enter the round"
+    for other in (number + 1, PREVIEWS):
+        market.bid(round=other)
+    assert (market.previews, len(market.all(SendGoal))) == (before, 1)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "last", "code"), [("magic", False, "UNKNOWN_STRATEGY"), ("", True, "NO_SCENE")]
+)
+def test_invalid_preview_is_refused(
+    market: MarketHarness, strategy: str, last: bool, code: str
+) -> None:
+    with pytest.raises(Refused, match=f"^{code}:"):
+        market.preview(strategy=strategy, last=last)
+
+
+def test_concurrent_previews_are_limited(market: MarketHarness) -> None:
+    for _ in range(MOST_PREVIEWS):
+        market.preview()
+    with pytest.raises(Refused, match=r"^BUSY:"):
+        market.preview()
+
+    market.wait(0.6)
+    assert len(market.previews) == MOST_PREVIEWS
+    market.preview()
+
+
+def test_market_shutdown_ends_every_preview(market: MarketHarness) -> None:
+    market.preview()
+    market.shut_down()
+
+    [ended] = market.previews
+    assert isinstance(ended.outcome, Refused)
+    assert ended.outcome.code == "SHUTTING_DOWN"
+    with pytest.raises(Refused):
+        market.preview()
