@@ -1,19 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes in line: they wait a limited time for a missing host, and outlive the market."""
+"""Scenes in line: they wait a limited time for a missing host, and outlive the market.
+
+So do runs: a later market records each once, and repeats its scene once if it was cut off.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from bt_agents_core.errors import Refused
-from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, MarketHarness, scene
-from marketplace_node.effects import AnnounceEarlierRun, AnnounceRun, EarlierRun, SceneEnded, State
+from bt_agents_core.stop_cause import StopCause
+from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, MarketHarness, scene, with_host
+from marketplace_node.effects import (
+    AnnounceEarlierRun,
+    AnnounceRun,
+    EarlierRun,
+    PublishAuction,
+    SceneEnded,
+    State,
+)
 from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S
 from marketplace_node.interaction.scene_admission import ROUNDS_IN_VAIN
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes, read_scenes
+from marketplace_node.market import Market
 from marketplace_node.operator_overrides import OperatorAction
 from marketplace_node.outcomes import RunEventKind, RunOutcome
 
@@ -24,11 +37,11 @@ def come_back(market: MarketHarness, instance: str = "second") -> None:
     market.register(instance=instance)
 
 
-def serve(market: MarketHarness, *, rounds: int = 40) -> None:
+def serve(market: MarketHarness, epoch: str = "epoch") -> None:
     """Let the host run every goal."""
-    for _ in range(rounds):
+    for _ in range(80):
         if market.status.state is State.BIDDING:
-            market.bid()
+            market.bid(epoch=epoch)
             market.perform()
         market.wait(0.0625)
 
@@ -65,8 +78,7 @@ def test_absent_host_is_awaited_for_configured_time(market: MarketHarness) -> No
 def test_wait_uses_current_setting(market: MarketHarness) -> None:
     market.lose()
     market.scene("s1")
-    settings = market.market.settings
-    market.do(market.market.configure(type(settings)(host_wait_s=0), market.now))
+    market.configure(host_wait_s=0)
 
     assert market.ends == [("s1", "NO_BIDS")]
 
@@ -99,8 +111,7 @@ def test_host_silent_during_round_is_asked_on_return(market: MarketHarness) -> N
     market.scene("s1")
     market.scene("s2")
     market.lose(away_s=0.6)
-    assert market.over == []
-    assert market.status.awaited_hosts == ("/agents",)
+    assert (market.over, market.status.awaited_hosts) == ([], ("/agents",))
     assert market.status.waiting == ("s1", "s2"), "its place is kept"
     market.busy["/agents"] = 0
     market.wait(0.0625)
@@ -137,8 +148,7 @@ def test_scene_with_refused_run_is_auctioned_again(how: str) -> None:
 
 @pytest.mark.parametrize("between_s", [0.0625, 4.0])
 def test_repeatedly_refused_scene_ends(between_s: float) -> None:
-    market = MarketHarness(bid_deadline_s=10.0)
-    market.register()
+    market = with_host(bid_deadline_s=10.0)
     market.scene("s1")
     began, rounds = market.now, 0
     while not market.over:
@@ -162,8 +172,7 @@ def test_runnable_scenes_overtake_scenes_awaiting_host() -> None:
     market.lose()
     market.scene("s1")
     market.bid("/others", {}, {PLAIN: "is not for this"})
-    assert market.over == []
-    assert market.status.awaited_hosts == ("/agents",)
+    assert (market.over, market.status.awaited_hosts) == ([], ("/agents",))
     market.scene("s2")
     market.bid("/others", {PLAIN: (5.0, 1.0, 3.0)})
     market.accept()
@@ -193,8 +202,7 @@ def test_pinned_agent_with_absent_host_is_awaited(market: MarketHarness) -> None
     market.lose("/others")
     market.scene("s1")
 
-    assert market.over == []
-    assert market.status.awaited_hosts == ("/others",)
+    assert (market.over, market.status.awaited_hosts) == ([], ("/others",))
 
 
 def test_scenes_awaiting_host_can_be_cancelled(market: MarketHarness) -> None:
@@ -211,29 +219,29 @@ def test_scenes_awaiting_host_can_be_cancelled(market: MarketHarness) -> None:
 def test_scenes_awaiting_host_end_at_market_shutdown(market: MarketHarness) -> None:
     market.lose()
     market.scene("s1")
-    market.do(market.market.shut_down("shutting down", market.now))
+    market.shut_down()
 
     assert market.ends == [("s1", "SHUTTING_DOWN")]
 
 
 @pytest.mark.parametrize(
-    ("mode", "limit", "code"), [("reject", 10, "BUSY"), ("queue", 1, "QUEUE_FULL")]
+    ("mode", "limit", "ends"),
+    [("reject", 10, [("s2", "BUSY"), ("s3", "BUSY")]), ("queue", 1, [("s3", "QUEUE_FULL")])],
 )
-def test_queue_limit_applies_while_awaiting_host(mode: str, limit: int, code: str) -> None:
-    market = MarketHarness(on_new_scene=mode, queue_limit=limit)
-    market.register()
+def test_queue_limit_applies_while_awaiting_host(
+    mode: str, limit: int, ends: list[tuple[str, str]]
+) -> None:
+    market = with_host(on_new_scene=mode, queue_limit=limit)
     market.lose()
     for name in ("s1", "s2", "s3"):
         market.scene(name)
 
-    assert market.over == (["s2", "s3"] if mode == "reject" else ["s3"])
-    assert market.ends[-1] == ("s3", code)
+    assert market.ends == ends
     assert "scene 's1' waits for a host" in market.end_words
 
 
 def test_urgent_preempting_scene_goes_first_when_host_returns() -> None:
-    market = MarketHarness(on_new_scene="preempt")
-    market.register()
+    market = with_host(on_new_scene="preempt")
     market.lose()
     market.scene("s1")
     market.scene("s2", urgent=True)
@@ -281,34 +289,37 @@ def restarted(
         market.do(market.market.tick(market.now))
     after = MarketHarness()
     after.now = market.now + away_s
-    stored = market.all(StoreScenes)[-1]
-    after.market = type(after.market)(SPACE, "next", after.market.settings, secret=b"")
-    _, effects = after.market.restore_scenes(format_scenes(stored), away_s, after.now)
-    after.do(effects)
+    after.market = Market(SPACE, "next", after.market.settings, secret=b"")
+    text = format_scenes(market.all(StoreScenes)[-1])
+    after.do(after.market.restore_scenes(text, away_s, after.now)[1])
     if host:
         after.register()
     return after
 
 
-def serve_next(market: MarketHarness) -> None:
-    for _ in range(80):
-        if market.status.state is State.BIDDING:
-            market.bid(epoch="next")
-            market.perform()
-        market.wait(0.0625)
+GOAL = RunGoal(round=7, agent=GUIDE, agent_id=3, host="/agents", instance="first")
+
+
+def earlier(**changes: Any) -> EarlierRun:
+    """Return a run of an earlier market that was cut off a second ago, apart from ``changes``."""
+    values: dict[str, Any] = {
+        "epoch": "earlier",
+        "goal": GOAL,
+        "outcome": RunOutcome.CANCELLED,
+        "scene": scene("old"),
+        "message": "its market is gone",
+        "stop_cause": StopCause.MARKET_LOST,
+        "age_s": 1.0,
+    }
+    return EarlierRun(**(values | changes))
+
+
+def tell(market: MarketHarness, *runs: EarlierRun) -> None:
+    market.do(market.market.unreported("/agents", runs, market.now))
 
 
 def report(market: MarketHarness, goal: RunGoal, outcome: RunOutcome) -> None:
-    run = EarlierRun(
-        event=RunEventKind.ENDED,
-        outcome=outcome,
-        goal=goal,
-        scene=scene("s1"),
-        message="it is over",
-        epoch="epoch",
-        age_s=1.0,
-    )
-    market.do(market.market.unreported("/agents", [run], market.now))
+    tell(market, earlier(epoch="epoch", goal=goal, scene=scene("s1"), outcome=outcome))
 
 
 def test_queue_resumes_when_all_earlier_hosts_return(market: MarketHarness) -> None:
@@ -318,21 +329,15 @@ def test_queue_resumes_when_all_earlier_hosts_return(market: MarketHarness) -> N
     assert after.status.state is State.IDLE, "the other host is still to come"
     after.register("/b", "other")
     assert (after.status.state, after.status.scene_id) == (State.BIDDING, "s1")
-
-
-def test_queue_waits_only_briefly_for_missing_host(market: MarketHarness) -> None:
-    market.register("/b", "other")
-    market.scene("s1")
-    after = restarted(market)
-    after.wait(GATHER_S - 0.1)
-    assert after.status.state is State.IDLE
-    after.wait(0.2)
-    assert after.status.state is State.BIDDING
+    late = restarted(market)
+    late.wait(GATHER_S - 0.1)
+    assert late.status.state is State.IDLE
+    late.wait(0.2)
+    assert late.status.state is State.BIDDING, "it has waited long enough"
 
 
 def test_refused_scene_sent_again_is_a_duplicate() -> None:
     market = MarketHarness(queue_limit=0)
-    market.register()
     market.run()
     market.scene("s2")
     market.scene("s2")
@@ -349,11 +354,11 @@ def test_queue_survives_market_restart(market: MarketHarness) -> None:
     after = restarted(market, host=False)
     assert after.status.waiting == ("first", "s2", "s3")
     after.register()
-    serve_next(after)
+    serve(after, "next")
 
     assert after.ends == [(name, "SUCCEEDED") for name in ("first", "s2", "s3")]
-    first = next(e for e in after.effects if getattr(e, "decision", None) is not None)
-    assert first.decision.winner.agent == EXPRESS, "an award outlives the market, too"
+    winner = after.all(PublishAuction)[0].decision.ranking[0]
+    assert winner.agent == EXPRESS, "an award outlives the market, too"
 
 
 def test_scene_accepted_before_restart_is_duplicate_afterwards(market: MarketHarness) -> None:
@@ -433,7 +438,7 @@ def test_scene_with_unstarted_run_goes_first_after_restart(market: MarketHarness
     market.award("s1")
     market.scene("s2")
     after = restarted(market)
-    serve_next(after)
+    serve(after, "next")
 
     assert after.ends == [("s1", "SUCCEEDED"), ("s2", "SUCCEEDED")]
 
@@ -443,7 +448,7 @@ def test_report_of_unknown_run_does_not_end_scene(market: MarketHarness) -> None
     goal = market.goal
     after = restarted(market)
     report(after, goal, RunOutcome.LOST)
-    serve_next(after)
+    serve(after, "next")
 
     assert after.ends == [("s1", "SUCCEEDED")]
 
@@ -454,7 +459,7 @@ def test_pending_repeat_auction_survives_second_restart(market: MarketHarness) -
     report(after, goal, RunOutcome.LOST)
     assert after.ends == [("s1", "LOST")]
     again = restarted(after)
-    serve_next(again)
+    serve(again, "next")
 
     assert again.ends == [("s1+again", "SUCCEEDED")]
 
@@ -489,24 +494,21 @@ def test_ended_scene_id_is_reusable_after_long_outage(market: MarketHarness) -> 
 def test_market_shutdown_ends_unreported_runs(market: MarketHarness) -> None:
     market.run()
     after = restarted(market)
-    after.do(after.market.shut_down("shutting down", after.now))
+    after.shut_down()
 
-    assert after.ends == [("s1", "LOST")]
-    assert after.all(StoreScenes)[-1].scenes == ()
+    assert (after.ends, after.all(StoreScenes)[-1].scenes) == ([("s1", "LOST")], ())
 
 
 def test_scene_is_stored_and_removed_before_announcements(market: MarketHarness) -> None:
     market.scene("s1")
-    first = next(
-        i for i, e in enumerate(market.effects) if isinstance(e, StoreScenes) and e.scenes
-    )
-    assert [one.scene.scene_id for one in market.effects[first].scenes] == ["s1"]
+    stored = next(one for one in market.all(StoreScenes) if one.scenes)
+    assert [one.scene.scene_id for one in stored.scenes] == ["s1"]
+    before = len(market.effects)
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "is tired"))
-    kinds = [type(effect).__name__ for effect in market.effects]
-    last = len(kinds) - 1 - kinds[::-1].index("StoreScenes")
+    news = market.effects[before:]
+    removed = next(one for one in news if isinstance(one, StoreScenes) and not one.scenes)
 
-    assert market.effects[last].scenes == ()
-    assert last < kinds.index("SceneEnded")
+    assert news.index(removed) < news.index(market.all(SceneEnded)[0])
 
 
 def test_next_market_repeats_end_without_stored_announcement(market: MarketHarness) -> None:
@@ -529,8 +531,7 @@ def test_end_is_announced_again_after_any_outage(market: MarketHarness) -> None:
     market.finish()
     after = restarted(market, away_s=KEPT_S + 1, at_once=True)
 
-    assert after.ends == [("s1", "SUCCEEDED")]
-    assert after.all(StoreScenes)[-1].ends == ()
+    assert (after.ends, after.all(StoreScenes)[-1].ends) == ([("s1", "SUCCEEDED")], ())
 
 
 def test_possibly_unannounced_run_end_is_announced_again(market: MarketHarness) -> None:
@@ -585,3 +586,129 @@ def test_stored_scene_round_trips(market: MarketHarness) -> None:
     found = read_scenes(format_scenes(stored), SPACE)
 
     assert repr(found) == repr(stored)
+
+
+# Hosts report runs of a market that has stored nothing.
+
+
+@pytest.mark.parametrize("outcome", [RunOutcome.CANCELLED, RunOutcome.LOST])
+def test_interrupted_run_is_recorded_and_scene_auctioned_again(
+    market: MarketHarness, outcome: RunOutcome
+) -> None:
+    cut_off = earlier(outcome=outcome)
+    tell(market, cut_off)
+
+    assert market.all(AnnounceEarlierRun) == [AnnounceEarlierRun(run=cut_off)]
+    assert market.ends == [("old", "LOST")]
+    assert market.end_words == ("the marketplace was restarted; asked again as scene 'old+again'")
+    assert market.calls == [], "other hosts may still be on their way"
+    market.wait(1.6)
+    assert (market.status.scene_id, market.status.state) == ("old+again", State.BIDDING)
+    assert (market.calls[-1].scene.vector, market.calls[-1].round) == (cut_off.scene.vector, 1)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "code"),
+    [
+        (RunOutcome.SUCCEEDED, "SUCCEEDED"),
+        (RunOutcome.FAILED, "FAILED"),
+        (RunOutcome.CANCELLED, "CANCELLED"),
+    ],
+)
+def test_run_ending_by_itself_ends_its_scene(
+    market: MarketHarness, outcome: RunOutcome, code: str
+) -> None:
+    tell(market, earlier(outcome=outcome, message="done", stop_cause=StopCause.NOT_STOPPED))
+
+    (end,) = market.all(SceneEnded)
+    assert (end.scene_id, end.code, end.agent, end.round) == ("old", code, GUIDE, 0)
+    assert end.message == f"attentive_guide {code.lower()}: done"
+    market.wait(1.6)
+    assert market.calls == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"age_s": 12.0}, "it was cut off 12 s ago, more than 10 s"),
+        ({"age_s": -3600.0}, "it was cut off -3600 s ago"),
+        ({"age_s": float("nan")}, "it was cut off nan s ago"),
+        ({"scene": scene("old+again")}, "it was asked again once already"),
+    ],
+)
+def test_scene_not_auctioned_again_says_why(
+    market: MarketHarness, changes: dict[str, Any], words: str
+) -> None:
+    tell(market, earlier(**changes))
+
+    (end,) = market.all(SceneEnded)
+    assert end.code == "LOST"
+    assert words in end.message
+    market.wait(1.6)
+    assert market.calls == []
+
+
+def test_market_shutting_down_repeats_no_auction(market: MarketHarness) -> None:
+    market.shut_down("the marketplace is shutting down")
+    tell(market, earlier())
+
+    assert market.ends == [("old", "LOST")]
+    assert market.end_words.endswith("not asked again, as the marketplace is shutting down")
+
+
+def test_pending_repeat_auction_ends_at_market_shutdown(market: MarketHarness) -> None:
+    tell(market, earlier())
+    market.shut_down()
+    market.wait(1.6)
+
+    assert market.ends == [("old", "LOST"), ("old+again", "SHUTTING_DOWN")]
+
+
+def test_interrupted_scene_is_auctioned_again_only_once(market: MarketHarness) -> None:
+    tell(market, earlier(), earlier(message="once more"))
+    tell(market, earlier())
+    tell(market, earlier(goal=replace(GOAL, round=5)))
+    market.wait(1.4)
+    tell(market, earlier())
+    market.wait(0.2)
+
+    assert (len(market.calls), market.ends) == (1, [("old", "LOST")])
+    assert [effect.run.goal.round for effect in market.all(AnnounceEarlierRun)] == [7, 5]
+    assert len([n for n in market.notes if "once more; it is left out" in n]) == 3
+
+
+def test_last_run_determines_scene_end(market: MarketHarness) -> None:
+    follow_up = earlier(
+        goal=replace(GOAL, round=9),
+        scene=scene("old+1"),
+        outcome=RunOutcome.SUCCEEDED,
+        stop_cause=StopCause.NOT_STOPPED,
+    )
+    tell(market, earlier(goal=replace(GOAL, round=8)), follow_up)
+
+    assert (market.ends, market.calls) == ([("old", "SUCCEEDED")], [])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"epoch": "epoch"}, "this market knows its own runs"),
+        ({"goal": replace(GOAL, host="/others")}, "it was a run of '/others'"),
+    ],
+)
+def test_runs_unknown_to_host_are_ignored(
+    market: MarketHarness, changes: dict[str, Any], words: str
+) -> None:
+    tell(market, earlier(**changes))
+
+    assert words in market.notes[-1]
+    assert (market.all(AnnounceEarlierRun), market.ends) == ([], [])
+
+
+def test_repeated_scene_queues_like_any_other(market: MarketHarness) -> None:
+    market.run()
+    tell(market, earlier())
+    market.wait(1.6)
+
+    assert market.ends == [("old", "LOST")]
+    assert (market.status.scene_id, market.status.queued) == ("s1", 1)
