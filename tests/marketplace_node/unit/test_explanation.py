@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,110 +51,87 @@ def of(scene: Scene = AS_GIVEN, agents: Any = None, **changes: Any) -> Decision:
     return decided(terms(scene, **changes), accepted, space=SPACE, **how)
 
 
-def estimated() -> Decision:
-    values = (
+ESTIMATED = Scene(
+    scene_id="v1",
+    label="an elderly lady",
+    person=True,
+    person_id="anna",
+    place="the lobby",
+    values=(
         SceneValue(
-            name="age", value=4.0, origin=Origin.MEASURED, age_s=0.2, std=0.3, confidence=0.8,
+            name="age",
+            value=4.0,
+            origin=Origin.MEASURED,
+            age_s=0.2,
+            std=0.3,
+            confidence=0.8,
             source="person/age",
         ),
         SceneValue(
-            name="familiarity", value=1.5, origin=Origin.ESTIMATED, age_s=9.0, std=0.4,
+            name="familiarity",
+            value=1.5,
+            origin=Origin.ESTIMATED,
+            age_s=9.0,
+            std=0.4,
             source="12 earlier visits",
         ),
         SceneValue.missing("mood"),
-    )  # fmt: skip
-    scene = Scene(
-        scene_id="v1", label="an elderly lady", person=True, person_id="anna",
-        place="the lobby", values=values,
-    )  # fmt: skip
-    return of(scene)
+    ),
+)
+AGE, FAMILIARITY, MOOD = AS_GIVEN.values
+DAILY = replace(AS_GIVEN, values=(AGE, replace(FAMILIARITY, value=5.0), MOOD))
+LEO = ("leo", RoundKind.REFUSED, "OUT_OF_RANGE", "bid of leo: age is 9, expected 1 to 5")
+FILM = "anna pins attentive_guide: a film crew is here"
+BARRED = tuple(refused(one, RoundKind.REFUSED, "NOT_PINNED", FILM) for one in (EXPRESS, CHILD))
 
 
-def tie() -> Decision:
-    profiles = {GUIDE: (2.0, 2.0, 2.0), CHILD: (2.0, 2.0, 4.0)}
-    return of(agents=profiles, last_run={GUIDE: 2, CHILD: 1})
+def ran(**runs: int) -> dict[str, Any]:
+    """Return the terms of a round after these runs."""
+    return {"runs": runs, "last_run": runs, "rounds_run": sum(runs.values())}
 
 
-def drawn() -> Decision:
-    return of(strategy="softmax", options={"temperature": 2.0}, shadow="manhattan")
-
-
-def by_rule() -> Decision:
-    values = (AS_GIVEN.values[0], replace(AS_GIVEN.values[1], value=5.0), AS_GIVEN.values[2])
-    rules = market_of(ROOT / "trees", SPACE)
-    return of(replace(AS_GIVEN, values=values), strategy="rules", rules=rules)
-
-
-def outside_is_late() -> Decision:
-    bad = refused(
-        "leo", RoundKind.REFUSED, "OUT_OF_RANGE", "bid of leo: age is 9, expected 1 to 5"
-    )
-    return of(
+DECISIONS = {
+    "estimated": of(ESTIMATED),
+    "tie": of(
+        agents={GUIDE: (2.0, 2.0, 2.0), CHILD: (2.0, 2.0, 4.0)}, last_run={GUIDE: 2, CHILD: 1}
+    ),
+    "drawn": of(strategy="softmax", options={"temperature": 2.0}, shadow="manhattan"),
+    "by_rule": of(DAILY, strategy="rules", rules=market_of(ROOT / "trees", SPACE)),
+    "outside_is_late": of(
         strategy="external",
         external=External(failure="the external program did not answer within 0.5 s"),
-        refused=(declined("silent_text"), bad),
+        refused=(declined("silent_text"), refused(*LEO)),
         silent_hosts=("/others",),
-    )
-
-
-def outside_ranks() -> Decision:
-    answer = External(ranking=(EXPRESS,), message="she is in a hurry")
-    return of(strategy="external", external=answer)
-
-
-def pinned() -> Decision:
-    words = "anna pins attentive_guide: a film crew is here"
-    barred = tuple(
-        refused(one, RoundKind.REFUSED, "NOT_PINNED", words) for one in (EXPRESS, CHILD)
-    )
-    return of(
+    ),
+    "outside_ranks": of(
+        strategy="external", external=External(ranking=(EXPRESS,), message="she is in a hurry")
+    ),
+    "pinned": of(
         agents={GUIDE: PROFILES[GUIDE]},
-        operator_exclusions=barred,
-        refused=barred,
-        intervention=words,
-    )
-
-
-def weighted() -> Decision:
-    return of(strategy="weighted_manhattan", weights={GUIDE: (0.25, 1.0, 1.0)}, preview=True)
-
-
-def seldom() -> Decision:
-    runs = {GUIDE: 4, CHILD: 1}
-    return of(strategy="ucb", options={"c": 2.0}, runs=runs, last_run=runs, rounds_run=5)
-
-
-def explored() -> Decision:
-    runs = {CHILD: 4, EXPRESS: 1}
-    return of(strategy="bounded_ucb", runs=runs, last_run=runs, rounds_run=5)
-
-
-def explored_in_vain() -> Decision:
-    runs = {CHILD: 1, GUIDE: 1}
-    return of(strategy="bounded_ucb", runs=runs, last_run=runs, rounds_run=2)
-
-
-def nobody() -> Decision:
-    ladder = replace(AS_GIVEN, person=False, label="a ladder")
-    return of(ladder, agents={}, refused=(declined(GUIDE), declined(CHILD)))
-
-
-def stopped() -> Decision:
-    return of(closed_by=ClosedBy.STOPPED, outcome=AuctionOutcome.NO_BIDS, stopped="anna said stop")
-
-
-DECISIONS: dict[str, Callable[[], Decision]] = {
-    make.__name__: make
-    for make in (
-        estimated, tie, drawn, by_rule, outside_is_late, outside_ranks, pinned, weighted, seldom,
-        explored, explored_in_vain, nobody, stopped,
-    )
-}  # fmt: skip
+        operator_exclusions=BARRED,
+        refused=BARRED,
+        intervention=FILM,
+    ),
+    "weighted": of(strategy="weighted_manhattan", weights={GUIDE: (0.25, 1.0, 1.0)}, preview=True),
+    "seldom": of(
+        strategy="ucb", options={"c": 2.0}, **ran(attentive_guide=4, playful_companion=1)
+    ),
+    "explored": of(strategy="bounded_ucb", **ran(playful_companion=4, professional_express=1)),
+    "explored_in_vain": of(strategy="bounded_ucb", **ran(playful_companion=1, attentive_guide=1)),
+    "nobody": of(
+        replace(AS_GIVEN, person=False, label="a ladder"),
+        agents={},
+        refused=(declined(GUIDE), declined(CHILD)),
+    ),
+    "stopped": of(
+        closed_by=ClosedBy.STOPPED, outcome=AuctionOutcome.NO_BIDS, stopped="anna said stop"
+    ),
+}
 
 
 @pytest.mark.parametrize("name", DECISIONS)
 def test_decision_text_matches_stored_text(name: str) -> None:
-    decision = DECISIONS[name]()
+    decision = DECISIONS[name]
 
     told = f"{reason_of(decision)}\n\n{explanation(decision, SPACE)}\n"
     assert told == (KEPT / f"{name}.txt").read_text(encoding="utf-8")

@@ -8,30 +8,12 @@ import math
 import pytest
 
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, MarketHarness, scene
+from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, MarketHarness, scene, with_host
 from marketplace_node.explanation.reason import calculation
 from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
 
 NAN = math.nan
-
-
-def test_award_shows_its_sum_and_margin_to_next(market: MarketHarness) -> None:
-    market.award()
-
-    assert market.auction.reason == (
-        "attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; "
-        "next: professional_express 6.5 (margin 5.0)"
-    )
-
-
-def test_single_bid_reason_says_it_had_no_rival() -> None:
-    market = MarketHarness()
-    market.register("/agents", GUIDE)
-    market.scene()
-    market.bid(vectors={GUIDE: (4.0, 1.5, 3.0)})
-
-    assert market.auction.reason == ("attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; no other bid")
 
 
 @pytest.mark.parametrize(
@@ -68,44 +50,32 @@ def test_tie_reason_names_least_recently_run_agent(market: MarketHarness) -> Non
 
 
 def test_tie_reason_names_alphabetical_order() -> None:
-    market = MarketHarness(tie_break="name")
-    market.register()
+    market = with_host(tie_break="name")
 
     words = "tied with professional_express: attentive_guide is first by name"
     assert [tied(market, f"s{number}") for number in range(2)] == [words, words]
 
 
-def test_decline_reasons_are_grouped() -> None:
+def test_reason_without_bids_groups_them_by_cause() -> None:
     market = MarketHarness()
-    market.register("/agents", GUIDE, EXPRESS, PLAIN)
+    market.register("/agents", GUIDE, EXPRESS, PLAIN, "leo")
+    market.register("/others", "bob")
     market.scene()
     market.bid(
-        vectors={},
+        vectors={"leo": (9.0, 1.5, 3.0)},
         declined={GUIDE: "needs scene.person", EXPRESS: "needs scene.person", PLAIN: "is tired"},
         unmet=("scene.person", "scene.person", ""),
     )
-
-    assert market.auction.reason == (
-        "nobody bids: attentive_guide and professional_express need scene.person; plain: is tired"
-    )
-
-
-def test_refused_bids_and_silent_hosts_are_named() -> None:
-    market = MarketHarness()
-    market.register("/agents", GUIDE)
-    market.register("/others", EXPRESS)
-    market.scene()
-    market.bid(vectors={GUIDE: (9.0, 1.5, 3.0)})
     market.wait(0.6)
 
     assert market.auction.reason == (
-        "nobody bids: refused: attentive_guide (OUT_OF_RANGE: bid of attentive_guide: age is 9, "
-        "expected 1 to 5); no answer in time from /others"
+        "nobody bids: attentive_guide and professional_express need scene.person; plain: is "
+        "tired; refused: leo (OUT_OF_RANGE: bid of leo: age is 9, expected 1 to 5); no answer in "
+        "time from /others"
     )
 
 
-def test_a_follow_up_round_says_what_it_continues() -> None:
-    market = MarketHarness()
+def test_a_follow_up_round_says_what_it_continues(market: MarketHarness) -> None:
     market.run()
     market.cancel("mood.change <= -1.0", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
     market.finish(outcome=3)
@@ -121,19 +91,17 @@ def test_a_market_without_agents_says_so() -> None:
     market = MarketHarness(host_wait_s=0)
     market.scene()
 
-    assert market.calls == []
-    assert market.ends == [("s1", "NO_BIDS")]
+    assert (market.calls, market.ends) == ([], [("s1", "NO_BIDS")])
     assert market.auction.reason == "no agents are registered"
     assert market.status.message == "scene 's1' is over: no agents are registered"
 
 
-def test_unavailable_hosts_are_named_with_reason() -> None:
-    market = MarketHarness(host_wait_s=0)
-    market.register()
-    market.lose(away_s=1.1)
-    market.scene()
+def test_unavailable_hosts_are_named_with_reason(impatient: MarketHarness) -> None:
+    impatient.lose(away_s=1.1)
+    impatient.scene()
 
-    assert market.auction.reason == ("nobody bids: /agents is not asked: it has no heartbeat")
+    reason = "nobody bids: /agents is not asked: it has no heartbeat"
+    assert impatient.auction.reason == reason
 
 
 def test_sum_shows_first_parameters_and_counts_rest() -> None:
