@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import pytest
 
-from market_harness import EXPRESS, GUIDE, MarketHarness
+from market_harness import EXPRESS, GUIDE, MarketHarness, with_host
 from marketplace_node.effects import Alarm, Collect, PublishAuction
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.outcomes import AuctionOutcome
-from marketplace_node.settings import Settings
 from marketplace_node.statistics import Starvation
 
 
@@ -22,30 +21,27 @@ def play(market: MarketHarness, scenes: int, **bids: tuple[float, ...]) -> None:
 
 @pytest.fixture
 def market() -> MarketHarness:
-    harness = MarketHarness(starvation_rounds=3)
-    harness.register()
-    return harness
+    return with_host(starvation_rounds=3)
 
 
-def test_agent_is_starved_after_configured_lost_rounds(market: MarketHarness) -> None:
-    play(market, 2)
-    assert market.status.starved == ()
-    play(market, 1)
-
-    assert market.status.starved == (EXPRESS,)
-    [alarm] = market.all(Alarm)
-    assert alarm.message.startswith("professional_express is starved: it has bid in 3 awarded")
+@pytest.fixture
+def shadowed() -> MarketHarness:
+    return with_host(shadow_strategy="euclidean")
 
 
 def test_starvation_alarm_is_raised_once_until_win(market: MarketHarness) -> None:
-    play(market, 7)
-    assert len(market.all(Alarm)) == 1
+    play(market, 2)
+    assert market.status.starved == ()
+    play(market, 1)
+    assert market.status.starved == (EXPRESS,)
+    play(market, 4)
+    [alarm] = market.all(Alarm)
+    assert alarm.message.startswith("professional_express is starved: it has bid in 3 awarded")
 
     play(market, 1, **{EXPRESS: (5.0, 1.0, 3.0), GUIDE: (1.0, 5.0, 5.0)})
     assert market.status.starved == ()
     play(market, 3)
-    assert market.status.starved == (EXPRESS,)
-    assert len(market.all(Alarm)) == 2
+    assert (market.status.starved, len(market.all(Alarm))) == ((EXPRESS,), 2)
 
 
 def test_registering_again_compares_host_only_once(
@@ -58,16 +54,14 @@ def test_registering_again_compares_host_only_once(
         HostEntry, "__eq__", lambda one, other: compared.append(one) or equals(one, other)
     )
     assert market.register().accepted
-    assert market.status.starved == (EXPRESS,)
-    assert len(compared) == 1
+    assert (market.status.starved, len(compared)) == ((EXPRESS,), 1)
 
 
 def test_no_agent_is_starved_without_limit(market: MarketHarness) -> None:
-    market.do(market.market.configure(Settings(starvation_rounds=0), market.now))
+    market.configure(starvation_rounds=0)
     play(market, 5)
 
-    assert market.status.starved == ()
-    assert market.all(Alarm) == []
+    assert (market.status.starved, market.all(Alarm)) == ((), [])
 
 
 def test_non_bidding_agent_is_not_starved() -> None:
@@ -76,8 +70,7 @@ def test_non_bidding_agent_is_not_starved() -> None:
         starvation.ran("ann", ["ann"])
     starvation.ran("ann", ["ann", "bob"])
 
-    assert starvation.starved(2) == ()
-    assert starvation.in_vain == {"ann": 0, "bob": 1}
+    assert (starvation.starved(2), starvation.in_vain) == ((), {"ann": 0, "bob": 1})
 
 
 def test_previews_and_unawarded_rounds_starve_no_agent(market: MarketHarness) -> None:
@@ -89,38 +82,22 @@ def test_previews_and_unawarded_rounds_starve_no_agent(market: MarketHarness) ->
     assert market.status.starved == ()
 
 
-def test_shadow_counts_disagreements() -> None:
-    market = MarketHarness(shadow_strategy="euclidean")
-    market.register()
+def test_shadow_counts_disagreements(shadowed: MarketHarness) -> None:
     # Distances to [5, 1, 3]: one big difference against several small ones.
-    play(market, 2, **{GUIDE: (5.0, 4.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
-    play(market, 3, **{GUIDE: (5.0, 1.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
+    play(shadowed, 2, **{GUIDE: (5.0, 4.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
+    play(shadowed, 3, **{GUIDE: (5.0, 1.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
 
-    published = market.all(PublishAuction)
+    published = shadowed.all(PublishAuction)
     assert [p.decision.ranking[0].agent for p in published] == [GUIDE] * 5
     assert [p.decision.ranked.shadow_winner for p in published] == [EXPRESS] * 2 + [GUIDE] * 3
-    assert [(p.shadow_rounds, p.shadow_disagreements) for p in published] == [
-        (1, 1),
-        (2, 2),
-        (3, 2),
-        (4, 2),
-        (5, 2),
-    ]
+    assert [p.shadow_rounds for p in published] == [1, 2, 3, 4, 5]
+    assert [p.shadow_disagreements for p in published] == [1, 2, 2, 2, 2]
+    shadowed.configure(shadow_strategy="ucb")
+    play(shadowed, 1)
+    assert shadowed.auction.shadow_rounds == 1, "another pair is counted anew"
 
 
-def test_new_strategy_pair_resets_shadow_counts() -> None:
-    market = MarketHarness(shadow_strategy="euclidean")
-    market.register()
-    play(market, 2)
-    market.do(market.market.configure(Settings(shadow_strategy="ucb"), market.now))
-    play(market, 1)
-
-    assert market.auction.shadow_rounds == 1
-
-
-def test_refusing_winner_is_starved_but_running_substitute_not() -> None:
-    market = MarketHarness(starvation_rounds=3)
-    market.register()
+def test_refusing_winner_is_starved_but_running_substitute_not(market: MarketHarness) -> None:
     for number in range(4):
         market.award(f"s{number}")
         market.refuse()
@@ -144,8 +121,7 @@ def test_preempting_scene_is_compared_with_shadow_once() -> None:
 
 
 def test_shadow_is_not_compared_with_fallback_strategy() -> None:
-    market = MarketHarness(strategy="external", shadow_strategy="manhattan")
-    market.register()
+    market = with_host(strategy="external", shadow_strategy="manhattan")
     market.award()
     market.ranked(failure="no")
 
