@@ -15,13 +15,14 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_core.scene import SceneSpace
 from market_harness import EXPRESS, GUIDE, SPACE, scene
 from marketplace_node.external_ranking.http_client import HttpClient
 from marketplace_node.external_ranking.openai_protocol import (
@@ -68,35 +69,30 @@ def server() -> Iterator[ModelServer]:
         yield running
 
 
-def post(
-    url: str, headers: dict[str, str], body: bytes, *, limit_s: float, most: int
-) -> tuple[int, bytes]:
+@pytest.fixture
+def client() -> Iterator[HttpClient]:
     client = HttpClient("http of a test")
-    try:
-        asked = client.post(url, headers, body, lambda *found: found, limit_s=limit_s, most=most)
-        return asked.result(timeout=30.0)
-    finally:
-        client.close()
+    yield client
+    client.close()
 
 
-def ask(server: ModelServer, limit_s: float = LIMIT_S) -> External:
+def post(
+    client: HttpClient, url: str, limit_s: float = LIMIT_S, most: int = MOST_BYTES, **headers: str
+) -> tuple[int, bytes]:
+    asked = client.post(url, headers, b"{}", lambda *found: found, limit_s=limit_s, most=most)
+    return asked.result(timeout=30.0)
+
+
+def ask(client: HttpClient, server: ModelServer, limit_s: float = LIMIT_S) -> External:
     endpoint = Endpoint(base_url=server.url, model="small", key="secret")
-    status, body = post(endpoint.url, endpoint.headers(), b"{}", limit_s=limit_s, most=MOST_BYTES)
-    return answer(status, body, BIDDERS)
+    return answer(*post(client, endpoint.url, limit_s, **endpoint.headers()), BIDDERS)
 
 
 def test_question_contains_scene_labels_and_descriptions() -> None:
     space = SceneSpace(
         parameters=tuple(
-            SceneParameter(
-                name=name,
-                minimum=1.0,
-                maximum=5.0,
-                default=3.0,
-                description=f"what {name} is",
-                labels={5.0: "an older adult"},
-            )
-            for name in SPACE.names
+            replace(one, description=f"what {one.name} is", labels={5.0: "an older adult"})
+            for one in SPACE.parameters
         )
     )
     bidder = Bidder(name=GUIDE, vector=(4.0, 1.5, 3.0), distance=1.5, description="Slow and loud")
@@ -178,38 +174,53 @@ def test_hostile_model_text_is_refused_quickly(content: str, code: str) -> None:
     ],
 )
 def test_hostile_server_responses_are_refused(
-    server: ModelServer, status: int, body: bytes, code: str
+    client: HttpClient, server: ModelServer, status: int, body: bytes, code: str
 ) -> None:
     server.reply = sends(body, status)
     with pytest.raises(Refused) as caught:
-        ask(server)
+        ask(client, server)
     assert caught.value.code == code
     assert "secret" not in str(caught.value)
 
 
-def test_valid_response_is_received_over_http(server: ModelServer) -> None:
+def test_valid_response_is_received_over_http(client: HttpClient, server: ModelServer) -> None:
     server.reply = sends(completion(GOOD))
 
-    assert ask(server).ranking == (EXPRESS, GUIDE)
+    assert ask(client, server).ranking == (EXPRESS, GUIDE)
     assert server.headers[0]["Authorization"] == "Bearer secret"
+
+
+def test_response_is_not_decompressed(client: HttpClient, server: ModelServer) -> None:
+    packed = gzip.compress(b"x" * 1000)
+
+    def reply(request: Any) -> None:
+        request.send_response(200)
+        request.send_header("Content-Encoding", "gzip")
+        request.send_header("Content-Length", str(len(packed)))
+        request.end_headers()
+        request.wfile.write(packed)
+
+    server.reply = reply
+    assert post(client, Endpoint(base_url=server.url, model="small").url) == (200, packed)
+    assert server.headers[0]["Accept-Encoding"] == "identity"
 
 
 @pytest.mark.parametrize("status_line", [b"", b"HTTP/1.0 200 OK\r\nContent-Length: 900\r\n\r\n"])
 def test_slowly_sending_server_is_abandoned_in_time(
-    server: ModelServer, status_line: bytes
+    client: HttpClient, server: ModelServer, status_line: bytes
 ) -> None:
-    def reply(request: object) -> None:
-        request.wfile.write(status_line)  # type: ignore[attr-defined]
-        drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)(request)  # type: ignore[arg-type]
+    def reply(request: Any) -> None:
+        request.wfile.write(status_line)
+        drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)(request)
 
     server.reply = reply
     start = time.monotonic()
     with pytest.raises(Refused, match=r"^NO_ANSWER:"):
-        ask(server, limit_s=0.3)
+        ask(client, server, limit_s=0.3)
     assert time.monotonic() - start < LIMIT_S, "a byte every 0.05 s must not keep it"
 
 
-def test_untrusted_certificate_is_refused(tmp_path: Path) -> None:
+def test_untrusted_certificate_is_refused(client: HttpClient, tmp_path: Path) -> None:
     (tmp_path / "own.pem").write_text(OWN_CERTIFICATE)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(tmp_path / "own.pem")
@@ -221,36 +232,43 @@ def test_untrusted_certificate_is_refused(tmp_path: Path) -> None:
 
         serving = threading.Thread(target=serve, daemon=True)
         serving.start()
-        port = listening.getsockname()[1]
         with pytest.raises(Refused, match=r"(?i)certificate"):
-            post(f"https://127.0.0.1:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
+            post(client, f"https://127.0.0.1:{listening.getsockname()[1]}/v1")
         serving.join(5.0)
 
 
-def test_unreachable_server_is_named() -> None:
+def test_unreachable_server_is_named(client: HttpClient) -> None:
     port = free_port()
     with pytest.raises(Refused, match=rf"^UNREACHABLE:.*127\.0\.0\.1:{port}"):
-        post(f"http://127.0.0.1:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
+        post(client, f"http://127.0.0.1:{port}/v1")
 
 
-def test_slow_name_resolution_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("host", "codes"), [("127.0.0.1.", "UNREACHABLE"), ("127.0.0.1", "UNREACHABLE|NO_ANSWER")]
+)
+def test_https_needs_a_valid_name_and_tls(
+    client: HttpClient, server: ModelServer, host: str, codes: str
+) -> None:
+    port = server.url.split(":")[2].split("/")[0]
+    with pytest.raises(Refused, match=rf"^({codes}):"):
+        post(client, f"https://{host}:{port}/v1", limit_s=2.0)
+
+
+def test_slow_name_resolution_is_abandoned(
+    client: HttpClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
     over = threading.Event()
-
-    def hangs(*_: object, **__: object) -> list[object]:
-        over.wait(20.0)
-        return []
-
-    monkeypatch.setattr(socket, "getaddrinfo", hangs)
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: over.wait(20.0) and [])
     start = time.monotonic()
     with pytest.raises(Refused, match=r"^NO_ANSWER:"):
-        post("http://x.example/v1", {}, b"", limit_s=0.1, most=10)
+        post(client, "http://x.example/v1", limit_s=0.1)
     took = time.monotonic() - start
     over.set()
 
     assert took < 10.0
 
 
-def test_several_requests_run_concurrently(server: ModelServer) -> None:
+def test_several_requests_run_concurrently(client: HttpClient, server: ModelServer) -> None:
     together = threading.Barrier(3)
 
     def reply(request: Any) -> None:
@@ -258,26 +276,16 @@ def test_several_requests_run_concurrently(server: ModelServer) -> None:
         sends(completion(GOOD))(request)
 
     server.reply = reply
-    client = HttpClient("http of a test")
-    endpoint = Endpoint(base_url=server.url, model="small")
+    url = Endpoint(base_url=server.url, model="small").url
     asked = [
-        client.post(
-            endpoint.url,
-            {},
-            b"{}",
-            lambda status, body: answer(status, body, BIDDERS),
-            limit_s=LIMIT_S,
-            most=MOST_BYTES,
-        )
+        client.post(url, {}, b"{}", lambda *found: found, limit_s=LIMIT_S, most=MOST_BYTES)
         for _ in range(3)
     ]
-    assert [one.result(timeout=30.0).ranking for one in asked] == [(EXPRESS, GUIDE)] * 3
-    client.close()
+    assert [one.result(timeout=30.0) for one in asked] == [(200, completion(GOOD))] * 3
 
 
-def test_closing_client_abandons_pending_requests(server: ModelServer) -> None:
+def test_closing_client_abandons_pending_requests(client: HttpClient, server: ModelServer) -> None:
     server.reply = drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)
-    client = HttpClient("http of a test")
     url = Endpoint(base_url=server.url, model="small").url
     asked = client.post(url, {}, b"{}", lambda *found: found, limit_s=60.0, most=10)
     start = time.monotonic()
@@ -285,34 +293,6 @@ def test_closing_client_abandons_pending_requests(server: ModelServer) -> None:
     with pytest.raises(CancelledError):
         asked.result(timeout=10.0)
     assert time.monotonic() - start < LIMIT_S
-    client.close()
-
-
-def test_response_is_not_decompressed(server: ModelServer) -> None:
-    packed = gzip.compress(b"x" * 1000)
-
-    def reply(request: Any) -> None:
-        request.send_response(200)
-        request.send_header("Content-Encoding", "gzip")
-        request.send_header("Content-Length", str(len(packed)))
-        request.end_headers()
-        request.wfile.write(packed)
-
-    server.reply = reply
-    url = Endpoint(base_url=server.url, model="small").url
-    assert post(url, {}, b"{}", limit_s=LIMIT_S, most=MOST_BYTES) == (200, packed)
-    assert server.headers[0]["Accept-Encoding"] == "identity"
-
-
-def test_name_invalid_for_certificates_is_refused(server: ModelServer) -> None:
-    port = server.url.split(":")[2].split("/")[0]
-    with pytest.raises(Refused, match=r"^UNREACHABLE:"):
-        post(f"https://127.0.0.1.:{port}/v1", {}, b"", limit_s=LIMIT_S, most=10)
-
-
-def test_plain_http_behind_https_is_refused(server: ModelServer) -> None:
-    with pytest.raises(Refused, match=r"^(UNREACHABLE|NO_ANSWER):"):
-        post(server.url.replace("http:", "https:"), {}, b"", limit_s=2.0, most=10)
 
 
 @pytest.mark.parametrize(

@@ -14,46 +14,33 @@ from marketplace_node.other_market import LEAVE_S, LISTEN_S, OtherMarket, StartC
 ages = st.integers(min_value=2, max_value=2**31)
 
 
-def end_of(check: StartCheck, beats_until: float, *, is_on_graph: bool = False) -> float:
+@pytest.mark.parametrize(
+    ("beats_until", "is_on_graph", "after", "until", "refused_for"),
+    [
+        (0.0, False, 0.0, LISTEN_S, ""),
+        (0.8, False, 0.0, LEAVE_S, ""),
+        (0.0, True, LISTEN_S, LEAVE_S, ""),
+        (9.0, False, 0.0, LEAVE_S, "old"),
+    ],
+    ids=["no other", "an ending one is awaited", "a dead one delays", "a live one forbids"],
+)
+def test_market_starts_unless_another_lives(
+    beats_until: float, is_on_graph: bool, after: float, until: float, refused_for: str
+) -> None:
+    check = StartCheck(0.0)
     now = 0.0
     while not check.is_over(now, is_on_graph=is_on_graph):
         if now < beats_until:
             check.on_heartbeat("old", now)
         now += 0.1
-    return now
-
-
-def test_market_hearing_no_other_starts_quickly() -> None:
-    check = StartCheck(0.0)
-    now = end_of(check, beats_until=0.0)
-    assert now <= LISTEN_S + 0.1
-    assert not check.is_refused(now)
-
-
-def test_ending_market_is_awaited() -> None:
-    check = StartCheck(0.0)
-    now = end_of(check, beats_until=0.8)
-    assert not check.is_refused(now)
-
-
-def test_dead_market_on_graph_only_delays_start() -> None:
-    check = StartCheck(0.0)
-    now = end_of(check, beats_until=0.0, is_on_graph=True)
-    assert LISTEN_S < now <= LEAVE_S + 0.1
-    assert not check.is_refused(now)
+    assert after < now <= until + 0.1
+    assert check.is_refused(now) == bool(refused_for)
+    assert not refused_for or check.alive == refused_for
 
 
 def test_supervised_market_starts_without_check(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(RESTARTED, "yes")
     refuse_second_market()  # without rclpy.init it cannot listen
-
-
-def test_second_market_does_not_start_beside_live_one() -> None:
-    check = StartCheck(0.0)
-    now = end_of(check, beats_until=9.0)
-    assert now <= LEAVE_S + 0.1
-    assert check.is_refused(now)
-    assert check.alive == "old"
 
 
 def test_market_ignores_own_and_final_heartbeats() -> None:

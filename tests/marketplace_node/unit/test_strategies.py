@@ -7,6 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +28,10 @@ GUIDE, EXPRESS, CHILD = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5), (1.0, 2.0, 4.0)
 
 
 def test_weight_multiplies_contribution_of_parameter() -> None:
-    [found] = scored(
-        "weighted_manhattan", field((5.0, 1.0, 3.0), [GUIDE], weights=[(2.0, 0.0, 1.0)])
-    )
+    seen = field((5.0, 1.0, 3.0), [GUIDE], weights=[(2.0, 0.0, 1.0)])
+    [found] = scored("weighted_manhattan", seen)
 
-    assert found.contributions == (2.0, 0.0, 0.0)
-    assert found.score == 2.0
+    assert (found.contributions, found.score) == ((2.0, 0.0, 0.0), 2.0)
 
 
 def test_euclidean_distance_is_split_among_parameters() -> None:
@@ -102,41 +101,40 @@ def test_bid_whose_difference_is_nan_loses() -> None:
     assert strategies.winners(difference, np.array([[5.0], [1.0]]), bids, [0, 0], "name") == [1, 1]
 
 
-def test_ucb_bonus_falls_with_runs_of_its_agent() -> None:
-    def bonus(runs: int, rounds: int) -> float:
-        seen = field((3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
-        return scored("ucb", seen, c=2.0)[0].bonus
+def bonus(name: str, runs: int, rounds: int, *scene: float, **options: float) -> float:
+    seen = field(scene or (3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
+    return scored(name, seen, **options)[0].bonus
 
-    assert bonus(0, 0) == 0.0
-    assert bonus(3, 7) == pytest.approx(2.0 * math.sqrt(math.log(8) / 4))
-    assert bonus(0, 10) > bonus(1, 10) > bonus(10, 10)
-    assert bonus(1, 100) > bonus(1, 10)
+
+def test_ucb_bonus_falls_with_runs_of_its_agent() -> None:
+    ucb = partial(bonus, "ucb", c=2.0)
+
+    assert ucb(0, 0) == 0.0
+    assert ucb(3, 7) == pytest.approx(2.0 * math.sqrt(math.log(8) / 4))
+    assert ucb(0, 10) > ucb(1, 10) > ucb(10, 10)
+    assert ucb(1, 100) > ucb(1, 10)
 
 
 def test_bounded_ucb_caps_ucb_bonus_at_margin() -> None:
-    def bonus(runs: int, rounds: int, *scene: float) -> float:
-        seen = field(scene or (3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
-        return scored("bounded_ucb", seen, c=0.5, margin=0.4)[0].bonus
+    bounded = partial(bonus, "bounded_ucb", c=0.5, margin=0.4)
 
-    assert bonus(0, 0) == 0.0
-    assert bonus(3, 7) == pytest.approx(6.0 * math.sqrt(math.log(8) / 4))
-    assert bonus(0, 7) == pytest.approx(4.8)
-    assert bonus(0, 7, 3.0, NAN, 3.0) == pytest.approx(3.2), "shares of what is known"
-    assert bonus(0, 7, NAN, NAN, NAN) == 0.0
+    assert bounded(0, 0) == 0.0
+    assert bounded(3, 7) == pytest.approx(6.0 * math.sqrt(math.log(8) / 4))
+    assert bounded(0, 7) == pytest.approx(4.8)
+    assert bounded(0, 7, 3.0, NAN, 3.0) == pytest.approx(3.2), "shares of what is known"
+    assert bounded(0, 7, NAN, NAN, NAN) == 0.0
 
 
 def test_bounded_ucb_explores_only_within_margin() -> None:
-    runs = [0, 0, 0]
-    for round_number in range(2_000):
-        seen = field((1.0, 1.0), [(1.0, 1.0), (2.5, 2.0), (3.0, 2.3)], runs=runs,
-                     rounds=round_number)  # fmt: skip
+    bids, runs = [(1.0, 1.0), (2.5, 2.0), (3.0, 2.3)], [0, 0, 0]
+    for number in range(2_000):
+        seen = field((1.0, 1.0), bids, runs=runs, rounds=number)
         scores = [one.score for one in scored("bounded_ucb", seen, c=0.5, margin=0.4)]
         runs[scores.index(min(scores))] += 1
 
     nearest, within, beyond = runs
     assert nearest > 1_900
-    assert within > 0
-    assert beyond == 0
+    assert (within > 0, beyond) == (True, 0)
 
 
 def test_thompson_converges_to_manhattan_with_more_runs() -> None:
@@ -158,8 +156,7 @@ def test_seeded_randomness_is_portable() -> None:
 def test_strategies_describe_themselves_and_their_options() -> None:
     assert next(iter(STRATEGIES)) == "manhattan"
     for name, spec in STRATEGIES.items():
-        assert spec.name == name
-        assert spec.description.endswith(".")
+        assert (spec.name, spec.description[-1]) == (name, ".")
         for option in spec.options:
             assert option.minimum <= option.default <= option.maximum
             assert option.description

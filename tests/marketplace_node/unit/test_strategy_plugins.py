@@ -29,13 +29,18 @@ from ranked_rounds import bids, decided, terms
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "market.md").read_text(encoding="utf-8")
 CODE, ENTRY = re.search(r"```python\n(.+?)```.*?```toml\n(.+?)```", PAGE, re.DOTALL).groups()
-BROKEN = '\nbroken = "their_strategies:nothing"\nmanhattan = "their_strategies:SPEC"\n'
+BROKEN = """
+broken = "their_strategies:nothing"
+leaves = "leaving:SPEC"
+manhattan = "their_strategies:SPEC"
+"""
 
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
     """Return a folder with the package of the page, and broken ones, as pip leaves it."""
     (tmp_path / "their_strategies.py").write_text(CODE)
+    (tmp_path / "leaving.py").write_text("import sys\nsys.exit('no licence\\nbye')\n")
     info = tmp_path / "their_strategies-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
@@ -57,19 +62,21 @@ def test_documented_strategy_ranks_despite_broken_plugins(package: Path) -> None
         found = decide(SPACE, of, bids({"ann": (4.0, 4.0, 4.0), "bob": (2.0, 1.0, 3.0)}))
         print([(bid.agent, bid.score) for bid in found.bids], found.fallback or "-")
     """
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests" / "harness")]),
-    }
+    path = os.pathsep.join([str(package), str(ROOT / "tests" / "harness")])
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(script)],
-        env=environment, capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
 
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [
         "strategy 'broken' of theirs (their_strategies:nothing) cannot be loaded: "
         "AttributeError: module 'their_strategies' has no attribute 'nothing'",
+        "strategy 'leaves' of theirs (leaving:SPEC) cannot be loaded: SystemExit: no licence bye",
         "strategy 'manhattan' of theirs (their_strategies:SPEC): there is a strategy of this name "
         "already",
         "[('ann', 0.5), ('bob', 2.5)] -",
@@ -77,56 +84,48 @@ def test_documented_strategy_ranks_despite_broken_plugins(package: Path) -> None
 
 
 SPEC = StrategySpec(name="own", description="As manhattan.", score=manhattan)
-UNFIT_OPTION = Option(name="c", default=5.0, minimum=0.0, maximum=1.0, description="too much")
-UNFIT = {
-    "Own": SPEC,
-    "function": manhattan,
-    "other": SPEC,
-    "unfit": replace(SPEC, name="unfit", options=(UNFIT_OPTION,)),
-    "twice": replace(SPEC, name="twice", options=(replace(UNFIT_OPTION, default=1.0),) * 2),
-    "no_score": replace(SPEC, name="no_score", score=None),  # type: ignore[arg-type]
-    "no_words": replace(SPEC, name="no_words", description=None),  # type: ignore[arg-type]
-    "no_number": replace(SPEC, name="no_number", options=(replace(UNFIT_OPTION, minimum="a"),)),  # type: ignore[arg-type]
-    "no_default": replace(SPEC, name="no_default", options=(replace(UNFIT_OPTION, default=None),)),  # type: ignore[arg-type]
-    "no_name": replace(SPEC, name="no_name", options=(replace(UNFIT_OPTION, name=3),)),  # type: ignore[arg-type]
-    "no_meaning": replace(
-        SPEC, name="no_meaning", options=(replace(UNFIT_OPTION, default=1.0, description=None),)
-    ),  # type: ignore[arg-type]
-}
-"""Name of an entry point → its object."""
+OPTION = Option(name="c", default=1.0, minimum=0.0, maximum=1.0, description="of a test")
+BAD_OPTION = "name and description as texts, and whose default lies between minimum and maximum"
 
 
 class Loaded(EntryPoint):
-    """An entry point with a loaded object."""
+    """An entry point whose value is its loaded object."""
 
     def load(self) -> Any:
-        if self.name == "leaves":
-            sys.exit("no licence\nbye")
-        return {"own": SPEC, **UNFIT}[self.name]
+        return self.value
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "changes", "words"),
     [
-        ("Own", "cannot be the name of a strategy"),
-        ("function", "is a function, expected a marketplace_node.strategies.StrategySpec"),
-        ("other", "calls itself 'own'; both names must be the same"),
-        ("unfit", "whose default lies between minimum and maximum"),
-        ("twice", "two options have the same name"),
-        ("no_score", "'score' is not a function"),
-        ("no_words", "'description' is not a text"),
-        ("no_number", "name and description as texts, and whose default lies between"),
-        ("no_default", "name and description as texts, and whose default lies between"),
-        ("no_name", "name and description as texts, and whose default lies between"),
-        ("no_meaning", "name and description as texts, and whose default lies between"),
-        ("leaves", "cannot be loaded: SystemExit: no licence bye"),
+        ("Own", {}, "cannot be the name of a strategy"),
+        ("other", {"name": "own"}, "calls itself 'own'; both names must be the same"),
+        ("twice", {"options": (OPTION,) * 2}, "two options have the same name"),
+        ("unfit", {"options": (replace(OPTION, default=5.0),)}, BAD_OPTION),
+        ("no_number", {"options": (replace(OPTION, minimum="a"),)}, BAD_OPTION),
+        ("no_default", {"options": (replace(OPTION, default=None),)}, BAD_OPTION),
+        ("no_name", {"options": (replace(OPTION, name=3),)}, BAD_OPTION),
+        ("no_meaning", {"options": (replace(OPTION, description=None),)}, BAD_OPTION),
+        ("no_score", {"score": None}, "'score' is not a function"),
+        ("no_words", {"description": None}, "'description' is not a text"),
     ],
 )
-def test_invalid_strategy_is_reported_with_explanation(name: str, words: str) -> None:
-    specs, problems = read_plugins([Loaded(name, "m:x", GROUP), Loaded("own", "m:SPEC", GROUP)])
+def test_invalid_strategy_is_reported_with_explanation(
+    name: str, changes: dict[str, Any], words: str
+) -> None:
+    unfit: Any = replace(SPEC, **({"name": name} | changes))
+    entries = [Loaded(name, unfit, GROUP), Loaded("own", SPEC, GROUP)]  # type: ignore[arg-type]
+    specs, problems = read_plugins(entries)
 
-    assert list(specs) == ["own"]
-    assert len(problems) == 1
+    assert (list(specs), len(problems)) == (["own"], 1)
+    assert words in problems[0]
+
+
+def test_function_is_no_strategy() -> None:
+    specs, problems = read_plugins([Loaded("f", manhattan, GROUP)])  # type: ignore[arg-type]
+
+    assert specs == {}
+    words = "is a function, expected a marketplace_node.strategies.StrategySpec"
     assert words in problems[0]
 
 
@@ -182,19 +181,12 @@ def test_failing_strategy_is_named_and_manhattan_ranks(
     score: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = ranked_by(score, monkeypatch, strategy="theirs")
-
     assert found.fallback == BAD[score]
     assert (found.by, [bid.agent for bid in found.bids]) == ("manhattan", ["bob", "ann"])
 
-
-@pytest.mark.parametrize("score", BAD)
-def test_failing_shadow_is_named_and_has_no_winner(
-    score: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = ranked_by(score, monkeypatch, shadow="theirs")
-
-    assert (found.shadow_winner, found.fallback, found.by) == ("", "", "manhattan")
-    assert found.shadow_failure == BAD[score]
+    watched = ranked_by(score, monkeypatch, shadow="theirs")
+    assert (watched.shadow_winner, watched.fallback, watched.by) == ("", "", "manhattan")
+    assert watched.shadow_failure == BAD[score]
 
 
 def test_explanation_mentions_failing_shadow(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,13 +199,13 @@ def test_explanation_mentions_failing_shadow(monkeypatch: pytest.MonkeyPatch) ->
     )
 
 
-def test_round_with_failing_ranking_ends_without_award(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_round_with_failing_ranking_ends_without_award(
+    market: MarketHarness, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def breaks(*_: Any, **__: Any) -> Ranked:
         raise RuntimeError("out of order")
 
     monkeypatch.setattr(auction, "decide", breaks)
-    market = MarketHarness()
-    market.register()
     market.award()
 
     assert market.ends == [("s1", "NO_BIDS")]
