@@ -27,8 +27,7 @@ def test_cancel_stops_the_run_and_ends_the_interaction(market: MarketHarness) ->
         "1 attentive_guide CANCELLING",
         "1 attentive_guide ENDED CANCELLED",
     ]
-    assert market.all(AnnounceRun)[-1].message == "button (done)"
-    assert market.over == ["s1"]
+    assert (market.all(AnnounceRun)[-1].message, market.over) == ("button (done)", ["s1"])
     assert len(market.calls) == 1
 
 
@@ -69,8 +68,7 @@ def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: Mark
 
     assert market.auction.decision.terms.follows == 2
     assert "no other agents are registered" in market.auction.reason
-    assert market.over == ["s1"]
-    assert market.status.finished_scene_id == "s1"
+    assert (market.over, market.status.finished_scene_id) == (["s1"], "s1")
 
 
 def test_plain_stop_overrides_repeat_auction(market: MarketHarness) -> None:
@@ -98,8 +96,7 @@ def test_run_succeeding_before_cancel_has_no_follow_up(market: MarketHarness) ->
     market.cancel("bored", again=True)
     market.finish(outcome=1)
 
-    assert market.events[-1] == "1 attentive_guide ENDED SUCCEEDED"
-    assert market.over == ["s1"]
+    assert (market.events[-1], market.over) == ("1 attentive_guide ENDED SUCCEEDED", ["s1"])
 
 
 @pytest.mark.parametrize(
@@ -154,8 +151,7 @@ def test_cancel_while_awarding_ends_unless_host_accepts(
     market.wait(2.1)
 
     assert market.events[-1] == "1 attentive_guide ENDED CANCELLED"
-    assert len(market.all(SendGoal)) == 1
-    assert market.over == ["s1"]
+    assert (len(market.all(SendGoal)), market.over) == (1, ["s1"])
 
 
 def test_scenes_queue_in_order_up_to_limit() -> None:
