@@ -4,21 +4,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents_core.diagnostic import Position
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_language.model.scene_specs import (
-    AddresseeRule,
-    AddresseeSpec,
-    PersonsSpec,
-    TrackedSpec,
-)
+from bt_agents_language.model.scene_specs import AddresseeRule
 from scene_layer.memory import Memory, Running, from_text, to_text
-from scene_layer.persons import NOBODY, Persons
+from scene_layer.persons import NOBODY
+from scene_layer_harness import persons_of
 
 HOLD_S = 1.0
 IDS = ("a", "b", "c")
@@ -26,48 +20,27 @@ AGE = SceneParameter(name="age", minimum=1.0, maximum=5.0, default=3.0)
 SPACE = SceneSpace(parameters=(AGE,))
 
 
-@dataclass(frozen=True)
-class Moment:
-    """A tracker's report after some time, and the ranks of the persons then."""
-
-    after_s: float
-    listed: tuple[str, ...] | None
-    ranks: tuple[tuple[str, float], ...]
-
+Moment = tuple[float, list[str] | None, dict[str, float]]
+"""Time since the last one [s], a tracker's report after it, and the ranks of the persons then."""
 
 numbers = st.floats(0.0, 1.0) | st.just(math.nan)
-moments = st.builds(
-    Moment,
+moments = st.tuples(
     st.floats(0.01, 0.7),
-    st.none() | st.lists(st.sampled_from(IDS), unique=True).map(tuple),
-    st.dictionaries(st.sampled_from(IDS), numbers).map(lambda d: tuple(d.items())),
+    st.none() | st.lists(st.sampled_from(IDS), unique=True),
+    st.dictionaries(st.sampled_from(IDS), numbers),
 )
 crowds = st.lists(moments, max_size=60)
 rules = st.sampled_from(AddresseeRule)
 
 
-def spec(rule: AddresseeRule) -> PersonsSpec:
-    return PersonsSpec(
-        tracked=TrackedSpec(
-            topic="t",
-            type="bt_agents_interfaces/msg/PersonIds",
-            field="ids",
-            stale_after_s=1.0,
-            lost_after_s=0.3,
-            position=Position(file="scene.yaml", line=1, column=1),
-        ),
-        addressee=AddresseeSpec(rule=rule, better_by=0.1, hold_s=HOLD_S),
-    )
-
-
 def play(rule: AddresseeRule, crowd: list[Moment]) -> list[tuple[float, str, tuple[str, ...]]]:
     """Return time, addressee and tracked persons after each moment."""
-    persons, now, told = Persons(spec(rule)), 0.0, []
-    for moment in crowd:
-        now += moment.after_s
-        if moment.listed is not None:
-            persons.receive_ids(moment.listed, now)
-        persons.update(dict(moment.ranks), now)
+    persons, now, told = persons_of(rule), 0.0, []
+    for after_s, listed, ranks in crowd:
+        now += after_s
+        if listed is not None:
+            persons.receive_ids(listed, now)
+        persons.update(ranks, now)
         told.append((now, persons.addressee, persons.tracked))
     return told
 
@@ -91,7 +64,7 @@ def test_addressee_switches_are_hold_time_apart(rule, crowd):
 @given(rules, crowds)
 def test_tracked_addressee_without_better_rival_is_kept(rule, crowd):
     before = NOBODY
-    even = [Moment(m.after_s, m.listed, tuple((p, 0.5) for p in IDS)) for m in crowd]
+    even = [(after_s, listed, dict.fromkeys(IDS, 0.5)) for after_s, listed, _ in crowd]
     for _, addressee, tracked in play(rule, even):
         assert addressee == before or before not in tracked
         before = addressee

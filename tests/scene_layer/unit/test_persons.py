@@ -9,179 +9,117 @@ from collections.abc import Iterable
 import numpy
 import pytest
 
-from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.scene_specs import (
-    AddresseeRule,
-    AddresseeSpec,
-    PersonsSpec,
-    TrackedSpec,
-)
+from bt_agents_language.model.scene_specs import AddresseeRule
 from scene_layer.persons import LONGEST_ID, MOST_PERSONS, NOBODY, Persons, check_id
-
-HERE = Position(file="scene.yaml", line=1, column=1)
-
-
-def persons(rule: str = "first") -> Persons:
-    tracked = TrackedSpec(
-        topic="tracked",
-        type="bt_agents_interfaces/msg/PersonIds",
-        field="ids",
-        stale_after_s=3.0,
-        lost_after_s=0.5,
-        position=HERE,
-    )
-    addressee = AddresseeSpec(rule=AddresseeRule(rule), better_by=0.2, hold_s=1.0)
-    return Persons(PersonsSpec(tracked=tracked, addressee=addressee))
+from scene_layer_harness import persons_of
 
 
-def see(crowd: Persons, ids: Iterable[str], ranks: dict[str, float], now: float) -> None:
-    """Receive the tracked persons and their ranks of one moment."""
-    crowd.receive_ids(ids, now)
+@pytest.fixture
+def crowd() -> Persons:
+    return persons_of(AddresseeRule.FIRST)
+
+
+def see(crowd: Persons, ids: Iterable[object], ranks: dict[str, float], now: float) -> str:
+    """Receive the tracked persons of one moment and their ranks; return the refusal's code."""
+    problem = crowd.receive_ids(ids, now)
     crowd.update(ranks, now)
+    return problem.code if problem is not None else ""
 
 
 Step = tuple[float, str | None, dict[str, float], str]
 """Time [s], the persons in a message of that time, ranks, and the addressee after it."""
 
 
-@pytest.mark.parametrize(
-    ("rule", "steps"),
-    [
-        pytest.param(
-            "first",
-            [
-                (0.0, "", {}, NOBODY),
-                (1.0, "a", {}, "a"),
-                (2.0, "b a", {}, "a"),
-                (3.0, "b c", {}, "a"),
-                (3.5, "b c", {}, "b"),
-                (9.0, None, {}, NOBODY),
-            ],
-            id="who came first, then the next one",
-        ),
-        pytest.param(
-            "nearest",
-            [
-                (0.0, "a b", {"a": 2.0, "b": 1.0}, "b"),
-                (1.0, "a b", {"a": 0.9, "b": 1.0}, "b"),
-                (5.0, "a b", {"a": 0.5, "b": 1.0}, "b"),
-                (5.9, "a b", {"a": 0.5, "b": 1.0}, "b"),
-                (6.0, "a b", {"a": 0.5, "b": 1.0}, "a"),
-            ],
-            id="nearer by enough and for long enough",
-        ),
-        pytest.param(
-            "nearest",
-            [
-                (0.0, "a b", {"a": 1.0, "b": 2.0}, "a"),
-                (2.0, "a b", {"a": 1.0, "b": 0.5}, "a"),
-                (2.8, "a b", {"a": 1.0, "b": 0.9}, "a"),
-                (3.1, "a b", {"a": 1.0, "b": 0.5}, "a"),
-                (4.0, "a b", {"a": 1.0, "b": 0.5}, "a"),
-                (4.2, "a b", {"a": 1.0, "b": 0.5}, "b"),
-            ],
-            id="a moment that is not better begins the time anew",
-        ),
-        pytest.param(
-            "engaged",
-            [
-                (0.0, "a b", {"a": 0.1, "b": 0.9}, "b"),
-                (2.0, "a b", {"a": 0.9, "b": 0.1}, "b"),
-                (3.0, "a b", {"a": 0.9, "b": 0.1}, "a"),
-            ],
-            id="more engaged is more",
-        ),
-        pytest.param(
-            "engaged",
-            [
-                (0.0, "a b", {}, "a"),
-                (2.0, "a b", {"b": 0.1}, "a"),
-                (3.0, "a b", {"b": 0.1}, "b"),
-                (9.0, "a b", {"b": math.nan}, "b"),
-            ],
-            id="unknown is the least, and of equals the first",
-        ),
-        pytest.param(
-            "engaged",
-            [
-                (0.0, "a b", {"a": 0.9, "b": 0.1}, "a"),
-                (2.0, "b", {"b": 0.1}, "a"),
-                (2.4, "a b", {"a": 0.9}, "a"),
-                (3.0, "b", {}, "a"),
-                (3.5, "b", {}, "b"),
-            ],
-            id="a gap in the tracking loses nobody",
-        ),
-        pytest.param(
-            "first",
-            [
-                (0.0, "a b", {}, "a"),
-                (0.1, "b", {}, "a"),
-                (0.6, "b", {}, NOBODY),
-                (0.9, "b", {}, NOBODY),
-                (1.0, "b", {}, "b"),
-            ],
-            id="somebody else only after the hold time",
-        ),
-        pytest.param(
-            "first",
-            [
-                (0.0, "a b", {}, "a"),
-                (0.1, "b", {}, "a"),
-                (0.6, "b", {}, NOBODY),
-                (0.7, "a b", {}, "a"),
-            ],
-            id="who comes back is taken at once",
-        ),
-        pytest.param(
-            "first",
-            [
-                (0.0, "a", {}, "a"),
-                (3.0, None, {}, "a"),
-                (3.1, None, {}, NOBODY),
-                (3.2, "b", {}, "b"),
-            ],
-            id="a silent tracker sees nobody",
-        ),
-        pytest.param(
-            "nearest",
-            [
-                (0.0, "a", {}, "a"),
-                (2.0, "a b", {"b": 0.5}, "a"),
-                (2.9, "a b c", {"b": 0.5, "c": 0.3}, "a"),
-                (3.0, "a b c", {"b": 0.5, "c": 0.3}, "b"),
-                (3.2, "a b c", {"b": 0.6, "c": 0.3}, "b"),
-                (4.1, "a b c", {"b": 0.6, "c": 0.3}, "b"),
-                (4.3, "a b c", {"b": 0.6, "c": 0.3}, "c"),
-            ],
-            id="a late comer has to be better for as long",
-        ),
-        pytest.param(
-            "nearest",
-            [
-                (0.0, "a", {}, "a"),
-                (2.0, "a b c", {"b": 0.5, "c": 0.5}, "a"),
-                (3.0, "a b c", {"b": 0.5, "c": 0.3}, "c"),
-            ],
-            id="the best of all who have been better for long enough",
-        ),
-        pytest.param(
-            "nearest",
-            [
-                (0.0, "a b", {"a": 1.0, "b": 2.0}, "a"),
-                (2.1, "a b", {"a": 1.0, "b": 0.5}, "a"),
-                (3.0, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "a"),
-                (3.1, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "a"),
-                (4.1, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "c"),
-            ],
-            id="one person's lead is not another's",
-        ),
+STORIES: dict[tuple[str, str], list[Step]] = {
+    ("first", "who came first, then the next one"): [
+        (0.0, "", {}, NOBODY),
+        (1.0, "a", {}, "a"),
+        (2.0, "b a", {}, "a"),
+        (3.0, "b c", {}, "a"),
+        (3.5, "b c", {}, "b"),
+        (9.0, None, {}, NOBODY),
     ],
-)
-def test_addressee_follows_the_rule(rule: str, steps: list[Step]) -> None:
-    crowd = persons(rule)
-    for now, ids, ranks, expected in steps:
+    ("nearest", "nearer by enough and for long enough"): [
+        (0.0, "a b", {"a": 2.0, "b": 1.0}, "b"),
+        (1.0, "a b", {"a": 0.9, "b": 1.0}, "b"),
+        (5.0, "a b", {"a": 0.5, "b": 1.0}, "b"),
+        (5.9, "a b", {"a": 0.5, "b": 1.0}, "b"),
+        (6.0, "a b", {"a": 0.5, "b": 1.0}, "a"),
+    ],
+    ("nearest", "a moment that is not better begins the time anew"): [
+        (0.0, "a b", {"a": 1.0, "b": 2.0}, "a"),
+        (2.0, "a b", {"a": 1.0, "b": 0.5}, "a"),
+        (2.8, "a b", {"a": 1.0, "b": 0.9}, "a"),
+        (3.1, "a b", {"a": 1.0, "b": 0.5}, "a"),
+        (4.0, "a b", {"a": 1.0, "b": 0.5}, "a"),
+        (4.2, "a b", {"a": 1.0, "b": 0.5}, "b"),
+    ],
+    ("engaged", "more engaged is more"): [
+        (0.0, "a b", {"a": 0.1, "b": 0.9}, "b"),
+        (2.0, "a b", {"a": 0.9, "b": 0.1}, "b"),
+        (3.0, "a b", {"a": 0.9, "b": 0.1}, "a"),
+    ],
+    ("engaged", "unknown is the least, and of equals the first"): [
+        (0.0, "a b", {}, "a"),
+        (2.0, "a b", {"b": 0.1}, "a"),
+        (3.0, "a b", {"b": 0.1}, "b"),
+        (9.0, "a b", {"b": math.nan}, "b"),
+    ],
+    ("engaged", "a gap in the tracking loses nobody"): [
+        (0.0, "a b", {"a": 0.9, "b": 0.1}, "a"),
+        (2.0, "b", {"b": 0.1}, "a"),
+        (2.4, "a b", {"a": 0.9}, "a"),
+        (3.0, "b", {}, "a"),
+        (3.5, "b", {}, "b"),
+    ],
+    ("first", "somebody else only after the hold time"): [
+        (0.0, "a b", {}, "a"),
+        (0.1, "b", {}, "a"),
+        (0.6, "b", {}, NOBODY),
+        (0.9, "b", {}, NOBODY),
+        (1.0, "b", {}, "b"),
+    ],
+    ("first", "who comes back is taken at once"): [
+        (0.0, "a b", {}, "a"),
+        (0.1, "b", {}, "a"),
+        (0.6, "b", {}, NOBODY),
+        (0.7, "a b", {}, "a"),
+    ],
+    ("first", "a silent tracker sees nobody"): [
+        (0.0, "a", {}, "a"),
+        (3.0, None, {}, "a"),
+        (3.1, None, {}, NOBODY),
+        (3.2, "b", {}, "b"),
+    ],
+    ("nearest", "a late comer has to be better for as long"): [
+        (0.0, "a", {}, "a"),
+        (2.0, "a b", {"b": 0.5}, "a"),
+        (2.9, "a b c", {"b": 0.5, "c": 0.3}, "a"),
+        (3.0, "a b c", {"b": 0.5, "c": 0.3}, "b"),
+        (3.2, "a b c", {"b": 0.6, "c": 0.3}, "b"),
+        (4.1, "a b c", {"b": 0.6, "c": 0.3}, "b"),
+        (4.3, "a b c", {"b": 0.6, "c": 0.3}, "c"),
+    ],
+    ("nearest", "the best of all who have been better for long enough"): [
+        (0.0, "a", {}, "a"),
+        (2.0, "a b c", {"b": 0.5, "c": 0.5}, "a"),
+        (3.0, "a b c", {"b": 0.5, "c": 0.3}, "c"),
+    ],
+    ("nearest", "one person's lead is not another's"): [
+        (0.0, "a b", {"a": 1.0, "b": 2.0}, "a"),
+        (2.1, "a b", {"a": 1.0, "b": 0.5}, "a"),
+        (3.0, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "a"),
+        (3.1, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "a"),
+        (4.1, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "c"),
+    ],
+}
+
+
+@pytest.mark.parametrize(("rule", "story"), STORIES)
+def test_addressee_follows_the_rule(rule: str, story: str) -> None:
+    crowd = persons_of(AddresseeRule(rule))
+    for now, ids, ranks, expected in STORIES[rule, story]:
         if ids is not None:
             crowd.receive_ids(ids.split(), now)
         crowd.update(ranks, now)
@@ -199,13 +137,13 @@ def test_addressee_follows_the_rule(rule: str, steps: list[Step]) -> None:
     ],
 )
 def test_addressee_reason_is_readable(rule, ids, ranks, words):
-    crowd = persons(rule)
+    crowd = persons_of(AddresseeRule(rule))
     see(crowd, ids.split(), ranks, 0.0)
     assert crowd.reason == words
 
 
 def test_switch_and_loss_have_a_reason():
-    crowd = persons("nearest")
+    crowd = persons_of(AddresseeRule.NEAREST)
     for now in (0.0, 2.0, 3.0):
         see(crowd, ["anna", "ben"], {"anna": 1.0, "ben": 1.5 if now < 1.0 else 0.5}, now)
     assert crowd.reason == "ben has been nearer than anna for 1 s"
@@ -214,8 +152,7 @@ def test_switch_and_loss_have_a_reason():
     assert (crowd.addressee, crowd.reason) == (NOBODY, "ben is gone")
 
 
-def test_arrivals_and_departures_are_reported_once():
-    crowd = persons()
+def test_arrivals_and_departures_are_reported_once(crowd):
     told = []
     for now, ids in [(0.0, "a b"), (0.1, "a b"), (0.2, "b"), (0.4, "b c"), (0.7, "b c")]:
         crowd.receive_ids(ids.split(), now)
@@ -225,18 +162,12 @@ def test_arrivals_and_departures_are_reported_once():
     assert crowd.tracked == ("b", "c")
 
 
-def test_tracker_ids_may_be_numbers():
-    assert [check_id(7), check_id(numpy.uint64(2**64 - 1))] == ["7", str(2**64 - 1)]
-
-
-def test_tracked_persons_take_precedence_over_new_ones():
-    crowd = persons()
+def test_tracked_persons_take_precedence_over_new_ones(crowd):
     see(crowd, ["anna"], {}, 0.0)
     others = [f"p{number}" for number in range(2 * MOST_PERSONS)]
     see(crowd, [*others, "anna"], {}, 1.0)
     crowd.update({}, 1.6)
-    assert crowd.addressee == "anna"
-    assert len(crowd.tracked) == MOST_PERSONS
+    assert (crowd.addressee, len(crowd.tracked)) == ("anna", MOST_PERSONS)
 
 
 @pytest.mark.parametrize(
@@ -254,42 +185,31 @@ def test_tracked_persons_take_precedence_over_new_ones():
         ("\u202eanna", "BAD_TEXT"),
     ],
 )
-def test_hostile_id_is_rejected_and_others_count(hostile, code):
+def test_hostile_id_is_rejected_and_others_count(crowd, hostile, code):
     with pytest.raises(Refused) as refused:
         check_id(hostile)
     assert refused.value.code == code
     assert len(refused.value.reason) < 300
-    crowd = persons()
-    problem = crowd.receive_ids(["anna", hostile, "ben"], 0.0)
-    assert problem is not None
-    assert problem.code == code
-    crowd.update({}, 0.0)
+    assert see(crowd, ["anna", hostile, "ben"], {}, 0.0) == code
     assert crowd.tracked == ("anna", "ben")
 
 
-@pytest.mark.parametrize("usual", ["a", "anna/b", "Anna Müller", "42", "x" * LONGEST_ID])
-def test_any_other_text_is_an_id(usual):
-    assert check_id(usual) == usual
-
-
-def test_duplicate_id_is_one_person():
-    crowd = persons()
-    problem = crowd.receive_ids(["a", "b", "a"], 0.0)
-    assert problem is not None
-    assert problem.code == "DUPLICATE"
-    crowd.update({}, 0.0)
+def test_duplicate_id_is_one_person(crowd):
+    assert see(crowd, ["a", "b", "a"], {}, 0.0) == "DUPLICATE"
     assert crowd.tracked == ("a", "b")
 
 
-def test_first_of_ten_thousand_persons_are_tracked():
-    crowd = persons()
+@pytest.mark.parametrize(
+    "usual", ["a", "anna/b", "Anna Müller", "42", "x" * LONGEST_ID, 7, numpy.uint64(2**64 - 1)]
+)
+def test_any_other_text_or_number_is_an_id(usual):
+    assert check_id(usual) == str(usual)
+
+
+def test_first_of_ten_thousand_persons_are_tracked(crowd):
     see(crowd, ["anna"], {}, 0.0)
     many = [f"p{number}" for number in range(10_000)]
-    problem = crowd.receive_ids([*many, "anna"], 0.1)
-    assert problem is not None
-    assert problem.code == "TOO_MANY"
-    crowd.update({}, 0.1)
+    assert see(crowd, [*many, "anna"], {}, 0.1) == "TOO_MANY"
     assert crowd.tracked == ("anna", *many[: MOST_PERSONS - 1])
     see(crowd, reversed([*many, "anna"]), {}, 0.2)
-    assert len(crowd.tracked) == MOST_PERSONS
-    assert crowd.addressee == "anna"
+    assert (len(crowd.tracked), crowd.addressee) == (MOST_PERSONS, "anna")

@@ -7,37 +7,22 @@ import math
 
 import pytest
 
-from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import Health
 from bt_agents_core.source_mapping import inverted, mapped
-from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from file_texts import read_scene_text
 from plain_message import message_of
 from scene_layer.fusion import Reading
-from scene_layer.health import Standing
+from scene_layer.health import Standing, sources_health
 from scene_layer.sources import Sources
+from scene_layer_harness import number_source
 from scene_spaces import AGE_AND_MOOD as SPACE
 
-
-def source(
-    parameter: str, *points: tuple[float, float], topic: str = "", line: int = 1
-) -> SourceSpec:
-    return SourceSpec(
-        parameter=parameter,
-        topic=topic or f"sensors/{parameter}",
-        type="std_msgs/msg/Float64",
-        field=parse_expression("msg.data"),
-        points=points,
-        stale_after_s=2.0,
-        position=Position(file="scene.yaml", line=line, column=1),
-    )
-
-
-AGE = source("age", (10.0, 1.0), (20.0, 2.0), (80.0, 5.0))
-MOOD = source("mood")
-OTHER_MOOD = source("mood", topic="face/mood", line=2)
-PERSON = source("person")
+AGE = number_source("age", (10.0, 1.0), (20.0, 2.0), (80.0, 5.0))
+MOOD = number_source("mood")
+OTHER_MOOD = number_source("mood", topic="face/mood", line=2)
+PERSON = number_source("person")
 SPEC = SceneSpec(space=SPACE, sources=(AGE, MOOD, OTHER_MOOD), person=PERSON)
 
 
@@ -54,24 +39,15 @@ def test_reading_is_interpolated_and_held_beyond_map_points(reading, value):
     assert mapped(AGE.points, reading) == value
 
 
-@pytest.mark.parametrize("value", [1.0, 1.5, 2.0, 3.5, 5.0])
-def test_inverted_value_maps_back_to_itself(value):
-    assert mapped(AGE.points, inverted(AGE.points, value)) == pytest.approx(value)
+@pytest.mark.parametrize(("spec", "values"), [(AGE, [1.0, 1.5, 2.0, 3.5, 5.0]), (MOOD, [4.5])])
+def test_inverted_value_maps_back_to_itself(spec, values):
+    assert [mapped(spec.points, inverted(spec.points, v)) for v in values] == pytest.approx(values)
 
 
 def test_falling_and_flat_points_can_be_inverted():
     falling = ((0.0, 5.0), (1.0, 3.0), (2.0, 3.0), (3.0, 1.0))
     assert [inverted(falling, v) for v in (5.0, 4.0, 3.0, 2.0, 1.0)] == [0.0, 0.5, 1.0, 2.5, 3.0]
-
-
-def test_unreachable_value_inverts_to_nearest_point():
-    assert inverted(AGE.points, 9.0) == 80.0
-    assert inverted(AGE.points, 0.0) == 10.0
-
-
-def test_reading_without_points_is_its_value():
-    assert mapped(MOOD.points, 4.5) == 4.5
-    assert inverted(MOOD.points, 4.5) == 4.5
+    assert [inverted(AGE.points, v) for v in (0.0, 9.0)] == [10.0, 80.0], "the nearest point"
 
 
 def read(sources: Sources, spec: SourceSpec, raw: object, now: float, person: str = "") -> bool:
@@ -118,14 +94,9 @@ def test_fresh_readings_of_several_sources_are_fused(sources):
     both = sources.latest("mood", 3.0)
     assert (both.value, both.at, both.stale_at) == (3.0, 2.0, 4.0)
     assert both.source == "face/mood and sensors/mood"
-    assert sources.latest("mood", 3.5).value == 2.0
-
-
-def test_newest_reading_remains_when_all_are_stale(sources):
-    read(sources, MOOD, 4.0, 1.0)
-    read(sources, OTHER_MOOD, 2.0, 2.0)
-    assert sources.latest("mood", 9.0).value == 2.0
-    assert sources.latest("mood", 9.0).stale_at == 4.0
+    for now in (3.5, 9.0):
+        newest = sources.latest("mood", now)
+        assert (newest.value, newest.stale_at) == (2.0, 4.0), "it remains when all are stale"
     assert sources.reading(MOOD, 9.0) is None
 
 
@@ -137,15 +108,11 @@ def test_changed_reading_is_distinguished_from_repetition(sources):
 
 
 def test_boolean_is_read_as_zero_or_one(sources):
+    assert (sources.latest("mood", 0.0), sources.latest_person()) == (None, None)
     read(sources, PERSON, True, 1.0)
     assert sources.latest_person().value == 1.0
     read(sources, PERSON, False, 2.0)
     assert sources.latest_person().value == 0.0
-
-
-def test_person_is_unknown_before_first_reading():
-    assert Sources(SPEC).latest("mood", 0.0) is None
-    assert Sources(SPEC).latest_person() is None
 
 
 # Sources in an author's notation
@@ -187,29 +154,32 @@ def after(source: str, *messages: dict[str, object]) -> Reading | None:
     return sources.latest("mood", float(len(messages) - 1))
 
 
-def test_reading_may_be_computed():
+def test_reading_may_be_computed_with_values_for_nan():
     field = "3 + msg.valence * msg.confidence"
     assert after(topic(field), {"valence": 1.0, "confidence": 0.5}).value == 3.5
+    source = topic("msg.data else 2", "confidence: msg.sure else 0.5")
+    assert after(source, {"data": math.nan, "sure": math.nan}).value == 2.0
+    assert after(source, {"data": math.nan, "sure": math.nan}).confidence == 0.5
+    assert after(source, {"data": 4.0, "sure": 1.0}).value == 4.0
+    for bad in ({"a": math.nan, "b": 1}, {"a": 1, "b": 0}):
+        with pytest.raises(Refused, match=r"^NOT_COMPUTABLE"):
+            after(topic("msg.a / msg.b"), bad)
 
 
 def test_table_maps_words_and_rejects_unknown_ones():
     source = topic("emotion", "table: {happy: 5, sad: 1, true: 2, 7: 3}")
-    assert after(source, {"emotion": "happy"}).value == 5.0
-    assert after(source, {"emotion": True}).value == 2.0
-    assert after(source, {"emotion": 7}).value == 3.0
-    assert after(source, {"emotion": 7.0}).value == 3.0
+    found = [after(source, {"emotion": word}).value for word in ("happy", True, 7, 7.0)]
+    assert found == [5.0, 2.0, 3.0, 3.0]
     assert after(source, {"emotion": ""}) is None, "no word is no measurement"
     with pytest.raises(Refused, match=r"^UNKNOWN_WORD: .*'angry', expected one of happy, sad"):
         after(source, {"emotion": "angry"})
 
 
-def test_nan_field_takes_value_after_else():
-    source = topic("msg.data else 2", "confidence: msg.sure else 0.5")
-    assert after(source, {"data": math.nan, "sure": math.nan}).value == 2.0
-    assert after(source, {"data": math.nan, "sure": math.nan}).confidence == 0.5
-    assert after(source, {"data": 4.0, "sure": 1.0}).value == 4.0
-    with pytest.raises(Refused, match="NOT_COMPUTABLE"):
-        after(topic("msg.data + 1"), {"data": math.nan})
+def test_empty_list_is_ignored_but_missing_field_rejected():
+    source = topic("faces.0.mood")
+    assert after(source, {"faces": []}) is None
+    with pytest.raises(Refused, match=r"^UNKNOWN_FIELD: .*no field 'faces\.0\.mood'"):
+        after(source, {"faces": [{"age": 3}]})
 
 
 def test_reading_without_confidence_is_no_measurement():
@@ -221,16 +191,19 @@ def test_reading_without_confidence_is_no_measurement():
     assert kept.value == 2.0, "the last measurement stays until it is stale"
 
 
-@pytest.mark.parametrize("sure", [1.01, -0.1, math.nan, math.inf, "high", None])
-def test_confidence_outside_0_to_1_is_rejected(sure):
-    with pytest.raises(Refused, match=r"^OUT_OF_RANGE: .*expected 0 to 1"):
-        after(topic("data", "confidence: sure"), {"data": 2.0, "sure": sure})
-
-
-@pytest.mark.parametrize("std", [-0.1, math.nan, math.inf, "small", None])
-def test_negative_standard_deviation_is_rejected(std):
-    with pytest.raises(Refused, match=r"^OUT_OF_RANGE: .*expected 0 or more"):
-        after(topic("data", "std: doubt"), {"data": 2.0, "doubt": std})
+@pytest.mark.parametrize(
+    ("option", "value", "expected"),
+    [
+        *(
+            ("confidence", sure, "0 to 1")
+            for sure in (1.01, -0.1, math.nan, math.inf, "high", None)
+        ),
+        *(("std", doubt, "0 or more") for doubt in (-0.1, math.nan, math.inf, "small", None)),
+    ],
+)
+def test_confidence_or_deviation_out_of_range_is_rejected(option, value, expected):
+    with pytest.raises(Refused, match=rf"^OUT_OF_RANGE: .*expected {expected}"):
+        after(topic("data", f"{option}: said"), {"data": 2.0, "said": value})
 
 
 def test_standard_deviation_is_mapped_with_the_reading():
@@ -240,30 +213,13 @@ def test_standard_deviation_is_mapped_with_the_reading():
     assert at_the_end == pytest.approx(0.2 / math.sqrt(2))
     for beyond in (10.4, 50.0):
         assert after(source, {"data": beyond}).std == at_the_end, "what is held is not exact"
+    table = topic("data", "std: 0.5, table: {sad: 1, happy: 5}")
+    assert after(table, {"data": "sad"}).std == 0.5, "a table maps no deviation"
 
 
 def test_standard_deviation_is_bounded_by_that_of_range():
     source = topic("data", "std: 9e99, confidence: 1e-300")
     assert after(source, {"data": 2.0}).std == pytest.approx(4 / math.sqrt(12))
-
-
-def test_table_leaves_standard_deviation_unmapped():
-    source = topic("data", "std: 0.5, table: {sad: 1, happy: 5}")
-    assert after(source, {"data": "sad"}).std == 0.5
-
-
-def test_empty_list_is_ignored_but_missing_field_rejected():
-    source = topic("faces.0.mood")
-    assert after(source, {"faces": []}) is None
-    with pytest.raises(Refused, match=r"^UNKNOWN_FIELD: .*no field 'faces\.0\.mood'"):
-        after(source, {"faces": [{"age": 3}]})
-
-
-def test_uncomputable_reading_is_rejected_and_counted():
-    sources, spec = written(topic("msg.a / msg.b"))
-    with pytest.raises(Refused, match=r"^NOT_COMPUTABLE: .*by zero"):
-        sources.read(spec.sources[0], message_of({"a": 1, "b": 0}), 0.0)
-    assert sources.refusals == {("face", "NOT_COMPUTABLE"): 1}
 
 
 def test_smoothed_reading_lags_and_restarts_after_gap():
@@ -351,3 +307,27 @@ def test_topic_standing_goes_from_unread_to_stale(sources):
     assert sources.standings(now=3.0)["sensors/age"] is Standing.FRESH
     assert sources.standings(now=3.0)["sensors/person"] is Standing.UNREAD
     assert sources.standings(now=3.1)["sensors/age"] is Standing.STALE
+
+
+# Health
+
+
+@pytest.mark.parametrize(
+    ("age", "mood", "level", "words"),
+    [
+        (Standing.FRESH, Standing.FRESH, Health.OK, "every source has a reading that holds"),
+        (Standing.UNREAD, Standing.FRESH, Health.WARN, "no reading so far: /age"),
+        (Standing.UNREAD, Standing.STALE, Health.STALE, "stale: /mood"),
+    ],
+)
+def test_health_of_sources_is_that_of_the_worst(age, mood, level, words):
+    health = sources_health({"/age": age, "/mood": mood}, {("/age", "OUT_OF_RANGE"): 12}, {})
+    assert (health.part, health.level, health.message) == ("sources", level, words)
+    assert health.values["/age"] == f"{age.value}, 12 refused as OUT_OF_RANGE"
+
+
+def test_other_type_of_publisher_is_an_error() -> None:
+    types = "std_msgs/msg/Int32, expected std_msgs/msg/Float64"
+    health = sources_health({"/age": Standing.STALE}, {}, {"/age": types})
+    assert (health.level, health.message) == (Health.ERROR, f"/age is published as {types}")
+    assert health.values["/age"] == f"its last reading is stale, published as {types}"
