@@ -50,24 +50,15 @@ def test_each_live_scene_renews_the_lease(lease_s, moment, stale_s):
     assert story.at(moment) == replace(live, stale_s=stale_s)
 
 
-def test_live_scene_after_silence_counts_at_once():
-    story = Story()
-    assert story.at(9.0).stale_s
-    story.receive(9.0, scene(mood=2))
-    assert story.at(9.5) == scene(mood=2)
-
-
-def test_foreign_live_scene_does_not_break_silence():
+def test_only_its_own_live_scene_ends_a_silence():
     story = Story()
     story.receive(0.75, replace(scene(mood=5), scene_id="another"))
     assert story.at(1.5) == replace(AWARDED, stale_s=1.5)
-
-
-def test_tuned_lease_applies_at_once():
-    story = Story()
-    assert story.at(2.0).stale_s
+    story.receive(9.0, scene(mood=2))
+    assert story.at(9.5) == scene(mood=2)
+    assert story.at(11.0).stale_s
     story.view.lease_s = 3.0
-    assert not story.at(2.0).stale_s
+    assert not story.at(11.0).stale_s, "a tuned lease applies at once"
 
 
 # --- stale scenes in trees ----------------------------------------------------------------
@@ -75,9 +66,9 @@ def test_tuned_lease_applies_at_once():
 SILENT = "is stale: the scene layer has been silent for 2.3 s"
 
 
-def silenced(tree: str, **fields: object) -> TreeHarness:
-    harness = TreeHarness(tree, **fields)
-    harness.live = replace(harness.live, stale_s=2.3)
+def silenced(tree: str, stale_s: float = 2.3) -> TreeHarness:
+    harness = TreeHarness(tree)
+    harness.live = replace(harness.live, stale_s=stale_s)
     return harness
 
 
@@ -100,15 +91,17 @@ def test_node_with_stale_value_fails_with_reason(tree, words):
 
 
 @pytest.mark.parametrize(
-    "condition",
-    ["scene.mood == 3", "live.stale", "live.stale or not live.person", "profile.age >= 1"],
+    ("condition", "stale_s"),
+    [
+        ("scene.mood == 3", 2.3),
+        ("live.stale", 2.3),
+        ("live.stale or not live.person", 2.3),
+        ("profile.age >= 1", 2.3),
+        ("not live.stale and live.mood == 3", 0.0),
+    ],
 )
-def test_condition_without_fresh_values_is_decided_as_usual(condition):
-    assert silenced(f"check: {condition}").tick() == "succeeded"
-
-
-def test_a_fresh_live_scene_is_not_stale():
-    assert TreeHarness("check: not live.stale and live.mood == 3").tick() == "succeeded"
+def test_condition_without_stale_values_is_decided_as_usual(condition, stale_s):
+    assert silenced(f"check: {condition}", stale_s).tick() == "succeeded"
 
 
 def test_node_with_stale_condition_is_skipped():

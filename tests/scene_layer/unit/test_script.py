@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 from scene_layer.script import (
     AGAIN_WITHIN_S,
@@ -34,6 +36,16 @@ def begin(performance: ScriptPerformance, scene_id: str, now: float = 0.0) -> Vi
     return found
 
 
+def finish(performance: ScriptPerformance, scene_id: str, now: float, epoch: str = "e") -> None:
+    """Let the market finish a scene that ends the visit."""
+    performance.market(market(scene_id, epoch=epoch), now)
+    assert performance.over()
+
+
+def change(after_s: float) -> SceneChange:
+    return SceneChange(after_s=after_s, values={"mood": 2.0})
+
+
 def begun(*visits: Visit, **more: object) -> ScriptPerformance:
     """Return a performance whose first visit has begun with the scene s1."""
     performance = play(*visits, **more)
@@ -49,14 +61,20 @@ def test_each_visit_begins_after_market_finishes_previous_one():
     assert begin(performance, "s1") is a
     performance.market(market(idle=False), 0.1)
     assert not performance.over()
-    performance.market(market("s1"), 0.2)
-    assert performance.over()
-    assert begin(performance, "s2", 0.2) is b
+    assert not performance.not_taken(1000.0), "a busy market has no time limit"
+    finish(performance, "s1", 1000.2)
+    assert begin(performance, "s2", 1000.2) is b
     assert not performance.over(), "the scene that is finished is the one before"
-    performance.market(market("s2"), 0.3)
-    assert performance.over()
+    finish(performance, "s2", 1000.3)
     assert performance.done
-    assert performance.next(0.4) is None
+    assert performance.next(1000.4) is None
+
+
+def test_script_without_visits_is_done_at_once():
+    performance = play()
+    performance.market(market(), 0.0)
+    assert performance.done
+    assert performance.next(0.0) is None
 
 
 def test_first_visit_waits_for_idle_market_with_agents():
@@ -80,7 +98,7 @@ def test_visit_ends_when_market_moved_to_another_scene():
 
 
 def test_visit_resumed_by_restarted_market_is_not_resent():
-    a = visit("a", changes=(SceneChange(after_s=1.0, values={"mood": 2.0}),))
+    a = visit("a", changes=(change(1.0),))
     performance = begun(a)
     performance.started("s1", 0.0)
     performance.market(market(epoch="new"), 1.0)
@@ -90,8 +108,7 @@ def test_visit_resumed_by_restarted_market_is_not_resent():
     performance.market(market(idle=False, epoch="new"), 3.0)
     performance.started("s1+again", 3.0)
     assert performance.due(4.0) == list(a.changes)
-    performance.market(market("s1+again", epoch="new"), 5.0)
-    assert performance.over()
+    finish(performance, "s1+again", 5.0, epoch="new")
     assert performance.done
 
 
@@ -102,8 +119,7 @@ def test_visit_unknown_to_restarted_market_is_sent_again():
     assert not performance.not_taken(1.0 + AGAIN_WITHIN_S)
     assert performance.not_taken(1.1 + AGAIN_WITHIN_S)
     assert begin(performance, "s2", 12.0) is a
-    performance.market(market("s2", epoch="new"), 13.0)
-    assert performance.over()
+    finish(performance, "s2", 13.0, epoch="new")
     assert performance.done
 
 
@@ -117,77 +133,44 @@ def test_scene_ignored_by_idle_market_is_sent_again():
     assert begin(performance, "s2", 16.0) is not None
 
 
-def test_busy_market_has_no_time_limit():
-    performance = begun(visit("a"))
-    performance.market(market(idle=False), 0.1)
-    assert not performance.not_taken(1000.0)
-
-
-def test_changes_come_once_timed_from_run_start():
-    late = SceneChange(after_s=3.0, values={"mood": 1.0})
-    early = SceneChange(after_s=1.0, values={"mood": 2.0})
-    performance = begun(visit("a", changes=(late, early)))
+@pytest.mark.parametrize("pace", [1.0, 5.0])
+def test_changes_come_once_timed_from_run_start(pace: float):
+    late, early = change(3.0 * pace), change(pace)
+    performance = begun(visit("a", changes=(late, early)), pace=pace)
     assert performance.due(100.0) == []
     performance.started("foreign", 100.0)
     assert performance.due(200.0) == []
+    assert performance.unmade == (late, early)
     performance.started("s1", 200.0)
     assert performance.due(200.9) == []
     assert performance.due(201.0) == [early]
+    assert performance.unmade == (late,)
     performance.started("s1", 202.6)
     assert performance.due(203.0) == [late], "a second run of the scene starts no new clock"
     assert performance.due(300.0) == []
 
 
 def test_run_start_received_before_its_scene_counts():
-    change = SceneChange(after_s=3.0, values={"mood": 2.0})
-    performance = play(visit("a", changes=(change,)), visit("b", changes=(change,)))
+    performance = play(visit("a", changes=(change(3.0),)), visit("b", changes=(change(3.0),)))
     performance.market(market(), 0.0)
     performance.next(0.0)
     performance.started("s1", 1.0)
     performance.announced("s1")
     assert performance.due(3.9) == []
-    assert performance.due(4.0) == [change]
-    performance.market(market("s1"), 5.0)
-    assert performance.over()
+    assert performance.due(4.0) == [change(3.0)]
+    finish(performance, "s1", 5.0)
     begin(performance, "s2", 6.0)
     assert performance.due(20.0) == [], "the start of the visit before is none of this one"
 
 
-def test_faster_pace_brings_changes_sooner():
-    change = SceneChange(after_s=10.0, values={"mood": 2.0})
-    performance = begun(visit("a", changes=(change,)), pace=5.0)
-    performance.started("s1", 0.0)
-    assert performance.due(1.9) == []
-    assert performance.due(2.0) == [change]
-
-
 def test_changes_of_finished_visit_are_dropped():
-    change = SceneChange(after_s=1.0, values={"mood": 2.0})
-    performance = begun(visit("a", changes=(change,)), visit("b"))
+    performance = begun(visit("a", changes=(change(1.0),)), visit("b"))
     performance.started("s1", 0.0)
-    performance.market(market("s1"), 0.5)
-    assert performance.over()
+    finish(performance, "s1", 0.5)
+    assert performance.unmade == (change(1.0),)
     assert performance.due(5.0) == []
     begin(performance, "s2", 6.0)
     assert performance.due(9.0) == []
-
-
-def test_changes_that_were_not_due_are_named():
-    early, late = (SceneChange(after_s=after, values={"mood": 1.0}) for after in (1.0, 5.0))
-    performance = begun(visit("a", changes=(early, late)))
-    assert performance.unmade == (early, late)
-    performance.started("s1", 0.0)
-    assert performance.due(2.0) == [early]
-    performance.market(market("s1"), 3.0)
-    assert performance.over()
-    assert performance.unmade == (late,)
-
-
-def test_script_without_visits_is_done_at_once():
-    performance = play()
-    performance.market(market(), 0.0)
-    assert performance.done
-    assert performance.next(0.0) is None
 
 
 def test_first_matching_word_of_question_decides_answer():
