@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from bt_agents_core.scene import Scene, Vector
@@ -67,13 +66,3 @@ def decided(of: Terms, accepted: Sequence[AcceptedBid], **changes: Any) -> Decis
         "silent_hosts": (),
     }
     return Decision(**(values | changes))
-
-
-def with_values(awarded_for: Scene, values: Mapping[str, float]) -> Scene:
-    """Return a scene with some values changed."""
-    return replace(
-        awarded_for,
-        values=tuple(
-            replace(one, value=values.get(one.name, one.value)) for one in awarded_for.values
-        ),
-    )

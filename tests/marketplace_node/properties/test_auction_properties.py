@@ -14,8 +14,8 @@ from marketplace_node.explanation.reason import reason_of
 from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.auction import Auction
-from marketplace_node.round.decision import Bids, ClosedBy, RoundKind, Terms
-from ranked_rounds import added_up
+from marketplace_node.round.decision import Bids, ClosedBy, RoundKind
+from ranked_rounds import added_up, terms
 
 HOSTS = [
     HostEntry(
@@ -61,16 +61,7 @@ def test_an_auction_ends_in_exactly_one_outcome(
     answers: list[Bids], values: list[float], by: ClosedBy
 ) -> None:
     awarded_for = scene("s", *values)
-    terms = Terms(
-        epoch="epoch",
-        round=1,
-        follows=0,
-        scene=awarded_for,
-        strategy="manhattan",
-        tie_break="least_recently_run",
-        excluded={"bob_1": "stopped"},
-    )
-    auction = Auction(SPACE, terms, HOSTS)
+    auction = Auction(SPACE, terms(awarded_for, round=1, excluded={"bob_1": "stopped"}), HOSTS)
     for answer in answers:
         auction.take(answer)
     decision = auction.close(by, 0.5, stopped="enough" if by is ClosedBy.STOPPED else "")

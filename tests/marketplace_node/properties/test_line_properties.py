@@ -40,16 +40,13 @@ class AnyLine(RuleBasedStateMachine):
     @initialize(mode=st.sampled_from(["queue", "preempt"]))
     def start(self, mode: str) -> None:
         self.settings = replace(SETTINGS, on_new_scene=mode)
-        self.markets = 0
-        self.starts = 0
-        self.scenes = 0
+        self.markets = self.starts = self.scenes = self.seen = 0
         self.stored = ""
         self.ends: Counter[str] = Counter()
         self.codes: dict[str, str] = {}
         self.rounds: Counter[str] = Counter()
         self.started: set[tuple[str, int]] = set()
         self.ended: dict[tuple[str, int], RunOutcome] = {}
-        self.seen = 0
         self.running: tuple[str, RunGoal, str] | None = None
         self.unreported: list[EarlierRun] = []
         self.harness = MarketHarness()
@@ -190,12 +187,8 @@ class AnyLine(RuleBasedStateMachine):
         elif effect.event is RunEventKind.ENDED:
             assert key not in self.ended, f"{key} has a second end: {effect}"
             self.ended[key] = effect.outcome
-        if self.is_end_of_run(effect):
-            self.running = None
-
-    def is_end_of_run(self, effect: AnnounceRun) -> bool:
-        is_its = self.running is not None and self.running[1] == effect.goal
-        return is_its and effect.event is RunEventKind.ENDED
+            if self.running is not None and self.running[1] == effect.goal:
+                self.running = None
 
     def teardown(self) -> None:
         if not hasattr(self, "harness"):

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import random
+from collections import Counter
 from typing import Any
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
@@ -24,7 +27,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.hosts.host_effects import CancelGoal, CancelOpenGoals, Effect, RunGoal
 from marketplace_node.market_state import PREVIEWS
-from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.operator_overrides import OperatorAction
 from marketplace_node.operators import MOST_PREVIEWS
 from marketplace_node.outcomes import AuctionOutcome, RunEventKind
 from marketplace_node.round.decision import External
@@ -48,11 +51,9 @@ class AnyMarket(RuleBasedStateMachine):
         self.harness = MarketHarness(
             on_new_scene=mode, queue_limit=limit, preempt_cooldown_s=1.0, strategy=strategy
         )
+        self.scenes = self.starts = self.seen = self.sent = 0
         self.previews: set[int] = set()
         self.asked: set[int] = set()
-        self.scenes = 0
-        self.starts = 0
-        self.seen = 0
         self.outstanding: RunGoal | None = None
         self.open_rounds: set[int] = set()
         self.decided: list[int] = []
@@ -60,7 +61,6 @@ class AnyMarket(RuleBasedStateMachine):
         self.open: dict[tuple[str, str], set[OpenGoal]] = {}
         for host, agents in AGENTS.items():
             self.harness.register(host, *agents, instance="start0")
-        self.sent = 0
 
     @rule(host=hosts, fresh=st.booleans())
     def register(self, host: str, fresh: bool) -> None:
@@ -101,8 +101,7 @@ class AnyMarket(RuleBasedStateMachine):
 
     @rule(host=hosts, round_number=st.sampled_from([1, 99]), own=st.booleans())
     def run_something_else(self, host: str, round_number: int, own: bool) -> None:
-        epoch = "epoch" if own else "old"
-        self.harness.beat(host, epoch=epoch, round_number=round_number)
+        self.harness.beat(host, epoch="epoch" if own else "old", round_number=round_number)
 
     @rule(again=st.sampled_from([0, 0, 0, 1]), urgent=st.sampled_from([False, False, True]))
     def scene(self, again: int, urgent: bool = False) -> None:
@@ -176,32 +175,19 @@ class AnyMarket(RuleBasedStateMachine):
         self.harness.do(self.harness.market.ranked(question.round, external, self.harness.now))
 
     @rule(
-        action=st.sampled_from(
-            [
-                OperatorAction.PIN,
-                OperatorAction.UNPIN,
-                OperatorAction.UNPIN,
-                OperatorAction.VETO,
-                OperatorAction.ALLOW,
-                OperatorAction.ALLOW,
-            ]
-        ),
+        action=st.sampled_from(["PIN", "UNPIN", "UNPIN", "VETO", "ALLOW", "ALLOW"]),
         agent=st.sampled_from(["ann", "abe", "bob", "bea", "nobody"]),
     )
-    def operate(self, action: OperatorAction, agent: str) -> None:
-        self.harness.operate(action, agent)
+    def operate(self, action: str, agent: str) -> None:
+        self.harness.operate(OperatorAction[action], agent)
 
     @rule(agent=st.sampled_from(["ann", "abe", "bob"]), own=st.booleans())
     def award(self, agent: str, own: bool) -> None:
         theirs = scene(f"award{self.scenes}") if own else None
-        command = OperatorCommand(action=OperatorAction.AWARD, agent=agent, scene=theirs)
-        try:
-            _, effects = self.harness.market.operate(command, self.harness.now)
-        except Refused:
-            return
-        self.sent += 1
-        self.scenes += 1
-        self.harness.do(effects)
+        answer = self.harness.operate(OperatorAction.AWARD, agent, scene=theirs)
+        if f"{agent} gets the run" in answer:
+            self.sent += 1
+            self.scenes += 1
 
     @rule(strategy=st.sampled_from(["", "external", "ucb"]))
     def preview(self, strategy: str) -> None:
@@ -210,8 +196,7 @@ class AnyMarket(RuleBasedStateMachine):
         except Refused:
             assert len(self.previews) == MOST_PREVIEWS
             return
-        ended = {effect.number for effect in self.harness.previews}
-        self.previews |= {number} - ended
+        self.previews |= {number} - {effect.number for effect in self.harness.previews}
 
     @rule()
     def collect(self) -> None:
@@ -293,3 +278,133 @@ class AnyMarket(RuleBasedStateMachine):
 
 AnyMarket.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
 test_any_market = AnyMarket.TestCase
+
+
+# A thousand scenes among hosts that die, stay silent or are slow
+CROWD = {"/a": ("ann", "abe"), "/b": ("bob", "bea"), "/c": ("cat", "cem")}
+SCENES = 1000
+VALUES = (1.0, 2.5, 3.0, 5.0)
+
+
+class Crowd:
+    """Plays hosts, people and the feedback node at random, with a seed."""
+
+    def __init__(self, mode: str, seed: int) -> None:
+        self.random = random.Random(seed)
+        self.harness = MarketHarness(
+            on_new_scene=mode, queue_limit=4, preempt_cooldown_s=0.5, collect_deadline_s=0.25
+        )
+        self.seen = self.starts = 0
+        self.goals: list[RunGoal] = []
+        self.running: set[RunGoal] = set()
+        self.down: dict[str, float] = {}
+        self.sent: Counter[str] = Counter()
+        for host, agents in CROWD.items():
+            self.harness.register(host, *agents, instance="start0")
+
+    def chance(self, part: float) -> bool:
+        return self.random.random() < part
+
+    def step(self) -> None:
+        self.hosts_live_and_die()
+        news, self.seen = self.harness.effects[self.seen :], len(self.harness.effects)
+        for effect in news:
+            self.answer(effect)
+        self.answer_goals()
+        for goal in list(self.running):
+            if self.chance(0.3):
+                self.finish(goal, self.random.choice((1, 1, 2)))
+        if self.chance(0.04):
+            self.harness.cancel("enough", again=self.chance(0.5))
+        self.harness.wait(1 / 16)
+
+    def scene(self, number: int) -> None:
+        name = f"s{number}"
+        if self.chance(0.02):
+            name = f"s{max(0, number - 1)}"
+        self.sent[name] += 1
+        if self.chance(0.02):
+            refused = Refused("NOT_FINITE", "age is nan")
+            self.harness.do(self.harness.market.malformed(name, refused, self.harness.now))
+        else:
+            self.harness.scene(name, urgent=self.chance(0.1))
+
+    def hosts_live_and_die(self) -> None:
+        for host, agents in CROWD.items():
+            if host in self.down:
+                if self.harness.now >= self.down[host]:
+                    del self.down[host]
+                    self.starts += 1
+                    answer = self.harness.register(host, *agents, instance=f"start{self.starts}")
+                    if not answer.accepted:
+                        self.down[host] = self.harness.now + 0.5
+            elif self.chance(0.01):
+                self.down[host] = self.harness.now + self.random.uniform(0.2, 2.0)
+                self.harness.busy.pop(host, None)
+                self.running = {goal for goal in self.running if goal.host != host}
+
+    def answer(self, effect: Effect) -> None:
+        match effect:
+            case OpenCall():
+                for host in CROWD:
+                    if host not in self.down and self.chance(0.95):  # else it is silent
+                        self.bid(host, effect.round)
+            case SendGoal():
+                self.goals.append(effect.goal)
+            case CancelGoal() if effect.goal in self.running and self.chance(0.9):
+                self.finish(effect.goal, 3)
+            case Collect() if self.chance(0.5):
+                number = effect.goal.round
+                self.harness.do(self.harness.market.collected(number, "learned", self.harness.now))
+            case _:
+                pass
+
+    def bid(self, host: str, number: int) -> None:
+        if self.chance(0.1):
+            self.harness.bid(host, {}, dict.fromkeys(CROWD[host], "is tired"), round=number)
+        else:
+            vectors = {name: tuple(self.random.choices(VALUES, k=3)) for name in CROWD[host]}
+            self.harness.bid(host, vectors, round=number)
+
+    def answer_goals(self) -> None:
+        goals, self.goals = self.goals, []
+        for goal in goals:
+            if goal.host in self.down or self.chance(0.03):
+                continue  # never answered
+            if self.chance(0.1) or self.harness.busy.get(goal.host):
+                self.harness.refuse(goal)
+            elif self.chance(0.1):
+                self.goals.append(goal)  # answered later
+            else:
+                self.running.add(goal)
+                self.harness.accept(goal)
+
+    def finish(self, goal: RunGoal, outcome: int) -> None:
+        self.running.discard(goal)
+        self.harness.end(outcome, goal=goal)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("mode", ["queue", "reject", "preempt"])
+def test_each_of_thousand_scenes_ends_exactly_once(mode: str, seed: int) -> None:
+    crowd = Crowd(mode, seed)
+    number = 0
+    while number < SCENES:
+        for _ in range(crowd.random.choice((*[0] * 24, 1, 1, 1, 5))):
+            if number < SCENES:
+                crowd.scene(number)
+                number += 1
+        crowd.step()
+    for _ in range(2000):
+        if crowd.harness.status.state is State.IDLE:
+            break
+        crowd.step()
+
+    status = crowd.harness.status
+    assert (status.state, status.queued) == (State.IDLE, 0), "nothing waits for ever"
+    assert sum(crowd.sent.values()) == SCENES
+    assert Counter(crowd.harness.over) == crowd.sent, "taken = ended, each as often as it came"
+    codes = {code for _, code in crowd.harness.ends}
+    expected = {"SUCCEEDED", "FAILED", "CANCELLED", "LOST", "NOT_FINITE", "STOPPED"}
+    expected |= {"reject": {"BUSY"}, "queue": {"QUEUE_FULL"}, "preempt": {"PREEMPTED"}}[mode]
+    assert expected <= codes
