@@ -15,6 +15,13 @@ def market() -> MarketHarness:
 
 
 @pytest.fixture
+def running(market: MarketHarness) -> MarketHarness:
+    """The same market, in which the guide runs for scene s1."""
+    market.run()
+    return market
+
+
+@pytest.fixture
 def impatient() -> MarketHarness:
     """The same market, which does not wait for hosts."""
     return with_host(host_wait_s=0)

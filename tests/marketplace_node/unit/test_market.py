@@ -33,20 +33,18 @@ from marketplace_node.settings import RANGES, Settings
 ROOT = Path(__file__).parents[3]
 
 
-def test_interaction_passes_through_all_states(market: MarketHarness) -> None:
-    market.run()
-    market.wait(3.0)
-    market.end()
-    market.collect("moved")
+def test_interaction_passes_through_all_states(running: MarketHarness) -> None:
+    running.wait(3.0)
+    running.end()
+    running.collect("moved")
 
-    states = dict.fromkeys(effect.state.name for effect in market.all(StatusChanged))
+    states = dict.fromkeys(effect.state.name for effect in running.all(StatusChanged))
     assert " ".join(states) == "IDLE BIDDING AWARDING RUNNING COLLECTING"
-    assert market.events == ["1 attentive_guide STARTED", "1 attentive_guide ENDED SUCCEEDED"]
-    ended = market.all(AnnounceRun)[-1]
+    assert running.events == ["1 attentive_guide STARTED", "1 attentive_guide ENDED SUCCEEDED"]
+    ended = running.all(AnnounceRun)[-1]
     assert (ended.message, ended.orphans, ended.ticks) == ("done", ("tree/0.say",), 7)
-    assert ended.duration_s == 3.0
-    assert (ended.stopped_by, ended.stop_reason) == (StoppedBy.NOT_SAID, "")
-    status = market.status
+    assert (ended.duration_s, ended.stopped_by, ended.stop_reason) == (3.0, StoppedBy.NOT_SAID, "")
+    status = running.status
     assert (status.state, status.finished_scene_id) == (State.IDLE, "s1")
     assert status.message == "scene 's1' is over: attentive_guide succeeded: done; moved"
     assert (status.scene_id, status.agent, status.host) == ("", "", "")
@@ -60,8 +58,7 @@ def test_dead_host_is_neither_counted_nor_asked(market: MarketHarness) -> None:
     market.scene()
     market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
 
-    assert market.auction.decision.closed_by is ClosedBy.ALL_ANSWERED
-    assert market.goal.agent == PLAIN
+    assert (market.auction.decision.closed_by, market.goal.agent) == (ClosedBy.ALL_ANSWERED, PLAIN)
 
 
 def test_round_closes_at_its_deadline_despite_silent_host(market: MarketHarness) -> None:
@@ -86,8 +83,7 @@ def test_round_closes_at_its_deadline_despite_silent_host(market: MarketHarness)
 
 
 def test_round_deadline_counts_from_publication(market: MarketHarness) -> None:
-    effects = market.market.scene(scene(), market.now)
-    market.effects += effects
+    market.effects += market.market.scene(scene(), market.now)
     market.wait(0.4)
     market.effects += market.market.called(1, market.now)
     market.wait(0.4)
@@ -105,9 +101,7 @@ def test_unpublished_call_still_ends(market: MarketHarness) -> None:
 
 
 @pytest.mark.parametrize("changes", [{"epoch": "x"}, {"round": 0}, {"round": 9}])
-def test_bids_without_an_open_round_are_only_noted(
-    market: MarketHarness, changes: dict[str, Any]
-) -> None:
+def test_bids_without_open_round_are_noted(market: MarketHarness, changes: dict[str, Any]) -> None:
     market.bid(**changes)
 
     assert "refused" in market.notes[-1]
@@ -176,57 +170,52 @@ def test_returning_host_is_stopped_before_next_call(impatient: MarketHarness) ->
     assert impatient.status.state is State.BIDDING
 
 
-def test_restarted_host_ends_run_of_earlier_start(market: MarketHarness) -> None:
-    market.run()
-    market.die()
-    market.now += 1.1
-    market.register(instance="second")
+def test_restarted_host_ends_run_of_earlier_start(running: MarketHarness) -> None:
+    running.die()
+    running.now += 1.1
+    running.register(instance="second")
 
-    assert market.events[-1] == "1 attentive_guide ENDED LOST"
-    assert market.all(Connect)[-1].entry.instance == "second"
-    assert market.calls[-1].excluded == (GUIDE,)
-
-
-def test_host_forgetting_its_run_loses_it(market: MarketHarness) -> None:
-    market.run()
-    market.busy["/agents"] = 0
-    market.wait(0.75)
-    assert market.status.state is State.RUNNING
-    market.wait(0.2)
-
-    assert market.events[-1] == "1 attentive_guide ENDED LOST"
-    market.bid(vectors={EXPRESS: (1.0, 1.0, 1.0)})
-    market.accept()
-    assert market.status.state is State.RUNNING
+    assert running.events[-1] == "1 attentive_guide ENDED LOST"
+    assert running.all(Connect)[-1].entry.instance == "second"
+    assert running.calls[-1].excluded == (GUIDE,)
 
 
-def test_delayed_idle_heartbeat_does_not_end_run(market: MarketHarness) -> None:
-    market.run()
-    market.beat(round_number=0)
-    market.wait(5.0)
+def test_host_forgetting_its_run_loses_it(running: MarketHarness) -> None:
+    running.busy["/agents"] = 0
+    running.wait(0.75)
+    assert running.status.state is State.RUNNING
+    running.wait(0.2)
 
-    assert market.status.state is State.RUNNING
+    assert running.events[-1] == "1 attentive_guide ENDED LOST"
+    running.bid(vectors={EXPRESS: (1.0, 1.0, 1.0)})
+    running.accept()
+    assert running.status.state is State.RUNNING
+
+
+def test_delayed_idle_heartbeat_does_not_end_run(running: MarketHarness) -> None:
+    running.beat(round_number=0)
+    running.wait(5.0)
+
+    assert running.status.state is State.RUNNING
 
 
 @pytest.mark.parametrize("outcome", [1, 2, 3])
-def test_feedback_is_collected_after_every_ended_run(market: MarketHarness, outcome: int) -> None:
-    market.run()
-    market.end(outcome=outcome)
-    request = market.all(Collect)[-1]
+def test_feedback_is_collected_after_every_ended_run(running: MarketHarness, outcome: int) -> None:
+    running.end(outcome=outcome)
+    request = running.all(Collect)[-1]
 
     assert (request.goal.agent, request.outcome, request.scene.scene_id) == (GUIDE, outcome, "s1")
-    assert market.over == []
-    market.wait(2.1)
-    assert market.over == ["s1"]
-    assert market.status.message.endswith("feedback is kept until the feedback node is back")
+    assert running.over == []
+    running.wait(2.1)
+    assert running.over == ["s1"]
+    assert running.status.message.endswith("feedback is kept until the feedback node is back")
 
 
-def test_unknown_outcome_counts_as_explained_failure(market: MarketHarness) -> None:
-    market.run()
-    market.end(outcome=77)
+def test_unknown_outcome_counts_as_explained_failure(running: MarketHarness) -> None:
+    running.end(outcome=77)
 
-    assert market.events[-1] == "1 attentive_guide ENDED FAILED"
-    assert "unknown outcome 77" in market.all(AnnounceRun)[-1].message
+    assert running.events[-1] == "1 attentive_guide ENDED FAILED"
+    assert "unknown outcome 77" in running.all(AnnounceRun)[-1].message
 
 
 def test_registering_again_connects_only_on_change(market: MarketHarness) -> None:
@@ -238,12 +227,11 @@ def test_registering_again_connects_only_on_change(market: MarketHarness) -> Non
     assert len(market.all(Connect)) == 2
 
 
-def test_unreachable_host_is_forgotten(market: MarketHarness) -> None:
-    market.run()
-    market.do(market.market.disconnect("/agents", market.now))
+def test_unreachable_host_is_forgotten(running: MarketHarness) -> None:
+    running.do(running.market.disconnect("/agents", running.now))
 
-    assert market.events[-1] == "1 attentive_guide ENDED LOST"
-    assert (market.status.hosts, market.status.state) == (0, State.IDLE)
+    assert running.events[-1] == "1 attentive_guide ENDED LOST"
+    assert (running.status.hosts, running.status.state) == (0, State.IDLE)
 
 
 # Ends of scenes
@@ -264,6 +252,7 @@ DECLINE = ("bid", "/agents", {}, {GUIDE: "is tired", EXPRESS: "is tired"})
         ([BID, ACCEPT, ("finish", 3)], "CANCELLED", 1, GUIDE, "attentive_guide cancelled: "),
         ([BID, ACCEPT, ("lose",)], "LOST", 2, GUIDE, ""),
         ([STOP], "STOPPED", 1, "", "stopped before the round closed: enough"),
+        ([AGAIN], "STOPPED", 1, "", "stopped before the round closed: enough"),
         ([BID, STOP, ACCEPT, ("end", 3)], "STOPPED", 1, "", ""),
         ([BID, ACCEPT, STOP, ("finish", 3)], "CANCELLED", 1, GUIDE, "cancelled: enough"),
         ([BID, ACCEPT, AGAIN, ("finish", 3), DECLINE], "CANCELLED", 2, GUIDE, ""),
@@ -271,12 +260,7 @@ DECLINE = ("bid", "/agents", {}, {GUIDE: "is tired", EXPRESS: "is tired"})
     ],
 )
 def test_every_scene_has_exactly_one_end(
-    impatient: MarketHarness,
-    steps: list[tuple[Any, ...]],
-    code: str,
-    number: int,
-    agent: str,
-    words: str,
+    impatient: MarketHarness, steps: list[Any], code: str, number: int, agent: str, words: str
 ) -> None:
     impatient.scene()
     for step, *values in steps:
@@ -346,24 +330,22 @@ def test_messages_received_during_stall_count(market: MarketHarness) -> None:
     assert market.events == ["1 attentive_guide STARTED"]
 
 
-def test_result_after_idle_heartbeat_counts(market: MarketHarness) -> None:
-    market.run()
-    market.busy["/agents"] = 0
-    market.beat()
-    hold_up(market, 3.0)
-    market.end()
+def test_result_after_idle_heartbeat_counts(running: MarketHarness) -> None:
+    running.busy["/agents"] = 0
+    running.beat()
+    hold_up(running, 3.0)
+    running.end()
 
-    assert market.events[-1] == "1 attentive_guide ENDED SUCCEEDED"
-    assert len(market.calls) == 1, "nobody is served twice"
+    assert running.events[-1] == "1 attentive_guide ENDED SUCCEEDED"
+    assert len(running.calls) == 1, "nobody is served twice"
 
 
-def test_run_cancelled_during_stall_is_not_lost(market: MarketHarness) -> None:
-    market.run()
-    market.cancel()
-    hold_up(market, 20.0)
-    market.end(outcome=3)
+def test_run_cancelled_during_stall_is_not_lost(running: MarketHarness) -> None:
+    running.cancel()
+    hold_up(running, 20.0)
+    running.end(outcome=3)
 
-    assert market.events[-1] == "1 attentive_guide ENDED CANCELLED"
+    assert running.events[-1] == "1 attentive_guide ENDED CANCELLED"
 
 
 def test_challenge_bids_received_during_stall_count() -> None:
@@ -401,16 +383,15 @@ def test_lost_run_is_announced_after_stall_extension(two: MarketHarness) -> None
     assert two.events[-1] == "1 attentive_guide ENDED LOST"
 
 
-def test_deferred_feedback_delays_no_scene(market: MarketHarness) -> None:
-    market.run()
-    market.scene("s2")
-    market.end()
-    assert market.status.state is State.COLLECTING
-    market.do(market.market.feedback_deferred(1, market.now))
+def test_deferred_feedback_delays_no_scene(running: MarketHarness) -> None:
+    running.scene("s2")
+    running.end()
+    assert running.status.state is State.COLLECTING
+    running.do(running.market.feedback_deferred(1, running.now))
 
-    assert market.ends == [("s1", "SUCCEEDED")]
-    assert market.end_words.endswith("feedback is kept until the feedback node is back")
-    assert (market.status.scene_id, market.status.state) == ("s2", State.BIDDING)
+    assert running.ends == [("s1", "SUCCEEDED")]
+    assert running.end_words.endswith("feedback is kept until the feedback node is back")
+    assert (running.status.scene_id, running.status.state) == ("s2", State.BIDDING)
 
 
 # Health

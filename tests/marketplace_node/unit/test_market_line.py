@@ -33,8 +33,12 @@ from marketplace_node.outcomes import RunEventKind, RunOutcome
 CROWD = tuple(f"s{number}" for number in range(1, 11))
 
 
-def come_back(market: MarketHarness, instance: str = "second") -> None:
-    market.register(instance=instance)
+@pytest.fixture
+def waiting(market: MarketHarness) -> MarketHarness:
+    """A market with a scene that waits for its only host."""
+    market.lose()
+    market.scene("s1")
+    return market
 
 
 def serve(market: MarketHarness, epoch: str = "epoch") -> None:
@@ -47,40 +51,35 @@ def serve(market: MarketHarness, epoch: str = "epoch") -> None:
 
 
 @pytest.mark.parametrize("away_s", [0.9, 1.5, 5.0])
-def test_queued_scenes_run_when_only_host_returns(market: MarketHarness, away_s: float) -> None:
-    market.run()
+def test_queued_scenes_run_when_only_host_returns(running: MarketHarness, away_s: float) -> None:
     for name in CROWD[1:]:
-        market.scene(name)
-    market.lose(away_s=away_s)
-    assert market.ends == [("s1", "LOST")]
-    assert (market.status.state, market.status.queued) == (State.IDLE, 9)
-    assert market.status.awaited_hosts == ("/agents",)
-    assert market.status.message == "waiting for /agents (it has no heartbeat)"
-    come_back(market)
-    assert market.status.awaited_hosts == ()
-    serve(market)
+        running.scene(name)
+    running.lose(away_s=away_s)
+    assert running.ends == [("s1", "LOST")]
+    assert (running.status.state, running.status.queued) == (State.IDLE, 9)
+    assert running.status.awaited_hosts == ("/agents",)
+    assert running.status.message == "waiting for /agents (it has no heartbeat)"
+    running.register(instance="second")
+    assert running.status.awaited_hosts == ()
+    serve(running)
 
-    assert market.ends[1:] == [(name, "SUCCEEDED") for name in CROWD[1:]]
-
-
-def test_absent_host_is_awaited_for_configured_time(market: MarketHarness) -> None:
-    market.lose()
-    market.scene("s1")
-    market.wait(4.7)
-    assert market.over == []
-    market.wait(0.3)
-
-    assert market.ends == [("s1", "NO_BIDS")]
-    market.scene("s2")
-    assert market.ends[-1] == ("s2", "NO_BIDS"), "it is not expected any more"
+    assert running.ends[1:] == [(name, "SUCCEEDED") for name in CROWD[1:]]
 
 
-def test_wait_uses_current_setting(market: MarketHarness) -> None:
-    market.lose()
-    market.scene("s1")
-    market.configure(host_wait_s=0)
+def test_absent_host_is_awaited_for_configured_time(waiting: MarketHarness) -> None:
+    waiting.wait(4.7)
+    assert waiting.over == []
+    waiting.wait(0.3)
 
-    assert market.ends == [("s1", "NO_BIDS")]
+    assert waiting.ends == [("s1", "NO_BIDS")]
+    waiting.scene("s2")
+    assert waiting.ends[-1] == ("s2", "NO_BIDS"), "it is not expected any more"
+
+
+def test_wait_uses_current_setting(waiting: MarketHarness) -> None:
+    waiting.configure(host_wait_s=0)
+
+    assert waiting.ends == [("s1", "NO_BIDS")]
 
 
 def test_new_market_waits_for_first_host() -> None:
@@ -100,13 +99,6 @@ def test_new_market_waits_for_first_host() -> None:
     assert other.ends == [("s1", "NO_BIDS")]
 
 
-def test_scene_declined_by_all_live_agents_ends_immediately(market: MarketHarness) -> None:
-    market.scene("s1")
-    market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "is tired"))
-
-    assert market.ends == [("s1", "NO_BIDS")]
-
-
 def test_host_silent_during_round_is_asked_on_return(market: MarketHarness) -> None:
     market.scene("s1")
     market.scene("s2")
@@ -118,13 +110,6 @@ def test_host_silent_during_round_is_asked_on_return(market: MarketHarness) -> N
     serve(market)
 
     assert market.ends == [("s1", "SUCCEEDED"), ("s2", "SUCCEEDED")]
-
-
-def test_unresponsive_host_with_heartbeat_counts_as_not_bidding(market: MarketHarness) -> None:
-    market.scene("s1")
-    market.wait(0.6)
-
-    assert market.ends == [("s1", "NO_BIDS")]
 
 
 @pytest.mark.parametrize("how", ["refused", "unanswered", "gone"])
@@ -139,7 +124,7 @@ def test_scene_with_refused_run_is_auctioned_again(how: str) -> None:
         market.die()
     market.wait({"refused": 0.0625, "unanswered": 2.1, "gone": 1.0}[how])
     if how == "gone":
-        come_back(market)
+        market.register(instance="second")
     market.bid(vectors={GUIDE: (4.0, 1.5, 3.0)})
     market.perform()
 
@@ -205,23 +190,13 @@ def test_pinned_agent_with_absent_host_is_awaited(market: MarketHarness) -> None
     assert (market.over, market.status.awaited_hosts) == ([], ("/others",))
 
 
-def test_scenes_awaiting_host_can_be_cancelled(market: MarketHarness) -> None:
-    market.lose()
-    market.scene("s1")
-    market.scene("s2")
-    assert market.cancel(round_number=7)[0] is False
-    assert market.cancel("enough") == (True, "nothing runs; dropped 2 waiting scenes")
+def test_scenes_awaiting_host_can_be_cancelled(waiting: MarketHarness) -> None:
+    waiting.scene("s2")
+    assert waiting.cancel(round_number=7)[0] is False
+    assert waiting.cancel("enough") == (True, "nothing runs; dropped 2 waiting scenes")
 
-    assert market.ends == [("s1", "STOPPED"), ("s2", "STOPPED")]
-    assert market.cancel("enough") == (False, "nothing runs")
-
-
-def test_scenes_awaiting_host_end_at_market_shutdown(market: MarketHarness) -> None:
-    market.lose()
-    market.scene("s1")
-    market.shut_down()
-
-    assert market.ends == [("s1", "SHUTTING_DOWN")]
+    assert waiting.ends == [("s1", "STOPPED"), ("s2", "STOPPED")]
+    assert waiting.cancel("enough") == (False, "nothing runs")
 
 
 @pytest.mark.parametrize(
@@ -245,34 +220,31 @@ def test_urgent_preempting_scene_goes_first_when_host_returns() -> None:
     market.lose()
     market.scene("s1")
     market.scene("s2", urgent=True)
-    come_back(market)
+    market.register(instance="second")
 
     assert (market.status.scene_id, market.status.waiting) == ("s2", ("s1",))
 
 
-def test_stalled_market_extends_wait_for_host(market: MarketHarness) -> None:
-    market.lose()
-    market.scene("s1")
-    market.stall(30.0)
-    assert market.over == []
-    come_back(market)
-    serve(market)
+def test_stalled_market_extends_wait_for_host(waiting: MarketHarness) -> None:
+    waiting.stall(30.0)
+    assert waiting.over == []
+    waiting.register(instance="second")
+    serve(waiting)
 
-    assert market.ends == [("s1", "SUCCEEDED")]
+    assert waiting.ends == [("s1", "SUCCEEDED")]
 
 
-def test_scene_waits_until_run_of_host_ends(market: MarketHarness) -> None:
-    market.run()
-    market.scene("s2")
-    market.cancel(round_number=1)
-    market.wait(14.1)
-    assert market.ends == [("s1", "LOST")]
-    assert market.status.message == ("waiting for /agents (its run of round 1 has not ended)")
-    market.busy["/agents"] = 0
-    market.wait(0.0625)
-    serve(market)
+def test_scene_waits_until_run_of_host_ends(running: MarketHarness) -> None:
+    running.scene("s2")
+    running.cancel(round_number=1)
+    running.wait(14.1)
+    assert running.ends == [("s1", "LOST")]
+    assert running.status.message == ("waiting for /agents (its run of round 1 has not ended)")
+    running.busy["/agents"] = 0
+    running.wait(0.0625)
+    serve(running)
 
-    assert market.ends[-1] == ("s2", "SUCCEEDED")
+    assert running.ends[-1] == ("s2", "SUCCEEDED")
 
 
 # The market is started again.
@@ -336,15 +308,18 @@ def test_queue_resumes_when_all_earlier_hosts_return(market: MarketHarness) -> N
     assert late.status.state is State.BIDDING, "it has waited long enough"
 
 
-def test_refused_scene_sent_again_is_a_duplicate() -> None:
-    market = MarketHarness(queue_limit=0)
+def test_known_scene_is_a_duplicate_after_restart() -> None:
+    market = MarketHarness(queue_limit=1)
     market.run()
-    market.scene("s2")
-    market.scene("s2")
-    assert market.ends == [("s2", "QUEUE_FULL"), ("s2", "DUPLICATE")]
+    for name in ("s2", "s3", "s3"):
+        market.scene(name)
+    assert market.ends == [("s3", "QUEUE_FULL"), ("s3", "DUPLICATE")]
+    market.finish()
     after = restarted(market)
-    after.scene("s2")
-    assert after.ends == [("s2", "DUPLICATE")]
+    for name in ("s1", "s2", "s3"):
+        after.scene(name)
+
+    assert after.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE"), ("s3", "DUPLICATE")]
 
 
 def test_queue_survives_market_restart(market: MarketHarness) -> None:
@@ -361,73 +336,57 @@ def test_queue_survives_market_restart(market: MarketHarness) -> None:
     assert winner.agent == EXPRESS, "an award outlives the market, too"
 
 
-def test_scene_accepted_before_restart_is_duplicate_afterwards(market: MarketHarness) -> None:
-    market.run("s1")
-    market.finish()
-    market.scene("s2")
-    after = restarted(market)
-    for name in ("s1", "s2"):
-        after.scene(name)
-
-    assert after.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
-
-
-def test_reported_run_end_ends_its_scene_once(market: MarketHarness) -> None:
-    goal = market.run()
-    after = restarted(market)
-    report(after, goal, RunOutcome.SUCCEEDED)
-    report(after, goal, RunOutcome.SUCCEEDED)
+def test_reported_run_end_ends_its_scene_once(running: MarketHarness) -> None:
+    after = restarted(running)
+    report(after, running.goal, RunOutcome.SUCCEEDED)
+    report(after, running.goal, RunOutcome.SUCCEEDED)
     after.wait(20.0)
 
     assert after.ends == [("s1", "SUCCEEDED")]
 
 
-def test_run_is_lost_once_if_host_also_restarts(market: MarketHarness) -> None:
-    goal = market.run()
-    after = restarted(market, host=False)
-    come_back(after)
-    report(after, goal, RunOutcome.SUCCEEDED)
+def test_run_is_lost_once_if_host_also_restarts(running: MarketHarness) -> None:
+    after = restarted(running, host=False)
+    after.register(instance="second")
+    report(after, running.goal, RunOutcome.SUCCEEDED)
     after.wait(20.0)
 
     assert [(run.epoch, run.goal, run.outcome) for run in earlier_runs(after)] == [
-        ("epoch", goal, RunOutcome.LOST)
+        ("epoch", running.goal, RunOutcome.LOST)
     ]
     assert after.ends == [("s1", "LOST")]
     assert after.end_words == "the marketplace was restarted, and /agents was started again, too"
 
 
-def test_unreported_run_is_lost_after_wait(market: MarketHarness) -> None:
-    goal = market.run()
-    after = restarted(market)
+def test_unreported_run_is_lost_after_wait(running: MarketHarness) -> None:
+    after = restarted(running)
     after.wait(4.9)
     assert after.over == []
     after.wait(0.2)
     assert after.ends == [("s1", "LOST")]
-    report(after, goal, RunOutcome.SUCCEEDED)
+    report(after, running.goal, RunOutcome.SUCCEEDED)
     after.wait(60.0)
 
     assert after.over == ["s1"], "a report that comes too late ends nothing again"
     assert [run.outcome for run in earlier_runs(after)] == [RunOutcome.LOST]
 
 
-def test_run_still_stopping_on_host_is_awaited(market: MarketHarness) -> None:
-    goal = market.run()
-    after = restarted(market)
+def test_run_still_stopping_on_host_is_awaited(running: MarketHarness) -> None:
+    after = restarted(running)
     for _ in range(20):
-        after.beat(epoch="epoch", round_number=goal.round)
+        after.beat(epoch="epoch", round_number=running.goal.round)
         after.now += 0.5
         after.do(after.market.tick(after.now))
     assert after.over == []
-    report(after, goal, RunOutcome.SUCCEEDED)
+    report(after, running.goal, RunOutcome.SUCCEEDED)
 
     assert after.ends == [("s1", "SUCCEEDED")]
 
 
-def test_scene_gets_outcome_of_run_ended_before_crash(market: MarketHarness) -> None:
-    market.run()
-    market.end(outcome=2, message="it fell")
-    assert market.over == []
-    after = restarted(market)
+def test_scene_gets_outcome_of_run_ended_before_crash(running: MarketHarness) -> None:
+    running.end(outcome=2, message="it fell")
+    assert running.over == []
+    after = restarted(running)
     after.wait(6.0)
 
     assert after.ends == [("s1", "FAILED")]
@@ -438,25 +397,16 @@ def test_scene_with_unstarted_run_goes_first_after_restart(market: MarketHarness
     market.award("s1")
     market.scene("s2")
     after = restarted(market)
+    report(after, market.goal, RunOutcome.LOST)
+    assert after.ends == [], "this run has never begun"
     serve(after, "next")
 
     assert after.ends == [("s1", "SUCCEEDED"), ("s2", "SUCCEEDED")]
 
 
-def test_report_of_unknown_run_does_not_end_scene(market: MarketHarness) -> None:
-    market.award("s1")
-    goal = market.goal
-    after = restarted(market)
-    report(after, goal, RunOutcome.LOST)
-    serve(after, "next")
-
-    assert after.ends == [("s1", "SUCCEEDED")]
-
-
-def test_pending_repeat_auction_survives_second_restart(market: MarketHarness) -> None:
-    goal = market.run()
-    after = restarted(market)
-    report(after, goal, RunOutcome.LOST)
+def test_pending_repeat_auction_survives_second_restart(running: MarketHarness) -> None:
+    after = restarted(running)
+    report(after, running.goal, RunOutcome.LOST)
     assert after.ends == [("s1", "LOST")]
     again = restarted(after)
     serve(again, "next")
@@ -464,36 +414,31 @@ def test_pending_repeat_auction_survives_second_restart(market: MarketHarness) -
     assert again.ends == [("s1+again", "SUCCEEDED")]
 
 
-def test_unreported_run_survives_second_restart(market: MarketHarness) -> None:
-    goal = market.run()
-    again = restarted(restarted(market, host=False))
-    report(again, goal, RunOutcome.SUCCEEDED)
+def test_unreported_run_survives_second_restart(running: MarketHarness) -> None:
+    again = restarted(restarted(running, host=False))
+    report(again, running.goal, RunOutcome.SUCCEEDED)
 
     assert again.ends == [("s1", "SUCCEEDED")]
 
 
-def test_queued_scenes_are_lost_after_long_outage(market: MarketHarness) -> None:
-    market.lose()
-    market.scene("s1")
-    after = restarted(market, away_s=KEPT_S + 1)
+def test_queued_scenes_are_lost_after_long_outage(waiting: MarketHarness) -> None:
+    after = restarted(waiting, away_s=KEPT_S + 1)
 
     assert after.ends == [("s1", "LOST")]
     assert after.end_words == "there was no marketplace for 61 s, expected 60 s at most"
 
 
-def test_ended_scene_id_is_reusable_after_long_outage(market: MarketHarness) -> None:
-    market.run()
-    market.finish()
-    after = restarted(market, away_s=KEPT_S + 1)
+def test_ended_scene_id_is_reusable_after_long_outage(running: MarketHarness) -> None:
+    running.finish()
+    after = restarted(running, away_s=KEPT_S + 1)
     after.scene("s1")
 
     assert after.ends == []
     assert after.status.scene_id == "s1", "nothing is waited for, as no scene was in line"
 
 
-def test_market_shutdown_ends_unreported_runs(market: MarketHarness) -> None:
-    market.run()
-    after = restarted(market)
+def test_market_shutdown_ends_unreported_runs(running: MarketHarness) -> None:
+    after = restarted(running)
     after.shut_down()
 
     assert (after.ends, after.all(StoreScenes)[-1].scenes) == ([("s1", "LOST")], ())
@@ -511,38 +456,35 @@ def test_scene_is_stored_and_removed_before_announcements(market: MarketHarness)
     assert news.index(removed) < news.index(market.all(SceneEnded)[0])
 
 
-def test_next_market_repeats_end_without_stored_announcement(market: MarketHarness) -> None:
-    market.run()
-    market.scene("s2")
-    market.finish()
-    once = restarted(market, host=False, at_once=True)
+def test_next_market_repeats_end_without_stored_announcement(running: MarketHarness) -> None:
+    running.scene("s2")
+    running.finish()
+    once = restarted(running, host=False, at_once=True)
     again = restarted(once, at_once=True)
     later = restarted(once)
 
-    first = market.all(SceneEnded)[0]
+    first = running.all(SceneEnded)[0]
     for after in (once, again):
-        assert after.all(SceneEnded)[0] == replace(first, epoch=market.market.epoch)
+        assert after.all(SceneEnded)[0] == replace(first, epoch=running.market.epoch)
         assert after.ends.count(("s1", "SUCCEEDED")) == 1
     assert "s1" not in later.over
 
 
-def test_end_is_announced_again_after_any_outage(market: MarketHarness) -> None:
-    market.run()
-    market.finish()
-    after = restarted(market, away_s=KEPT_S + 1, at_once=True)
+def test_end_is_announced_again_after_any_outage(running: MarketHarness) -> None:
+    running.finish()
+    after = restarted(running, away_s=KEPT_S + 1, at_once=True)
 
     assert (after.ends, after.all(StoreScenes)[-1].ends) == ([("s1", "SUCCEEDED")], ())
 
 
-def test_possibly_unannounced_run_end_is_announced_again(market: MarketHarness) -> None:
-    goal = market.run()
-    market.end()
-    once = restarted(market, host=False, at_once=True)
+def test_possibly_unannounced_run_end_is_announced_again(running: MarketHarness) -> None:
+    running.end()
+    once = restarted(running, host=False, at_once=True)
     later = restarted(once)
-    report(once, goal, RunOutcome.SUCCEEDED)
+    report(once, running.goal, RunOutcome.SUCCEEDED)
 
     (run,) = earlier_runs(once)
-    (end,) = (run for run in market.all(AnnounceRun) if run.event is RunEventKind.ENDED)
+    (end,) = (run for run in running.all(AnnounceRun) if run.event is RunEventKind.ENDED)
     assert {**vars(run), "epoch": ""} == {**vars(end), "epoch": "", "age_s": 0.0}
     assert run.epoch == "epoch"
     assert earlier_runs(later) == []
@@ -552,12 +494,11 @@ def earlier_runs(market: MarketHarness) -> list[EarlierRun]:
     return [effect.run for effect in market.all(AnnounceEarlierRun)]
 
 
-def test_unchanged_state_is_not_stored(market: MarketHarness) -> None:
-    market.run()
-    before = len(market.all(StoreScenes))
-    market.wait(2.0)
+def test_unchanged_state_is_not_stored(running: MarketHarness) -> None:
+    before = len(running.all(StoreScenes))
+    running.wait(2.0)
 
-    assert len(market.all(StoreScenes)) == before
+    assert len(running.all(StoreScenes)) == before
 
 
 @pytest.mark.parametrize(
@@ -579,13 +520,11 @@ def test_unreadable_stored_scenes_change_nothing(market: MarketHarness, text: st
     assert market.status.queued == 0
 
 
-def test_stored_scene_round_trips(market: MarketHarness) -> None:
-    market.run()
-    market.scene("s2", float("nan"), 2.0, 3.0, urgent=True)
-    stored = market.all(StoreScenes)[-1]
-    found = read_scenes(format_scenes(stored), SPACE)
+def test_stored_scene_round_trips(running: MarketHarness) -> None:
+    running.scene("s2", float("nan"), 2.0, 3.0, urgent=True)
+    stored = running.all(StoreScenes)[-1]
 
-    assert repr(found) == repr(stored)
+    assert repr(read_scenes(format_scenes(stored), SPACE)) == repr(stored)
 
 
 # Hosts report runs of a market that has stored nothing.
@@ -607,42 +546,29 @@ def test_interrupted_run_is_recorded_and_scene_auctioned_again(
     assert (market.calls[-1].scene.vector, market.calls[-1].round) == (cut_off.scene.vector, 1)
 
 
-@pytest.mark.parametrize(
-    ("outcome", "code"),
-    [
-        (RunOutcome.SUCCEEDED, "SUCCEEDED"),
-        (RunOutcome.FAILED, "FAILED"),
-        (RunOutcome.CANCELLED, "CANCELLED"),
-    ],
-)
-def test_run_ending_by_itself_ends_its_scene(
-    market: MarketHarness, outcome: RunOutcome, code: str
-) -> None:
-    tell(market, earlier(outcome=outcome, message="done", stop_cause=StopCause.NOT_STOPPED))
-
-    (end,) = market.all(SceneEnded)
-    assert (end.scene_id, end.code, end.agent, end.round) == ("old", code, GUIDE, 0)
-    assert end.message == f"attentive_guide {code.lower()}: done"
-    market.wait(1.6)
-    assert market.calls == []
+BY_ITSELF = {"message": "done", "stop_cause": StopCause.NOT_STOPPED}
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "code", "words"),
     [
-        ({"age_s": 12.0}, "it was cut off 12 s ago, more than 10 s"),
-        ({"age_s": -3600.0}, "it was cut off -3600 s ago"),
-        ({"age_s": float("nan")}, "it was cut off nan s ago"),
-        ({"scene": scene("old+again")}, "it was asked again once already"),
+        ({"outcome": RunOutcome.SUCCEEDED, **BY_ITSELF}, "SUCCEEDED", f"{GUIDE} succeeded: done"),
+        ({"outcome": RunOutcome.FAILED, **BY_ITSELF}, "FAILED", f"{GUIDE} failed: done"),
+        ({"outcome": RunOutcome.CANCELLED, **BY_ITSELF}, "CANCELLED", f"{GUIDE} cancelled: done"),
+        ({"age_s": 12.0}, "LOST", "it was cut off 12 s ago, more than 10 s"),
+        ({"age_s": -3600.0}, "LOST", "it was cut off -3600 s ago"),
+        ({"age_s": float("nan")}, "LOST", "it was cut off nan s ago"),
+        ({"scene": scene("old+again")}, "LOST", "it was asked again once already"),
     ],
 )
-def test_scene_not_auctioned_again_says_why(
-    market: MarketHarness, changes: dict[str, Any], words: str
+def test_scene_not_auctioned_again_ends_with_words(
+    market: MarketHarness, changes: dict[str, Any], code: str, words: str
 ) -> None:
-    tell(market, earlier(**changes))
+    run = earlier(**changes)
+    tell(market, run)
 
     (end,) = market.all(SceneEnded)
-    assert end.code == "LOST"
+    assert (end.scene_id, end.code, end.round, end.agent) == (run.scene.scene_id, code, 0, GUIDE)
     assert words in end.message
     market.wait(1.6)
     assert market.calls == []
@@ -705,10 +631,9 @@ def test_runs_unknown_to_host_are_ignored(
     assert (market.all(AnnounceEarlierRun), market.ends) == ([], [])
 
 
-def test_repeated_scene_queues_like_any_other(market: MarketHarness) -> None:
-    market.run()
-    tell(market, earlier())
-    market.wait(1.6)
+def test_repeated_scene_queues_like_any_other(running: MarketHarness) -> None:
+    tell(running, earlier())
+    running.wait(1.6)
 
-    assert market.ends == [("old", "LOST")]
-    assert (market.status.scene_id, market.status.queued) == ("s1", 1)
+    assert running.ends == [("old", "LOST")]
+    assert (running.status.scene_id, running.status.queued) == ("s1", 1)

@@ -17,6 +17,7 @@ from marketplace_node.operator_overrides import OperatorAction
 from marketplace_node.operators import MOST_PREVIEWS
 from marketplace_node.outcomes import AuctionOutcome
 
+Order = tuple[OperatorAction, str]
 EXPRESS_BID = {EXPRESS: (3.0, 5.0, 3.5)}
 
 
@@ -52,12 +53,11 @@ def test_all_agents_may_bid_after_unpin(market: MarketHarness) -> None:
     assert (market.goal.agent, market.auction.decision.terms.intervention) == (GUIDE, "")
 
 
-def test_pin_does_not_stop_running_agent(market: MarketHarness) -> None:
-    market.run()
-    words = market.operate(OperatorAction.PIN, EXPRESS)
+def test_pin_does_not_stop_running_agent(running: MarketHarness) -> None:
+    words = running.operate(OperatorAction.PIN, EXPRESS)
 
     assert words.endswith("; attentive_guide goes on until its run ends")
-    assert market.status.state is State.RUNNING
+    assert running.status.state is State.RUNNING
 
 
 def test_vetoed_agent_cannot_bid_until_allowed(market: MarketHarness) -> None:
@@ -76,20 +76,19 @@ def test_vetoed_agent_cannot_bid_until_allowed(market: MarketHarness) -> None:
     assert market.goal.agent == GUIDE
 
 
-def test_veto_stops_running_agent_and_asks_others(market: MarketHarness) -> None:
-    market.run()
-    assert market.operate(OperatorAction.VETO, GUIDE, author="anna") == (
+def test_veto_stops_running_agent_and_asks_others(running: MarketHarness) -> None:
+    assert running.operate(OperatorAction.VETO, GUIDE, author="anna") == (
         "attentive_guide may not bid; stopping attentive_guide, and asking the others"
     )
-    assert market.all(AnnounceRun)[-1].stopped_by is StoppedBy.OPERATOR
-    market.finish(3)
-    market.bid(vectors=EXPRESS_BID)
-    market.accept()
+    assert running.all(AnnounceRun)[-1].stopped_by is StoppedBy.OPERATOR
+    running.finish(3)
+    running.bid(vectors=EXPRESS_BID)
+    running.accept()
 
-    assert market.events[-1] == "2 professional_express STARTED"
-    terms = market.auction.decision.terms
+    assert running.events[-1] == "2 professional_express STARTED"
+    terms = running.auction.decision.terms
     assert (terms.follows, terms.scene.scene_id) == (1, "s1+1")
-    assert market.auction.explanation.count("attentive_guide may not bid") == 1
+    assert running.auction.explanation.count("attentive_guide may not bid") == 1
 
 
 def test_veto_before_start_reassigns_run(market: MarketHarness) -> None:
@@ -121,26 +120,19 @@ def test_no_agent_wins_when_all_are_vetoed(market: MarketHarness) -> None:
     assert {code for code, _ in refusals(market).values()} == {"VETOED"}
 
 
-def test_operator_award_beats_nearer_agents(market: MarketHarness) -> None:
-    market.run()
-    market.finish()
-    words = market.operate(OperatorAction.AWARD, EXPRESS, author="anna", reason="she asked for it")
-    market.bid(vectors=EXPRESS_BID)
+def test_operator_award_beats_nearer_agents(running: MarketHarness) -> None:
+    running.finish()
+    words = running.operate(
+        OperatorAction.AWARD, EXPRESS, author="anna", reason="she asked for it"
+    )
+    running.bid(vectors=EXPRESS_BID)
 
     assert words == "professional_express gets the run for scene 's1' if it bids"
-    assert market.goal.agent == EXPRESS
+    assert running.goal.agent == EXPRESS
     said = "anna gives the run to professional_express: she asked for it"
-    assert refusals(market) == {GUIDE: ("NOT_AWARDED", said)}
-    assert market.auction.decision.terms.scene.vector == scene().vector
-    assert "'s1'" in market.operate(OperatorAction.AWARD, EXPRESS), "named after the first scene"
-
-
-def test_operator_award_can_bring_its_own_scene(market: MarketHarness) -> None:
-    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs", 5.0, 1.0, 3.0))
-    market.bid(vectors=EXPRESS_BID)
-
-    assert market.auction.decision.terms.scene.scene_id == "theirs"
-    assert market.goal.agent == EXPRESS
+    assert refusals(running) == {GUIDE: ("NOT_AWARDED", said)}
+    assert running.auction.decision.terms.scene.vector == scene().vector
+    assert "'s1'" in running.operate(OperatorAction.AWARD, EXPRESS), "named after the first scene"
 
 
 def test_any_agent_may_take_over_lost_awarded_run(market: MarketHarness) -> None:
@@ -154,17 +146,16 @@ def test_any_agent_may_take_over_lost_awarded_run(market: MarketHarness) -> None
     assert market.goal.agent == PLAIN
 
 
-def test_operator_award_queues_like_scene(market: MarketHarness) -> None:
-    market.run()
-    words = market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs"))
+def test_operator_award_queues_like_scene(running: MarketHarness) -> None:
+    words = running.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs"))
     assert words.endswith("; it waits, number 1 in line: scene 's1' is under way")
-    assert market.status.queued == 1
-    market.scene("theirs")
-    assert market.operate(OperatorAction.AWARD, GUIDE, scene=scene("theirs")) == "DUPLICATE"
-    market.finish()
-    market.bid(vectors=EXPRESS_BID)
+    assert running.status.queued == 1
+    running.scene("theirs")
+    assert running.operate(OperatorAction.AWARD, GUIDE, scene=scene("theirs")) == "DUPLICATE"
+    running.finish()
+    running.bid(vectors=EXPRESS_BID)
 
-    assert market.goal.agent == EXPRESS, "a duplicate does not affect it"
+    assert running.goal.agent == EXPRESS, "a duplicate does not affect it"
 
 
 def test_operator_award_stops_run_in_preempt_mode() -> None:
@@ -197,11 +188,7 @@ def test_operator_award_stops_run_in_preempt_mode() -> None:
     ],
 )
 def test_impossible_operator_action_is_refused_without_effect(
-    market: MarketHarness,
-    before: list[tuple[OperatorAction, str]],
-    action: OperatorAction,
-    agent: str,
-    code: str,
+    market: MarketHarness, before: list[Order], action: OperatorAction, agent: str, code: str
 ) -> None:
     for first, whom in before:
         market.operate(first, whom)
@@ -235,10 +222,9 @@ def test_restarted_market_keeps_pins_and_vetoes(market: MarketHarness) -> None:
     assert (again.status.pinned, again.status.vetoed) == (EXPRESS, (GUIDE,))
 
 
-def test_restarted_market_continues_run_counts(market: MarketHarness) -> None:
-    market.run()
+def test_restarted_market_continues_run_counts(running: MarketHarness) -> None:
     again = with_host(starvation_rounds=1, strategy="ucb")
-    restarted(market, again)
+    restarted(running, again)
     assert again.status.starved == (EXPRESS,)
     again.award()
 
@@ -290,14 +276,13 @@ def test_preview_ranks_real_bids_without_awarding(market: MarketHarness) -> None
     assert (market.status.state, market.status.strategy) == (State.IDLE, "manhattan")
 
 
-def test_preview_changes_no_counters(market: MarketHarness) -> None:
-    market.run()
-    market.finish()
+def test_preview_changes_no_counters(running: MarketHarness) -> None:
+    running.finish()
     for _ in range(3):
-        market.bid(round=market.preview())
-    market.run("s2")
+        running.bid(round=running.preview())
+    running.run("s2")
 
-    terms = market.auction.decision.terms
+    terms = running.auction.decision.terms
     assert (terms.round, terms.rounds_run, dict(terms.runs)) == (2, 1, {GUIDE: 1})
 
 
@@ -313,14 +298,13 @@ def test_preview_predicts_random_draws() -> None:
     assert winners == {GUIDE, EXPRESS}, "chance has to have a say in this test"
 
 
-def test_preview_does_not_disturb_run(market: MarketHarness) -> None:
-    market.run()
-    market.bid(round=market.preview(3.0, 5.0, 3.5))
+def test_preview_does_not_disturb_run(running: MarketHarness) -> None:
+    running.bid(round=running.preview(3.0, 5.0, 3.5))
 
-    assert previewed(market).decision.ranking[0].agent == EXPRESS
-    assert market.events == ["1 attentive_guide STARTED"]
-    market.bid(round=market.preview(last=True))
-    assert previewed(market).decision.terms.scene.scene_id == "s1"
+    assert previewed(running).decision.ranking[0].agent == EXPRESS
+    assert running.events == ["1 attentive_guide STARTED"]
+    running.bid(round=running.preview(last=True))
+    assert previewed(running).decision.terms.scene.scene_id == "s1"
 
 
 def test_preview_respects_pins_and_vetoes(market: MarketHarness) -> None:
@@ -328,14 +312,6 @@ def test_preview_respects_pins_and_vetoes(market: MarketHarness) -> None:
     market.bid(round=market.preview())
 
     assert [bid.agent for bid in previewed(market).decision.ranking] == [EXPRESS]
-
-
-def test_preview_with_silent_host_ends_at_deadline(market: MarketHarness) -> None:
-    market.preview()
-    market.wait(0.6)
-
-    assert previewed(market).decision.ranking == ()
-    assert previewed(market).decision.silent_hosts == ("/agents",)
 
 
 def test_preview_waits_for_external_ranking(market: MarketHarness) -> None:
@@ -379,6 +355,8 @@ def test_concurrent_previews_are_limited(market: MarketHarness) -> None:
 
     market.wait(0.6)
     assert len(market.previews) == MOST_PREVIEWS
+    decision = previewed(market).decision
+    assert (decision.ranking, decision.silent_hosts) == ((), ("/agents",))
     market.preview()
 
 

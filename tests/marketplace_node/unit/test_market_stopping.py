@@ -11,58 +11,46 @@ from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, MarketHarness, scene
 from marketplace_node.effects import AnnounceRun, Collect, SendGoal, State
 from marketplace_node.hosts.host_effects import CancelGoal
-from marketplace_node.outcomes import AuctionOutcome
-from marketplace_node.round.decision import ClosedBy
 
 
-def test_cancel_stops_the_run_and_ends_the_interaction(market: MarketHarness) -> None:
-    goal = market.run()
-    assert market.cancel("button") == (True, "stopping attentive_guide")
-    assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
-    assert market.cancel("button") == (True, "attentive_guide is being stopped already")
-    assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
-    market.finish(outcome=3)
+def test_cancel_stops_the_run_and_ends_the_interaction(running: MarketHarness) -> None:
+    assert running.cancel("button") == (True, "stopping attentive_guide")
+    assert running.all(CancelGoal) == [CancelGoal(goal=running.goal)]
+    assert running.cancel("button") == (True, "attentive_guide is being stopped already")
+    assert running.all(CancelGoal) == [CancelGoal(goal=running.goal)]
+    running.finish(outcome=3)
 
-    assert market.events[1:] == [
+    assert running.events[1:] == [
         "1 attentive_guide CANCELLING",
         "1 attentive_guide ENDED CANCELLED",
     ]
-    assert (market.all(AnnounceRun)[-1].message, market.over) == ("button (done)", ["s1"])
-    assert len(market.calls) == 1
+    assert (running.all(AnnounceRun)[-1].message, running.over) == ("button (done)", ["s1"])
+    assert len(running.calls) == 1
 
 
-def test_stop_reason_stands_alone_without_host_reason(market: MarketHarness) -> None:
-    market.run()
-    market.cancel("she says stop")
-    market.end(outcome=3, message="whatever it says", host_reason=False)
-    assert market.all(AnnounceRun)[-1].message == "she says stop"
-
-
-def test_status_shows_current_scene_under_first_scene_id(market: MarketHarness) -> None:
-    def shown() -> tuple[str, str]:
-        return market.status.scene_id, market.status.scene_label
-
-    first, now = "age 5, familiarity 1, mood 3", "age 5, familiarity 1, mood 1"
-    market.run()
-    market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
-    assert shown() == ("s1", first), "the run that stops is for the scene as it was awarded"
-    market.finish(outcome=3)
-    assert shown() == ("s1", now)
-    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
-    market.accept()
-    assert shown() == ("s1", now)
+def test_stop_reason_stands_alone_without_host_reason(running: MarketHarness) -> None:
+    running.cancel("she says stop")
+    running.end(outcome=3, message="whatever it says", host_reason=False)
+    assert running.all(AnnounceRun)[-1].message == "she says stop"
 
 
 def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: MarketHarness) -> None:
+    def shown() -> tuple[str, str]:
+        return market.status.scene_id, market.status.scene_label
+
     market.run()
     market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
+    awarded = ("s1", "age 5, familiarity 1, mood 3")
+    assert shown() == awarded, "the run that stops is for the scene as it was awarded"
     market.finish(outcome=3)
+    assert shown() == ("s1", "age 5, familiarity 1, mood 1")
     call = market.calls[-1]
     assert (call.round, call.scene.scene_id, call.excluded) == (2, "s1+1", (GUIDE,))
     assert call.scene.get("mood") == 1.0
 
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
     market.accept()
+    assert shown() == ("s1", "age 5, familiarity 1, mood 1")
     market.cancel("bored again", again=True)
     market.finish(outcome=3)
 
@@ -71,32 +59,30 @@ def test_repeated_auctions_exclude_stopped_agents_until_none_remain(market: Mark
     assert (market.over, market.status.finished_scene_id) == (["s1"], "s1")
 
 
-def test_plain_stop_overrides_repeat_auction(market: MarketHarness) -> None:
-    market.run()
-    market.cancel("bored", again=True)
-    market.cancel("stop")
-    market.finish(outcome=3)
+def test_plain_stop_overrides_repeat_auction(running: MarketHarness) -> None:
+    running.cancel("bored", again=True)
+    running.cancel("stop")
+    running.finish(outcome=3)
 
-    assert market.over == ["s1"]
-
-
-def test_stop_during_feedback_collection_prevents_follow_up(market: MarketHarness) -> None:
-    market.run()
-    market.cancel("bored", again=True)
-    market.end(outcome=3)
-    assert market.cancel("stop") == (True, "no other agent is asked")
-    assert market.cancel("stop")[0] is False
-    market.collect()
-
-    assert market.over == ["s1"]
+    assert running.over == ["s1"]
 
 
-def test_run_succeeding_before_cancel_has_no_follow_up(market: MarketHarness) -> None:
-    market.run()
-    market.cancel("bored", again=True)
-    market.finish(outcome=1)
+def test_run_succeeding_before_cancel_has_no_follow_up(running: MarketHarness) -> None:
+    running.cancel("bored", again=True)
+    running.finish(outcome=1)
 
-    assert (market.events[-1], market.over) == ("1 attentive_guide ENDED SUCCEEDED", ["s1"])
+    assert running.events[-1] == "1 attentive_guide ENDED SUCCEEDED"
+    assert running.over == ["s1"]
+
+
+def test_stop_during_feedback_collection_prevents_follow_up(running: MarketHarness) -> None:
+    running.cancel("bored", again=True)
+    running.end(outcome=3)
+    assert running.cancel("stop") == (True, "no other agent is asked")
+    assert running.cancel("stop")[0] is False
+    running.collect()
+
+    assert running.over == ["s1"]
 
 
 @pytest.mark.parametrize(
@@ -107,21 +93,11 @@ def test_run_succeeding_before_cancel_has_no_follow_up(market: MarketHarness) ->
     ],
 )
 def test_a_cancel_for_another_run_is_refused(
-    market: MarketHarness, epoch: str, round_number: int, words: str
+    running: MarketHarness, epoch: str, round_number: int, words: str
 ) -> None:
-    market.run()
 
-    assert market.cancel(epoch=epoch, round_number=round_number) == (False, words)
-    assert market.all(CancelGoal) == []
-
-
-def test_cancel_while_bidding_stops_the_round(market: MarketHarness) -> None:
-    market.scene()
-    assert market.cancel("button", again=True)[0]
-
-    decision = market.auction.decision
-    assert (decision.outcome, decision.closed_by) == (AuctionOutcome.NO_BIDS, ClosedBy.STOPPED)
-    assert market.over == ["s1"]
+    assert running.cancel(epoch=epoch, round_number=round_number) == (False, words)
+    assert running.all(CancelGoal) == []
 
 
 def test_cancel_while_awarding_cancels_on_acceptance(market: MarketHarness) -> None:
@@ -139,9 +115,7 @@ def test_cancel_while_awarding_cancels_on_acceptance(market: MarketHarness) -> N
 
 
 @pytest.mark.parametrize("answer", ["refused", "silent", "gone"])
-def test_cancel_while_awarding_ends_unless_host_accepts(
-    market: MarketHarness, answer: str
-) -> None:
+def test_cancel_while_awarding_ends_unless_accepted(market: MarketHarness, answer: str) -> None:
     market.award()
     market.cancel("button")
     if answer == "refused":
@@ -168,27 +142,25 @@ def test_scenes_queue_in_order_up_to_limit() -> None:
     assert market.status.queued == 2, "there is room again"
 
 
-def test_a_known_scene_id_is_a_duplicate(market: MarketHarness) -> None:
-    market.run()
-    market.scene("s2")
+def test_a_known_scene_id_is_a_duplicate(running: MarketHarness) -> None:
+    running.scene("s2")
     for name in ("s1", "s2"):
-        market.scene(name)
+        running.scene(name)
 
-    assert market.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
+    assert running.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
 
 
-def test_shutdown_stops_run_and_drops_queued_scenes(market: MarketHarness) -> None:
-    market.run()
-    market.scene("s2")
-    market.shut_down()
-    market.scene("s3")
+def test_shutdown_stops_run_and_drops_queued_scenes(running: MarketHarness) -> None:
+    running.scene("s2")
+    running.shut_down()
+    running.scene("s3")
 
-    assert market.ends == [("s2", "SHUTTING_DOWN"), ("s3", "SHUTTING_DOWN")]
-    assert market.status.state is State.CANCELLING
+    assert running.ends == [("s2", "SHUTTING_DOWN"), ("s3", "SHUTTING_DOWN")]
+    assert running.status.state is State.CANCELLING
 
 
 @pytest.mark.parametrize(
-    ("stop", "words", "dropped", "next_scene"),
+    ("stop", "words", "dropped", "now"),
     [
         ({}, "; dropped 2 waiting scenes", [("s2", "STOPPED"), ("s3", "STOPPED")], ""),
         ({"round_number": 1}, "", [], "s2"),
@@ -196,28 +168,22 @@ def test_shutdown_stops_run_and_drops_queued_scenes(market: MarketHarness) -> No
     ],
 )
 def test_only_plain_stop_drops_queued_scenes(
-    market: MarketHarness,
-    stop: dict[str, Any],
-    words: str,
-    dropped: list[tuple[str, str]],
-    next_scene: str,
+    running: MarketHarness, stop: dict[str, Any], words: str, dropped: list[Any], now: str
 ) -> None:
-    market.run()
-    market.scene("s2")
-    market.scene("s3")
+    running.scene("s2")
+    running.scene("s3")
 
-    assert market.cancel("she says stop", **stop) == (True, f"stopping attentive_guide{words}")
-    assert market.ends == dropped
-    market.finish(outcome=3)
-    assert market.status.scene_id == next_scene
+    assert running.cancel("she says stop", **stop) == (True, f"stopping attentive_guide{words}")
+    assert running.ends == dropped
+    running.finish(outcome=3)
+    assert running.status.scene_id == now
 
 
-def test_stop_cause_is_announced_before_cancel_and_afterwards(market: MarketHarness) -> None:
-    market.run()
-    market.cancel("it is late", by=StoppedBy.OPERATOR)
-    cancelling = market.all(AnnounceRun)[-1]
-    assert market.effects.index(cancelling) < market.effects.index(CancelGoal(goal=market.goal))
-    market.end(outcome=3)
-    ended = market.all(AnnounceRun)[-1]
+def test_stop_cause_is_announced_before_cancel_and_afterwards(running: MarketHarness) -> None:
+    running.cancel("it is late", by=StoppedBy.OPERATOR)
+    cancelling = running.all(AnnounceRun)[-1]
+    assert running.effects.index(cancelling) < running.effects.index(CancelGoal(goal=running.goal))
+    running.end(outcome=3)
+    ended = running.all(AnnounceRun)[-1]
     for one in (cancelling, ended):
         assert (one.stopped_by, one.stop_reason) == (StoppedBy.OPERATOR, "it is late")
