@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Vector
 from bt_agents_language.files.market_reader import MarketRule, market_of, read_market
 from bt_agents_language.yaml.source import Source
 from market_harness import EXPRESS, GUIDE, SPACE, MarketHarness, scene
@@ -123,7 +124,7 @@ def test_malformed_message_is_refused_but_counts_as_response(changes: dict[str, 
 
 
 @pytest.mark.parametrize("vector", [(), (4.0,), (4.0, 1.5, 3.0, 1.0)])
-def test_single_bid_of_wrong_length_names_its_agent(vector: tuple[float, ...]) -> None:
+def test_single_bid_of_wrong_length_names_its_agent(vector: Vector) -> None:
     alone_answer = answer(agents=(GUIDE,), agent_ids=(1,), vectors=vector)
 
     alone = replace(HOST, agents={GUIDE: 1})
@@ -145,7 +146,7 @@ def test_single_bid_of_wrong_length_names_its_agent(vector: tuple[float, ...]) -
     ],
 )
 def test_bad_vector_or_weight_refuses_only_its_agent(
-    vector: tuple[Any, ...], weights: tuple[float, ...], code: str
+    vector: tuple[Any, ...], weights: Vector, code: str
 ) -> None:
     all_weights = (*weights, 1.0, 1.0, 1.0) if weights else ()
     decision = close(auction(answer(vectors=(*vector, *EXPRESS_VECTOR), weights=all_weights)))
@@ -240,7 +241,7 @@ def rules(*lines: str) -> tuple[MarketRule, ...]:
     return read_market(Source("market.yaml", text), SPACE)
 
 
-def ranked(*lines: str, values: tuple[float, ...] = (3.0, 3.0, 3.0)) -> Ranked:
+def ranked(*lines: str, values: Vector = (3.0, 3.0, 3.0)) -> Ranked:
     of = terms(scene("s", *values), strategy="rules", rules=rules(*lines))
     return decide(SPACE, of, bids(PROFILES))
 
@@ -321,9 +322,8 @@ def test_undecidable_rule_is_reported_with_position(shadow: bool) -> None:
     lines = ("{when: scene.age > 4, agents: [bob]}", TORN, "{when: scene.person, agents: [bob]}")
     strategies = {"strategy": "euclidean", "shadow": "rules"} if shadow else {"strategy": "rules"}
     of = terms(scene("s", 3.0, 3.0, 3.0), rules=rules(*lines), **strategies)
-    found = decide(SPACE, of, bids(PROFILES))
 
-    [problem] = found.undecided
+    [problem] = decide(SPACE, of, bids(PROFILES)).undecided
     assert (problem.file, problem.line, problem.message) == ("market.yaml", 4, UNDECIDED)
 
 

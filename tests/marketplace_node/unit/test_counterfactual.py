@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from bt_agents_core.scene import Vector
 from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.yaml.source import Source
 from market_harness import SPACE, MarketHarness, scene
@@ -24,9 +25,7 @@ from ranking import case
 NAN = math.nan
 
 
-def change(
-    values: tuple[float, ...], *vectors: tuple[float, ...], **changes: object
-) -> Counterfactual:
+def change(values: Vector, *vectors: Vector, **changes: object) -> Counterfactual:
     external = changes.pop("external", None)
     of = terms(scene("s", *values), **changes)
     found = decided(of, bids(dict(zip("abcd", vectors, strict=False))), external=external)
@@ -44,7 +43,7 @@ BETWEEN = ((5.0, 3.0, 3.0), (1.0, 3.0, 3.0), (2.0, 3.0, 4.5))
     ids=["a tie wins", "a tie loses", "it also beats the bid in between"],
 )
 def test_parameter_requiring_smallest_change_is_named(
-    vectors: tuple[tuple[float, ...], ...], last_run: dict[str, int], age: float
+    vectors: tuple[Vector, ...], last_run: dict[str, int], age: float
 ) -> None:
     found = change(vectors[0], *vectors, last_run=last_run)
 
@@ -62,7 +61,7 @@ def test_parameter_requiring_smallest_change_is_named(
     ],
 )  # fmt: skip
 def test_missing_change_states_reason(
-    values: tuple[float, ...], changes: dict[str, object], words: str
+    values: Vector, changes: dict[str, object], words: str
 ) -> None:
     found = change(values, (2.0, 2.0, 2.0), (2.0, 2.0, 2.0), **changes)
 

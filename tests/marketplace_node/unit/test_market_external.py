@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Vector
 from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, with_host
 from marketplace_node.effects import PublishAuction, SendGoal, State
 from marketplace_node.formatting import shown
@@ -48,25 +49,6 @@ def test_first_answer_decides_ranking(asked: MarketHarness) -> None:
     assert asked.auction.decision.closed_by is ClosedBy.ALL_ANSWERED
 
 
-def test_unnamed_agents_follow_by_distance(market: MarketHarness) -> None:
-    market.register("/others", PLAIN)
-    market.award()
-    market.bid("/others", {PLAIN: (5.0, 1.0, 3.0)})
-    market.ranked(EXPRESS)
-
-    assert [bid.agent for bid in market.auction.decision.ranking] == [EXPRESS, PLAIN, GUIDE]
-
-
-@pytest.mark.parametrize("failure", ["nobody serves /select", "it ranks 'bob', which has not bid"])
-def test_nearest_wins_without_ranking_and_reason_explains(
-    asked: MarketHarness, failure: str
-) -> None:
-    asked.ranked(failure=failure)
-
-    assert asked.goal.agent == GUIDE
-    assert failure in asked.auction.reason
-
-
 def test_silence_ends_at_time_limit(asked: MarketHarness) -> None:
     asked.wait(0.4)
     assert asked.all(PublishAuction) == []
@@ -80,9 +62,7 @@ def test_silence_ends_at_time_limit(asked: MarketHarness) -> None:
 
 
 @pytest.mark.parametrize("bids", [{}, {GUIDE: (1.0, 1.0, 1.0)}])
-def test_trivial_ranking_needs_no_question(
-    market: MarketHarness, bids: dict[str, tuple[float, ...]]
-) -> None:
+def test_trivial_ranking_needs_no_question(market: MarketHarness, bids: dict[str, Vector]) -> None:
     declined = {name: "tired" for name in (GUIDE, EXPRESS) if name not in bids}
     market.scene()
     market.bid(vectors=bids, declined=declined)
@@ -108,12 +88,6 @@ def test_a_stop_during_the_wait_ends_the_scene(asked: MarketHarness) -> None:
 
     assert asked.ends == [("s1", "STOPPED")]
     assert (asked.auction.decision.closed_by, asked.all(SendGoal)) == (ClosedBy.STOPPED, [])
-
-
-def test_a_shutdown_during_the_wait_ends_the_scene(asked: MarketHarness) -> None:
-    asked.shut_down()
-
-    assert (asked.ends, asked.status.state) == ([("s1", "SHUTTING_DOWN")], State.IDLE)
 
 
 def test_host_dying_during_wait_is_skipped(market: MarketHarness) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from bt_agents_core.scene import Vector
 from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, PLAIN, MarketHarness, with_host
 from marketplace_node.effects import AnnounceRun, Collect, PublishAuction, State
@@ -34,15 +35,15 @@ def market() -> MarketHarness:
     return preempting()
 
 
-def bid(market: MarketHarness, guide: tuple[float, ...], express: tuple[float, ...]) -> None:
+def bid(market: MarketHarness, guide: Vector, express: Vector) -> None:
     """Answer the open challenge."""
     market.bid(vectors={GUIDE: guide, EXPRESS: express}, round=market.calls[-1].round)
 
 
 def challenge(
     market: MarketHarness,
-    guide: tuple[float, ...],
-    express: tuple[float, ...],
+    guide: Vector,
+    express: Vector,
     scene_id: str = "s2",
     *,
     urgent: bool = False,
@@ -74,8 +75,7 @@ def test_better_agent_preempts_run_and_opens_fresh_round(market: MarketHarness) 
     assert market.ends == [("s1", "PREEMPTED")]
     assert market.end_words.startswith("attentive_guide cancelled: preempted by scene 's2'")
     assert (market.calls[-1].round, market.calls[-1].scene.scene_id) == (3, "s2")
-    assert (market.status.scene_id, market.status.round) == ("s2", 3)
-    assert len(market.all(Collect)) == 1
+    assert (market.status.scene_id, market.status.round, len(market.all(Collect))) == ("s2", 3, 1)
     effects = market.market.collected(1, "late", market.now)
     assert effects == [], "feedback on the preempted run delays no scene"
     market.bid()
@@ -105,10 +105,7 @@ DECLINED = {"declined": dict.fromkeys((GUIDE, EXPRESS), "no"), "unmet": ("scene.
     ],
 )
 def test_challenge_is_decided_by_the_distances(
-    market: MarketHarness,
-    vectors: dict[str, tuple[float, ...]],
-    others: dict[str, Any],
-    reason: str,
+    market: MarketHarness, vectors: dict[str, Vector], others: dict[str, Any], reason: str
 ) -> None:
     market.scene("s2")
     market.bid(vectors=vectors, round=2, **others)
@@ -152,9 +149,7 @@ def test_running_agent_with_silent_host_is_infinitely_far() -> None:
 
 
 @pytest.mark.parametrize("express", [NEAR, FAR])
-def test_urgent_scene_stops_run_for_any_winner(
-    market: MarketHarness, express: tuple[float, ...]
-) -> None:
+def test_urgent_scene_stops_run_for_any_winner(market: MarketHarness, express: Vector) -> None:
     challenge(market, MIDDLE, express, urgent=True)
 
     assert outcome(market) is AuctionOutcome.PREEMPTS
@@ -355,7 +350,7 @@ def test_switch_to_queue_prevents_preemption_by_open_challenge(market: MarketHar
     assert (market.status.state, market.status.queued) == (State.RUNNING, 1)
 
 
-def stopped_for_s2(market: MarketHarness, **first: tuple[float, ...]) -> tuple[str, str, str]:
+def stopped_for_s2(market: MarketHarness, **first: Vector) -> tuple[str, str, str]:
     """Let s2 preempt; return the agent that ran, the one named for s2, and its winner."""
     ran = market.goal.agent
     market.scene("s2", 3.25, 4.5, 3.0)

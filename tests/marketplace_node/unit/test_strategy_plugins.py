@@ -95,37 +95,35 @@ class Loaded(EntryPoint):
         return self.value
 
 
+def spec(**changes: Any) -> StrategySpec:
+    return replace(SPEC, **({"name": "x"} | changes))
+
+
+def with_option(**changes: Any) -> StrategySpec:
+    return spec(options=(replace(OPTION, **changes),))
+
+
 @pytest.mark.parametrize(
-    ("name", "changes", "words"),
+    ("name", "unfit", "words"),
     [
-        ("Own", {}, "cannot be the name of a strategy"),
-        ("other", {"name": "own"}, "calls itself 'own'; both names must be the same"),
-        ("twice", {"options": (OPTION,) * 2}, "two options have the same name"),
-        ("unfit", {"options": (replace(OPTION, default=5.0),)}, BAD_OPTION),
-        ("no_number", {"options": (replace(OPTION, minimum="a"),)}, BAD_OPTION),
-        ("no_default", {"options": (replace(OPTION, default=None),)}, BAD_OPTION),
-        ("no_name", {"options": (replace(OPTION, name=3),)}, BAD_OPTION),
-        ("no_meaning", {"options": (replace(OPTION, description=None),)}, BAD_OPTION),
-        ("no_score", {"score": None}, "'score' is not a function"),
-        ("no_words", {"description": None}, "'description' is not a text"),
+        ("Own", SPEC, "cannot be the name of a strategy"),
+        ("x", manhattan, "is a function, expected a marketplace_node.strategies.StrategySpec"),
+        ("x", SPEC, "calls itself 'own'; both names must be the same"),
+        ("x", spec(options=(OPTION,) * 2), "two options have the same name"),
+        ("x", with_option(default=5.0), BAD_OPTION),
+        ("x", with_option(minimum="a"), BAD_OPTION),
+        ("x", with_option(default=None), BAD_OPTION),
+        ("x", with_option(name=3), BAD_OPTION),
+        ("x", with_option(description=None), BAD_OPTION),
+        ("x", spec(score=None), "'score' is not a function"),
+        ("x", spec(description=None), "'description' is not a text"),
     ],
 )
-def test_invalid_strategy_is_reported_with_explanation(
-    name: str, changes: dict[str, Any], words: str
-) -> None:
-    unfit: Any = replace(SPEC, **({"name": name} | changes))
-    entries = [Loaded(name, unfit, GROUP), Loaded("own", SPEC, GROUP)]  # type: ignore[arg-type]
-    specs, problems = read_plugins(entries)
+def test_invalid_strategy_is_reported_with_explanation(name: str, unfit: Any, words: str) -> None:
+    own: Any = SPEC
+    specs, problems = read_plugins([Loaded(name, unfit, GROUP), Loaded("own", own, GROUP)])
 
     assert (list(specs), len(problems)) == (["own"], 1)
-    assert words in problems[0]
-
-
-def test_function_is_no_strategy() -> None:
-    specs, problems = read_plugins([Loaded("f", manhattan, GROUP)])  # type: ignore[arg-type]
-
-    assert specs == {}
-    words = "is a function, expected a marketplace_node.strategies.StrategySpec"
     assert words in problems[0]
 
 
