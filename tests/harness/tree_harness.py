@@ -122,6 +122,10 @@ class TreeHarness:
         self.environment.clock.advance(seconds)
         return self.tick()
 
+    def outcomes(self, *waits: float) -> str:
+        """Tick after each of these times [s]; return the outcomes' letters, as in ``RRS``."""
+        return "".join(self.after(wait)[0].upper() for wait in waits)
+
     def set_mood(self, mood: float) -> None:
         """Change the live mood."""
         self.set_live("mood", mood)
@@ -190,3 +194,10 @@ def started(tree: str | NodeSpec, **how: Any) -> TreeHarness:
     harness = TreeHarness(tree, **how)
     harness.tick()
     return harness
+
+
+def failure(tree: str | NodeSpec, **how: Any) -> str:
+    """Return why a tree fails at its first tick; see :class:`TreeHarness`."""
+    harness = started(tree, **how)
+    assert harness.outcome == "failed"
+    return harness.message

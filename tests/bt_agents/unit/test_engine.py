@@ -1,90 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Engine on a scripted environment: the behaviour of each node, tick by tick."""
+"""Engine on a scripted environment: leaves, values and parallel children, tick by tick."""
 
 from __future__ import annotations
 
 import pytest
 
+from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import FAILS, LONG, TreeHarness, scene
+from tree_harness import TreeHarness, failure, started
 
 
-def test_sequence_runs_children_in_order() -> None:
-    #  t | first | second | sequence
-    #  0 |   R   |   -    |   R
-    #  1 |   S   |   R    |   R
-    #  2 |       |   S    |   S
-    harness = TreeHarness(
-        """
-        sequence:
-          - say: first
-          - say: second
-        """,
-        answers={"say": [ScriptedReply(after_s=1.0)]},
+@pytest.mark.parametrize(
+    ("ranges", "outcome"), [([0.2, 3.0], "running"), ([3.0, 0.2], "succeeded"), ([0.2], "failed")]
+)
+def test_condition_indexes_list_and_fails_out_of_range(ranges: list[float], outcome: str) -> None:
+    harness = started(
+        "wait_for: {topic: scan, type: sensor_msgs/msg/LaserScan, until: msg.ranges.1 < 1}"
     )
-    assert harness.tick() == "running"
-    assert harness.said == ["first"]
-    assert harness.after(1.0) == "running"
-    assert harness.said == ["first", "second"]
-    assert harness.after(1.0) == "succeeded"
-
-
-def test_sequence_fails_with_reason_of_first_failing_child() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - drive: gate 12
-          - say: never
-        """,
-        answers={"drive": FAILS},
-    )
-    assert harness.tick() == "failed"
-    assert harness.said == []
-    assert "drive aborted: motor off" in harness.message
-
-
-def test_check_fails_when_its_value_is_missing() -> None:
-    harness = TreeHarness("check: scene.age > 2", awarded=scene(mood=3))
-    assert harness.tick() == "failed"
-    assert "'scene.age' has no value" in harness.message
-    assert "a.yaml:" in harness.message
-
-
-def test_running_wait_follows_tuned_duration() -> None:
-    harness = TreeHarness(
-        "wait: ${pause}",
-        head="tunables: {pause: {default: 10 s, min: 1 s, max: 60 s, description: d}}",
-    )
-    assert harness.tick() == "running"
-    assert harness.after(5.0) == "running"
-    harness.tunables["pause"] = 6.0
-    assert harness.after(0.5) == "running"
-    assert harness.after(0.5) == "succeeded"
-
-
-def test_condition_indexes_list_and_fails_out_of_range() -> None:
-    tree = "wait_for: {topic: scan, type: sensor_msgs/msg/LaserScan, until: msg.ranges.1 < 1}"
-    harness = TreeHarness(tree)
-    assert harness.tick() == "running"
-    harness.environment.arrive("scan", {"ranges": [0.2, 3.0]})
-    assert harness.tick() == "running"
-    harness.environment.arrive("scan", {"ranges": [3.0, 0.2]})
-    assert harness.tick() == "succeeded"
-    short = TreeHarness(tree)
-    short.tick()
-    short.environment.arrive("scan", {"ranges": [0.2]})
-    assert short.tick() == "failed"
+    harness.environment.arrive("scan", {"ranges": ranges})
+    assert harness.tick() == outcome
 
 
 def test_skill_fails_when_its_result_condition_is_false() -> None:
-    harness = TreeHarness(
-        "ask: Where to?", answers={"ask": [ScriptedReply(result={"answer": ""})]}
-    )
-    assert harness.tick() == "failed"
+    failure("ask: Where to?", answers={"ask": [ScriptedReply(result={"answer": ""})]})
 
 
 def test_raw_leaves_send_their_declared_fields() -> None:
-    harness = TreeHarness(
+    harness = started(
         """
         sequence:
           - action: {name: /dock, type: test_msgs/action/Fibonacci, goal: {order: 3}}
@@ -92,130 +34,73 @@ def test_raw_leaves_send_their_declared_fields() -> None:
           - publish: {topic: beep, type: std_msgs/msg/String, message: {data: "age ${scene.age}"}}
         """
     )
-    assert harness.tick() == "succeeded"
-    assert [(g.goal.name, g.goal.fields) for g in harness.environment.goals] == [
-        ("/dock", {"order": 3}),
-        ("/reset", {}),
-    ]
+    sent = [(one.goal.name, one.goal.fields) for one in harness.environment.goals]
+    assert sent == [("/dock", {"order": 3}), ("/reset", {})]
     assert harness.environment.published[0].fields == {"data": "age 3"}
 
 
-def test_timeout_halts_node_and_cancels_its_goal() -> None:
-    harness = TreeHarness("say: long text\ntimeout: 2 s", answers={"say": LONG})
-    assert harness.tick() == "running"
-    assert harness.after(1.9) == "running"
-    assert harness.after(0.1) == "failed"
-    assert harness.environment.running() == []
-    assert "not done within 2 s" in harness.message
-
-
-def test_exhausted_retry_fails_with_last_reason() -> None:
-    harness = TreeHarness("say: x\nretry: 2", answers={"say": FAILS})
-    assert harness.tick(2) == "failed"
-    assert len(harness.said) == 2
-    assert "motor off" in harness.message
-
-
-def test_on_failure_branch_replaces_failed_node() -> None:
-    harness = TreeHarness("drive: x\non_failure: {say: sorry}", answers={"drive": FAILS})
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["sorry"]
-
-
-@pytest.mark.parametrize("composite", ["sequence", "selector"])
-def test_child_whose_when_is_false_is_skipped(composite: str) -> None:
-    harness = TreeHarness(
-        f"""
-        {composite}:
-          - say: for old people
-            when: scene.age > 4
-          - say: for all
-        """
-    )
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["for all"]
-
-
 def test_when_is_evaluated_once_at_node_start() -> None:
-    harness = TreeHarness(
+    harness = started(
         "say: x\nwhen: live.mood >= 3", answers={"say": [ScriptedReply(after_s=2.0)]}
     )
-    assert harness.tick() == "running"
     harness.set_mood(1.0)
-    assert harness.after(1.0) == "running"
-    assert harness.after(1.0) == "succeeded"
+    assert harness.outcomes(1, 1) == "RS"
 
 
 def test_only_live_names_follow_the_live_scene() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - wait: 1 s
-          - check: scene.mood == 3 and live.mood == 2 and mood.change == -1
-        """
-    )
-    assert harness.tick() == "running"
+    condition = "scene.mood == 3 and live.mood == 2 and mood.change == -1"
+    harness = started(f"sequence: [{{wait: 1 s}}, {{check: {condition}}}]")
     harness.set_mood(2.0)
     assert harness.after(1.0) == "succeeded"
 
 
-def test_cancel_halts_leaves_cleans_up_and_settles() -> None:
-    #  t    | say       | show      | on_cancel | run
-    #  0    | R         | R         |           | R
-    #  0    | cancelled | cancel    |           | cleaning
-    #  0    |           |           | R (light) | cleaning
-    #  1    |           | ended     | S         | cancelled
-    harness = TreeHarness(
-        """
-        parallel:
-          children:
-            - say: x
-            - show: y
-        """,
-        head="on_cancel: {light: red}",
-        answers={
-            "say": LONG,
-            "show": [ScriptedReply(after_s=100.0, cancel_s=1.0)],
-            "set_light": [ScriptedReply(result={"accepted": True})],
-        },
-    )
-    harness.tick()
-    harness.changes = harness.run.cancel("enough")
-    assert {change.path for change in harness.changes} >= {"tree"}
-    assert harness.environment.running() == ["show"]
-    assert harness.tick() == "running"
-    assert harness.asked == ["say", "show", "set_light"]
-    assert harness.after(1.0) == "cancelled"
-    assert harness.run.result is not None
-    assert harness.run.result.orphans == ()
-    assert harness.run.result.message == "enough"
-
-
 def test_tick_reports_only_changes_in_order() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - check: scene.age == 3
-          - wait: 1 s
-        """
-    )
+    harness = started("sequence: [{check: scene.age == 3}, {wait: 1 s}]")
     harness.tick()
     assert [(c.path.rpartition("/")[2], c.status.name) for c in harness.changes] == [
         ("0.check", "SUCCESS"),
         ("1.wait", "RUNNING"),
         ("tree", "RUNNING"),
     ]
-    harness.changes = []
+
+
+STATES = {"S": GoalState.SUCCEEDED, "F": GoalState.ABORTED}
+
+
+def parallel(succeed_on: str, ends: str) -> TreeHarness:
+    """Return a parallel of say, show and drive; ``F2`` means that one fails after 2 s."""
+    tree = f"parallel: {{succeed_on: {succeed_on}, children: [say: x, show: y, drive: z]}}"
+    replies = [
+        [ScriptedReply(after_s=float(end[1:]), state=STATES[end[0]])] for end in ends.split()
+    ]
+    return TreeHarness(tree, answers=dict(zip(("say", "show", "drive"), replies, strict=True)))
+
+
+@pytest.mark.parametrize(
+    ("succeed_on", "ends", "outcomes"),
+    [
+        ("2", "S1 S2 S9", "RRS"),
+        ("2", "F1 S2 S3", "RRRS"),
+        ("2", "F1 F2 S9", "RRF"),
+        ("one", "F1 F2 S3", "RRRS"),
+        ("one", "F1 F2 F3", "RRRF"),
+        ("all", "S1 F2 S9", "RRF"),
+        ("one", "S0 S9 S9", "S"),
+    ],
+)
+def test_parallel_ends_once_its_outcome_is_certain(
+    succeed_on: str, ends: str, outcomes: str
+) -> None:
+    harness = parallel(succeed_on, ends)
+    assert harness.outcomes(0, *[1] * len(outcomes[1:])) == outcomes
+    assert harness.environment.running() == []
+    assert harness.asked == ["say", "show", "drive"]
+
+
+def test_failed_parallel_names_child_and_missing_successes() -> None:
+    harness = parallel("2", "F0 F1 S9")
     harness.tick()
-    assert harness.changes == []
-
-
-def test_raising_leaf_fails_with_path_and_file_position(monkeypatch: pytest.MonkeyPatch) -> None:
-    harness = TreeHarness("sequence:\n  - say: x")
-
-    def broken(goal: object) -> None:
-        raise RuntimeError("cable cut")
-
-    monkeypatch.setattr(harness.environment, "send", broken)
-    assert harness.tick() == "failed"
-    assert "RuntimeError: cable cut (tree/0.say, a.yaml:" in harness.message
+    assert harness.after(1.0) == "failed"
+    assert harness.reports("tree")[-1] == ("FAILURE", "2 had to succeed, at most 1 still can")
+    assert harness.result.tip == "tree/1.show"
+    assert harness.status("2.drive") == "INVALID"
