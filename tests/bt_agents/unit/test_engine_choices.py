@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choose and random: they run exactly one child."""
+"""Choices: of one child by ``choose`` and ``random``, and of one variant of a text."""
 
 from __future__ import annotations
 
@@ -9,41 +9,32 @@ from random import Random
 import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import FAILS, LONG, TreeHarness, scene, started
+from tree_harness import FAILS, LONG, TreeHarness, failure, scene, started
 
 CASES = """
     choose:
-      children:
-        - name: young
-          when: live.age <= 2
-          say: Hi!
-        - name: old
-          when: live.age >= 4
-          say: Good day.
-      otherwise:
-        say: Hello.
+      children: [{name: young, when: live.age <= 2, say: Hi!},
+        {name: old, when: live.age >= 4, say: Good day.}]
+      otherwise: {say: Hello.}
     """
 
 
-@pytest.mark.parametrize(("age", "words"), [(1.0, "Hi!"), (5.0, "Good day."), (3.0, "Hello.")])
-def test_choose_runs_only_the_first_matching_case(age: float, words: str) -> None:
-    harness = TreeHarness(CASES, awarded=scene(age=age, mood=3))
-    assert harness.tick() == "succeeded"
+@pytest.mark.parametrize(
+    ("age", "case", "words"),
+    [(1.0, "young", "Hi!"), (5.0, "old", "Good day."), (3.0, "otherwise", "Hello.")],
+)
+def test_choose_runs_only_the_first_matching_case(age: float, case: str, words: str) -> None:
+    harness = started(CASES, awarded=scene(age=age, mood=3))
+    assert harness.reports("tree") == [("SUCCESS", f"case '{case}'")]
     assert harness.said == [words]
 
 
 def test_choose_evaluates_cases_only_at_start() -> None:
-    #  t | live.age | young | old | choose
-    #  0 |    1     |   R   |     |   R
-    #  1 |    5     |   R   |     |   R
-    #  2 |    5     |   S   |     |   S
-    harness = TreeHarness(
+    harness = started(
         CASES, awarded=scene(age=1, mood=3), answers={"say": [ScriptedReply(after_s=2.0)]}
     )
-    assert harness.tick() == "running"
     harness.set_live("age", 5.0)
-    assert harness.after(1.0) == "running"
-    assert harness.after(1.0) == "succeeded"
+    assert harness.outcomes(1, 1) == "RS"
     assert harness.said == ["Hi!"]
 
 
@@ -58,39 +49,21 @@ def test_choose_reevaluates_cases_after_interruption() -> None:
 
 
 def test_failed_case_fails_choose_without_trying_others() -> None:
-    harness = TreeHarness(
-        """
-        choose:
-          - name: go
-            when: scene.age == 3
-            drive: x
-          - name: stay
-            when: scene.age > 0
-            say: I stay.
-        """,
+    harness = started(
+        "choose: [{name: go, when: scene.age == 3, drive: x}, "
+        "{name: stay, when: scene.age > 0, say: I stay.}]",
         answers={"drive": FAILS},
     )
-    assert harness.tick() == "failed"
-    assert harness.said == []
+    assert (harness.outcome, harness.said) == ("failed", [])
     assert harness.message == "drive aborted: motor off"
 
 
 def test_choose_without_matching_case_fails_with_reasons() -> None:
-    harness = TreeHarness(
-        """
-        choose:
-          - name: young
-            when: scene.age <= 2
-            say: Hi!
-          - name: happy
-            when: scene.mood > 3
-            say: Great!
-        """,
-        awarded=scene(mood=3),
+    tree = (
+        "choose: [{name: young, when: scene.age <= 2, say: Hi!}, "
+        "{name: happy, when: scene.mood > 3, say: Great!}]"
     )
-    assert harness.tick() == "failed"
-    assert harness.said == []
-    assert harness.message.startswith(
+    assert failure(tree, awarded=scene(mood=3)).startswith(
         "no case fits; young: 'scene.age' has no value; "
         "happy: not so: scene.mood > 3 (scene.mood is 3) (tree, a.yaml"
     )
@@ -105,21 +78,9 @@ def test_case_of_earlier_round_keeps_no_status() -> None:
     assert harness.said == ["Hi!", "Good day."]
 
 
-def test_choose_reports_its_chosen_case() -> None:
-    harness = started(CASES, awarded=scene(age=5, mood=3))
-    assert harness.reports("tree") == [("SUCCESS", "case 'old'")]
-
-
 RANDOM = """
     repeat: forever
-    random:
-      seed: 7
-      children:
-        - say: a
-        - say: b
-          weight: 2
-        - say: never
-          weight: 0
+    random: {seed: 7, children: [{say: a}, {say: b, weight: 2}, {say: never, weight: 0}]}
     """
 
 
@@ -160,32 +121,25 @@ def test_random_without_repeats_may_repeat_its_only_choice() -> None:
 
 
 def test_seeded_random_nodes_are_independent() -> None:
-    one = "random:\n  seed: 7\n  children: [{say: a}, {say: b}]\nrepeat: 20"
-    alone = TreeHarness(one)
-    alone.tick(20)
-    both = TreeHarness(
-        """
-        repeat: forever
-        sequence:
-          - random: {seed: 7, children: [{say: a}, {say: b}]}
-          - random: {seed: 8, children: [{show: a}, {show: b}]}
-        """
+    one = "random: {seed: 7, children: [{say: a}, {say: b}]}"
+    other = "random: {seed: 8, children: [{show: a}, {show: b}]}"
+    alone, both = (
+        TreeHarness(f"repeat: forever\nsequence: [{children}]")
+        for children in (f"{{{one}}}", f"{{{one}}}, {{{other}}}")
     )
+    alone.tick(20)
     both.tick(20)
     assert alone.said == both.said
 
 
 def test_random_keeps_picked_child_and_takes_its_result() -> None:
-    harness = TreeHarness(
-        "random:\n  - say: a\n  - show: b", answers={"say": LONG, "show": LONG}, random=Random(3)
-    )
+    harness = TreeHarness("random: [say: a, show: b]", answers={"say": LONG, "show": LONG})
     assert harness.tick(20, step_s=1.0) == "running"
     assert len(harness.asked) == 1
     harness.interrupt()
     assert harness.environment.running() == []
-    harness = TreeHarness("random:\n  - drive: a\n  - drive: b", answers={"drive": FAILS})
-    assert harness.tick() == "failed"
-    assert len(harness.asked) == 1
+    harness = started("random: [drive: a, drive: b]", answers={"drive": FAILS})
+    assert (harness.outcome, len(harness.asked)) == ("failed", 1)
 
 
 def test_tuned_weights_apply_at_next_start() -> None:
@@ -200,13 +154,8 @@ def test_tuned_weights_apply_at_next_start() -> None:
 
 
 def test_random_fails_when_all_weights_are_zero() -> None:
-    harness = TreeHarness(
-        "random:\n  - say: a\n    weight: 0\n  - say: b\n    weight: ${scene.mood}",
-        awarded=scene(mood=0),
-    )
-    assert harness.tick() == "failed"
-    assert harness.said == []
-    assert harness.message.startswith(
+    tree = "random: [{say: a, weight: 0}, {say: b, weight: '${scene.mood}'}]"
+    assert failure(tree, awarded=scene(mood=0)).startswith(
         "all weights are 0, expected at least one larger number (tree"
     )
 
@@ -224,18 +173,46 @@ def test_invalid_weight_fails_with_message(value: object) -> None:
 
 
 def test_extreme_weights_do_not_overflow() -> None:
-    harness = TreeHarness(
-        """
-        repeat: forever
-        random:
-          - say: a
-            weight: 1.0e308
-          - say: b
-            weight: 1.0e308
-          - say: c
-            weight: 1.0e-300
-        """,
-        random=Random(1),
-    )
+    children = "{say: a, weight: 1.0e308}, {say: b, weight: 1.0e308}, {say: c, weight: 1.0e-300}"
+    harness = TreeHarness(f"repeat: forever\nrandom: [{children}]", random=Random(1))
     harness.tick(40)
     assert set(harness.said) == {"a", "b"}
+
+
+GREETING = "say: {one_of: [Hello., Hi., Good day.]}"
+
+
+def said(tree: str, seed: int) -> list[object]:
+    harness = TreeHarness(tree, random=Random(seed))
+    harness.tick(20)
+    return harness.said
+
+
+def test_variants_never_repeat_consecutively_and_all_occur() -> None:
+    texts = said(f"{GREETING}\nrepeat: 20", 1)
+    assert set(texts) == {"Hello.", "Hi.", "Good day."}
+    assert all(one != other for one, other in pairwise(texts))
+
+
+def test_run_seed_determines_variants() -> None:
+    tree = f"{GREETING}\nrepeat: 20"
+    assert said(tree, 7) == said(tree, 7)
+    assert len({tuple(said(tree, seed)) for seed in range(5)}) == 5
+
+
+def test_variant_names_are_resolved_when_spoken() -> None:
+    say = "{say: {one_of: ['Hello ${guest}.', '${guest}'], rate: 0.5}}"
+    tree = f"sequence: [{{set: {{guest: Ann}}}}, {say}]"
+    assert {text for seed in range(8) for text in said(tree, seed)} == {"Hello Ann.", "Ann"}
+
+
+def test_retry_uses_another_variant() -> None:
+    texts = said("{invert: true, retry: 4, say: {one_of: [Well?, Shall we?]}}", 0)
+    assert len(texts) == 4
+    assert texts[0] == texts[2] != texts[1] == texts[3]
+
+
+@pytest.mark.parametrize("count", [2, 5])
+def test_pick_excludes_the_last_variant(count: int) -> None:
+    context = TreeHarness("wait: 1 s", random=Random(2)).run._context
+    assert {context.pick("tree", count, 1) for _ in range(99)} == {*range(count)} - {1}
