@@ -14,10 +14,13 @@ from bt_agents.engine import builder
 from bt_agents.engine import nodes as behaviours
 from bt_agents.engine.builder import BEHAVIOURS
 from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents_core.field_types import Plain
 from bt_agents_language.nodes import catalogue
-from tree_harness import FAILS, LONG, TreeHarness, scene, started
+from tree_harness import FAILS, LONG, TreeHarness, failure, scene, started
 
 SECOND = [ScriptedReply(after_s=1.0)]
+TUNABLE = "tunables: {t: {default: 0 s, min: 0 s, max: 60 s, description: d}}"
+COOLING = "repeat: forever\nsequence: [{say: x, cooldown: '${t}'}]"
 
 
 def test_behaviours_match_node_types_exactly() -> None:
@@ -74,13 +77,10 @@ def test_pairs_cover_every_modifier() -> None:
 @pytest.mark.parametrize(("outer", "inner"), PAIRS)
 def test_modifiers_nest_in_documented_order(outer: str, inner: str) -> None:
     harness = TreeHarness(f"{inner}: {WRITTEN[inner]}\nsay: x\n{outer}: {WRITTEN[outer]}")
-    kinds = []
-    node = harness.root
-    while True:
-        kinds.append(node.spec.kind)
-        if not node.children:
-            break
+    node, kinds = harness.root, [harness.root.spec.kind]
+    while node.children:
         node = node.children[0]
+        kinds.append(node.spec.kind)
     assert kinds == [outer, inner, "say"]
     for _ in range(9):
         harness.after(10.0)
@@ -93,8 +93,7 @@ def test_while_halts_node_when_its_condition_turns_false() -> None:
     #  1 |  3   | R         |   R
     #  2 |  1   | cancelled |   F
     harness = TreeHarness("say: x\nwhile: live.mood >= 2", answers={"say": LONG})
-    assert harness.tick() == "running"
-    assert harness.after(1.0) == "running"
+    assert harness.outcomes(0, 1) == "RR"
     harness.set_mood(1.0)
     assert harness.after(1.0) == "failed"
     assert harness.environment.running() == []
@@ -103,19 +102,17 @@ def test_while_halts_node_when_its_condition_turns_false() -> None:
     )
 
 
-def test_while_with_false_condition_starts_nothing() -> None:
-    harness = TreeHarness("say: x\nwhile: scene.age > 4")
-    assert harness.tick() == "failed"
-    assert harness.said == []
-    assert harness.message.startswith("not so: scene.age > 4 (")
+@pytest.mark.parametrize(
+    ("condition", "words"),
+    [("scene.mood > 4", "not so: scene.mood > 4 ("), ("live.age > 1", "'live.age' has no value")],
+)
+def test_while_without_true_condition_starts_nothing(condition: str, words: str) -> None:
+    harness = started(f"say: x\nwhile: {condition}", awarded=scene(mood=3))
+    assert (harness.outcome, harness.said) == ("failed", [])
+    assert harness.message.startswith(words)
 
 
 def test_while_fails_when_its_condition_cannot_be_evaluated() -> None:
-    harness = TreeHarness(
-        "say: x\nwhile: live.age > 1", awarded=scene(mood=3), answers={"say": LONG}
-    )
-    assert harness.tick() == "failed"
-    assert "'live.age' has no value" in harness.message
     harness = started("say: x\nwhile: 1 / live.mood > 0", answers={"say": LONG})
     harness.set_mood(0.0)
     assert harness.tick() == "failed"
@@ -129,24 +126,16 @@ def test_while_ends_in_same_tick_as_its_node() -> None:
 
 
 def test_while_guards_retry_pause() -> None:
-    harness = TreeHarness(
+    harness = started(
         "say: x\nretry: {attempts: 3, pause: 9 s}\nwhile: live.mood >= 2", answers={"say": FAILS}
     )
-    assert harness.tick() == "running"
     harness.set_mood(1.0)
-    assert harness.after(1.0) == "failed"
-    assert len(harness.said) == 1
+    assert (harness.after(1.0), len(harness.said)) == ("failed", 1)
 
 
 def test_failed_while_starts_afresh() -> None:
     harness = started(
-        """
-        repeat: forever
-        sequence:
-          - say: x
-            while: live.mood >= 2
-            succeed: true
-        """,
+        "repeat: forever\nsequence: [{say: x, while: live.mood >= 2, succeed: true}]",
         answers={"say": LONG},
     )
     harness.set_mood(1.0)
@@ -154,17 +143,14 @@ def test_failed_while_starts_afresh() -> None:
     assert len(harness.said) == 1
     harness.set_mood(3.0)
     harness.tick()
-    assert len(harness.said) == 2
-    assert harness.environment.running() == ["say"]
+    assert (len(harness.said), harness.environment.running()) == (2, ["say"])
 
 
 def test_when_is_reevaluated_after_interruption() -> None:
     harness = started("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
     harness.interrupt()
-    assert harness.environment.running() == []
     harness.set_mood(1.0)
-    assert harness.tick() == "succeeded"
-    assert len(harness.said) == 1
+    assert (harness.tick(), len(harness.said)) == ("succeeded", 1)
 
 
 def test_skipped_node_drops_its_earlier_status() -> None:
@@ -191,33 +177,10 @@ def test_once_skips_node_after_its_first_end() -> None:
     #   1   |   S   |   S    |   R
     #   2   |  out  |   S    |   R
     #   3   |  out  |   S    |   S
-    harness = TreeHarness(
-        """
-        repeat: 3
-        sequence:
-          - say: Hello.
-            once: true
-          - say: Once more.
-        """
-    )
+    harness = TreeHarness("repeat: 3\nsequence: [{say: Hello., once: true}, {say: Once more.}]")
     assert harness.tick(3) == "succeeded"
-    assert harness.said == ["Hello.", "Once more.", "Once more.", "Once more."]
+    assert harness.said == ["Hello.", *["Once more."] * 3]
     assert ("SUCCESS", "left out: done once already") in harness.reports("tree/0.say@once")
-
-
-def test_once_counts_a_failure_as_done() -> None:
-    harness = TreeHarness(
-        """
-        repeat: 3
-        selector:
-          - drive: x
-            once: true
-          - say: y
-        """,
-        answers={"drive": FAILS},
-    )
-    assert harness.tick(3) == "succeeded"
-    assert harness.asked == ["drive", "say", "say", "say"]
 
 
 def test_cooldown_skips_node_for_its_duration() -> None:
@@ -228,13 +191,11 @@ def test_cooldown_skips_node_for_its_duration() -> None:
     #  5 | out |   R
     #  6 |  R  |   R
     harness = started(
-        "repeat: forever\nsequence:\n  - say: x\n    cooldown: 5 s", answers={"say": SECOND}
+        "repeat: forever\nsequence: [{say: x, cooldown: 5 s}]", answers={"say": SECOND}
     )
-    harness.after(1.0)
-    harness.after(1.0)
-    assert ("SUCCESS", "left out: done less than 5 s ago") in harness.reports(
-        "tree/0.say@cooldown"
-    )
+    harness.outcomes(1, 1)
+    left_out = ("SUCCESS", "left out: done less than 5 s ago")
+    assert left_out in harness.reports("tree/0.say@cooldown")
     harness.after(3.9)
     assert len(harness.said) == 1
     harness.after(0.1)
@@ -242,74 +203,56 @@ def test_cooldown_skips_node_for_its_duration() -> None:
 
 
 def test_selector_moves_past_cooling_child() -> None:
-    harness = TreeHarness(
-        "repeat: 2\nselector:\n  - say: first\n    cooldown: 5 s\n  - say: second"
-    )
+    harness = TreeHarness("repeat: 2\nselector: [{say: first, cooldown: 5 s}, {say: second}]")
     assert harness.tick(2) == "succeeded"
     assert harness.said == ["first", "second"]
 
 
 def test_zero_cooldown_skips_nothing_and_is_tunable() -> None:
-    harness = TreeHarness(
-        "repeat: forever\nsequence:\n  - say: x\n    cooldown: ${rest}",
-        head="tunables: {rest: {default: 0 s, min: 0 s, max: 60 s, description: d}}",
-    )
+    harness = TreeHarness(COOLING, head=TUNABLE)
     harness.tick(3)
     assert len(harness.said) == 3
-    harness.tunables["rest"] = 10.0
+    harness.tunables["t"] = 10.0
     harness.after(9.0)
     assert len(harness.said) == 3
-    harness.tunables["rest"] = 9.0
+    harness.tunables["t"] = 9.0
     harness.tick()
     assert len(harness.said) == 4
 
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "soon", True, 10**400])
-def test_invalid_duration_fails_with_message(value: object) -> None:
-    head = "tunables: {t: {default: 1 s, min: 0 s, max: 60 s, description: d}}"
-    for tree in (
+@pytest.mark.parametrize(
+    "tree",
+    [
         "wait: ${t}",
-        "say: x\ntimeout: ${t}",
+        "show: {text: x}\ntimeout: ${t}",
         "wait_for: {condition: 1 > 0, for: '${t}'}",
-    ):
-        harness = TreeHarness(tree, head=head, answers={"say": LONG})
-        harness.tunables["t"] = value  # type: ignore[assignment]
-        assert harness.tick() == "failed", tree
-        assert "expected a time such as '5 s'" in harness.message
-        assert "a.yaml:" in harness.message
-        assert harness.environment.running() == []
-
-
-def test_invalid_cooldown_fails_when_evaluated() -> None:
-    harness = TreeHarness(
-        "repeat: 2\nsequence:\n  - say: x\n    cooldown: ${rest}",
-        head="tunables: {rest: {default: 1 s, min: 0 s, max: 60 s, description: d}}",
-    )
-    harness.tunables["rest"] = -1.0
+        COOLING.replace("forever", "2"),
+    ],
+)
+def test_invalid_duration_fails_with_message(tree: str, value: Plain) -> None:
+    harness = TreeHarness(tree, head=TUNABLE, answers={"show": LONG})
+    harness.tunables["t"] = value
     assert harness.tick(2) == "failed"
-    assert "expected a time" in harness.message
+    assert "expected a time such as '5 s'" in harness.message
+    assert "a.yaml:" in harness.message
+    assert harness.environment.running() == []
 
 
 def test_fail_keeps_reason_of_failed_child() -> None:
-    harness = TreeHarness("drive: x\nfail: true", answers={"drive": FAILS})
-    assert harness.tick() == "failed"
-    assert harness.message == "drive aborted: motor off"
-    harness = TreeHarness("drive: x\nfail: true")
-    assert harness.tick() == "failed"
-    assert harness.message.startswith("succeeded, and counts as failed (tree@fail")
+    tree = "drive: x\nfail: true"
+    assert failure(tree, answers={"drive": FAILS}) == "drive aborted: motor off"
+    assert failure(tree).startswith("succeeded, and counts as failed (tree@fail")
 
 
 def test_timeout_is_tunable_and_restarts_after_interruption() -> None:
     harness = started(
-        "say: x\ntimeout: ${limit}",
-        head="tunables: {limit: {default: 9 s, min: 1 s, max: 60 s, description: d}}",
-        answers={"say": LONG},
+        "say: x\ntimeout: ${t}", head=TUNABLE.replace("0 s", "9 s", 1), answers={"say": LONG}
     )
     assert harness.after(8.0) == "running"
     harness.interrupt()
-    assert harness.tick() == "running"
-    assert harness.after(8.0) == "running"
-    harness.tunables["limit"] = 8.0
+    assert harness.outcomes(0, 8) == "RR"
+    harness.tunables["t"] = 8.0
     assert harness.tick() == "failed"
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents_core.field_types import Plain
 from tree_harness import FAILS, LONG, TreeHarness, scene, started
 
 TUNABLE = "tunables: {n: {default: 2, min: 1, max: 9, description: d}}"
@@ -18,20 +19,15 @@ def test_retry_pauses_between_attempts() -> None:
     #  1 |       |   R     pause
     #  2 |   F   |   R     attempt 2
     #  4 |   S   |   S     attempt 3
-    harness = TreeHarness(
+    harness = started(
         "drive: x\nretry: {attempts: 3, pause: 2 s}",
         answers={"drive": [*FAILS, *FAILS, ScriptedReply()]},
     )
-    assert harness.tick() == "running"
-    assert harness.status("tree@retry") == "RUNNING"
-    assert harness.status("tree") == "FAILURE"
+    assert (harness.status("tree@retry"), harness.status("tree")) == ("RUNNING", "FAILURE")
     assert harness.run.tip == "tree@retry"
-    assert harness.after(1.9) == "running"
-    assert len(harness.asked) == 1
-    assert harness.after(0.1) == "running"
-    assert len(harness.asked) == 2
-    assert harness.after(2.0) == "succeeded"
-    assert len(harness.asked) == 3
+    assert (harness.after(1.9), len(harness.asked)) == ("running", 1)
+    assert (harness.after(0.1), len(harness.asked)) == ("running", 2)
+    assert (harness.after(2.0), len(harness.asked)) == ("succeeded", 3)
 
 
 def test_retry_reports_its_attempt_number() -> None:
@@ -39,8 +35,7 @@ def test_retry_reports_its_attempt_number() -> None:
         "drive: x\nretry: {attempts: 2, pause: 2 s}",
         answers={"drive": [*FAILS, ScriptedReply(after_s=1.0)]},
     )
-    harness.after(2.0)
-    harness.after(1.0)
+    harness.outcomes(2, 1)
     assert harness.reports("tree@retry") == [
         ("RUNNING", "attempt 2 of 2, after a pause of 2 s"),
         ("RUNNING", "attempt 2 of 2"),
@@ -75,26 +70,21 @@ def test_tuning_an_elapsed_pause_does_not_delay_attempt() -> None:
 
 
 def test_attempt_limit_is_evaluated_after_each_failure() -> None:
-    harness = TreeHarness("drive: x\nretry: ${n}", head=TUNABLE, answers={"drive": FAILS})
-    assert harness.tick() == "running"
+    harness = started("drive: x\nretry: ${n}", head=TUNABLE, answers={"drive": FAILS})
     harness.tunables["n"] = 4
     assert harness.tick(2) == "running"
     harness.tunables["n"] = 1
-    assert harness.tick() == "failed"
-    assert len(harness.asked) == 4
+    assert (harness.tick(), len(harness.asked)) == ("failed", 4)
+    assert "motor off" in harness.message
 
 
 @pytest.mark.parametrize("value", [0, -1, 1.5, float("nan"), float("inf"), True, "two", None])
-def test_invalid_count_fails_with_message(value: object) -> None:
-    for tree, answers in (
-        ("drive: x\nretry: ${n}", FAILS),
-        ("drive: x\nrepeat: ${n}", [ScriptedReply()]),
-    ):
-        harness = TreeHarness(tree, head=TUNABLE, answers={"drive": answers})
-        harness.tunables["n"] = value  # type: ignore[assignment]
-        harness.tick()
-        assert harness.outcome == "failed"
-        assert "expected a whole number from 1 on" in harness.message
+@pytest.mark.parametrize("tree", ["drive: x\nretry: ${n}", "say: x\nrepeat: ${n}"])
+def test_invalid_count_fails_with_message(tree: str, value: Plain) -> None:
+    harness = TreeHarness(tree, head=TUNABLE, answers={"drive": FAILS})
+    harness.tunables["n"] = value
+    assert harness.tick() == "failed"
+    assert "expected a whole number from 1 on" in harness.message
 
 
 def test_computed_count_accepts_integral_float() -> None:
@@ -113,9 +103,7 @@ def test_interrupted_retry_counts_from_zero() -> None:
     harness = started("drive: x\nretry: {attempts: 2, pause: 5 s}", answers={"drive": FAILS})
     harness.interrupt()
     assert {node.status.name for node in harness.root.iterate()} == {"INVALID"}
-    assert harness.tick() == "running"
-    assert len(harness.asked) == 2
-    assert harness.after(5.0) == "failed"
+    assert harness.outcomes(0, 5) == "RF"
     assert len(harness.asked) == 3
 
 
@@ -131,44 +119,30 @@ def test_repeat_pauses_only_between_rounds() -> None:
     #  5 |  S  |   R
     # 10 |  S  |   S
     harness = TreeHarness("say: x\nrepeat: {times: 3, pause: 5 s}")
-    assert harness.tick() == "running"
-    assert harness.after(4.9) == "running"
-    assert harness.after(0.1) == "running"
-    assert len(harness.said) == 2
-    assert harness.after(5.0) == "succeeded"
-    assert len(harness.said) == 3
+    assert (harness.outcomes(0, 4.9), len(harness.said)) == ("RR", 1)
+    assert (harness.outcomes(0.1, 4.9), len(harness.said)) == ("RR", 2)
+    assert (harness.after(0.1), len(harness.said)) == ("succeeded", 3)
 
 
-def test_repeat_fails_at_first_failure() -> None:
-    harness = TreeHarness(
-        "drive: x\nrepeat: forever", answers={"drive": [ScriptedReply(), ScriptedReply(), *FAILS]}
-    )
-    assert harness.tick(2) == "running"
-    assert harness.tick() == "failed"
-    assert harness.message == "drive aborted: motor off"
-
-
-def test_repeat_until_evaluates_after_success_and_after_pause() -> None:
+def test_until_is_evaluated_after_success_and_after_pause() -> None:
     harness = TreeHarness("say: x\nrepeat: {until: live.mood >= 4, pause: 1 s}")
     assert harness.tick(3, step_s=1.0) == "running"
     harness.set_mood(5.0)
-    assert harness.tick() == "running"
-    assert harness.after(1.0) == "succeeded"
+    assert harness.outcomes(0, 1) == "RS"
     assert len(harness.said) == 3
 
 
-def test_repeat_until_without_pause_evaluates_before_next_round() -> None:
-    harness = TreeHarness("say: x\nrepeat: {until: live.mood >= 4}")
-    assert harness.tick() == "running"
+def test_until_without_pause_is_evaluated_before_next_round() -> None:
+    harness = started("say: x\nrepeat: {until: live.mood >= 4}")
     harness.set_mood(5.0)
-    assert harness.tick() == "succeeded"
-    assert len(harness.said) == 1
+    assert (harness.tick(), len(harness.said)) == ("succeeded", 1)
 
 
-def test_repeat_until_true_condition_runs_once() -> None:
-    harness = TreeHarness("say: x\nrepeat: {times: 5, until: scene.age == 3}")
-    assert harness.tick() == "succeeded"
-    assert len(harness.said) == 1
+@pytest.mark.parametrize(("until", "rounds"), [("scene.age == 3", 1), ("live.mood > 4", 3)])
+def test_repeat_ends_at_its_condition_or_count(until: str, rounds: int) -> None:
+    harness = TreeHarness(f"say: x\nrepeat: {{times: 3, until: {until}}}")
+    assert harness.tick(rounds) == "succeeded"
+    assert len(harness.said) == rounds
 
 
 def test_until_waits_for_missing_value() -> None:
@@ -178,21 +152,9 @@ def test_until_waits_for_missing_value() -> None:
     assert harness.tick() == "succeeded"
 
 
-def test_repeat_with_until_succeeds_at_its_count() -> None:
-    harness = TreeHarness("say: x\nrepeat: {times: 3, until: live.mood > 4}")
-    assert harness.tick(3) == "succeeded"
-    assert len(harness.said) == 3
-
-
 def test_until_reads_outputs_of_its_round() -> None:
+    replies = [ScriptedReply(result={"answer": answer}) for answer in ("no", "yes")]
     harness = TreeHarness(
-        "ask: Ready?\nrepeat: {until: answer == 'yes'}",
-        answers={
-            "ask": [
-                ScriptedReply(result={"answer": "no"}),
-                ScriptedReply(result={"answer": "yes"}),
-            ]
-        },
+        "ask: Ready?\nrepeat: {until: answer == 'yes'}", answers={"ask": replies}
     )
-    assert harness.tick() == "running"
-    assert harness.tick() == "succeeded"
+    assert harness.outcomes(0, 0) == "RS"
