@@ -13,7 +13,7 @@ from bt_agents.engine.scripted_environment import ManualClock, ScriptedReply
 from bt_agents.host.environment.goal import GRAPH_S, SECOND_POLL_S, GoalTrack
 from bt_agents_core.field_types import BindingKind
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
-from tree_harness import TreeHarness, started
+from tree_harness import TreeHarness, failure, started
 
 BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=1.0)
 
@@ -21,23 +21,11 @@ BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_
 class Followed:
     """A goal whose server does what the test says."""
 
-    def __init__(
-        self,
-        kind: BindingKind = BindingKind.ACTION,
-        timeouts: Timeouts | None = None,
-        heartbeat: HeartbeatSpec | None = None,
-    ) -> None:
+    def __init__(self, kind: BindingKind = BindingKind.ACTION, **how: Any) -> None:
         self.clock = ManualClock()
         self.beat = -math.inf
-        goal = SkillGoal(
-            kind=kind,
-            name="say",
-            type="",
-            fields={},
-            timeouts=timeouts or Timeouts(),
-            heartbeat=heartbeat,
-        )
-        hear = (lambda: self.beat) if heartbeat is not None else None
+        goal = SkillGoal(kind=kind, name="say", type="", fields={}, **how)
+        hear = (lambda: self.beat) if goal.heartbeat is not None else None
         self.track = GoalTrack(goal, self.clock, hear)
 
     def after(self, seconds: float, there: bool = True) -> GoalState:
@@ -46,9 +34,10 @@ class Followed:
         self.track.poll(there)
         return self.track.state
 
-    def cancels(self) -> int:
-        """Return the number of cancel requests so far."""
-        return sum(self.track.take_cancel() for _ in range(3))
+    def standing(self) -> tuple[GoalState, bool, int]:
+        """Return the state, whether its end is confirmed, and the number of new cancels."""
+        cancels = sum(self.track.take_cancel() for _ in range(3))
+        return self.track.state, self.track.confirmed, cancels
 
 
 def sent(**how: Any) -> Followed:
@@ -68,70 +57,57 @@ def running() -> Followed:
 
 def test_missing_server_is_unreachable_and_needs_no_cancel() -> None:
     subject = Followed(timeouts=Timeouts(server_s=2.0))
-    assert subject.after(1.9, there=False) is GoalState.PENDING
-    assert not subject.track.confirmed
-    assert subject.after(0.1, there=False) is GoalState.UNREACHABLE
+    subject.after(1.9, there=False)
+    assert subject.standing() == (GoalState.PENDING, False, 0)
+    subject.after(0.1, there=False)
+    assert subject.standing() == (GoalState.UNREACHABLE, True, 0)
     assert subject.track.message == "its server is not there (looked for 2 s)"
-    assert subject.track.confirmed
-    assert subject.cancels() == 0
 
 
 def test_abandoned_goal_is_cancelled_on_late_acceptance() -> None:
     subject = sent(timeouts=Timeouts(accept_s=2.0))
-    assert subject.after(2.0) is GoalState.UNREACHABLE
+    subject.after(2.0)
+    assert subject.standing() == (GoalState.UNREACHABLE, False, 0)
     assert subject.track.message == ("its server does not answer (no word about the goal for 2 s)")
-    assert (subject.track.confirmed, subject.cancels()) == (False, 0)
     subject.track.accepted()
-    assert (subject.track.confirmed, subject.cancels()) == (False, 1)
-    assert subject.track.state is GoalState.UNREACHABLE
+    assert subject.standing() == (GoalState.UNREACHABLE, False, 1)
     subject.track.ended(GoalState.CANCELLED)
-    assert subject.track.confirmed
-    assert subject.track.state is GoalState.UNREACHABLE
+    assert subject.standing() == (GoalState.UNREACHABLE, True, 0)
 
 
-def test_abandoned_goal_needs_no_cancel_after_rejection() -> None:
-    subject = sent()
-    subject.after(3.0)
-    subject.track.ended(GoalState.REJECTED)
-    assert subject.track.confirmed
-    assert subject.track.state is GoalState.UNREACHABLE
-    assert subject.cancels() == 0
+def test_rejected_goal_needs_no_cancel() -> None:
+    abandoned, cancelled = sent(), sent()
+    abandoned.after(3.0)
+    cancelled.track.cancel()
+    for subject in (abandoned, cancelled):
+        subject.track.ended(GoalState.REJECTED)
+    assert abandoned.standing() == (GoalState.UNREACHABLE, True, 0)
+    assert cancelled.standing() == (GoalState.REJECTED, True, 0)
 
 
-def test_cancel_ends_goal_before_sending() -> None:
-    subject = Followed()
+@pytest.mark.parametrize("subject", [Followed(), sent(kind=BindingKind.SERVICE)])
+def test_cancel_ends_unsent_goal_and_request(subject: Followed) -> None:
     subject.track.cancel()
-    assert subject.track.state is GoalState.CANCELLED
-    assert subject.track.confirmed
+    assert subject.standing() == (GoalState.CANCELLED, True, 0)
 
 
 def test_early_cancel_takes_effect_once_on_acceptance() -> None:
     subject = sent()
     subject.track.cancel()
-    assert (subject.track.state, subject.cancels()) == (GoalState.PENDING, 0)
+    assert subject.standing() == (GoalState.PENDING, False, 0)
     subject.track.accepted()
-    assert (subject.track.state, subject.cancels()) == (GoalState.ACTIVE, 1)
+    assert subject.standing() == (GoalState.ACTIVE, False, 1)
     subject.track.cancel()
-    assert subject.cancels() == 0
-    assert not subject.track.confirmed
+    assert subject.standing() == (GoalState.ACTIVE, False, 0)
     subject.track.ended(GoalState.CANCELLED)
-    assert (subject.track.state, subject.track.confirmed) == (GoalState.CANCELLED, True)
-
-
-def test_cancelled_goal_needs_no_cancel_after_rejection() -> None:
-    subject = sent()
-    subject.track.cancel()
-    subject.track.ended(GoalState.REJECTED)
-    assert (subject.track.state, subject.track.confirmed) == (GoalState.REJECTED, True)
-    assert subject.cancels() == 0
+    assert subject.standing() == (GoalState.CANCELLED, True, 0)
 
 
 @pytest.mark.parametrize("state", [GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.CANCELLED])
 def test_server_result_confirms_goal_end(running: Followed, state: GoalState) -> None:
     running.track.ended(state)
-    assert (running.track.state, running.track.confirmed) == (state, True)
     running.track.cancel()
-    assert (running.track.state, running.cancels()) == (state, 0)
+    assert running.standing() == (state, True, 0)
 
 
 def pauses(subject: Followed, servers: frozenset[str], seconds: float) -> list[float]:
@@ -194,33 +170,20 @@ def test_late_result_times_out_and_cancels_goal() -> None:
     subject.after(2.0)
     subject.track.accepted()
     assert subject.after(59.9) is GoalState.ACTIVE
-    assert subject.after(0.1) is GoalState.TIMED_OUT
-    assert subject.track.message == "no result within 60 s"
-    assert (subject.track.confirmed, subject.cancels()) == (False, 1)
-
-
-def test_result_after_timeout_only_confirms_the_end() -> None:
-    subject = sent(timeouts=Timeouts(result_s=60.0))
-    subject.track.accepted()
-    subject.after(60.0)
+    subject.after(0.1)
+    assert subject.standing() == (GoalState.TIMED_OUT, False, 1)
     subject.track.ended(GoalState.SUCCEEDED)
-    assert (subject.track.state, subject.track.confirmed) == (GoalState.TIMED_OUT, True)
+    assert subject.standing() == (GoalState.TIMED_OUT, True, 0)
     assert subject.track.message == "no result within 60 s"
-    assert subject.cancels() == 0
 
 
-def test_goal_is_lost_after_server_leaves_graph(running: Followed) -> None:
-    running.after(100.0)
-    assert running.after(2.9, there=False) is GoalState.ACTIVE
-    assert running.after(0.1, there=False) is GoalState.UNREACHABLE
-    assert running.track.message == "its server has left the graph (gone for 3 s)"
-    assert not running.track.confirmed
-
-
-def test_goal_survives_brief_server_absence(running: Followed) -> None:
+def test_goal_survives_only_brief_server_absence(running: Followed) -> None:
     for _ in range(3):
+        assert running.after(100.0) is GoalState.ACTIVE
         assert running.after(2.9, there=False) is GoalState.ACTIVE
-        assert running.after(0.1) is GoalState.ACTIVE
+    running.after(0.1, there=False)
+    assert running.standing() == (GoalState.UNREACHABLE, False, 1)
+    assert running.track.message == "its server has left the graph (gone for 3 s)"
 
 
 def silent_goal() -> Followed:
@@ -235,11 +198,11 @@ def test_heartbeat_timeout_starts_at_acceptance() -> None:
     assert subject.after(0.99) is GoalState.ACTIVE
     assert subject.after(0.01) is GoalState.ACTIVE  # the first poll of a silence shows nothing
     assert subject.track.due == subject.clock() + SECOND_POLL_S
-    assert subject.after(SECOND_POLL_S) is GoalState.UNREACHABLE
+    subject.after(SECOND_POLL_S)
+    assert subject.standing() == (GoalState.UNREACHABLE, False, 1)
     assert subject.track.message == (
         "its server has gone silent (no heartbeat for 1.0 s, nor ever one on robot/heartbeat)"
     )
-    assert (subject.track.confirmed, subject.cancels()) == (False, 1)
 
 
 def test_heartbeats_keep_server_alive() -> None:
@@ -278,17 +241,10 @@ def test_goal_is_due_at_its_next_deadline() -> None:
 
 def test_service_has_default_timeout_and_needs_no_cancel() -> None:
     subject = sent(kind=BindingKind.SERVICE)
-    assert subject.track.state is GoalState.ACTIVE
     assert subject.after(9.9) is GoalState.ACTIVE
-    assert subject.after(0.1) is GoalState.TIMED_OUT
+    subject.after(0.1)
+    assert subject.standing() == (GoalState.TIMED_OUT, True, 0)
     assert subject.track.message == "no answer within 10 s"
-    assert (subject.track.confirmed, subject.cancels()) == (True, 0)
-
-
-def test_abandoned_request_is_over() -> None:
-    subject = sent(kind=BindingKind.SERVICE)
-    subject.track.cancel()
-    assert (subject.track.state, subject.track.confirmed) == (GoalState.CANCELLED, True)
 
 
 # The author's text, and its meaning in a run.
@@ -304,43 +260,24 @@ action:
 @pytest.mark.parametrize(
     ("answer", "after_s", "words"),
     [
-        (
-            ScriptedReply(
-                state=GoalState.UNREACHABLE, message="its server is not there (looked for 3 s)"
-            ),
-            0.0,
-            "dance unreachable: its server is not there (looked for 3 s)",
-        ),
+        (ScriptedReply(state=GoalState.UNREACHABLE, message="gone"), 0, "unreachable: gone"),
         (
             ScriptedReply(accept_s=9.0, after_s=99.0),
-            2.0,
-            "dance unreachable: its server does not answer (no word about the goal for 2 s)",
+            2,
+            "unreachable: its server does not answer (no word about the goal for 2 s)",
         ),
         (
             ScriptedReply(state=GoalState.REJECTED),
-            0.0,
-            "dance rejected: its server did not take the goal and says nothing about why",
-        ),
-        (
-            ScriptedReply(state=GoalState.ABORTED, message="motor off"),
-            0.0,
-            "dance aborted: motor off",
+            0,
+            "rejected: its server did not take the goal and says nothing about why",
         ),
         (
             ScriptedReply(state=GoalState.ABORTED),
-            0.0,
-            "dance aborted: its server gave up and says nothing about why",
+            0,
+            "aborted: its server gave up and says nothing about why",
         ),
-        (
-            ScriptedReply(state=GoalState.CANCELLED),
-            0.0,
-            "dance cancelled: somebody else has stopped it",
-        ),
-        (
-            ScriptedReply(accept_s=1.0, after_s=99.0),
-            61.0,
-            "dance timed out: no result within 60 s",
-        ),
+        (ScriptedReply(state=GoalState.CANCELLED), 0, "cancelled: somebody else has stopped it"),
+        (ScriptedReply(accept_s=1.0, after_s=99.0), 61, "timed out: no result within 60 s"),
     ],
 )
 def test_each_goal_failure_has_its_own_message(
@@ -348,7 +285,7 @@ def test_each_goal_failure_has_its_own_message(
 ) -> None:
     harness = started(RAW, answers={"dance": [answer]})
     harness.after(after_s)
-    assert harness.reports("tree")[-1] == ("FAILURE", words)
+    assert harness.reports("tree")[-1] == ("FAILURE", f"dance {words}")
 
 
 def test_long_server_message_is_truncated() -> None:
@@ -361,29 +298,27 @@ def test_long_server_message_is_truncated() -> None:
 def test_run_settles_timed_out_goal_before_ending() -> None:
     stubborn = ScriptedReply(after_s=99.0, cancel_s=1.0)
     harness = started(RAW, answers={"dance": [stubborn]})
-    assert harness.after(60.0) == "running"  # it settles
+    assert harness.after(60.0) == "running"
     assert harness.environment.running() == ["dance"]
     assert harness.after(1.0) == "failed"
     assert harness.result.orphans == ()
 
 
-def test_unconfirmed_goal_is_an_orphan() -> None:
-    for lost in (
-        ScriptedReply(after_s=99.0, cancel_s=math.inf),
-        ScriptedReply(after_s=99.0, vanishes=True),
-        ScriptedReply(accept_s=math.inf, after_s=math.inf),
-    ):
-        harness = TreeHarness(RAW, answers={"dance": [lost]})
-        harness.tick()
-        harness.after(60.0)
-        assert harness.after(2.0) == "failed"
-        assert harness.result.orphans == ("tree",)
-
-
-def test_unsent_goal_is_not_an_orphan() -> None:
-    harness = TreeHarness(RAW, answers={"dance": [ScriptedReply(state=GoalState.UNREACHABLE)]})
-    assert harness.tick() == "failed"
-    assert harness.result.orphans == ()
+@pytest.mark.parametrize(
+    ("reply", "orphans"),
+    [
+        (ScriptedReply(after_s=99.0, cancel_s=math.inf), ("tree",)),
+        (ScriptedReply(after_s=99.0, vanishes=True), ("tree",)),
+        (ScriptedReply(accept_s=math.inf, after_s=math.inf), ("tree",)),
+        (ScriptedReply(state=GoalState.UNREACHABLE), ()),
+    ],
+)
+def test_sent_unconfirmed_goal_is_an_orphan(
+    reply: ScriptedReply, orphans: tuple[str, ...]
+) -> None:
+    harness = started(RAW, answers={"dance": [reply]})
+    harness.outcomes(60, 2)
+    assert (harness.outcome, harness.result.orphans) == ("failed", orphans)
 
 
 FOLLOWED = """
@@ -392,43 +327,30 @@ parallel:
       name: dance
       type: bt_agents_interfaces/action/Say
       outputs: {done: feedback.progress, words: message}
-  - sequence:
-      - wait_for: done > 0.4
-      - say: "half: ${done}"
+  - sequence: [{wait_for: done > 0.4}, {say: "half: ${done}"}]
 """
 
 
 def test_action_feedback_updates_outputs_during_action() -> None:
     told = ((1.0, {"progress": 0.1}), (2.0, {"progress": 0.5}), (3.0, {"progress": 0.9}))
-    harness = TreeHarness(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
-    assert harness.tick() == "running"
+    harness = started(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
     assert harness.reports("tree/1.sequence/0.wait_for") == [
         ("RUNNING", "'done' has no value yet")
     ]
     harness.after(1.0)
     assert harness.said == []
-    harness.after(1.0)
-    harness.tick()
+    harness.outcomes(1, 0)
     assert harness.said == ["half: 0.5"]
     assert harness.after(3.0) == "succeeded"
 
 
 def test_outputs_include_last_feedback_at_action_end() -> None:
-    tree = """
-    sequence:
-      - action:
-          name: dance
-          type: bt_agents_interfaces/action/Say
-          outputs: {done: feedback.progress}
-      - say: "${done}"
-    """
+    action = "name: dance, type: bt_agents_interfaces/action/Say, outputs: {n: feedback.progress}"
+    tree = f"sequence: [{{action: {{{action}}}}}, {{say: '${{n}}'}}]"
     told = ScriptedReply(after_s=1.0, feedback=((0.5, {"progress": 1.0}),))
     harness = started(tree, answers={"dance": [told]})
-    assert harness.after(1.0) == "succeeded"
-    assert harness.said == ["1"]
-    harness = TreeHarness(tree, answers={"dance": [ScriptedReply()]})
-    assert harness.tick() == "failed"
-    assert harness.message.startswith("'done' has no value")
+    assert (harness.after(1.0), harness.said) == ("succeeded", ["1"])
+    assert failure(tree).startswith("'n' has no value")
 
 
 @pytest.mark.parametrize(
