@@ -9,11 +9,11 @@ import pytest
 
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.scripted_environment import GivenFeedback, ScriptedReply
-from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
-from bt_agents_language.model.specs import Literal, MapValue, NodeSpec
-from tree_harness import TreeHarness, agent, scene, started
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.model.specs import Literal, MapValue, Value
+from tree_harness import TreeHarness, agent, failure, scene, started
 
 TUNABLES = """
 tunables:
@@ -23,56 +23,33 @@ tunables:
 
 
 def test_log_writes_line_and_reports_it() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - log: The scene is ${scene.age}.
-          - log: {message: Something is odd., level: warning}
-          - log: {message: Broken., level: error}
-        """
-    )
-    assert harness.tick() == "succeeded"
-    assert harness.environment.logged == [
-        ("info", "The scene is 3."),
-        ("warning", "Something is odd."),
-        ("error", "Broken."),
-    ]
+    levels = "{log: {message: Odd., level: warning}}, {log: {message: Broken., level: error}}"
+    harness = started(f"sequence: [{{log: 'The scene is ${{scene.age}}.'}}, {levels}]")
+    lines = [("info", "The scene is 3."), ("warning", "Odd."), ("error", "Broken.")]
+    assert harness.environment.logged == lines
     assert harness.reports("tree/0.log") == [("SUCCESS", "The scene is 3.")]
 
 
-def test_repeated_log_line_is_reported_again() -> None:
-    harness = TreeHarness("log: once more\nrepeat: 3")
-    assert harness.tick(3) == "succeeded"
-    assert harness.reports("tree") == [("SUCCESS", "once more")] * 3
-
-
-def test_instant_skill_reports_each_run_unlike_check() -> None:
-    harness = TreeHarness("repeat: 3\nsequence:\n  - check: scene.age == 3\n  - say: x")
+def test_side_effects_are_reported_each_time_unlike_checks() -> None:
+    harness = TreeHarness("repeat: 3\nsequence: [{check: scene.age == 3}, {say: x}, {log: y}]")
     harness.tick(3)
-    assert len(harness.reports("tree/1.say")) == 3
-    assert len(harness.reports("tree/0.check")) == 1
+    paths = ("tree/0.check", "tree/1.say", "tree/2.log")
+    assert [len(harness.reports(path)) for path in paths] == [1, 3, 3]
 
 
-@pytest.mark.parametrize(
-    ("word", "kind"), [("positive", FeedbackKind.POSITIVE), ("negative", FeedbackKind.NEGATIVE)]
-)
-def test_give_feedback_succeeds_once_accepted(word: str, kind: FeedbackKind) -> None:
-    harness = TreeHarness(f"give_feedback: {word}")
-    assert harness.tick() == "succeeded"
+@pytest.mark.parametrize("kind", [FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE])
+def test_give_feedback_succeeds_once_accepted(kind: FeedbackKind) -> None:
+    word = kind.name.lower()
+    harness = started(f"give_feedback: {word}")
     assert harness.environment.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
     assert harness.reports("tree") == [("SUCCESS", f"{word} feedback given")]
 
 
 def test_direct_feedback_carries_its_values_and_the_reason() -> None:
-    harness = TreeHarness(
-        """
-        give_feedback:
-          kind: direct
-          values: {age: "${scene.age + 1}", mood: 5}
-          reason: At ${scene.age}.
-        """
+    values = "{age: '${scene.age + 1}', mood: 5}"
+    harness = started(
+        f"give_feedback: {{kind: direct, values: {values}, reason: 'At ${{scene.age}}.'}}"
     )
-    assert harness.tick() == "succeeded"
     assert harness.environment.feedback_given == [
         GivenFeedback(kind=FeedbackKind.DIRECT, values={"age": 4.0, "mood": 5.0}, reason="At 3.")
     ]
@@ -83,8 +60,7 @@ def test_refused_feedback_fails_with_its_reason() -> None:
         state=GoalState.REJECTED, message="the last run had no scene", after_s=1.0
     )
     harness = TreeHarness("give_feedback: positive", answers={GIVE_FEEDBACK: [refusal]})
-    assert harness.tick() == "running"
-    assert harness.after(1.0) == "failed"
+    assert harness.outcomes(0, 1) == "RF"
     assert harness.message == "positive feedback rejected: the last run had no scene"
 
 
@@ -97,62 +73,45 @@ def test_cancel_does_not_wait_for_unanswered_feedback() -> None:
     assert harness.result.orphans == ()
 
 
-def feedback(**fields: object) -> NodeSpec:
-    return NodeSpec(
-        path="tree",
-        position=Position(file="a.yaml", line=1, column=1),
-        kind="give_feedback",
-        name="give_feedback",
-        fields=fields,  # type: ignore[arg-type]
-    )
-
-
-def test_direct_feedback_without_values_is_refused() -> None:
-    for fields in ({}, {"values": MapValue(items={})}):
-        harness = TreeHarness(feedback(kind=Literal(value="direct"), **fields))
-        assert harness.tick() == "failed"
-        assert harness.message.startswith("direct feedback has no values, expected at least one")
-        assert harness.environment.feedback_given == []
-
-
 @pytest.mark.parametrize(
-    ("name", "value", "words"),
+    ("values", "words"),
     [
-        ("age", float("nan"), "expected a number between 1 and 5"),
-        ("age", float("inf"), "expected a number between 1 and 5"),
-        ("age", "old", "age is the text 'old', expected a number between 1 and 5"),
-        ("age", True, "expected a number between 1 and 5"),
-        ("age", 9.0, "age is 9, expected 1 to 5"),
-        ("height", 1.0, "no scene parameter 'height'"),
+        (None, "direct feedback has no values, expected at least one"),
+        ({}, "direct feedback has no values, expected at least one"),
+        ({"age": float("nan")}, "expected a number between 1 and 5"),
+        ({"age": float("inf")}, "expected a number between 1 and 5"),
+        ({"age": "old"}, "age is the text 'old', expected a number between 1 and 5"),
+        ({"age": True}, "expected a number between 1 and 5"),
+        ({"age": 9.0}, "age is 9, expected 1 to 5"),
+        ({"height": 1.0}, "no scene parameter 'height'"),
     ],
 )
-def test_direct_feedback_refuses_impossible_values(name: str, value: object, words: str) -> None:
-    values = MapValue(items={name: Literal(value=value)})  # type: ignore[arg-type]
-    harness = TreeHarness(feedback(kind=Literal(value="direct"), values=values))
-    assert harness.tick() == "failed"
+def test_direct_feedback_refuses_impossible_values(
+    values: dict[str, Plain] | None, words: str
+) -> None:
+    fields: dict[str, Value | Expression] = {"kind": Literal(value="direct")}
+    if values is not None:
+        items = {name: Literal(value=value) for name, value in values.items()}
+        fields["values"] = MapValue(items=items)
+    spec = agent("give_feedback: positive").tree
+    harness = started(replace(spec, fields=fields))
+    assert harness.outcome == "failed"
     assert words in harness.message
     assert harness.environment.feedback_given == []
 
 
 def test_values_are_computed_on_demand() -> None:
-    harness = TreeHarness(
-        """
-        sequence:
-          - set: {count: "${steps + 1}"}
-          - say: {text: "${count * 2} steps, at most ${max(steps, 5)}.", rate: "${steps / 4}"}
-        """,
-        head=TUNABLES,
-    )
-    assert harness.tick() == "succeeded"
+    say = "{text: '${count * 2} steps, at most ${max(steps, 5)}.', rate: '${steps / 4}'}"
+    tree = f"sequence: [{{set: {{count: '${{steps + 1}}'}}}}, {{say: {say}}}]"
+    harness = started(tree, head=TUNABLES)
     assert harness.said == ["8 steps, at most 5."]
     assert harness.environment.goals[-1].goal.fields["rate"] == 0.75
 
 
 def test_uncomputable_value_fails_with_message() -> None:
-    harness = TreeHarness("say: '${1 / live.mood}'", awarded=scene(mood=0))
-    assert harness.tick() == "failed"
-    assert "by zero" in harness.message
-    assert "(tree, a.yaml:" in harness.message
+    message = failure("say: '${1 / live.mood}'", awarded=scene(mood=0))
+    assert "by zero" in message
+    assert "(tree, a.yaml:" in message
 
 
 def test_quantities_in_text_are_spoken_with_units() -> None:
@@ -163,48 +122,39 @@ def test_quantities_in_text_are_spoken_with_units() -> None:
 
 
 def test_booleans_and_lists_are_spoken_as_words() -> None:
-    harness = started(
-        """
-        sequence:
-          - set: {things: [1.0, two, true]}
-          - say: ${things}, ${live.person}
-        """
-    )
-    assert harness.said == ["1, two, yes, yes"]
+    tree = "sequence: [{set: {things: [1.0, two, true]}}, {say: '${things}, ${live.person}'}]"
+    assert started(tree).said == ["1, two, yes, yes"]
 
 
 def test_unoffered_skill_fails_with_reason() -> None:
     tree = agent("say: x").tree
     assert tree.skill is not None
     lost = replace(tree.skill, binding=None, unoffered="its type is not installed")
-    harness = TreeHarness(replace(tree, skill=lost))
-    assert harness.tick() == "failed"
+    harness = started(replace(tree, skill=lost))
     assert "'say' cannot be done: its type is not installed" in harness.message
     assert harness.asked == []
 
 
 @pytest.mark.parametrize(
-    ("path", "result", "words"),
+    ("path", "data", "words"),
     [
-        ("answer", {"answer": "tea"}, "tea"),
-        ("data#drink.0", {"answer": "a", "data": '{"drink": ["milk"]}'}, "milk"),
-        ("data#drink", {"answer": "a", "data": '{"food": 1}'}, "'result.data#drink' has no value"),
-        ("data#drink", {"answer": "a", "data": "no json"}, "needs a JSON text, but: Expecting"),
-        ("data#drink", {"answer": "a", "data": '{"drink": NaN}'}, "NaN is not a number"),
-        ("data#drink", {"answer": "a", "data": "[" * 99_000}, "needs a JSON text"),
-        ("data#drink", {"answer": "a", "data": 5}, "needs a JSON text of at most"),
+        ("answer", "", "tea"),
+        ("data#drink.0", '{"drink": ["milk"]}', "milk"),
+        ("data#drink", '{"food": 1}', "'result.data#drink' has no value"),
+        ("data#drink", "no json", "needs a JSON text, but: Expecting"),
+        ("data#drink", '{"drink": NaN}', "NaN is not a number"),
+        ("data#drink", "[" * 99_000, "needs a JSON text"),
+        ("data#drink", 5, "needs a JSON text of at most"),
     ],
 )
 def test_output_is_renamed_and_extracted_from_json_text(
-    path: str, result: dict[str, Plain], words: str
+    path: str, data: Plain, words: str
 ) -> None:
-    tree = agent(
-        "sequence:\n  - ask: Which?\n    outputs: {drink: answer}\n  - say: ${drink}"
-    ).tree
+    tree = agent("sequence: [{ask: Which?, outputs: {drink: answer}}, {say: '${drink}'}]").tree
     ask, say = tree.children
     harness = started(
         replace(tree, children=(replace(ask, outputs={"drink": path}), say)),
-        answers={"ask": [ScriptedReply(result=result)]},
+        answers={"ask": [ScriptedReply(result={"answer": "tea", "data": data})]},
     )
     assert words in (harness.said[0] if harness.said else harness.message)
 
@@ -228,44 +178,32 @@ def test_output_is_renamed_and_extracted_from_json_text(
     ],
 )
 def test_failed_condition_reports_values_of_its_names(condition: str, values: str) -> None:
-    harness = TreeHarness(
-        f"""
-        sequence:
-          - set: {{word: yes, truth: false, third: '${{10 / 3}}', long: {"a" * 50}}}
-          - set: {{large: 1e300}}
-          - check: {condition}
-        """,
+    given = f"{{word: yes, truth: false, third: '${{10 / 3}}', long: {'a' * 50}, large: 1e300}}"
+    message = failure(
+        f"sequence:\n  - set: {given}\n  - check: {condition}",
         awarded=scene(mood=3, familiarity=2),
     )
-    assert harness.tick() == "failed"
-    assert harness.message == f"not so: {condition}{values}"
+    assert message == f"not so: {condition}{values}"
 
 
 def test_unset_name_can_be_tested_and_defaulted() -> None:
-    harness = TreeHarness(
-        """
-        repeat: 3
-        sequence:
-          - when: known(tries)
-            say: again
-          - set: {tries: "${tries else 0 + 1}"}
-          - say: ${tries}
-        """
-    )
+    counts = "{set: {tries: '${tries else 0 + 1}'}}, {say: '${tries}'}"
+    harness = TreeHarness(f"repeat: 3\nsequence: [{{when: known(tries), say: again}}, {counts}]")
     harness.tick(20)
     assert harness.said == ["1", "again", "2", "again", "3"]
 
 
-def test_number_is_parsed_from_answer_or_node_fails() -> None:
-    tree = """
-        sequence:
-          - ask: How strong?
-          - set: {pain: "${number(answer)}"}
-          - say: It is ${pain + 1}.
-        """
-    told = TreeHarness(tree, answers={"ask": [ScriptedReply(result={"answer": "about 4"})]})
-    assert told.tick() == "succeeded"
-    assert told.said == ["It is 5."]
-    not_told = TreeHarness(tree, answers={"ask": [ScriptedReply(result={"answer": "no idea"})]})
-    assert not_told.tick() == "failed"
-    assert "found none in digits in the text 'no idea'" in not_told.message
+@pytest.mark.parametrize(
+    ("answer", "said", "message"),
+    [("about 4", ["It is 5."], ""), ("no idea", [], "found none in digits in the text 'no idea'")],
+)
+def test_number_is_parsed_from_answer_or_node_fails(
+    answer: str, said: list[str], message: str
+) -> None:
+    number = "{set: {pain: '${number(answer)}'}}, {say: 'It is ${pain + 1}.'}"
+    harness = started(
+        f"sequence: [{{ask: How strong?}}, {number}]",
+        answers={"ask": [ScriptedReply(result={"answer": answer})]},
+    )
+    assert harness.said == said
+    assert message in harness.message

@@ -3,54 +3,39 @@
 
 from __future__ import annotations
 
-from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scripted_environment import ScriptedReply
-from tree_harness import LONG, TreeHarness, agent, started
+from tree_harness import FAILS, LONG, TreeHarness, agent, failure, started
 
 COUNT = """
 subtrees:
   double:
     inputs: {n: number}
     outputs: {twice: number}
-    tree:
-      sequence:
-        - set: {half: "${n}"}
-        - set: {twice: "${half * 2}"}
+    tree: {sequence: [{set: {half: "${n}"}}, {set: {twice: "${half * 2}"}}]}
 """
 
 
+def one(tree: str, declared: str = "") -> str:
+    """Return the declaration of a subtree with the name ``one``."""
+    return f"subtrees: {{one: {{{declared}tree: {tree}}}}}"
+
+
 def test_caller_renames_subtree_outputs() -> None:
-    harness = TreeHarness(
+    harness = started(
         """
         sequence:
-          - subtree: double
-            with: {n: 2}
-            outputs: {four: twice}
-          - subtree: double
-            with: {n: "${four}"}
-            outputs: {eight: twice}
+          - {subtree: double, with: {n: 2}, outputs: {four: twice}}
+          - {subtree: double, with: {n: "${four}"}, outputs: {eight: twice}}
           - say: ${four} and ${eight}
         """,
         head=COUNT,
     )
-    assert harness.tick() == "succeeded"
     assert harness.said == ["4 and 8"]
     assert harness.run._context.scope.blackboard == {"four": 4, "eight": 8}
 
 
 def test_subtree_writes_stay_local_to_their_call() -> None:
     # Only the first call writes 'half'; the second sees neither that value nor the caller's.
-    head = """
-    subtrees:
-      one:
-        inputs: {write: boolean}
-        tree:
-          sequence:
-            - set: {half: inner}
-              when: write
-            - say: "${half}"
-    """
-    harness = TreeHarness(
+    harness = started(
         """
         sequence:
           - set: {half: outer}
@@ -58,134 +43,74 @@ def test_subtree_writes_stay_local_to_their_call() -> None:
           - say: "${half}"
           - {subtree: one, with: {write: false}}
         """,
-        head=head,
+        head=one(
+            "{sequence: [{set: {half: inner}, when: write}, {say: '${half}'}]}",
+            "inputs: {write: boolean}, ",
+        ),
     )
-    assert harness.tick() == "failed"
     assert harness.said == ["inner", "outer"]
     assert "'half' has no value" in harness.message
 
 
 def test_subtree_local_does_not_resolve_to_foreign_tunable() -> None:
-    head = """
-    subtrees:
-      one:
-        tree:
-          sequence:
-            - set: {half: mine}
-              when: scene.age > 4
-            - say: "${half}"
-    """
+    head = one("{sequence: [{set: {half: mine}, when: scene.age > 4}, {say: '${half}'}]}")
     tree = agent("subtree: one", head).tree
-    harness = TreeHarness(tree, head="tunables: {half: {default: yours, description: d}}")
-    assert harness.tick() == "failed"
-    assert "'half' has no value" in harness.message
+    foreign = "tunables: {half: {default: yours, description: d}}"
+    assert "'half' has no value" in failure(tree, head=foreign)
 
 
 def test_subtree_start_clears_earlier_writes() -> None:
-    head = """
-    tunables: {write: {default: true, description: d}}
-    subtrees:
-      one:
-        tree:
-          sequence:
-            - set: {word: written}
-              when: write
-            - say: "${word}"
-    """
-    harness = started("subtree: one\nrepeat: 2", head=head)
+    tunable = "tunables: {write: {default: true, description: d}}"
+    subtree = one("{sequence: [{set: {word: written}, when: write}, {say: '${word}'}]}")
+    harness = started("subtree: one\nrepeat: 2", head=f"{tunable}\n{subtree}")
     harness.tunables["write"] = False
-    assert harness.tick() == "failed"
-    assert harness.said == ["written"]
+    assert (harness.tick(), harness.said) == ("failed", ["written"])
 
 
 def test_unwritten_output_keeps_caller_value() -> None:
-    head = """
-    tunables: {write: {default: true, description: d}}
-    subtrees:
-      one:
-        outputs: {word: text}
-        tree: {set: {word: new}, when: write}
-    """
-    harness = TreeHarness(
-        """
-        sequence:
-          - set: {mine: old}
-          - subtree: one
-            outputs: {mine: word}
-          - say: ${mine}
-        """,
-        head=head,
-    )
-    harness.tunables["write"] = False
-    assert harness.tick() == "succeeded"
-    assert harness.said == ["old"]
+    subtree = one("{set: {word: new}, when: scene.age > 4}", "outputs: {word: text}, ")
+    call = "{set: {mine: old}}, {subtree: one, outputs: {mine: word}}, {say: '${mine}'}"
+    assert started(f"sequence: [{call}]", head=subtree).said == ["old"]
 
 
-TRIES = """
-subtrees:
-  one:
-    outputs: {word: text}
-    tree:
-      sequence:
-        - set: {word: tried}
-        - drive: x
-"""
+TRIES = one("{sequence: [{set: {word: tried}}, {drive: x}]}", "outputs: {word: text}, ")
 
 
 def test_failed_subtree_still_returns_its_outputs() -> None:
-    harness = TreeHarness(
-        "sequence:\n  - {subtree: one, succeed: true}\n  - say: ${word}",
+    harness = started(
+        "sequence: [{subtree: one, succeed: true}, {say: '${word}'}]",
         head=TRIES,
-        answers={"drive": [ScriptedReply(state=GoalState.ABORTED)]},
+        answers={"drive": FAILS},
     )
-    assert harness.tick() == "succeeded"
     assert harness.said == ["tried"]
 
 
 def test_interrupted_subtree_returns_no_outputs() -> None:
     harness = started("subtree: one", head=TRIES, answers={"drive": LONG})
     harness.interrupt()
-    assert harness.environment.running() == []
     assert "word" not in harness.run._context.scope.blackboard
 
 
 def test_caller_sees_outputs_only_at_subtree_end() -> None:
-    head = """
-    subtrees:
-      one:
-        outputs: {word: text}
-        tree:
-          sequence:
-            - set: {word: new}
-            - wait: 5 s
-    """
     harness = started(
         """
         sequence:
           - set: {word: old}
-          - parallel:
-              - subtree: one
-              - sequence: [{wait: 1 s}, {say: "${word}"}]
+          - parallel: [{subtree: one}, {sequence: [{wait: 1 s}, {say: "${word}"}]}]
           - say: ${word}
         """,
-        head=head,
+        head=one("{sequence: [{set: {word: new}}, {wait: 5 s}]}", "outputs: {word: text}, "),
     )
-    harness.after(1.0)
-    assert harness.said == ["old"]
-    assert harness.after(4.0) == "succeeded"
-    assert harness.said == ["old", "new"]
+    assert (harness.after(1.0), harness.said) == ("running", ["old"])
+    assert (harness.after(4.0), harness.said) == ("succeeded", ["old", "new"])
 
 
 def test_running_subtree_sees_changed_inputs() -> None:
     head = """
     tunables: {t: {default: 9 s, min: 0 s, max: 60 s, description: d}}
     subtrees:
-      outer:
-        inputs: {rest: duration}
-        tree: {subtree: inner, with: {rest: "${rest / 2}"}}
-      inner:
-        inputs: {rest: duration}
-        tree: {wait: "${rest}"}
+      outer: {inputs: {rest: duration}, tree: {subtree: inner, with: {rest: "${rest / 2}"}}}
+      inner: {inputs: {rest: duration}, tree: {wait: "${rest}"}}
     """
     harness = started("subtree: outer\nwith: {rest: '${t}'}", head=head)
     assert harness.after(4.0) == "running"
@@ -194,38 +119,30 @@ def test_running_subtree_sees_changed_inputs() -> None:
 
 
 def test_concurrent_subtree_calls_do_not_share_names() -> None:
-    head = """
-    subtrees:
-      one:
-        inputs: {word: text, rest: duration}
-        tree:
-          sequence:
-            - set: {mine: "${word}"}
-            - wait: "${rest}"
-            - say: "${mine}"
-    """
     harness = TreeHarness(
         """
         parallel:
           - {subtree: one, with: {word: first, rest: 2 s}}
           - {subtree: one, with: {word: second, rest: 1 s}}
         """,
-        head=head,
+        head=one(
+            "{sequence: [{set: {mine: '${word}'}}, {wait: '${rest}'}, {say: '${mine}'}]}",
+            "inputs: {word: text, rest: duration}, ",
+        ),
     )
     assert harness.tick(3, step_s=1.0) == "succeeded"
     assert harness.said == ["second", "first"]
 
 
 def test_once_in_subtree_counts_per_call_site() -> None:
-    head = "subtrees: {hi: {tree: {say: Hi., once: true}}}"
-    harness = TreeHarness("repeat: 2\nsequence:\n  - subtree: hi\n  - subtree: hi", head=head)
-    assert harness.tick(2) == "succeeded"
-    assert harness.said == ["Hi.", "Hi."]
+    tree = "repeat: 2\nsequence: [{subtree: one}, {subtree: one}]"
+    harness = TreeHarness(tree, head=one("{say: Hi., once: true}"))
+    assert (harness.tick(2), harness.said) == ("succeeded", ["Hi.", "Hi."])
 
 
 def test_cleanup_reads_values_written_by_tree() -> None:
     harness = started(
-        "sequence:\n  - set: {place: gate 7}\n  - wait: 9 s",
+        "sequence: [{set: {place: gate 7}}, {wait: 9 s}]",
         head="on_cancel: {say: 'We were on the way to ${place}.'}",
     )
     harness.run.cancel("enough")
