@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import asyncio
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import py_trees
@@ -19,7 +17,7 @@ from bt_agents.engine.nodes import plugin
 from bt_agents_core.diagnostic import Position
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference
-from tree_harness import TreeHarness, scene, started
+from tree_harness import TreeHarness, failure, scene, started
 
 POSITION = Position(file="a.yaml", line=7, column=3)
 OWN_LIMIT_S = plugin.BLOCKS_S
@@ -56,14 +54,10 @@ class Nod(py_trees.behaviour.Behaviour):
 
 
 @pytest.fixture(autouse=True)
-def no_nods() -> None:
-    Nod.made = []
-
-
-@pytest.fixture(autouse=True)
 def long_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A limit for calls that is met on a busy machine, too."""
     monkeypatch.setattr(plugin, "BLOCKS_S", 30.0)
+    Nod.made = []
 
 
 @pytest.fixture
@@ -72,9 +66,9 @@ def own_limit(long_limit: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugin, "BLOCKS_S", OWN_LIMIT_S)
 
 
-def plugged(kind: type, path: str = "tree", **fields: object) -> NodeSpec:
+def plugged(kind: type, **fields: object) -> NodeSpec:
     return NodeSpec(
-        path=path,
+        path="tree",
         position=POSITION,
         kind="nod",
         name="nod twice",
@@ -99,8 +93,7 @@ def around(spec: NodeSpec, kind: str, **fields: Literal) -> NodeSpec:
 
 
 def test_plugin_is_set_up_ticked_and_shut_down() -> None:
-    harness = TreeHarness(plugged(Nod, times=Literal(value=2)))
-    assert harness.tick() == "running"
+    harness = started(plugged(Nod, times=Literal(value=2)))
     assert harness.reports("tree") == [("RUNNING", "1 to go")]
     assert harness.tick() == "succeeded"
     [nod] = Nod.made
@@ -109,14 +102,8 @@ def test_plugin_is_set_up_ticked_and_shut_down() -> None:
 
 
 def test_changed_fields_create_new_plugin_at_start() -> None:
-    harness = started(
-        repeated(
-            plugged(
-                Nod, mood=Reference(name="live.mood"), happy=parse_expression("live.mood > 3")
-            ),
-            2,
-        )
-    )
+    happy = parse_expression("live.mood > 3")
+    harness = started(repeated(plugged(Nod, mood=Reference(name="live.mood"), happy=happy), 2))
     harness.set_mood(4.0)
     assert harness.tick() == "succeeded"
     assert [nod.more for nod in Nod.made] == [
@@ -138,11 +125,8 @@ def test_plugin_is_set_up_once_per_run() -> None:
     harness = TreeHarness(repeated(plugged(Again), 300))
     assert harness.tick(300) == "succeeded"
     [nod] = Nod.made
-    assert [nod.calls.count(call) for call in ("setup {}", "initialise", "shutdown")] == [
-        1,
-        300,
-        1,
-    ]
+    counts = [nod.calls.count(call) for call in ("setup {}", "initialise", "shutdown")]
+    assert counts == [1, 300, 1]
 
 
 class Again(Nod):
@@ -172,8 +156,7 @@ def test_first_of_several_errors_is_reported(place: str) -> None:
         def terminate(self, new_status: Status) -> None:
             raise RuntimeError("the third")
 
-    harness = TreeHarness(plugged(Broken))
-    assert harness.tick() == "failed"
+    harness = started(plugged(Broken))
     assert harness.message == "RuntimeError: the first (tree, a.yaml:7:3)"
     assert harness.root.feedback_message == harness.message
 
@@ -223,16 +206,14 @@ def test_remapped_blackboard_key_is_removed() -> None:
     harness = TreeHarness(plugged(Renamer))
     assert harness.tick() == "succeeded"
     assert not harness.environment.logged
-    board = py_trees.blackboard.Blackboard
-    assert "/renamed" not in board.storage | board.metadata
-    assert "renamer" not in board.clients.values()
+    assert_unregistered("/renamed", "renamer")
 
 
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "shutdown"])
 def test_unattached_blackboard_client_is_removed(place: str) -> None:
     harness = TreeHarness(plugged(registering(place)))
     assert harness.tick(2) == "succeeded"
-    assert_nothing_registered()
+    assert_unregistered("/loose", "loose")
 
 
 def test_failed_making_removes_blackboard_clients() -> None:
@@ -242,7 +223,7 @@ def test_failed_making_removes_blackboard_clients() -> None:
             raise RuntimeError("no nerve")
 
     assert TreeHarness(plugged(Halfway)).tick() == "failed"
-    assert_nothing_registered()
+    assert_unregistered("/loose", "loose")
 
 
 def test_clients_of_others_stay() -> None:
@@ -268,34 +249,26 @@ def registering(place: str) -> type:
     return misbehaving(place, register)
 
 
-def assert_nothing_registered() -> None:
+def assert_unregistered(key: str, client: str) -> None:
     board = py_trees.blackboard.Blackboard
-    assert "/loose" not in board.storage | board.metadata
-    assert "loose" not in board.clients.values()
+    assert key not in board.storage | board.metadata
+    assert client not in board.clients.values()
 
 
 def test_non_plain_data_does_not_leave_blackboard() -> None:
-    class Leaker(Nod):
-        def update(self) -> Status:
-            py_trees.blackboard.Blackboard.set("leak", object())
-            return Status.SUCCESS
+    def leak() -> Status:
+        py_trees.blackboard.Blackboard.set("leak", object())
+        return Status.SUCCESS
 
-    harness = TreeHarness(replace(plugged(Leaker), outputs={"leak": "leak"}))
-    assert harness.tick() == "failed"
-    assert "put a object on the blackboard as 'leak', expected a message" in harness.message
+    message = failure(replace(plugged(misbehaving("update", leak)), outputs={"leak": "leak"}))
+    assert "put a object on the blackboard as 'leak', expected a message" in message
     assert not py_trees.blackboard.Blackboard.exists("leak")
 
 
 def test_plugin_gets_copies_without_access_to_run() -> None:
     given = {"list": [1, 2]}
-    harness = started(
-        repeated(
-            plugged(
-                Nod, data=Literal(value=given), more=MapValue(items={"a": ListValue(items=())})
-            ),
-            2,
-        )
-    )
+    more = MapValue(items={"a": ListValue(items=())})
+    harness = started(repeated(plugged(Nod, data=Literal(value=given), more=more), 2))
     [nod] = Nod.made
     assert nod.parent is None
     assert nod not in list(harness.root.iterate())
@@ -337,40 +310,45 @@ def blocking(place: str) -> type:
 
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
 @pytest.mark.parametrize(
-    "error", [RuntimeError("no nerve"), SystemExit(3), KeyError("x"), asyncio.CancelledError("so")]
+    ("error", "words"),
+    [
+        (RuntimeError("no nerve"), "RuntimeError: no nerve"),
+        (SystemExit(3), "the plug-in wanted to end the program"),
+        (KeyError("x"), "KeyError: 'x'"),
+        (asyncio.CancelledError("so"), "the plug-in raised CancelledError: so"),
+    ],
 )
-def test_raising_plugin_fails_with_path_and_position(place: str, error: BaseException) -> None:
-    harness = TreeHarness(plugged(broken(place, error)))
-    assert harness.tick() == "failed"
-    assert harness.message.endswith("(tree, a.yaml:7:3)")
-    words = {
-        RuntimeError: "RuntimeError: no nerve",
-        KeyError: "KeyError: 'x'",
-        SystemExit: "the plug-in wanted to end the program",
-        asyncio.CancelledError: "the plug-in raised CancelledError: so",
-    }
-    assert harness.message.startswith(words[type(error)])
+def test_raising_plugin_fails_with_path_and_position(
+    place: str, error: BaseException, words: str
+) -> None:
+    message = failure(plugged(broken(place, error)))
+    assert message.startswith(words)
+    assert message.endswith("(tree, a.yaml:7:3)")
     assert all("shutdown" in nod.calls for nod in Nod.made)
 
 
 @pytest.mark.usefixtures("own_limit")
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
 def test_blocking_plugin_fails_with_path_and_position(place: str) -> None:
-    harness = TreeHarness(plugged(blocking(place)))
     began = time.monotonic()
-    assert harness.tick() == "failed"
+    message = failure(plugged(blocking(place)))
     assert time.monotonic() - began < 30.0
-    assert harness.message == "blocked for more than 0.25 s (tree, a.yaml:7:3)"
+    assert message == "blocked for more than 0.25 s (tree, a.yaml:7:3)"
     assert all("shutdown" in nod.calls for nod in Nod.made)
+
+
+def messages_of_cancel(kind: type, limit_s: float) -> list[str]:
+    """Cancel a run of a plug-in; return its last message and the lines of the log."""
+    harness = started(plugged(kind))
+    harness.root._limit_s = limit_s
+    harness.run.cancel("enough")
+    assert harness.outcome == "cancelled"
+    return [harness.root.feedback_message, *(text for _, text in harness.environment.logged)]
 
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
 def test_plugin_blocking_in_shutdown_does_not_delay_end(place: str) -> None:
-    harness = started(plugged(blocking(place)))
-    harness.root._limit_s = OWN_LIMIT_S
-    harness.run.cancel("enough")
-    assert harness.outcome == "cancelled"
-    told = [harness.root.feedback_message, *(text for _, text in harness.environment.logged)]
+    told = messages_of_cancel(blocking(place), OWN_LIMIT_S)
     assert any("blocked for more than 0.25 s (tree, a.yaml:7:3)" in text for text in told)
 
 
@@ -380,11 +358,8 @@ def test_plugin_that_blocked_gets_shorter_limit() -> None:
             children = [blocking("shutdown")(f"{number}") for number in range(20)]
             super().__init__(name, memory=True, children=children)
 
-    harness = started(plugged(Crowd))
-    harness.root._limit_s = OWN_LIMIT_S
     began = time.monotonic()
-    harness.run.cancel("enough")
-    assert harness.outcome == "cancelled"
+    messages_of_cancel(Crowd, OWN_LIMIT_S)
     assert time.monotonic() - began < 20 * 0.25
 
 
@@ -394,51 +369,30 @@ def test_long_plugin_message_is_truncated() -> None:
             self.feedback_message = "x" * 10_000_000
             return Status.FAILURE
 
-    harness = TreeHarness(plugged(Talker))
-    assert harness.tick() == "failed"
-    assert len(harness.message) == 500
+    assert len(failure(plugged(Talker))) == 500
 
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
 def test_plugin_raising_in_shutdown_does_not_disturb_end(place: str) -> None:
-    harness = started(plugged(broken(place, RuntimeError("no nerve"))))
-    harness.run.cancel("enough")
-    assert harness.outcome == "cancelled"
-    told = [harness.root.feedback_message, *(text for _, text in harness.environment.logged)]
+    told = messages_of_cancel(broken(place, RuntimeError("no nerve")), 30.0)
     assert any(text.endswith("RuntimeError: no nerve (tree, a.yaml:7:3)") for text in told)
 
 
 def test_field_without_value_fails_before_creating_plugin() -> None:
-    harness = TreeHarness(plugged(Nod, age=Reference(name="scene.age")), awarded=scene(mood=3))
-    assert harness.tick() == "failed"
-    assert "'scene.age' has no value" in harness.message
+    message = failure(plugged(Nod, age=Reference(name="scene.age")), awarded=scene(mood=3))
+    assert "'scene.age' has no value" in message
     assert Nod.made == []
 
 
 @pytest.mark.parametrize("made", [dict, lambda name: 5])
 def test_plugin_that_is_not_a_behaviour_fails(made: Any) -> None:
-    harness = TreeHarness(plugged(made))
-    assert harness.tick() == "failed"
-    assert "expected a py_trees Behaviour" in harness.message
+    assert "expected a py_trees Behaviour" in failure(plugged(made))
 
 
 def test_plugin_tick_without_status_fails() -> None:
-    class Dazed(Nod):
-        def update(self) -> Status:
-            return Status.INVALID
-
-    harness = TreeHarness(plugged(Dazed))
-    assert harness.tick() == "failed"
-    assert "expected RUNNING, SUCCESS or FAILURE" in harness.message
+    dazed = misbehaving("update", lambda: Status.INVALID)
+    assert "expected RUNNING, SUCCESS or FAILURE" in failure(plugged(dazed))
     assert "shutdown" in Nod.made[0].calls
-
-
-def test_built_in_py_trees_behaviours_work_as_leaves() -> None:
-    harness = TreeHarness(repeated(plugged(py_trees.behaviours.Success), 2))
-    assert harness.tick(2) == "succeeded"
-    harness = TreeHarness(plugged(py_trees.behaviours.Failure))
-    assert harness.tick() == "failed"
-    assert harness.message == "failure"
 
 
 def test_composite_plugin_sets_up_and_shuts_down_children() -> None:
@@ -446,23 +400,8 @@ def test_composite_plugin_sets_up_and_shuts_down_children() -> None:
         def __init__(self, name: str) -> None:
             super().__init__(name, memory=True, children=[Nod("a"), Nod("b")])
 
-    harness = TreeHarness(plugged(Pair))
-    assert harness.tick() == "succeeded"
-    for nod in Nod.made:
-        assert nod.calls[0] == "setup {}"
-        assert nod.calls[-1] == "shutdown"
-
-
-def test_py_trees_ticks_the_plugin() -> None:
-    callers = []
-
-    class Curious(Nod):
-        def update(self) -> Status:
-            callers.append(Path(sys._getframe(1).f_code.co_filename).parent.name)
-            return super().update()
-
-    assert TreeHarness(plugged(Curious)).tick() == "succeeded"
-    assert callers == ["py_trees"]
+    assert TreeHarness(plugged(Pair)).tick() == "succeeded"
+    assert [(nod.calls[0], nod.calls[-1]) for nod in Nod.made] == [("setup {}", "shutdown")] * 2
 
 
 def test_plugin_keeps_its_overridden_tick() -> None:
