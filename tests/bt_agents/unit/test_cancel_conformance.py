@@ -6,18 +6,19 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import product
 from random import Random
 
 import pytest
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.run import Run, RunLimits, TreeOutcome
+from bt_agents.engine.run import Run, RunLimits, RunResult, TreeOutcome
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
-from bt_agents_core.scene import Origin, Scene, SceneValue
+from bt_agents_core.scene import Scene
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import CLEAN_UP_S, AgentSpec, iter_nodes
-from tree_harness import SPACE, TREES
+from tree_harness import SPACE, TREES, scene
 
 AGENTS = read_trees(TREES).agents
 SEEDS = range(3)
@@ -81,42 +82,31 @@ class World(ScriptedEnvironment):
 
 
 def scene_of(random: Random) -> Scene:
-    values = tuple(
-        SceneValue(
-            name=parameter.name,
-            value=random.uniform(parameter.minimum, parameter.maximum),
-            origin=Origin.MEASURED,
-        )
-        for parameter in SPACE.parameters
-    )
-    return Scene(scene_id="s", label="", person=random.random() < 0.9, values=values)
+    values = {one.name: random.uniform(one.minimum, one.maximum) for one in SPACE.parameters}
+    return scene("s", random.random() < 0.9, **values)
 
 
-@dataclass(kw_only=True)
 class Performance:
     """A run whose clock jumps from one relevant moment to the next."""
 
-    agent: AgentSpec
-    server: Server
-    seed: int
-
-    def __post_init__(self) -> None:
-        self.random = Random(self.seed)
-        self.environment = World(self.server, self.seed)
+    def __init__(self, agent: AgentSpec, server: Server, seed: int) -> None:
+        self.server = server
+        self.random = Random(seed)
+        self.environment = World(server, seed)
         self.scene = self.live = scene_of(self.random)
-        self.visited: Counter[str] = Counter()
+        self.visited: set[str] = set()
         self.run = Run(
-            self.agent,
+            agent,
             space=SPACE,
             scene=self.scene,
-            profile=self.agent.profile,
+            profile=agent.profile,
             live=lambda: self.live,
-            tunables={tunable.name: tunable.default for tunable in self.agent.tunables},
+            tunables={tunable.name: tunable.default for tunable in agent.tunables},
             environment=self.environment,
             steady=self.environment.clock,
             limits=LIMITS,
-            random=Random(self.seed),
-            on_visit=lambda node, _status: self.visited.update((node.spec.path,)),
+            random=Random(seed),
+            on_visit=lambda node, _status: self.visited.add(node.spec.path),
         )
 
     @property
@@ -131,7 +121,7 @@ class Performance:
         moments += [self.run.deadline, now + STEP_S]
         self.environment.clock.now = max(min(moments), now + 0.001)
         if self.random.random() < 0.3:
-            self.live = replace(scene_of(self.random), scene_id="s")
+            self.live = scene_of(self.random)
         if self.random.random() < 0.3:
             self.environment.arrive("buttons/confirm", {"data": self.random.random() < 0.5})
 
@@ -151,7 +141,7 @@ class Performance:
         return self.environment.clock.now - began
 
 
-def check_end(performance: Performance, took_s: float) -> None:
+def check_end(performance: Performance, took_s: float) -> RunResult:
     run, environment = performance.run, performance.environment
     result = run.result
     assert result is not None
@@ -171,24 +161,22 @@ def check_end(performance: Performance, took_s: float) -> None:
         assert run.tick() == []
     assert run.result is result
     assert len(environment.goals) == asked
+    return result
 
 
 @pytest.mark.parametrize("server", SERVERS, ids=lambda server: server.__name__)
 @pytest.mark.parametrize("agent", AGENTS, ids=lambda agent: agent.name)
 def test_cancel_at_any_tick_ends_run_cleanly(agent: AgentSpec, server: Server) -> None:
     for seed in SEEDS:
-        whole = Performance(agent=agent, server=server, seed=seed)
+        whole = Performance(agent, server, seed)
         whole.until(MOST_TICKS)
         for ticks in range(whole.run.ticks + 1):
-            cut = Performance(agent=agent, server=server, seed=seed)
+            cut = Performance(agent, server, seed)
             cut.until(ticks)
             ended_before = cut.over
             before = cut.run.tip if ticks else ""
             cut.run.cancel("enough")
-            took_s = cut.wind_up()
-            check_end(cut, took_s)
-            result = cut.run.result
-            assert result is not None
+            result = check_end(cut, cut.wind_up())
             if not ended_before and result.outcome is TreeOutcome.CANCELLED:
                 assert result.message == "enough"
                 assert result.tip == before
@@ -198,13 +186,11 @@ def test_cancels_cover_most_tree_branches() -> None:
     missed = []
     nodes = 0
     for agent in AGENTS:
-        visited: Counter[str] = Counter()
-        for server in SERVERS:
-            for seed in SEEDS:
-                whole = Performance(agent=agent, server=server, seed=seed)
-                whole.until(MOST_TICKS)
-                visited.update(whole.visited)
         paths = {spec.path for spec in iter_nodes(agent.tree)}
         nodes += len(paths)
-        missed += [f"{agent.name}: {path}" for path in sorted(paths - visited.keys())]
+        for server, seed in product(SERVERS, SEEDS):
+            whole = Performance(agent, server, seed)
+            whole.until(MOST_TICKS)
+            paths -= whole.visited
+        missed += [f"{agent.name}: {path}" for path in sorted(paths)]
     assert len(missed) <= nodes * 0.1, missed

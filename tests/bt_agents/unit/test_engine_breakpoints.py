@@ -28,12 +28,8 @@ def held(tree: str, *paths: str, **how: Any) -> TreeHarness:
 
 def test_breakpoint_holds_node_until_next_tick() -> None:
     harness = held("sequence: [{say: one}, {say: two}]", "tree/1.say")
-    assert harness.run.held == ("tree/1.say",)
-    assert (harness.said, harness.status("1.say"), harness.run.tip) == (
-        ["one"],
-        "RUNNING",
-        "tree/1.say",
-    )
+    assert (harness.run.held, harness.run.tip) == (("tree/1.say",), "tree/1.say")
+    assert (harness.said, harness.status("1.say")) == (["one"], "RUNNING")
     assert harness.tick() == "succeeded"
     assert (harness.said, harness.run.held) == (["one", "two"], ())
 
@@ -144,9 +140,7 @@ def test_breakpoints_on_every_node_keep_the_outcome(tree: str) -> None:
 
 def test_tip_name_shows_current_values() -> None:
     tunable = "tunables:\n  words: {default: hello, description: d}"
-    harness = TreeHarness('say: "${words}!"', head=tunable, answers=LONG)
-    harness.run.set_breakpoints(("tree",))
-    harness.tick()
+    harness = held('say: "${words}!"', "tree", head=tunable, answers=LONG)
     assert harness.run.tip_name == 'say "${words}!"'
     harness.tick()
     assert harness.run.tip_name == 'say "hello!"'

@@ -31,9 +31,8 @@ def cancelled(head: str, *says: ScriptedReply) -> TreeHarness:
 def test_cancel_before_first_tick_needs_no_cleanup() -> None:
     harness = TreeHarness(SPEAKS, head=CLEAN_UP)
     harness.run.cancel("enough")
-    assert harness.outcome == "cancelled"
-    assert harness.asked == []
     result = harness.result
+    assert (harness.outcome, harness.asked) == ("cancelled", [])
     assert (result.ticks, result.tip, result.message) == (0, "", "enough")
 
 
@@ -43,78 +42,54 @@ def test_cancel_halts_leaf_now_and_cleans_up_next() -> None:
     assert {change.path for change in harness.changes} == {"tree", "tree/0.say"}
     assert harness.said == ["hello"]
     assert harness.tick() == "running"
-    assert harness.said == ["hello", "good-bye"]
-    assert harness.after(1.0) == "cancelled"
-    assert harness.message == "enough"
-
-
-def test_a_cancel_during_a_cancel_changes_nothing() -> None:
-    harness = cancelled(CLEAN_UP, LONG, ScriptedReply(after_s=1.0))
-    harness.tick()
     assert harness.run.cancel("more than enough") == []
     assert harness.environment.running() == ["say"]
     assert harness.after(1.0) == "cancelled"
-    assert harness.message == "enough"
-    assert harness.said == ["hello", "good-bye"]
+    assert (harness.said, harness.message) == (["hello", "good-bye"], "enough")
 
 
-def test_overlong_cleanup_is_halted() -> None:
-    harness = cancelled(CLEAN_UP)
-    harness.tick()
-    assert harness.after(2.9) == "running"
-    assert harness.after(0.1) == "cancelled"
+@pytest.mark.parametrize(("within", "limit_s"), [("", 3.0), ("\non_cancel_within: 5 s", 5.0)])
+def test_overlong_cleanup_is_halted(within: str, limit_s: float) -> None:
+    harness = cancelled(CLEAN_UP + within)
+    assert harness.outcomes(0, limit_s - 0.1, 0.1) == "RRC"
     assert harness.environment.running() == []
 
 
-def test_cancel_while_settling_keeps_success() -> None:
-    harness = TreeHarness(
-        "parallel: {succeed_on: one, children: [{say: x}, {show: {text: y}}]}",
+@pytest.mark.parametrize(
+    ("succeed_on", "says", "outcome"),
+    [
+        ("one", ScriptedReply(), ("succeeded", "the tree succeeded")),
+        (
+            "all",
+            ScriptedReply(state=GoalState.ABORTED, message="hoarse"),
+            ("failed", "say aborted: hoarse"),
+        ),
+    ],
+)
+def test_cancel_while_settling_keeps_the_outcome(
+    succeed_on: str, says: ScriptedReply, outcome: tuple[str, str]
+) -> None:
+    harness = started(
+        f"parallel: {{succeed_on: {succeed_on}, children: [{{say: x}}, {{show: {{text: y}}}}]}}",
         head=CLEAN_UP,
-        answers={"show": [ScriptedReply(after_s=9.0, cancel_s=0.5)]},
+        answers={"say": [says], "show": [ScriptedReply(after_s=9.0, cancel_s=0.5)]},
     )
-    assert harness.tick() == "running"
-    assert harness.run.cancel("too late") == []
-    assert harness.after(0.5) == "succeeded"
+    assert (harness.outcome, harness.run.cancel("too late")) == ("running", [])
+    harness.after(0.5)
+    assert (harness.outcome, harness.message) == outcome
     assert harness.said == ["x"]
-
-
-def test_cancel_while_settling_keeps_failure() -> None:
-    harness = TreeHarness(
-        "parallel: [{say: x}, {show: {text: y}}]",
-        answers={
-            "say": [ScriptedReply(state=GoalState.ABORTED, message="hoarse")],
-            "show": [ScriptedReply(after_s=9.0, cancel_s=0.5)],
-        },
-    )
-    assert harness.tick() == "running"
-    harness.run.cancel("too late")
-    assert harness.after(0.5) == "failed"
-    assert "hoarse" in harness.message
-
-
-def test_cancel_after_end_keeps_the_result() -> None:
-    harness = TreeHarness(SPEAKS)
-    assert harness.tick() == "succeeded"
-    result = harness.run.result
-    assert harness.run.cancel("too late") == []
-    harness.tick(3)
-    assert harness.run.result is result
 
 
 def test_run_waits_for_pending_goal_to_be_cancelled() -> None:
     harness = started(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
     harness.run.cancel("enough")
-    assert harness.outcome == "running"
-    assert harness.after(0.9) == "running"
-    assert harness.after(0.1) == "cancelled"
+    assert harness.outcomes(0.9, 0.1) == "RC"
     assert harness.result.orphans == ()
 
 
 def test_endless_goal_is_an_orphan_of_its_node() -> None:
     harness = cancelled(CLEAN_UP, STUBBORN)
-    harness.tick()
-    assert harness.after(3.0) == "running"
-    assert harness.after(2.0) == "cancelled"
+    assert harness.outcomes(0, 3, 2) == "RRC"
     assert harness.result.orphans == ("tree/0.say", "on_cancel")
 
 
@@ -151,8 +126,7 @@ def test_shortened_settling_ends_the_wait_for_goals(wait_s: float) -> None:
     harness.run.cancel("the host is stopping")
     assert harness.after(wait_s) == "running"
     harness.run.shorten_settling(0.7)
-    assert harness.after(0.6) == "running"
-    assert harness.after(0.1) == "cancelled"
+    assert harness.outcomes(0.6, 0.1) == "RC"
     assert harness.result.orphans == ("tree/0.say",)
     harness.run.shorten_settling(0.7)
     assert harness.outcome == "cancelled"
@@ -180,25 +154,26 @@ def slowed(*steps: float, period_s: float = 0.1) -> TreeHarness:
     return harness
 
 
-def test_tick_overrun_names_the_slowest_node() -> None:
-    # Read before the tick, at each leaf's answer, and at the end.
-    harness = slowed(0.0, 0.01, 0.2, 0.01, 0.0)
+@pytest.mark.parametrize(
+    ("steps", "slowest", "times"),
+    [
+        # Read before the tick, at each leaf's answer, and at the end.
+        ((0.0, 0.01, 0.2, 0.01), "tree/1.show", (0.2, 0.22)),
+        ((0.0, 0.01, 0.02, 0.3), "tree", (0.3, 0.33)),
+    ],
+)
+def test_tick_overrun_names_the_slowest_node(
+    steps: tuple[float, ...], slowest: str, times: tuple[float, float]
+) -> None:
+    harness = slowed(*steps)
     overrun = harness.run.overrun
     assert overrun is not None
-    assert overrun.slowest == "tree/1.show"
-    assert overrun.slowest_s == pytest.approx(0.2)
-    assert overrun.took_s == pytest.approx(0.22)
+    assert overrun.slowest == slowest
+    assert (overrun.slowest_s, overrun.took_s) == pytest.approx(times)
     harness.tick()
     assert harness.run.overrun is None
     harness.run.cancel("enough")
     assert harness.result.overruns == 1
-
-
-def test_overrun_after_last_leaf_names_the_root() -> None:
-    overrun = slowed(0.0, 0.01, 0.02, 0.3).run.overrun
-    assert overrun is not None
-    assert overrun.slowest == "tree"
-    assert overrun.slowest_s == pytest.approx(0.3)
 
 
 def test_run_without_period_has_no_overruns() -> None:
@@ -227,14 +202,11 @@ def test_cleanup_reads_who_cancelled_and_why(cancellation: Cancellation, text: s
 def test_cleanup_waits_for_the_cancel_cause_it_reads() -> None:
     harness = cancelled(TELLS_WHY)
     assert harness.environment.running() == []
-    assert harness.after(0.05) == "running"
-    assert harness.said == ["hello"]
-    harness.run.cancel("enough", cancellation=RULE)
-    harness.tick()
-    assert harness.said == ["hello", "Sorry."]
-    harness.run.cancel("enough", cancellation=OPERATOR)
-    harness.tick()
-    assert harness.said == ["hello", "Sorry."]
+    assert (harness.after(0.05), harness.said) == ("running", ["hello"])
+    for cancellation in (RULE, OPERATOR):
+        harness.run.cancel("enough", cancellation=cancellation)
+        harness.tick()
+        assert harness.said == ["hello", "Sorry."]
 
 
 def test_cancel_cause_is_missing_after_its_deadline() -> None:
@@ -249,10 +221,3 @@ def test_run_awaiting_cancel_cause_can_skip_cleanup() -> None:
     harness.run.cancel("the host is stopping", clean_up=False)
     assert harness.tick() == "cancelled"
     assert harness.said == ["hello"]
-
-
-def test_agent_sets_its_own_cleanup_limit() -> None:
-    harness = cancelled(f"{CLEAN_UP}\non_cancel_within: 5 s")
-    harness.tick()
-    assert harness.after(4.9) == "running"
-    assert harness.after(0.1) == "cancelled"
