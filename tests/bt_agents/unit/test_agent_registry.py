@@ -11,50 +11,42 @@ from bt_agents.host.agent_registry import AgentRegistry, Decline
 from bt_agents_core.errors import Refused
 from bt_agents_core.local_time import LocalTime
 from bt_agents_core.profile_layers import MOST_LAYERS
+from bt_agents_language.model.specs import AgentSpec
 from tree_harness import SPACE, agent, scene
 
 
-def declined(registry: AgentRegistry, **values: float) -> dict[str, str]:
+def registered(*specs: AgentSpec) -> AgentRegistry:
+    registry = AgentRegistry(SPACE, specs)
     names = list(registry.members)
     registry.apply_registration(names, range(1, len(names) + 1), [""] * len(names))
+    return registry
+
+
+def declined(registry: AgentRegistry, **values: float) -> dict[str, str]:
     answer = registry.bids_for(scene(**values))
-    assert {m.spec.name for m in answer.bidders.members} == set(names) - set(answer.declined)
+    bidders = {member.spec.name for member in answer.bidders.members}
+    assert bidders == set(registry.members) - set(answer.declined)
     return {name: decline.reason for name, decline in answer.declined.items()}
 
 
 def test_agent_bids_when_its_requirement_holds():
-    spec = agent("say: x", "requires: scene.age >= 3")
-    assert declined(AgentRegistry(SPACE, [spec]), age=3) == {}
-    assert declined(AgentRegistry(SPACE, [spec]), age=2) == {"a": "needs scene.age >= 3"}
-    assert declined(AgentRegistry(SPACE, [spec])) == {
-        "a": "needs scene.age >= 3, but scene.age is missing"
-    }
+    registry = registered(agent("say: x", "requires: scene.age >= 3"))
+    assert declined(registry, age=3) == {}
+    assert declined(registry, age=2) == {"a": "needs scene.age >= 3"}
+    assert declined(registry) == {"a": "needs scene.age >= 3, but scene.age is missing"}
 
 
 def test_night_agent_bids_only_at_night():
-    registry = AgentRegistry(SPACE, [agent("say: x", "requires: clock.hour >= 22")])
-    registry.apply_registration(["a"], [1], [""])
+    registry = registered(agent("say: x", "requires: clock.hour >= 22"))
 
     def reasons(hour: int) -> list[str]:
         clock = lambda: LocalTime(hour=hour, weekday="monday")  # noqa: E731
         declined = registry.bids_for(scene(age=3), clock=clock).declined
         return [one.reason for one in declined.values()]
 
-    assert reasons(21) == ["needs clock.hour >= 22"]
-    assert reasons(22) == []
-    assert reasons(21) == ["needs clock.hour >= 22"]
-    assert [one.reason for one in registry.bids_for(scene(age=3)).declined.values()] == [
-        "needs clock.hour >= 22, but clock.hour is missing"
-    ]
-
-
-def test_decline_carries_unmet_scene_condition():
-    registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
-    registry.apply_registration(["a"], [1], [""])
-    unmet = "scene.age >= 3"
-    assert registry.bids_for(scene(age=2)).declined == {
-        "a": Decline(f"needs {unmet}", unmet=unmet)
-    }
+    unmet = ["needs clock.hour >= 22"]
+    assert [reasons(hour) for hour in (21, 22, 21)] == [unmet, [], unmet]
+    assert declined(registry, age=3) == {"a": "needs clock.hour >= 22, but clock.hour is missing"}
 
 
 @pytest.mark.parametrize(
@@ -70,13 +62,13 @@ def test_decline_carries_unmet_scene_condition():
     ],
 )  # fmt: skip
 def test_decline_names_unmet_part_of_conjunction(requires, lacking):
-    registry = AgentRegistry(SPACE, [agent("say: x", f"requires: {requires}")])
-    assert declined(registry, age=2, mood=3) == {"a": f"needs {lacking}"}
+    registry = registered(agent("say: x", f"requires: {requires}"))
+    decline = Decline(f"needs {lacking}", unmet=lacking)
+    assert registry.bids_for(scene(age=2, mood=3)).declined == {"a": decline}
 
 
 def test_undecidable_requirement_differs_from_unmet_one():
-    registry = AgentRegistry(SPACE, [agent("say: x", "requires: 1 / (scene.age - 3) > 0")])
-    registry.apply_registration(["a"], [1], [""])
+    registry = registered(agent("say: x", "requires: 1 / (scene.age - 3) > 0"))
     answer = registry.bids_for(scene(age=3))
     reason = "needs what cannot be decided: 1 / (scene.age - 3) > 0 ('/' by zero)"
     assert answer.declined == {"a": Decline(reason, unmet="", undecided=True)}
@@ -87,29 +79,25 @@ def test_undecidable_requirement_differs_from_unmet_one():
 def test_agent_with_unoffered_skill_declines_with_reason():
     reason = "skill 'dance': no robot is bound to it"
     spec = replace(agent("say: x"), unoffered=(reason,))
-    assert declined(AgentRegistry(SPACE, [spec]), age=3) == {"a": reason}
+    assert declined(registered(spec), age=3) == {"a": reason}
 
 
 def test_leaving_agent_declines_with_its_removal_reason():
-    registry = AgentRegistry(SPACE, [agent("say: x")])
-    second = registry.add(replace(agent("say: x"), name="b"))
+    registry = registered(agent("say: x"), replace(agent("say: x"), name="b"))
     assert declined(registry, age=3) == {}
-    second.removal_reason = "its file is gone"
+    registry.member("b").removal_reason = "its file is gone"
     assert declined(registry, age=3) == {"b": "its file is gone"}
     registry.remove("b")
-    assert set(registry.members) == {"a"}
     registry.apply_registration(["b"], [7], [""])
     assert declined(registry, age=3) == {}
+    assert set(registry.members) == {"a"}
 
 
 def test_obstacle_makes_all_agents_decline():
-    registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
-    registry.apply_registration(["a"], [1], [""])
+    registry = registered(agent("say: x", "requires: scene.age >= 3"))
     answer = registry.bids_for(scene(age=2), obstacle="nothing publishes /clock")
-    assert (answer.bidders.members, answer.declined) == (
-        (),
-        {"a": Decline("nothing publishes /clock")},
-    )
+    assert answer.bidders.members == ()
+    assert answer.declined == {"a": Decline("nothing publishes /clock")}
 
 
 def layered(kinds: str, **layers: float) -> AgentRegistry:
@@ -168,10 +156,8 @@ def test_layers_are_removed_singly_or_all_together():
 
 
 def test_custom_weights_are_sent_with_bids():
-    plain = agent("say: x")
     heavy = replace(agent("say: x", "weights: {age: 2}"), name="b")
-    registry = AgentRegistry(SPACE, [plain, heavy])
-    registry.apply_registration(["a", "b"], [1, 2], ["", ""])
+    registry = registered(agent("say: x"), heavy)
     of_scene = [parameter.weight for parameter in SPACE.parameters]
     assert list(registry.bids_for(scene(age=3), ["b"]).bidders.weights) == []
     assert list(registry.bids_for(scene(age=3)).bidders.weights) == [*of_scene, 2.0, *of_scene[1:]]
@@ -188,12 +174,9 @@ def test_next_answer_reflects_every_agent_change():
     assert bid() == []
     registry.apply_registration(["a"], [7], [""])
     assert bid() == ["a", 7, 3.0, 3.0, 3.0]
-    registry.set_profile("a", [2.0, 3.0, 3.0], 1)
-    assert bid() == ["a", 7, 2.0, 3.0, 3.0]
-    registry.set_profile("a", [4.0, 3.0, 3.0], 1, "person/anna")
-    assert bid() == ["a", 7, 4.0, 3.0, 3.0]
-    registry.set_profile("a", [5.0, 3.0, 3.0], 2, "person/anna")
-    assert bid() == ["a", 7, 5.0, 3.0, 3.0]
+    for age, layer in ((2.0, ""), (4.0, "person/anna"), (5.0, "person/anna")):
+        registry.set_profile("a", [age, 3.0, 3.0], 1, layer)
+        assert bid() == ["a", 7, age, 3.0, 3.0]
     registry.remove_layer("", "")
     assert bid() == ["a", 7, 2.0, 3.0, 3.0]
     registry.add(replace(agent("say: x"), name="b"))
@@ -212,7 +195,7 @@ def test_next_answer_reflects_every_agent_change():
 def test_each_agent_evaluates_its_own_requirement():
     old = agent("say: x", "requires: scene.age >= 3")
     keen = replace(agent("say: x", "requires: scene.mood > 2"), name="c")
-    registry = AgentRegistry(SPACE, [old, replace(old, name="b"), keen])
+    registry = registered(old, replace(old, name="b"), keen)
     reason = "needs scene.age >= 3"
     assert declined(registry, age=2, mood=3) == {"a": reason, "b": reason}
     assert declined(registry, age=3, mood=1) == {"c": "needs scene.mood > 2"}
