@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from bt_agents.host.reload.reload_service import reload_lines
+from bt_agents.host.reload.versions import AgentVersions
+from bt_agents_language.files.folder_reader import read_trees
 from reload_harness import Watched, agent, new_folder, write
 
 TUNABLES = "tunables:\n  patience: {{default: {}, min: 1 s, max: 60 s, description: d}}\n"
@@ -37,13 +40,13 @@ def in_force(watched: Watched, name: str) -> tuple[int, str]:
 
 def test_changed_tree_of_idle_agent_is_replaced(watched):
     ann = watched.in_force["ann"]
-    said = edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
-    assert said == [
-        "replace bob: version 2 in force (tree changed: 1 node changed, 2 nodes added)"
-    ]
-    assert watched.in_force["ann"] is ann
     change = "tree changed: 1 node changed, 2 nodes added"
+    said = edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
+    assert said == [f"replace bob: version 2 in force ({change})"]
+    assert watched.in_force["ann"] is ann
     assert in_force(watched, "bob") == (2, change)
+    said = edit(watched, "bob", agent("bob", "{sequence: [{say: b}, {say: a}]}"))
+    assert said == ["replace bob: version 3 in force (tree changed: nodes in another order)"]
 
 
 def fail(watched: Watched, name: str) -> list[str]:
@@ -63,12 +66,12 @@ def test_failed_version_is_rolled_back_and_retried(watched):
     assert fail(watched, "bob") == [
         "bob: version 2 could not be brought into force, version 1 stays: OSError: disk"
     ]
-    assert watched.versions.states["bob"].current.number == 1
     assert watched.versions.states["bob"].problems
     assert in_force(watched, "bob") == (1, "")
+    in_force_now = "version 2 in force (tree changed: 1 node changed)"
     assert edit(watched, "ann", agent("ann", "{say: hi}")) == [
-        "replace ann: version 2 in force (tree changed: 1 node changed)",
-        "replace bob: version 2 in force (tree changed: 1 node changed)",
+        f"replace ann: {in_force_now}",
+        f"replace bob: {in_force_now}",
     ]
     assert not watched.versions.states["bob"].problems
 
@@ -99,19 +102,16 @@ def test_changed_default_updates_running_agent(watched):
         ("tags: [a]\n", "tags changed"),
         ("requires: scene.person\n", "requires changed"),
         ("feedback: [{when: live.age > 3, give: positive}]\n", "feedback rules changed"),
+        ("profile: {age: 4.5}\n", "profile age: 3 → 4.5"),
         ("# a comment\n", "only comments or layout changed"),
     ],
 )
 def test_changes_outside_tree_take_effect_immediately(watched, head, words):
     watched.running = "bob"
-    assert edit(watched, "bob", agent("bob", head=head)) == [
-        f"update bob: version 2 in force ({words})"
-    ]
-
-
-def test_profile_change_names_its_parameter(watched):
-    text = agent("bob").replace("{age: 3}", "{age: 4.5}")
-    assert edit(watched, "bob", text) == ["update bob: version 2 in force (profile age: 3 → 4.5)"]
+    # A profile of the head replaces the usual one.
+    text = agent("bob", head=head).replace("profile: {age: 3}\nprofile", "profile")
+    said = edit(watched, "bob", text)
+    assert said == [f"update bob: version 2 in force ({words})"]
 
 
 def test_new_tunable_waits_like_a_tree_change(watched):
@@ -123,14 +123,13 @@ def test_new_tunable_waits_like_a_tree_change(watched):
 def test_changed_tree_waits_for_end_of_run(watched):
     before = watched.in_force["bob"]
     watched.running = "bob"
+    change = "(tree changed: 1 node changed)"
     said = edit(watched, "bob", agent("bob", "{say: bye}"))
-    assert said == [
-        "report bob: version 2 waits for the end of its run (tree changed: 1 node changed)"
-    ]
+    assert said == [f"report bob: version 2 waits for the end of its run {change}"]
     assert watched.in_force["bob"] is before
     assert watched.versions.states["bob"].waiting
     assert watched.versions.waiting_text("bob") == "version 2 of bob waits"
-    assert watched.end_run() == ["replace bob: version 2 in force (tree changed: 1 node changed)"]
+    assert watched.end_run() == [f"replace bob: version 2 in force {change}"]
     assert not watched.versions.states["bob"].waiting
     assert watched.versions.states["bob"].current.number == 2
 
@@ -152,12 +151,10 @@ def test_broken_file_keeps_last_good_version(watched):
     (said,) = edit(watched, "bob", agent("bob", "{sya: hello}"))
     assert said.startswith("report bob: bob.yaml is broken, version 1 stays in force: ")
     assert "bob.yaml:4:8: error[unknown-node]" in said
-    assert watched.in_force["bob"] is before
-    problem = watched.versions.states["bob"].problems[0]
+    [problem] = watched.versions.states["bob"].problems
     assert "error[unknown-node]" in problem.message
-    assert edit(watched, "bob", agent("bob")) == [
-        "report bob: bob.yaml is good again, version 1 stays"
-    ]
+    said = edit(watched, "bob", agent("bob"))
+    assert said == ["report bob: bob.yaml is good again, version 1 stays"]
     assert watched.versions.states["bob"].problems == ()
     assert watched.in_force["bob"] is before
 
@@ -172,16 +169,13 @@ def test_broken_file_keeps_the_waiting_version(watched):
 
 
 def test_agents_are_added_and_removed_with_their_files(watched):
-    assert edit(watched, "mia", agent("mia")) == [
-        "add mia: new agent from mia.yaml, version 1 in force"
-    ]
+    added = ["add mia: new agent from mia.yaml, version 1 in force"]
+    assert edit(watched, "mia", agent("mia")) == added
     (watched.folder / "agents" / "mia.yaml").unlink()
     (said,) = watched.poll()
     assert said.startswith("remove mia: removed, its file ")
     assert set(watched.in_force) == {"ann", "bob"}
-    assert edit(watched, "mia", agent("mia", "{say: bye}")) == [
-        "add mia: new agent from mia.yaml, version 1 in force"
-    ]
+    assert edit(watched, "mia", agent("mia", "{say: bye}")) == added
 
 
 def test_agent_name_change_in_file_renames_agent(watched):
@@ -194,14 +188,15 @@ def test_agent_name_change_in_file_renames_agent(watched):
 
 def test_deleted_running_agent_leaves_at_end_of_run(watched):
     watched.running = "bob"
-    text = (watched.folder / "agents" / "bob.yaml").read_text()
-    (watched.folder / "agents" / "bob.yaml").unlink()
+    file = watched.folder / "agents" / "bob.yaml"
+    text = file.read_text()
+    file.unlink()
     (said,) = watched.poll()
     assert said.endswith("is gone; it leaves at the end of its run")
     assert watched.versions.states["bob"].removal_reason
     assert edit(watched, "bob", text) == ["report bob: bob.yaml is good again, version 1 stays"]
     assert not watched.versions.states["bob"].removal_reason
-    (watched.folder / "agents" / "bob.yaml").unlink()
+    file.unlink()
     watched.poll()
     (said,) = watched.end_run()
     assert said.startswith("remove bob")
@@ -220,7 +215,20 @@ def test_only_agents_with_requested_tags_are_loaded(folder):
     ]
 
 
-def test_swapped_nodes_are_reported_as_reordered(watched):
-    edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
-    said = edit(watched, "bob", agent("bob", "{sequence: [{say: b}, {say: a}]}"))
-    assert said == ["replace bob: version 3 in force (tree changed: nodes in another order)"]
+def test_pending_and_broken_versions_are_always_reported():
+    assert reload_lines([], "", []) == ["nothing has changed"]
+    assert reload_lines([], "version 4 of ann waits", ["a.yaml:1:1: error[x]: y"]) == [
+        "version 4 of ann waits for the end of the run; 'bt-agents reload --now' cancels it",
+        "a.yaml:1:1: error[x]: y",
+    ]
+
+
+def test_problem_named_by_change_is_reported_once():
+    changed = ["ann: a.yaml is broken, version 3 stays in force: a.yaml:1:1: error[x]: y"]
+    assert reload_lines(changed, "", ["a.yaml:1:1: error[x]: y"]) == changed
+
+
+def test_problem_includes_its_hint(folder):
+    write(folder, "ann", agent("ann", "{syy: hi}"))
+    [problem] = AgentVersions(read_trees(folder)).folder_problems()
+    assert problem.message.endswith("(did you mean 'say'?)")
