@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,12 @@ def tuned(value: Setting, default: Setting = 8.0) -> TuningHistory:
     return TuningHistory().with_revision(revision, {"a.x": default})
 
 
+def store(path: Path, history: TuningHistory) -> None:
+    log = ChangeLog(path, Disk())
+    log.write(history)
+    log.close()
+
+
 def in_force(path: Path) -> Setting:
     return read_history(path).overrides["a.x"].value
 
@@ -40,15 +47,27 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "state" / "tunings.json"
 
 
+@pytest.fixture
+def disk() -> Disk:
+    """A disk that writes when the test tells it to."""
+    return Disk(at_once=False)
+
+
+@pytest.fixture
+def log(path: Path, disk: Disk) -> Iterator[ChangeLog]:
+    log = ChangeLog(path, disk)
+    yield log
+    disk.at_once = True
+    log.close()
+
+
 def files(path: Path) -> list[str]:
     return sorted(one.name for one in path.parent.iterdir())
 
 
 @pytest.mark.parametrize("value", [True, 1, 1.0, "1.0 s", "it's «1»\n", 2**63 - 1, 1e300])
 def test_stored_value_keeps_its_type(path, value):
-    log = ChangeLog(path, Disk())
-    log.write(tuned(value, default=""))
-    log.close()
+    store(path, tuned(value, default=""))
     found = in_force(path)
     assert (found, type(found)) == (value, type(value))
 
@@ -76,37 +95,27 @@ def test_change_survives_a_killed_process(path):
 
 
 @pytest.mark.parametrize("torn", [b"", b'{"format":1,"revi', b"\0" * 500])
-def test_power_cut_loses_only_unflushed_revisions(path, torn):
-    disk = Disk()
-    log = ChangeLog(path, disk)
+def test_power_cut_loses_only_unflushed_revisions(path, disk, log, torn):
     log.write(tuned(12.0))
     log.flush()
-    disk.at_once = False
+    disk.turn()
     log.write(tuned(9.0))
     assert in_force(path) == 9.0
     path.with_name("tunings.json.new").write_bytes(torn)
     assert in_force(path) == 12.0
-    disk.at_once = True
-    log.close()
 
 
-def test_a_write_waits_for_no_disk(path, monkeypatch):
+def test_a_write_waits_for_no_disk(path, disk, log, monkeypatch):
     synced: list[int] = []
     monkeypatch.setattr(os, "fsync", synced.append)
-    disk = Disk(at_once=False)
-    log = ChangeLog(path, disk)
     log.write(tuned(12.0))
     job = log.flush()
     assert (synced, job.done(), path.exists()) == ([], False, False)
     disk.turn()
     assert (len(synced), job.done(), path.exists()) == (2, True, True)
-    disk.at_once = True
-    log.close()
 
 
-def test_writes_before_a_flush_starts_share_it(path):
-    disk = Disk(at_once=False)
-    log = ChangeLog(path, disk)
+def test_writes_before_a_flush_starts_share_it(path, disk, log):
     jobs = []
     for value in range(40):
         log.write(tuned(float(value)))
@@ -116,15 +125,11 @@ def test_writes_before_a_flush_starts_share_it(path):
     assert log.flush() is jobs[0]
     log.write(tuned(41.0))
     assert log.flush() is not jobs[0]
-    disk.at_once = True
     disk.turn()
-    log.close()
     assert in_force(path) == 41.0
 
 
-def test_write_during_flush_is_flushed_next(path, monkeypatch):
-    disk = Disk(at_once=False)
-    log = ChangeLog(path, disk)
+def test_write_during_flush_is_flushed_next(path, disk, log, monkeypatch):
     log.write(tuned(12.0))
     log.flush()
     sync = os.fsync
@@ -137,10 +142,8 @@ def test_write_during_flush_is_flushed_next(path, monkeypatch):
     disk.turn()
     assert files(path) == ["tunings.json.lock", "tunings.json.new"]
     log.flush()
-    disk.at_once = True
     disk.turn()
     assert files(path) == ["tunings.json", "tunings.json.lock"]
-    log.close()
 
 
 @pytest.mark.parametrize(
@@ -173,9 +176,7 @@ def test_damaged_file_is_set_aside_with_warning(path, content, words, monkeypatc
 
 @pytest.mark.parametrize("value", [[], None, float("nan"), 2**63])
 def test_a_value_that_no_parameter_has_is_damage(path, value):
-    log = ChangeLog(path, Disk())
-    log.write(tuned(12.0))
-    log.close()
+    store(path, tuned(12.0))
     content = json.loads(path.read_text())
     content["revisions"][0][-1][0][1] = value
     path.write_text(json.dumps(content))

@@ -5,15 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.host.tuning.history import (
-    MOST_CHANGES,
-    MOST_REVISIONS,
-    TuningAction,
-    TuningCause,
-    TuningChange,
-    TuningHistory,
-    TuningRevision,
-)
+from bt_agents.host.tuning.history import MOST_CHANGES, MOST_REVISIONS
 from bt_agents_core.errors import Refused
 from tuning_desk import Desk
 
@@ -68,14 +60,11 @@ def test_impossible_undo_is_skipped_and_named():
 
 
 def test_tick_rate_belongs_to_no_agent():
-    change = TuningChange(name="tick_rate", before=20.0, after=30.0)
-    history = TuningHistory().with_revision(
-        TuningRevision(number=1, stamp=0.0, cause=TuningCause(author="x"), changes=(change,)),
-        {"tick_rate": 20.0},
-    )
+    desk = Desk({"tick_rate": 20.0})
+    desk.set({"tick_rate": 30.0})
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
-        history.find(TuningAction.UNDO, ["tick_rate"], lambda _n, _v: True)
-    assert history.find(TuningAction.UNDO, [], lambda _n, _v: True)[1] == {"tick_rate": 20.0}
+        desk.undo("tick_rate")
+    assert (desk.undo(), desk.values) == (1, {"tick_rate": 20.0})
 
 
 def test_history_of_ten_thousand_changes_is_bounded():

@@ -4,16 +4,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from bt_agents.host.tuning.tunable import (
-    TICK_RATE,
-    TunableKind,
-    TunableParameter,
-    format_value,
-    parameters_of,
-)
+from bt_agents.host.tuning.tunable import TICK_RATE, format_value, parameters_of
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
 from tree_harness import agent
@@ -29,14 +24,13 @@ tunables:
   distance: {default: 1.5 m}
   turn: {default: 90 deg, min: 0 deg, max: 180 deg}
 """
-PARAMETERS = {parameter.key: parameter for parameter in parameters_of(agent("wait: 0 s", HEAD))}
+PARAMETERS = {one.key: one for one in (*parameters_of(agent("wait: 0 s", HEAD)), TICK_RATE)}
 
 
 def test_agent_parameters_include_tunables_and_learning_rate():
-    names = [parameter.name for parameter in parameters_of(agent("wait: 0 s", HEAD))]
-    assert names[0] == "a.patience"
-    assert names[-1] == "a.learning_rate"
-    assert PARAMETERS["learning_rate"].default == 0.3
+    first, *_, last = parameters_of(agent("wait: 0 s", HEAD))
+    assert first.name == "a.patience"
+    assert (last.name, last.default) == ("a.learning_rate", 0.3)
 
 
 @pytest.mark.parametrize(
@@ -53,6 +47,7 @@ def test_agent_parameters_include_tunables_and_learning_rate():
         ("place", "8 s", "8 s"),
         ("distance", "20 cm", 0.2),
         ("turn", "180 deg", math.pi),
+        ("tick_rate", "30", 30.0),
     ],
 )
 def test_text_parses_as_in_an_agent_file(key, text, value):
@@ -78,6 +73,7 @@ def test_text_parses_as_in_an_agent_file(key, text, value):
         ("place", "\a", "NOT_A_VALUE: a.place has a control character"),
         ("place", "x" * 1001, "NOT_A_VALUE: a.place has 1001 characters, expected at most 1000"),
         ("learning_rate", "1.1", "OUT_OF_RANGE"),
+        ("tick_rate", "0", "OUT_OF_RANGE: .*expected 1 to 200"),
     ],
 )
 def test_invalid_text_is_refused_with_reason(key, text, words):
@@ -104,33 +100,17 @@ def test_value_of_wrong_type_is_refused(key, value, code):
 
 
 def test_duration_without_range_is_still_validated():
-    parameter = TunableParameter(
-        name="a.t",
-        agent="a",
-        key="t",
-        kind=TunableKind.TUNABLE,
-        type=FieldType.DURATION,
-        default=1.0,
-    )
+    parameter = replace(PARAMETERS["patience"], minimum=None, maximum=None)
     assert parameter.check(3600.0) == 3600.0
     for value in (-1.0, 1e12):
         with pytest.raises(Refused, match="OUT_OF_RANGE"):
             parameter.check(value)
 
 
-def test_range_limit_is_allowed_off_step():
-    parameter = TunableParameter(
-        name="a.n", agent="a", key="n", kind=TunableKind.TUNABLE, type=FieldType.NUMBER,
-        default=0.0, minimum=-0.3, maximum=0.35, step=0.1,
-    )  # fmt: skip
-    for value in (0.0, 0.1, 0.35):
-        assert parameter.check(value) == value
-
-
-def test_tick_rate_has_a_range():
-    assert TICK_RATE.read("30") == 30.0
-    with pytest.raises(Refused, match="expected 1 to 200"):
-        TICK_RATE.read("0")
+@pytest.mark.parametrize("value", [0.0, 0.1, 0.35])
+def test_range_limit_is_allowed_off_step(value):
+    rate = replace(PARAMETERS["rate"], default=0.0, minimum=-0.3, maximum=0.35, step=0.1)
+    assert rate.check(value) == value
 
 
 @pytest.mark.parametrize(
