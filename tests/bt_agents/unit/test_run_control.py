@@ -13,22 +13,11 @@ RUN = RunKey(epoch="e1", round=3, agent="guide")
 NODES = ("tree", "tree/0.ask", "tree/1.say")
 
 
-class Told(RunControl):
-    """A control that counts its notifications of changes."""
-
-    def __init__(self) -> None:
-        self.changes = 0
-        super().__init__(self._count)
-
-    def _count(self) -> None:
-        self.changes += 1
-
-
 @pytest.fixture
-def control() -> Told:
-    told = Told()
-    told.begin(RUN)
-    return told
+def control() -> RunControl:
+    control = RunControl(lambda: None)
+    control.begin(RUN)
+    return control
 
 
 def code(control: RunControl, epoch: str = "", number: int = 0) -> str:
@@ -39,19 +28,19 @@ def code(control: RunControl, epoch: str = "", number: int = 0) -> str:
     return ""
 
 
-def test_only_the_current_run_is_addressed(control: Told) -> None:
+def test_only_the_current_run_is_addressed(control: RunControl) -> None:
     assert code(control) == code(control, "e1", 3) == ""
     assert code(control, "e1", 2) == code(control, "e0", 3) == "OTHER_ROUND"
     control.end()
     assert code(control) == "NOT_RUNNING"
 
 
-def test_ended_tree_cannot_be_paused(control: Told) -> None:
+def test_ended_tree_cannot_be_paused(control: RunControl) -> None:
     control.end_ticking()
     assert code(control) == "ENDING"
 
 
-def test_pause_names_its_author_until_resume(control: Told) -> None:
+def test_pause_names_its_author_until_resume(control: RunControl) -> None:
     control.pause("anna")
     assert (control.paused, control.author) == (True, "anna")
     with pytest.raises(Refused, match="paused by anna already"):
@@ -62,17 +51,15 @@ def test_pause_names_its_author_until_resume(control: Told) -> None:
         control.resume("ben")
 
 
-def test_pause_ends_with_its_run_or_tree(control: Told) -> None:
-    control.pause("anna")
-    control.end_ticking()
-    assert not control.paused
-    control.begin(RUN)
-    control.pause("anna")
-    control.end()
-    assert not control.paused
+def test_pause_ends_with_its_run_or_tree(control: RunControl) -> None:
+    for end in (control.end_ticking, control.end):
+        control.begin(RUN)
+        control.pause("anna")
+        end()
+        assert not control.paused
 
 
-def test_tick_holding_a_node_pauses_run_once(control: Told) -> None:
+def test_tick_holding_a_node_pauses_run_once(control: RunControl) -> None:
     assert control.on_tick(["tree/0.ask"])
     assert (control.paused, control.paused_at) == (True, "tree/0.ask")
     assert not control.on_tick(["tree/1.say"])
@@ -81,13 +68,16 @@ def test_tick_holding_a_node_pauses_run_once(control: Told) -> None:
     assert (control.paused, control.paused_at) == (True, "")
 
 
-def test_tick_without_held_node_notifies_no_one(control: Told) -> None:
-    before = control.changes
+def test_tick_without_held_node_notifies_no_one() -> None:
+    told: list[str] = []
+    control = RunControl(lambda: told.append("changed"))
+    control.begin(RUN)
+    told.clear()
     assert not control.on_tick([])
-    assert control.changes == before
+    assert told == []
 
 
-def test_breakpoints_outlive_run_and_are_per_agent(control: Told) -> None:
+def test_breakpoints_outlive_run_and_are_per_agent(control: RunControl) -> None:
     control.set_breakpoints("guide", ["tree/0.ask", "tree/0.ask"], NODES, "anna")
     control.set_breakpoints("other", ["tree"], NODES, "anna")
     control.end()
@@ -96,13 +86,13 @@ def test_breakpoints_outlive_run_and_are_per_agent(control: Told) -> None:
     assert control.breakpoints == {"other": ("tree",)}
 
 
-def test_breakpoint_on_unknown_node_suggests_nearest(control: Told) -> None:
+def test_breakpoint_on_unknown_node_suggests_nearest(control: RunControl) -> None:
     with pytest.raises(Refused, match=r"no node 'tree/0\.aks'; did you mean 'tree/0\.ask'"):
         control.set_breakpoints("guide", ["tree/0.aks"], NODES, "anna")
     assert control.breakpoints == {}
 
 
-def test_number_of_breakpoints_is_bounded(control: Told) -> None:
+def test_number_of_breakpoints_is_bounded(control: RunControl) -> None:
     nodes = [f"tree/{number}.say" for number in range(MOST_BREAKPOINTS)]
     control.set_breakpoints("guide", nodes, nodes, "anna")
     with pytest.raises(Refused, match=r"^TOO_MANY: "):

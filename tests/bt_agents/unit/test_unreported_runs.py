@@ -23,14 +23,10 @@ def rounds(runs: list[Run]) -> list[int]:
     return [run.round for run in runs]
 
 
-def test_run_is_reported_to_every_other_market(runs: UnreportedRuns) -> None:
+def test_run_is_reported_to_other_markets_until_acknowledged(runs: UnreportedRuns) -> None:
     runs.store(ended(1))
     assert runs.of_others("e1") == []
     assert rounds(runs.of_others("e2")) == [1]
-
-
-def test_acknowledged_run_is_not_kept_again(runs: UnreportedRuns) -> None:
-    runs.store(ended(1))
     runs.acknowledge(runs.of_others("e2"))
     runs.store(ended(1))
     assert runs.of_others("e3") == []
@@ -84,10 +80,9 @@ def test_run_names_who_made_its_market_stop_it(
     news.stopped_by, news.stop_reason = Run.MOOD_RULE, "she\nfrowns"
     other = ended(2, event=Run.CANCELLING)
     other.stopped_by = Run.OPERATOR
-    news_of_both = [lambda: runs.on_run_event(news), lambda: runs.on_run_event(other)]
-    steps = [*news_of_both, lambda: runs.store(run)]
-    for step in steps if news_first else reversed(steps):
-        step()
+    steps = [(runs.on_run_event, news), (runs.on_run_event, other), (runs.store, run)]
+    for step, told_run in steps if news_first else reversed(steps):
+        step(told_run)
     (kept,) = runs.of_others("e2")
     assert (kept.stopped_by, kept.stop_reason) == told
 
