@@ -9,7 +9,6 @@ from random import Random
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.builder import BEHAVIOURS
@@ -30,6 +29,9 @@ tunables:
 """
 ENDED = (Status.SUCCESS, Status.FAILURE)
 BROKEN: tuple[Plain, ...] = (-1.0, float("nan"), float("inf"), "x", None, 10**400)
+
+Script = dict[str, list[ScriptedReply]]
+Story = list[tuple[str, object]]
 
 states = st.sampled_from([s for s in GoalState if s.ended])
 answers = st.builds(
@@ -56,7 +58,7 @@ stories = st.lists(events, max_size=14)
 class Watched(TreeHarness):
     """A harness that counts the starts of each node, and records each tick."""
 
-    def __init__(self, tree: NodeSpec, script: dict[str, list[ScriptedReply]]) -> None:
+    def __init__(self, tree: NodeSpec, script: Script) -> None:
         ScriptedLeaf.alive = set()
         ScriptedLeaf.set_up = set()
         super().__init__(tree, head=HEAD, answers=script, awarded=scene(mood=3), random=Random(1))
@@ -76,7 +78,7 @@ class Watched(TreeHarness):
             case ("interrupt", _):
                 self.interrupt()
 
-    def play(self, story: list[tuple[str, object]]) -> Iterator[None]:
+    def play(self, story: Story) -> Iterator[None]:
         """Yield after the first tick and after the tick that follows each event."""
         self.tick()
         yield
@@ -87,29 +89,20 @@ class Watched(TreeHarness):
             self.tick()
             yield
 
-    def leaves(self, kind: type[Behaviour]) -> list[Behaviour]:
-        return [node for node in self.root.iterate() if isinstance(node, kind)]
 
-
-def _under_way(harness: Watched) -> int:
-    """Return the number of goals that are sent and neither ended nor cancelled."""
-    open_goals = [
-        goal
+def _open(harness: Watched) -> tuple[int, int, int]:
+    """Return the numbers of goals under way, of open inboxes, and of plug-ins that run."""
+    goals = sum(
+        not goal.state.ended and goal.cancelled_at is None  # type: ignore[attr-defined]
         for _, goal in harness.run._context._goals
-        if not goal.state.ended and goal.cancelled_at is None  # type: ignore[attr-defined]
-    ]
-    return len(open_goals)
-
-
-def _listening(harness: Watched) -> int:
-    return sum(not inbox.closed for _, inbox in harness.environment._inboxes)
+    )
+    inboxes = sum(not inbox.closed for _, inbox in harness.environment._inboxes)
+    return goals, inboxes, len(ScriptedLeaf.alive)
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
-def test_nothing_runs_below_a_halted_node(
-    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
-) -> None:
+def test_nothing_runs_below_a_halted_node(tree: NodeSpec, script: Script, story: Story) -> None:
     harness = Watched(tree, script)
     for _ in harness.play(story):
         assert harness.root.status in (Status.RUNNING, *ENDED)
@@ -117,39 +110,28 @@ def test_nothing_runs_below_a_halted_node(
             assert isinstance(node.status, Status)
             if node.status is not Status.RUNNING:
                 assert all(below.status is not Status.RUNNING for below in node.iterate())
-        senders = [*harness.leaves(SkillLeaf), *harness.leaves(GiveFeedback)]
-        assert _under_way(harness) <= sum(leaf.status is Status.RUNNING for leaf in senders)
-        listeners = harness.leaves(WaitForMessage)
-        assert _listening(harness) == sum(leaf.status is Status.RUNNING for leaf in listeners)
-        assert len(ScriptedLeaf.alive) == sum(
-            node.spec.plugin is not None and node.status is Status.RUNNING
-            for node in harness.root.iterate()
-        )
+        running = [node for node in harness.root.iterate() if node.status is Status.RUNNING]
+        goals, inboxes, plugins = _open(harness)
+        assert goals <= sum(isinstance(node, SkillLeaf | GiveFeedback) for node in running)
+        assert inboxes == sum(isinstance(node, WaitForMessage) for node in running)
+        assert plugins == sum(node.spec.plugin is not None for node in running)
     harness.interrupt()
     assert {node.status for node in harness.root.iterate()} == {Status.INVALID}
-    assert _under_way(harness) == 0
-    assert _listening(harness) == 0
-    assert ScriptedLeaf.alive == set()
+    assert _open(harness) == (0, 0, 0)
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
-def test_modifiers_keep_their_contracts(
-    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+def test_once_and_choices_keep_their_contracts(
+    tree: NodeSpec, script: Script, story: Story
 ) -> None:
     harness = Watched(tree, script)
     done: set[str] = set()
     for _ in harness.play(story):
         answered = {node.spec.path: status for node, status in harness.ticked}
-        for node, status in harness.ticked:
+        for node, _ in harness.ticked:
             child = answered.get(node.children[0].spec.path) if node.children else None
             match node.spec.kind:
-                case "succeed":
-                    assert status is not Status.FAILURE
-                case "fail":
-                    assert status is not Status.SUCCESS
-                case "invert" if child in ENDED:
-                    assert {status, child} == set(ENDED)
                 case "once":
                     assert not (node.spec.path in done and child is not None)
                     if child in ENDED:
@@ -161,9 +143,7 @@ def test_modifiers_keep_their_contracts(
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
-def test_equal_inputs_produce_equal_traces(
-    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
-) -> None:
+def test_equal_inputs_produce_equal_traces(tree: NodeSpec, script: Script, story: Story) -> None:
     traces = []
     for _ in range(2):
         harness = Watched(tree, script)
@@ -178,7 +158,7 @@ def test_equal_inputs_produce_equal_traces(
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
 def test_reported_changes_cover_every_status_change(
-    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+    tree: NodeSpec, script: Script, story: Story
 ) -> None:
     harness = Watched(tree, script)
     for _ in harness.play(story):
@@ -190,20 +170,16 @@ def test_reported_changes_cover_every_status_change(
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
 def test_cancel_at_any_time_leaves_nothing_running(
-    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+    tree: NodeSpec, script: Script, story: Story
 ) -> None:
     harness = Watched(tree, script)
     for _ in harness.play(story):
         pass
     harness.run.cancel("enough")
-    assert _under_way(harness) == 0
-    assert _listening(harness) == 0
-    assert ScriptedLeaf.alive == set()
+    assert _open(harness) == (0, 0, 0)
     harness.after(5.0)
-    assert harness.outcome != "running"
     assert ScriptedLeaf.set_up == set()
-    assert harness.run.result is not None
-    assert harness.run.result.orphans == ()
+    assert harness.result.orphans == ()
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
