@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import stat
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -26,19 +27,15 @@ lists = st.lists(goals, max_size=5)
 
 
 def reread(path: Path) -> tuple[OpenGoal, ...]:
-    file = OpenGoalsFile(path)
-    try:
+    with closing(OpenGoalsFile(path)) as file:
         return file.read()
-    finally:
-        file.close()
 
 
 def write_all(path: Path, written: list[list[OpenGoal]]) -> None:
-    file = OpenGoalsFile(path)
-    file.read()
-    for one in written:
-        file.write(one)
-    file.close()
+    with closing(OpenGoalsFile(path)) as file:
+        file.read()
+        for one in written:
+            file.write(one)
 
 
 @given(starts=st.lists(st.lists(lists, max_size=4), min_size=1, max_size=3))
