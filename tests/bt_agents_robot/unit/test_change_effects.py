@@ -16,12 +16,6 @@ def effects(change: SceneChange = FALL) -> ChangeEffects:
     return made
 
 
-def while_it_may_show(found: ChangeEffects) -> None:
-    """Poll as often as a process without delays."""
-    for tick in range(1, 20):
-        assert found.missing(10.0 + tick * EFFECT_S / 20) == []
-
-
 def test_change_in_live_scene_has_effect():
     found = effects()
     found.live({"mood": 3.9}, True)
@@ -32,7 +26,8 @@ def test_change_in_live_scene_has_effect():
 def test_change_that_does_not_show_is_named_once():
     found = effects()
     found.live({"mood": 4.0, "age": 2.0}, True)
-    while_it_may_show(found)
+    for tick in range(1, 20):
+        assert found.missing(10.0 + tick * EFFECT_S / 20) == []
     assert found.pending
     assert found.missing(10.0 + EFFECT_S) == [
         "Mrs Smith: mood 1.5 after 3 s had no effect: the live scene has not shown it within 2 s"

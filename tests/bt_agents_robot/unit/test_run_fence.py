@@ -22,31 +22,20 @@ def fence(*named: RunKey) -> RunFence:
     return subject
 
 
-@pytest.mark.parametrize(
-    ("named", "goal", "over"),
-    [
-        ([], run(3), False),
-        ([run(3)], run(3), False),
-        ([run(3)], run(4), False),
-        ([run(3)], run(2), True),
-        ([run(3, "leo"), run(3, "mira")], run(3, "leo"), True),
-        ([run(3, "leo")], run(3, "mira"), False),
-        ([run(3, "leo"), run(3, "")], run(3, "leo"), True),
-        ([run(3, "leo"), run(4, "mira")], run(3, "leo"), True),
-        ([run(3, "leo"), run(3, "mira"), run(3, "leo")], run(3, "leo"), False),
-    ],
-    ids=[
-        "no market was heard",
-        "under way",
-        "its award is not known yet",
-        "of an earlier round",
-        "the round went to another agent",
-        "the round goes to another agent, which is not known yet",
-        "nobody has the robot any more",
-        "the market is at a later round",
-        "awarded once more",
-    ],
-)
+CASES = {
+    "no market was heard": ([], run(3), False),
+    "under way": ([run(3)], run(3), False),
+    "its award is not known yet": ([run(3)], run(4), False),
+    "of an earlier round": ([run(3)], run(2), True),
+    "the round went to another": ([run(3, "leo"), run(3, "mira")], run(3, "leo"), True),
+    "the round goes to another": ([run(3, "leo")], run(3, "mira"), False),
+    "nobody has the robot any more": ([run(3, "leo"), run(3, "")], run(3, "leo"), True),
+    "the market is at a later round": ([run(3, "leo"), run(4, "mira")], run(3, "leo"), True),
+    "awarded once more": ([run(3), run(3, "mira"), run(3)], run(3), False),
+}
+
+
+@pytest.mark.parametrize(("named", "goal", "over"), CASES.values(), ids=CASES)
 def test_run_is_over_once_market_moves_on(named, goal, over):
     assert fence(*named).is_over(goal) is over
 

@@ -37,11 +37,6 @@ def screen() -> Watched:
     return Watched()
 
 
-def test_open_page_is_never_gone(screen: Watched) -> None:
-    screen.watch.on_goal(screen.now)
-    assert not screen.wait(60.0, is_open=True)
-
-
 def test_closed_page_is_gone_within_two_seconds(screen: Watched) -> None:
     screen.wait(5.0, is_open=True)
     assert not screen.wait(LEASE_S - POLL_S)

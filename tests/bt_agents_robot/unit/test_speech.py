@@ -14,7 +14,6 @@ from bt_agents_robot.speech import (
     LONGEST_TEXT,
     Voice,
     check_rate,
-    check_text,
     espeak_command,
     speaking_time,
     start_process,
@@ -59,55 +58,56 @@ class Studio:
         return self.processes[-1]
 
 
-def say(
-    text: str = TEXT, rate: float = 1.0, *, pace: float = 1.0, voice: Voice | None = None
-) -> Say:
-    act = Say(text, rate, pace=pace, voice=voice)
+@pytest.fixture
+def studio() -> Studio:
+    return Studio("espeak")
+
+
+def say(text: str = TEXT, rate: float = 1.0, *, voice: Voice | None = None) -> Say:
+    act = Say(text, rate, pace=1.0, voice=voice)
     act.begin(100.0)
     return act
 
 
-def test_speaking_time_follows_text_length_rate_and_pace():
-    assert speaking_time(TEXT, 1.0, 1.0) == pytest.approx(2.1)
-    assert speaking_time(TEXT, 0.5, 1.0) == pytest.approx(4.2)
-    assert speaking_time(TEXT, 1.0, 10.0) == pytest.approx(0.21)
-
-
-def test_text_is_never_passed_on_command_line():
-    assert espeak_command("espeak-ng", 1.0, 1.0) == ("espeak-ng", "--stdin", "-s", "175")
-    assert espeak_command("espeak-ng", 0.5, 0.1) == ("espeak-ng", "--stdin", "-s", "80")
-
-
-def test_pace_beyond_voice_range_is_silent():
-    assert espeak_command("espeak-ng", 1.0, 2.5) is not None
-    assert espeak_command("espeak-ng", 1.0, 5.0) is None
-
-
 @pytest.mark.parametrize(
-    ("text", "code"), [("", "EMPTY"), (" \n\t", "EMPTY"), ("x" * (LONGEST_TEXT + 1), "TOO_LONG")]
+    ("rate", "pace", "seconds"), [(1.0, 1.0, 2.1), (0.5, 1.0, 4.2), (1.0, 10.0, 0.21)]
 )
-def test_empty_or_overlong_text_is_refused(text, code):
-    with pytest.raises(Refused, match=f"^{code}: "):
-        check_text(text, "text")
+def test_speaking_time_follows_rate_and_pace(rate, pace, seconds):
+    assert speaking_time(TEXT, rate, pace) == pytest.approx(seconds)
 
 
 @pytest.mark.parametrize(
-    ("rate", "code"),
+    ("rate", "pace", "command"),
     [
-        (math.nan, "NOT_FINITE"),
-        (math.inf, "NOT_FINITE"),
-        (0.4, "OUT_OF_RANGE"),
-        (-1, "OUT_OF_RANGE"),
+        (1.0, 1.0, ("espeak-ng", "--stdin", "-s", "175")),
+        (0.5, 0.1, ("espeak-ng", "--stdin", "-s", "80")),
+        (1.0, 2.5, ("espeak-ng", "--stdin", "-s", "438")),
+        (1.0, 5.0, None),
     ],
 )
-def test_impossible_speaking_rate_is_refused(rate, code):
+def test_pace_sets_the_speed_within_its_range(rate, pace, command):
+    assert espeak_command("espeak-ng", rate, pace) == command
+
+
+@pytest.mark.parametrize(
+    ("text", "rate", "code"),
+    [
+        ("", 1.0, "EMPTY"),
+        (" \n\t", 1.0, "EMPTY"),
+        ("x" * (LONGEST_TEXT + 1), 1.0, "TOO_LONG"),
+        (TEXT, math.nan, "NOT_FINITE"),
+        (TEXT, math.inf, "NOT_FINITE"),
+        (TEXT, 0.4, "OUT_OF_RANGE"),
+        (TEXT, -1, "OUT_OF_RANGE"),
+    ],
+)
+def test_impossible_text_or_rate_is_refused(text, rate, code):
     with pytest.raises(Refused, match=f"^{code}: "):
-        check_rate(rate)
+        say(text, rate)
 
 
 def test_zero_rate_means_normal_rate():
-    assert check_rate(0.0) == 1.0
-    assert check_rate(2.0) == 2.0
+    assert (check_rate(0.0), check_rate(2.0)) == (1.0, 2.0)
 
 
 def test_text_without_program_takes_its_expected_time():
@@ -118,8 +118,7 @@ def test_text_without_program_takes_its_expected_time():
     assert studio.warnings == []
 
 
-def test_speech_ends_with_its_program():
-    studio = Studio("espeak")
+def test_speech_ends_with_its_program(studio):
     act = say("-f /etc/passwd; rm -rf x", voice=studio.voice)
     assert studio.started == [
         (("/usr/bin/espeak", "--stdin", "-s", "175"), "-f /etc/passwd; rm -rf x")
@@ -136,16 +135,14 @@ def test_espeak_ng_is_preferred():
     assert studio.started[0][0][0] == "/usr/bin/espeak-ng"
 
 
-def test_hanging_program_is_terminated_at_twice_expected_time():
-    studio = Studio("espeak")
+def test_hanging_program_is_terminated_at_twice_expected_time(studio):
     act = say(voice=studio.voice)
     assert not act.is_over(104.1)
     assert act.is_over(104.3)
     assert studio.processes[0].terminated
 
 
-def test_failing_program_causes_silence_and_one_warning():
-    studio = Studio("espeak")
+def test_failing_program_causes_silence_and_one_warning(studio):
     act = say(voice=studio.voice)
     studio.processes[0].code = 1
     assert not act.is_over(100.1)
@@ -169,29 +166,18 @@ def test_program_may_ignore_text_on_stdin(program):
     assert process.wait(timeout=10.0) == 0
 
 
-def test_instantly_ending_program_still_takes_expected_time():
-    studio = Studio("espeak")
+def test_instantly_ending_program_still_takes_expected_time(studio):
     act = say(voice=studio.voice)
     studio.processes[0].code = 0
     assert not act.is_over(100.1)
     assert act.is_over(102.2)
 
 
-def test_stop_terminates_the_program():
-    studio = Studio("espeak")
+def test_stop_terminates_the_program(studio):
     act = say(voice=studio.voice)
     act.stop()
     assert studio.processes[0].terminated
     assert not act.is_speaking(100.1)
-
-
-def test_question_occupies_mouth_only_while_speaking():
-    act = Ask("Shall we go?", (), 10.0, pace=1.0, voice=None)
-    assert not act.is_speaking(100.0)
-    act.begin(100.0)
-    assert act.is_speaking(100.5)
-    assert not act.is_speaking(101.2)
-    assert not act.is_over(101.2), "it waits for the answer now"
 
 
 def asked(*choices: str, wait_s: float = 4.0) -> Ask:
@@ -203,57 +189,57 @@ def asked(*choices: str, wait_s: float = 4.0) -> Ask:
 def test_question_begins_waiting_once_after_speech():
     act = asked()
     assert not act.is_waiting
-    assert [act.begins_waiting(now) for now in (100.5, 101.2, 101.3)] == [False, True, False]
-    assert act.is_waiting
+    steps = [(act.is_speaking(now), act.begins_waiting(now)) for now in (100.5, 101.2, 101.3)]
+    assert steps == [(True, False), (False, True), (False, False)]
+    assert (act.is_waiting, act.is_over(101.2)) == (True, False)
 
 
 def test_first_answer_ends_the_question():
     act = asked()
     act.begins_waiting(101.2)
     assert act.receive("  later ")
-    assert act.answer == "later"
-    assert act.is_over(101.3)
-    assert not act.is_waiting
+    assert (act.answer, act.is_over(101.3), act.is_waiting) == ("later", True, False)
     assert not act.receive("now"), "the first answer counts"
 
 
 def test_early_answer_interrupts_the_question():
     act = asked()
     assert act.receive("yes")
-    assert act.is_over(100.2)
-    assert not act.is_speaking(100.2)
+    assert (act.is_over(100.2), act.is_speaking(100.2)) == (True, False)
 
 
 def test_only_choices_count_in_any_case():
     act = asked("Yes", "No")
-    assert not act.receive("maybe")
-    assert not act.receive("")
-    assert act.receive("YES")
+    assert [act.receive(answer) for answer in ("maybe", "", "YES")] == [False, False, True]
     assert act.answer == "Yes"
 
 
-def test_queued_question_accepts_no_answer():
+def test_queued_question_neither_speaks_nor_hears():
     act = Ask("Shall we go?", (), 4.0, pace=1.0, voice=None)
+    assert not act.is_speaking(100.0)
     assert not act.receive("yes")
 
 
 def test_question_times_out_without_answer():
     act = asked(wait_s=4.0)
     assert act.begins_waiting(101.2)
-    assert not act.is_over(105.1)
-    assert act.is_over(105.3)
+    assert [act.is_over(now) for now in (105.1, 105.3)] == [False, True]
     assert act.answer == ""
 
 
-def test_empty_choices_are_refused():
-    with pytest.raises(Refused, match="EMPTY"):
-        asked("", " ")
-
-
-@pytest.mark.parametrize("wait_s", [math.nan, math.inf, -1.0, 1e9])
-def test_invalid_waiting_time_is_refused(wait_s):
-    with pytest.raises(Refused, match="wait_s"):
-        asked(wait_s=wait_s)
+@pytest.mark.parametrize(
+    ("choices", "wait_s", "words"),
+    [
+        (("", " "), 4.0, "EMPTY"),
+        ((), math.nan, "wait_s"),
+        ((), math.inf, "wait_s"),
+        ((), -1.0, "wait_s"),
+        ((), 1e9, "wait_s"),
+    ],
+)
+def test_empty_choices_and_invalid_waits_are_refused(choices, wait_s, words):
+    with pytest.raises(Refused, match=words):
+        asked(*choices, wait_s=wait_s)
 
 
 def test_clip_and_text_have_separate_durations():
