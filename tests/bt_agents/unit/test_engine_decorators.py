@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib
 import itertools
 import pkgutil
+import re
 from pathlib import Path
 
 import pytest
@@ -222,19 +223,22 @@ def test_zero_cooldown_skips_nothing_and_is_tunable() -> None:
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "soon", True, 10**400])
 @pytest.mark.parametrize(
-    "tree",
+    ("tree", "words"),
     [
-        "wait: ${t}",
-        "show: {text: x}\ntimeout: ${t}",
-        "wait_for: {condition: 1 > 0, for: '${t}'}",
-        COOLING.replace("forever", "2"),
+        ("wait: ${t}", "expected a time such as '5 s'"),
+        ("show: {text: x}\ntimeout: ${t}", "expected a time such as '5 s'"),
+        ("wait_for: {condition: 1 > 0, for: '${t}'}", "expected a time such as '5 s'"),
+        (COOLING.replace("forever", "2"), "expected a time such as '5 s'"),
+        ("random: [{say: a, weight: '${t}'}, {say: b}]", "'weight' is .*a number from 0 on"),
     ],
 )
-def test_invalid_duration_fails_with_message(tree: str, value: Plain) -> None:
+def test_invalid_duration_or_weight_fails_with_message(
+    tree: str, words: str, value: Plain
+) -> None:
     harness = TreeHarness(tree, head=TUNABLE, answers={"show": LONG})
     harness.tunables["t"] = value
     assert harness.tick(2) == "failed"
-    assert "expected a time such as '5 s'" in harness.message
+    assert re.search(words, harness.message)
     assert "a.yaml:" in harness.message
     assert harness.environment.running() == []
 
