@@ -8,6 +8,11 @@ import pytest
 from bt_agents.engine.tick_scheduler import REST_S, TickScheduler
 
 
+@pytest.fixture
+def pace() -> TickScheduler:
+    return TickScheduler(1.0, now=0.0)
+
+
 def tick(pace: TickScheduler, began: float, ended: float, **latest: float) -> None:
     pace.started()
     pace.finished(began, ended, **latest)
@@ -27,8 +32,7 @@ def test_late_or_long_tick_skips_missed_ticks(began: float, ended: float, due: f
     assert pace.due == pytest.approx(due)
 
 
-def test_request_adds_immediate_tick_and_keeps_grid() -> None:
-    pace = TickScheduler(1.0, now=0.0)
+def test_request_adds_immediate_tick_and_keeps_grid(pace: TickScheduler) -> None:
     tick(pace, 0.0, 0.001)
     pace.request(0.4)
     assert pace.due == 0.4
@@ -36,8 +40,7 @@ def test_request_adds_immediate_tick_and_keeps_grid() -> None:
     assert pace.due == 1.0
 
 
-def test_early_request_waits_as_long_as_last_tick() -> None:
-    pace = TickScheduler(1.0, now=0.0)
+def test_early_request_waits_as_long_as_last_tick(pace: TickScheduler) -> None:
     tick(pace, 0.0, 0.05)
     pace.request(0.06)
     assert pace.due == pytest.approx(0.1)
@@ -46,16 +49,14 @@ def test_early_request_waits_as_long_as_last_tick() -> None:
     assert pace.due == pytest.approx(0.1 + REST_S)
 
 
-def test_request_during_tick_is_not_lost() -> None:
-    pace = TickScheduler(1.0, now=0.0)
+def test_request_during_tick_is_not_lost(pace: TickScheduler) -> None:
     pace.started()
     pace.request(0.002)
     pace.finished(0.0, 0.01)
     assert pace.due == pytest.approx(0.02)
 
 
-def test_request_flood_uses_at_most_half_the_time() -> None:
-    pace = TickScheduler(1.0, now=0.0)
+def test_request_flood_uses_at_most_half_the_time(pace: TickScheduler) -> None:
     now, ticked_s, ticks = 0.0, 0.0, 0
     while now < 1.0:
         pace.request(now)
@@ -69,23 +70,20 @@ def test_request_flood_uses_at_most_half_the_time() -> None:
     assert ticks >= 50
 
 
-def test_urgent_tick_skips_rest() -> None:
-    pace = TickScheduler(1.0, now=0.0)
+def test_urgent_tick_skips_rest(pace: TickScheduler) -> None:
     tick(pace, 0.0, 0.05)
     pace.now(0.06)
     assert pace.due == 0.06
 
 
-def test_deadline_between_ticks_is_met() -> None:
-    pace = TickScheduler(1.0, now=0.0)
+def test_deadline_between_ticks_is_met(pace: TickScheduler) -> None:
     tick(pace, 0.0, 0.001, latest=0.3)
     assert pace.due == 0.3
     tick(pace, 0.3, 0.301, latest=0.2)
     assert pace.due == pytest.approx(0.301)
 
 
-def test_rate_change_takes_effect_immediately() -> None:
-    pace = TickScheduler(1.0, now=0.0)
+def test_rate_change_takes_effect_immediately(pace: TickScheduler) -> None:
     tick(pace, 0.0, 0.001)
     pace.change(0.1, 0.2)
     assert pace.due == pytest.approx(0.3)

@@ -38,9 +38,8 @@ def test_unreachable_server_is_silent_until_it_answers():
 
 
 def test_duplicate_action_servers_raise_a_warning():
-    now = [0.0]
     changes = []
-    graph = GraphProblems(clock=lambda: now[0])
+    graph = GraphProblems(clock=lambda: 0.0)
     graph.on_change = lambda: changes.append([*graph.messages])
     assert graph.look("/carry", ["/a"]) == ""
     message = graph.look("/carry", ["/a", "/b"])

@@ -20,6 +20,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "presets"
 
 
+@pytest.fixture
+def presets(folder: Path) -> Presets:
+    return Presets(folder)
+
+
 def write(folder: Path, file: str, text: str) -> Path:
     folder.mkdir(exist_ok=True)
     path = folder / file
@@ -35,8 +40,7 @@ def files(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir()]
 
 
-def test_a_preset_is_a_readable_file(folder):
-    presets = Presets(folder)
+def test_a_preset_is_a_readable_file(presets, folder):
     presets.save("Care home", VALUES)
     assert (folder / "care_home.yaml").read_text() == (
         "format: 1\n"
@@ -71,8 +75,7 @@ def test_two_hosts_share_the_presets_of_a_folder(folder):
     assert list(Presets(folder).by_name) == list(other.by_name) == ["morning", "night"]
 
 
-def test_file_edited_by_author_is_read_again(folder):
-    presets = Presets(folder)
+def test_file_edited_by_author_is_read_again(presets, folder):
     path = write(folder, "early.yaml", preset_text("early", {"a.patience": "12 s"}))
     presets.refresh()
     before = presets.by_name
@@ -84,7 +87,8 @@ def test_file_edited_by_author_is_read_again(folder):
 
 
 def test_a_broken_file_affects_no_other_preset(folder):
-    broken = write(folder, "morning.yaml", "values: [\n")
+    text = "format: 1\npreset: morning\nvalues: [\n"
+    broken = write(folder, "morning.yaml", text)
     write(folder, "night.yaml", preset_text("night", {"b.loud": "false"}))
     presets = Presets(folder)
     assert list(presets.by_name) == ["night"]
@@ -94,11 +98,10 @@ def test_a_broken_file_affects_no_other_preset(folder):
         presets.get("morning")
     with pytest.raises(Refused, match=r"FILE_TAKEN: .*morning\.yaml holds another"):
         presets.save("morning", VALUES)
-    assert broken.read_text() == "values: [\n"
+    assert broken.read_text() == text
 
 
-def test_name_with_file_of_other_preset_is_refused(folder):
-    presets = Presets(folder)
+def test_name_with_file_of_other_preset_is_refused(presets):
     presets.save("care home", {"a.patience": "12 s"})
     with pytest.raises(Refused, match="FILE_TAKEN"):
         presets.save("care-home", VALUES)
@@ -129,8 +132,7 @@ def test_no_name_leaves_the_folder(folder, name):
     assert list(Presets(folder).by_name) == [name]
 
 
-def test_an_unknown_preset_is_refused_with_the_nearest(folder):
-    presets = Presets(folder)
+def test_an_unknown_preset_is_refused_with_the_nearest(presets):
     with pytest.raises(Refused, match="UNKNOWN_PRESET: no preset 'x'; 'bt-agents preset save"):
         presets.get("x")
     presets.save("morning", VALUES)
@@ -138,10 +140,9 @@ def test_an_unknown_preset_is_refused_with_the_nearest(folder):
         presets.forget("mornin")
 
 
-def test_presets_and_their_values_are_bounded(folder, monkeypatch):
+def test_presets_and_their_values_are_bounded(presets, folder, monkeypatch):
     monkeypatch.setattr(presets_module, "MOST_PRESETS", 2)
     monkeypatch.setattr(presets_module, "MOST_VALUES", 4)
-    presets = Presets(folder)
     presets.save("one", {"a.x": "1", "a.y": "1"})
     with pytest.raises(Refused, match="TOO_MANY: 2 presets with 5 values"):
         presets.save("two", VALUES)
@@ -153,12 +154,11 @@ def test_presets_and_their_values_are_bounded(folder, monkeypatch):
     assert "a host takes at most 2 presets" in presets.problems[late]
 
 
-def test_full_disk_leaves_no_preset_file(folder, monkeypatch):
+def test_full_disk_leaves_no_preset_file(presets, folder, monkeypatch):
     def full(*_arguments: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(presets_module, "write_atomically", full)
-    presets = Presets(folder)
     with pytest.raises(
         Refused, match=r"STORAGE_FULL: .*morning\.yaml cannot be written: No space"
     ):

@@ -65,17 +65,17 @@ class Host:
         )
 
 
-def test_values_set_together_share_one_revision():
-    store = Host().store
-    revision = store.set({"a.patience": 12.0, "a.attempts": 3, "tick_rate": 20.0}, ANNA)
+def test_values_set_together_share_one_revision(host):
+    revision = host.store.set({"a.patience": 12.0, "a.attempts": 3, "tick_rate": 20.0}, ANNA)
     assert (revision.number, revision.cause) == (1, ANNA)
-    assert store.format_changes(revision.changes) == "a.patience: 8 s → 12 s, a.attempts: 2 → 3"
-    assert store.set({"a.patience": 12.0}, ANNA) is None
-    assert store.history.revision == 1
+    assert (
+        host.store.format_changes(revision.changes) == "a.patience: 8 s → 12 s, a.attempts: 2 → 3"
+    )
+    assert host.store.set({"a.patience": 12.0}, ANNA) is None
+    assert host.store.history.revision == 1
 
 
-def test_values_count_for_the_agent_at_once():
-    host = Host()
+def test_values_count_for_the_agent_at_once(host):
     member = host.registry.members["a"]
     tunables = member.tunables
     host.store.set({"a.patience": 12.0, "a.learning_rate": 0.5, "tick_rate": 30.0}, ANNA)
@@ -84,25 +84,22 @@ def test_values_count_for_the_agent_at_once():
     assert host.changed == ["a.patience", "a.learning_rate", "tick_rate"]
 
 
-def test_one_impossible_value_of_a_set_changes_nothing():
-    host = Host()
+def test_one_impossible_value_of_a_set_changes_nothing(host):
     with pytest.raises(Refused, match=r"OUT_OF_RANGE: a\.attempts is 9"):
         host.store.set({"a.patience": 12.0, "a.attempts": 9}, ANNA)
     assert host.registry.members["a"].tunables == {"patience": 8.0, "attempts": 2}
     assert (host.changed, host.store.history.revision) == ([], 0)
 
 
-def test_value_unchanged_since_seen_revision_is_accepted():
-    store = Host().store
-    store.check_unchanged({"a.patience"}, 0)
-    store.set({"a.patience": 12.0}, ANNA)
-    store.set({"a.attempts": 3}, ANNA)
-    store.check_unchanged({"a.patience"}, 1)
-    store.check_unchanged({"tick_rate"}, 0)
+def test_value_unchanged_since_seen_revision_is_accepted(host):
+    host.store.check_unchanged({"a.patience"}, 0)
+    host.store.set({"a.patience": 12.0}, ANNA)
+    host.store.set({"a.attempts": 3}, ANNA)
+    host.store.check_unchanged({"a.patience"}, 1)
+    host.store.check_unchanged({"tick_rate"}, 0)
 
 
-def test_concurrently_changed_value_is_refused_with_its_author():
-    host = Host()
+def test_concurrently_changed_value_is_refused_with_its_author(host):
     host.store.set({"a.patience": 12.0}, ANNA)
     with pytest.raises(Refused, match="CHANGED_MEANWHILE") as refused:
         host.store.check_unchanged({"a.attempts", "a.patience"}, 0)
@@ -115,15 +112,19 @@ def test_concurrently_changed_value_is_refused_with_its_author():
         host.store.check_unchanged({"a.patience"}, 1)
 
 
-def test_unknown_seen_revision_counts_as_changed():
-    store = Host().store
+def test_unknown_seen_revision_counts_as_changed(host):
     with pytest.raises(Refused, match="revision 7 is not known here any more"):
-        store.check_unchanged({"a.patience"}, 7)
+        host.store.check_unchanged({"a.patience"}, 7)
     for number in range(MOST_REVISIONS + 1):
-        store.set({"a.attempts": 3 + number % 2}, ANNA)
+        host.store.set({"a.attempts": 3 + number % 2}, ANNA)
     with pytest.raises(Refused, match="revision 0 is not known here any more"):
-        store.check_unchanged({"a.patience"}, 0)
-    store.check_unchanged({"a.patience"}, store.history.revision)
+        host.store.check_unchanged({"a.patience"}, 0)
+    host.store.check_unchanged({"a.patience"}, host.store.history.revision)
+
+
+@pytest.fixture
+def host() -> Host:
+    return Host()
 
 
 @pytest.fixture
@@ -209,10 +210,9 @@ def test_tuned_value_survives_absence_of_its_agent(file):
         ({"description": "how very long"}, 12.0),
     ],
 )
-def test_only_changed_default_or_range_replaces_tuned_value(changes, value):
-    store = Host().store
-    store.set({"a.patience": 12.0}, ANNA)
-    assert store.replace(replace(PATIENCE, **changes)) == value
+def test_only_changed_default_or_range_replaces_tuned_value(host, changes, value):
+    host.store.set({"a.patience": 12.0}, ANNA)
+    assert host.store.replace(replace(PATIENCE, **changes)) == value
 
 
 @pytest.mark.parametrize(
@@ -265,12 +265,11 @@ def test_preset_skips_missing_and_refuses_invalid_values(tmp_path):
         store.preset("gone")
 
 
-def test_unknown_agent_is_refused_with_suggestion():
-    store = Host().store
+def test_unknown_agent_is_refused_with_suggestion(host):
     for ask in (
-        lambda agents: store.find(TuningAction.UNDO, agents),
-        lambda agents: store.find(TuningAction.REDO, agents),
-        lambda agents: store.save("x", agents),
+        lambda agents: host.store.find(TuningAction.UNDO, agents),
+        lambda agents: host.store.find(TuningAction.REDO, agents),
+        lambda agents: host.store.save("x", agents),
     ):
         with pytest.raises(Refused, match="UNKNOWN_AGENT: no agent 'b' here; possible here: a"):
             ask(["b"])
