@@ -173,15 +173,18 @@ def test_blocked_while_does_not_report_an_earlier_reason() -> None:
     assert "not so: live.mood >= 2" in harness.message
 
 
-def test_once_skips_node_after_its_first_end() -> None:
-    #  tick | first | second | repeat
-    #   1   |   S   |   S    |   R
-    #   2   |  out  |   S    |   R
-    #   3   |  out  |   S    |   S
-    harness = TreeHarness("repeat: 3\nsequence: [{say: Hello., once: true}, {say: Once more.}]")
-    assert harness.tick(3) == "succeeded"
-    assert harness.said == ["Hello.", *["Once more."] * 3]
-    assert ("SUCCESS", "left out: done once already") in harness.reports("tree/0.say@once")
+@pytest.mark.parametrize(
+    ("tree", "asked", "left_out"),
+    [
+        ("sequence: [{say: x, once: true}, {show: y}]", ["say", *["show"] * 3], "SUCCESS"),
+        ("selector: [{drive: x, once: true}, {say: y}]", ["drive", *["say"] * 3], "FAILURE"),
+    ],
+)
+def test_once_skips_node_after_its_first_end(tree: str, asked: list[str], left_out: str) -> None:
+    harness = TreeHarness(f"repeat: 3\n{tree}", answers={"drive": FAILS})
+    assert (harness.tick(3), harness.asked) == ("succeeded", asked)
+    told = harness.reports(f"tree/0.{asked[0]}@once")
+    assert told[-1] == (left_out, "left out: done once already")
 
 
 def test_cooldown_skips_node_for_its_duration() -> None:
