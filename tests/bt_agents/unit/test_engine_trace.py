@@ -17,7 +17,7 @@ def values(harness: TreeHarness, path: str) -> list[tuple[str, dict[str, str]]]:
     return [(one.status.name, dict(one.values)) for one in harness.changes if one.path == path]
 
 
-def test_an_element_has_the_changed_values_of_its_node() -> None:
+def test_element_has_the_changed_values_of_its_node() -> None:
     harness = started(
         "sequence: [{set: {guest: Ann, seats: 2}}, {set: {guest: Ann}}, {set: {guest: Bob}}]"
     )
