@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -22,8 +21,16 @@ from file_texts import read_agent_text, read_skills_text
 from tree_harness import SYMBOLS
 
 S, F = "<AlwaysSuccess/>", "<AlwaysFailure/>"
+YES, NO = "check: true", "check: false"
+TWICE = "Repeat num_cycles='2'"
+UP = "set: {k: '${k + 1}'}"
 HOT, COLD = "<ScriptCondition code='hot'/>", "<ScriptCondition code='!hot'/>"
 KNOWN = "<Script code=\"hot := true; k := 1; t := 'x'\"/>"
+
+
+def xml(start: str, *inner: str) -> str:
+    """Return an element; ``start`` is its tag with its attributes."""
+    return f"<{start}>{''.join(inner)}</{start.split()[0]}>"
 
 
 def imported(inner: str, more: str = "") -> ImportedAgent:
@@ -44,6 +51,10 @@ def document(made: ImportedAgent) -> dict:
     return yaml.safe_load(made.text)
 
 
+def tree(inner: str) -> dict:
+    return document(imported(inner))["tree"]
+
+
 def said(made: ImportedAgent, weight: RemarkLevel) -> str:
     return "\n".join(remark.message for remark in made.remarks if remark.level is weight)
 
@@ -51,66 +62,47 @@ def said(made: ImportedAgent, weight: RemarkLevel) -> str:
 @pytest.mark.parametrize(
     ("inner", "expected"),
     [
-        (f"<Sequence>{S}{F}</Sequence>", "sequence: [check: true, check: false]"),
-        (f"<AsyncSequence>{S}{F}</AsyncSequence>", "sequence: [check: true, check: false]"),
-        (f"<Fallback>{S}{F}</Fallback>", "selector: [check: true, check: false]"),
-        (
-            f"<ReactiveSequence>{S}{F}</ReactiveSequence>",
-            "sequence: {memory: false, children: [check: true, check: false]}",
-        ),
-        (
-            f"<ReactiveFallback>{S}{F}</ReactiveFallback>",
-            "selector: {memory: false, children: [check: true, check: false]}",
-        ),
-        (f"<Inverter>{S}</Inverter>", "{invert: true, check: true}"),
-        (f"<ForceSuccess>{F}</ForceSuccess>", "{succeed: true, check: false}"),
-        (f"<ForceFailure>{F}</ForceFailure>", "{fail: true, check: false}"),
-        (f"<Repeat num_cycles='3'>{S}</Repeat>", "{repeat: 3, check: true}"),
-        (f"<Repeat num_cycles='-1'>{S}</Repeat>", "{repeat: forever, check: true}"),
-        (f"<Repeat num_cycles='{{k}}'>{S}</Repeat>", "{repeat: '${k}', check: true}"),
-        (
-            f"<KeepRunningUntilFailure>{S}</KeepRunningUntilFailure>",
-            "{repeat: forever, check: true}",
-        ),
-        (
-            f"<RetryUntilSuccessful num_attempts='2'>{S}</RetryUntilSuccessful>",
-            "{retry: 2, check: true}",
-        ),
-        (f"<RunOnce>{S}</RunOnce>", "{once: true, check: true}"),
+        (xml("Sequence", S, F), "sequence: [check: true, check: false]"),
+        (xml("AsyncSequence", S, F), "sequence: [check: true, check: false]"),
+        (xml("Fallback", S, F), "selector: [check: true, check: false]"),
+        (xml("ReactiveSequence", S, F), f"sequence: {{memory: false, children: [{YES}, {NO}]}}"),
+        (xml("ReactiveFallback", S, F), f"selector: {{memory: false, children: [{YES}, {NO}]}}"),
+        (xml("Inverter", S), "{invert: true, check: true}"),
+        (xml("ForceSuccess", F), "{succeed: true, check: false}"),
+        (xml("ForceFailure", F), "{fail: true, check: false}"),
+        (xml("Repeat num_cycles='3'", S), "{repeat: 3, check: true}"),
+        (xml("Repeat num_cycles='-1'", S), "{repeat: forever, check: true}"),
+        (xml("Repeat num_cycles='{k}'", S), "{repeat: '${k}', check: true}"),
+        (xml("KeepRunningUntilFailure", S), "{repeat: forever, check: true}"),
+        (xml("RetryUntilSuccessful num_attempts='2'", S), "{retry: 2, check: true}"),
+        (xml("RunOnce", S), "{once: true, check: true}"),
         ("<Sleep msec='250'/>", "wait: 250 ms"),
         ("<Sleep msec='2500'/>", "wait: 2.5 s"),
         ("<Sleep msec='120000'/>", "wait: 2 min"),
         ("<Sleep msec='{k}'/>", "wait: '${k / 1000}'"),
-        (f"<Timeout msec='5000'>{S}</Timeout>", "{timeout: 5 s, check: true}"),
-        (f"<Timeout msec='0'>{S}</Timeout>", "check: true"),
-        (f"<Delay delay_msec='500'>{S}</Delay>", "sequence: [wait: 500 ms, check: true]"),
-        (f"<Parallel>{S}{F}</Parallel>", "parallel: [check: true, check: false]"),
+        (xml("Timeout msec='5000'", S), "{timeout: 5 s, check: true}"),
+        (xml("Timeout msec='0'", S), "check: true"),
+        (xml("Delay delay_msec='500'", S), "sequence: [wait: 500 ms, check: true]"),
+        (xml("Parallel", S, F), "parallel: [check: true, check: false]"),
         (
-            f"<Parallel success_count='1' failure_count='-1'>{S}{F}</Parallel>",
+            xml("Parallel success_count='1' failure_count='-1'", S, F),
             "parallel: {succeed_on: one, children: [check: true, check: false]}",
         ),
         (
-            f"<Parallel success_count='2' failure_count='2'>{S}{S}{F}</Parallel>",
+            xml("Parallel success_count='2' failure_count='2'", S, S, F),
             "parallel: {succeed_on: 2, children: [check: true, check: true, check: false]}",
         ),
+        (xml("TryCatch", S, F), f"{{sequence: [{YES}], on_failure: {{fail: true, {NO}}}}}"),
+        (xml("Control ID='random' _uid='7' _collapsed='true'", S, F), f"random: [{YES}, {NO}]"),
         (
-            f"<TryCatch>{S}{F}</TryCatch>",
-            "{sequence: [check: true], on_failure: {fail: true, check: false}}",
-        ),
-        (
-            f"<Control ID='random' _uid='7' _collapsed='true'>{S}{F}</Control>",
-            "random: [check: true, check: false]",
-        ),
-        (
-            f"<Control ID='random' repeats='false'>{S}{F}</Control>",
+            xml("Control ID='random' repeats='false'", S, F),
             "random: {repeats: false, children: [check: true, check: false]}",
         ),
         (HOT, "check: hot"),
         (COLD, "check: not hot"),
         ("<ScriptCondition code='k > 0 && k <3'/>", "check: k > 0 and k < 3"),
         ("<ScriptCondition code='k > 0 &amp;&amp; k &lt; 3'/>", "check: k > 0 and k < 3"),
-        (f"<IfThenElse>{HOT}{S}</IfThenElse>",
-         "choose: [{name: case_1, when: hot, check: true}]"),
+        (xml("IfThenElse", HOT, S), "choose: [{name: case_1, when: hot, check: true}]"),
         (
             f"<IfThenElse>{HOT}{S}<IfThenElse>{COLD}{F}{S}</IfThenElse></IfThenElse>",
             "choose: {children: [{name: case_1, when: hot, check: true}, "
@@ -122,17 +114,11 @@ def said(made: ImportedAgent, weight: RemarkLevel) -> str:
             "selector: {memory: false, children: [{while: hot, check: true}, "
             "{while: not hot, check: false}]}",
         ),
-        (f"<Precondition if='hot'>{F}</Precondition>", "sequence: [check: hot, check: false]"),
-        (f"<Precondition if='hot' else='SKIPPED'>{S}</Precondition>", "{when: hot, check: true}"),
-        (
-            f"<Precondition if='hot' else='SUCCESS'>{S}</Precondition>",
-            "selector: [check: not hot, check: true]",
-        ),
-        (f"<Precondition if='hot' else='RUNNING'>{S}</Precondition>", "wait_for: hot"),
-        (
-            f"<Precondition if='hot' else='RUNNING'>{F}</Precondition>",
-            "sequence: [wait_for: hot, check: false]",
-        ),
+        (xml("Precondition if='hot'", F), "sequence: [check: hot, check: false]"),
+        (xml("Precondition if='hot' else='SKIPPED'", S), "{when: hot, check: true}"),
+        (xml("Precondition if='hot' else='SUCCESS'", S), f"selector: [check: not hot, {YES}]"),
+        (xml("Precondition if='hot' else='RUNNING'", S), "wait_for: hot"),
+        (xml("Precondition if='hot' else='RUNNING'", F), f"sequence: [wait_for: hot, {NO}]"),
         ("<AlwaysSuccess _skipIf='!hot'/>", "{when: hot, check: true}"),
         ("<AlwaysSuccess _failureIf='hot'/>", "sequence: [check: not hot, check: true]"),
         ("<AlwaysSuccess _successIf='hot'/>", "selector: [check: hot, check: true]"),
@@ -140,16 +126,11 @@ def said(made: ImportedAgent, weight: RemarkLevel) -> str:
             "<AlwaysSuccess _failureIf='k == 1' _skipIf='hot'/>",
             "{when: k == 1 or not hot, sequence: [check: not k == 1, check: true]}",
         ),
-        ("<AlwaysSuccess _onSuccess='k += 1'/>",
-         "sequence: [check: true, set: {k: '${k + 1}'}]"),
-        (
-            "<AlwaysSuccess _onFailure='k += 1'/>",
-            "{check: true, on_failure: {fail: true, set: {k: '${k + 1}'}}}",
-        ),
+        ("<AlwaysSuccess _onSuccess='k += 1'/>", f"sequence: [{YES}, {UP}]"),
+        ("<AlwaysSuccess _onFailure='k += 1'/>", f"{{{YES}, on_failure: {{fail: true, {UP}}}}}"),
         (
             "<AlwaysSuccess _post='k += 1'/>",
-            "sequence: [{check: true, on_failure: {fail: true, set: {k: '${k + 1}'}}}, "
-            "set: {k: '${k + 1}'}]",
+            f"sequence: [{{{YES}, on_failure: {{fail: true, {UP}}}}}, {UP}]",
         ),
         ("<SetBlackboard value='3' output_key='count'/>", "set: {count: 3}"),
         ("<SetBlackboard value='three' output_key='{word}'/>", "set: {word: three}"),
@@ -162,20 +143,14 @@ def said(made: ImportedAgent, weight: RemarkLevel) -> str:
         ("<Ask text='Well?' answer='{=}'/>", "ask: Well?"),
         ("<Ask text='Well?' choices='json:[\"a\", 2]'/>", "ask: {text: 'Well?', choices: [a, 2]}"),
         ("<Sound name_='chirp'/>", "sound: chirp"),
-        (
-            f"<ForceFailure><Repeat num_cycles='2'>{S}</Repeat></ForceFailure>",
-            "{fail: true, repeat: 2, check: true}",
-        ),
-        (
-            f"<Repeat num_cycles='2'><ForceFailure>{S}</ForceFailure></Repeat>",
-            "{repeat: 2, sequence: [{fail: true, check: true}]}",
-        ),
+        (xml("ForceFailure", xml(TWICE, S)), "{fail: true, repeat: 2, check: true}"),
+        (xml(TWICE, xml("ForceFailure", S)), "{repeat: 2, sequence: [{fail: true, check: true}]}"),
         (
             "<Inverter><Timeout msec='9000'><AlwaysSuccess _skipIf='hot'/></Timeout></Inverter>",
             "{when: not hot, invert: true, sequence: [{timeout: 9 s, check: true}]}",
         ),
     ],
-)  # fmt: skip
+)
 def test_node_becomes_its_equivalent(inner, expected):
     made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
     assert document(made)["tree"]["sequence"][1:] == [yaml.safe_load(expected)]
@@ -185,14 +160,16 @@ def test_node_becomes_its_equivalent(inner, expected):
 @pytest.mark.parametrize(
     ("inner", "note"),
     [
-        (f"<SequenceWithMemory>{S}</SequenceWithMemory>", "starts again at the first child"),
-        (f"<ParallelAll>{S}</ParallelAll>", "stops the other children"),
-        (f"<Parallel success_count='1'>{S}{S}</Parallel>", "fails after 1 failure;"),
-        (f"<RunOnce then_skip='0'>{S}</RunOnce>", "the second time"),
-        (f"<Switch2 variable='{{k}}' case_1='1' case_2='2'>{S}{S}{S}</Switch2>", "stays with"),
+        (xml("SequenceWithMemory", S), "starts again at the first child"),
+        (xml("ParallelAll", S), "stops the other children"),
+        (xml("Parallel success_count='1'", S, S), "fails after 1 failure;"),
+        (xml("RunOnce then_skip='0'", S), "the second time"),
+        (xml("Switch2 variable='{k}' case_1='1' case_2='2'", S, S, S), "stays with"),
         ("<AlwaysSuccess _while='hot'/>", "a stopped node has failed here"),
-        (f"<NonblockingSequence>{S}{S}</NonblockingSequence>", "do not run again"),
-        (f"<RateController hz='2'>{S}</RateController>", "every time that it is reached"),
+        (xml("WhileDoElse", "<IsClear/>", S, F), "run meanwhile"),
+        (xml("ReactiveSequence", "<IsClear/>", "<Sleep msec='9000'/>"), "run meanwhile"),
+        (xml("NonblockingSequence", S, S), "do not run again"),
+        (xml("RateController hz='2'", S), "every time that it is reached"),
         ("<Repeat num_cycles='2'><Sleep msec='1' _skipIf='hot'/></Repeat>", "left out"),
         ("<Sequence><Sleep msec='1' _skipIf='hot'/></Sequence>", "all its children are left out"),
         (f"<IfThenElse>{HOT}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
@@ -216,31 +193,25 @@ def test_small_difference_becomes_note_in_file(inner, note):
     [
         ("<UnsetBlackboard key='t'/>", '<UnsetBlackboard key="t">'),
         ("<WasEntryUpdated entry='{t}'/>", "<WasEntryUpdated"),
-        (
-            f"<LoopInt queue='{{list}}' value='{{v}}'>{S}</LoopInt>",
-            "its child comes after a node that fails",
-        ),
-        (f"<LoopDouble queue='1;inf' value='{{v}}'>{S}</LoopDouble>", "has no equivalent"),
-        (
-            f"<WaitValueUpdate entry='{{t}}'>{S}</WaitValueUpdate>",
-            "its child comes after a node that fails",
-        ),
-        (f"<Decorator ID='Rate' hz='2'>{S}</Decorator>", '<Rate hz="2"> has no equivalent'),
-        (f"<SingleTrigger>{S}</SingleTrigger>", "<SingleTrigger> has no equivalent"),
-        (f"<PauseResumeController>{S}</PauseResumeController>", "<PauseResumeController> has no"),
-        (f"<Control ID='Pick'>{S}{F}</Control>", "its children come after a node that fails"),
+        (xml("LoopInt queue='{list}' value='{v}'", S), "its child comes after a node that fails"),
+        (xml("LoopDouble queue='1;inf' value='{v}'", S), "has no equivalent"),
+        (xml("WaitValueUpdate entry='{t}'", S), "its child comes after a node that fails"),
+        (xml("Decorator ID='Rate' hz='2'", S), '<Rate hz="2"> has no equivalent'),
+        (xml("SingleTrigger", S), "<SingleTrigger> has no equivalent"),
+        (xml("PauseResumeController", S), "<PauseResumeController> has no"),
+        (xml("Control ID='Pick'", S, F), "its children come after a node that fails"),
         ("<Script code='k := k &amp; 4'/>", "no operator '&'"),
         ("<Script code='{t}'/>", "is in a blackboard entry"),
         ("<ScriptCondition code='~k &gt; 2'/>", "no operator '~'"),
         ("<AlwaysSuccess _skipIf='k ^ 2'/>", '_skipIf="k ^ 2" is left out'),
         ("<AlwaysSuccess _onHalted='k := 1'/>", "_onHalted"),
-        (f"<TryCatch catch_on_halt='true'>{S}{F}</TryCatch>", "on_cancel"),
-        (f"<Parallel success_count='{{k}}'>{S}{F}</Parallel>", "'success_count' is {k}"),
-        (f"<Precondition if='hot' else='{{t}}'>{S}</Precondition>", "FAILURE is assumed"),
+        (xml("TryCatch catch_on_halt='true'", S, F), "on_cancel"),
+        (xml("Parallel success_count='{k}'", S, F), "'success_count' is {k}"),
+        (xml("Precondition if='hot' else='{t}'", S), "FAILURE is assumed"),
         ("<Say text='Hello' volume='3'/>", "our skill 'say' has no field 'volume'"),
         ("<Say text='json:{'/>", "is not JSON"),
         ("<SetBlackboard value='json:{' output_key='x'/>", "is not JSON"),
-        (f"<Control ID='random' weights='json:{{'>{S}</Control>", "is not JSON"),
+        (xml("Control ID='random' weights='json:{'", S), "is not JSON"),
         ("<Script code='scene__age := 4'/>", "'scene.age' cannot be given a value"),
         ("<Script code='x := @t'/>", "the entry '@t' of all trees"),
     ],
@@ -256,15 +227,12 @@ def test_node_without_equivalent_is_listed_and_commented(inner, lost):
     "node", ["Decorator ID='Rate' hz='2'", "SingleTrigger", "PauseResumeController"]
 )
 def test_untranslatable_node_fails_before_its_children_run(node):
-    made = imported(f"<{node}>{S}</{node.split()[0]}>")
-    failing, child = document(made)["tree"]["sequence"]
-    assert failing["fail"] is True
-    assert child == {"check": True}
+    failing, child = tree(xml(node, S))["sequence"]
+    assert (failing["fail"], child) == (True, {"check": True})
 
 
 def test_recovery_runs_between_tries_until_it_fails():
-    made = imported(f"<RecoveryNode number_of_retries='2'>{F}{S}</RecoveryNode>")
-    counted, tries = document(made)["tree"]["sequence"]
+    counted, tries = tree(xml("RecoveryNode number_of_retries='2'", F, S))["sequence"]
     assert counted == {"set": {"recoveries_1": 0}}
     assert tries == yaml.safe_load(
         """
@@ -283,13 +251,12 @@ def test_recovery_runs_between_tries_until_it_fails():
 
 
 def test_unlimited_recoveries_become_unlimited_retries():
-    made = imported(f"<RecoveryNode number_of_retries='-1'>{F}{S}</RecoveryNode>")
+    made = imported(xml("RecoveryNode number_of_retries='-1'", F, S))
     assert document(made)["tree"]["sequence"][1]["retry"] == "forever"
 
 
 def test_round_robin_continues_with_next_child_each_time():
-    made = imported(f"<RoundRobin>{S}{F}</RoundRobin>")
-    assert document(made)["tree"] == yaml.safe_load(
+    assert tree(xml("RoundRobin", S, F)) == yaml.safe_load(
         """
         retry: 2
         sequence:
@@ -302,8 +269,7 @@ def test_round_robin_continues_with_next_child_each_time():
 
 
 def test_round_robin_without_wrap_ends_after_last_child():
-    made = imported(f"<RoundRobin wrap_around='false'>{S}{F}</RoundRobin>")
-    assert document(made)["tree"] == {
+    assert tree(xml("RoundRobin wrap_around='false'", S, F)) == {
         "selector": [
             {"when": "turn_1 else 0 < 1", "sequence": [{"set": {"turn_1": 1}}, {"check": True}]},
             {"fail": True, "sequence": [{"set": {"turn_1": 0}}, {"check": False}]},
@@ -322,15 +288,14 @@ def test_round_robin_without_wrap_ends_after_last_child():
 )
 def test_switch_compares_all_cases_as_one_kind(cases, compared):
     attributes = " ".join(f"case_{number}='{text}'" for number, text in enumerate(cases, 1))
-    made = imported(f"<Switch2 variable='{{k}}' {attributes}>{S}{S}{F}</Switch2>")
-    _, switch = document(made)["tree"]["sequence"]
+    _, switch = tree(xml(f"Switch2 variable='{{k}}' {attributes}", S, S, F))["sequence"]
     assert [case["when"] for case in switch["choose"]["children"]] == [
         f"k == {text}" for text in compared
     ]
 
 
 def test_zero_retries_mean_one_try():
-    made = imported(f"<RecoveryNode number_of_retries='0'>{F}{S}</RecoveryNode>")
+    made = imported(xml("RecoveryNode number_of_retries='0'", F, S))
     assert document(made)["tree"] == {"check": False}
     assert "tried once" in said(made, RemarkLevel.NOTE)
 
@@ -339,7 +304,7 @@ def test_zero_retries_mean_one_try():
     ("loop", "result"), [("Repeat num_cycles", True), ("RetryUntilSuccessful num_attempts", False)]
 )
 def test_loop_of_zero_iterations_does_nothing(loop, result):
-    made = imported(f"<{loop}='0'>{S}</{loop.split()[0]}>")
+    made = imported(xml(f"{loop}='0'", S))
     assert document(made)["tree"] == {"check": result}
     assert "never done" in said(made, RemarkLevel.NOTE)
 
@@ -354,21 +319,10 @@ def test_loop_of_zero_iterations_does_nothing(loop, result):
     ],
 )
 def test_loop_assigns_values_to_name_in_turn(loop, values):
-    made = imported(f"<{loop} value='{{v}}' if_empty='FAILURE'>{S}</{loop.split()[0]}>")
-    first, second = map(json.dumps, values)
-    assert document(made)["tree"]["sequence"] == yaml.safe_load(
-        f"""
-        - set: {{turn_1: 0}}
-        - repeat: 2
-          sequence:
-            - set: {{turn_1: "${{turn_1 + 1}}"}}
-            - choose:
-                - {{name: case_1, when: turn_1 == 1, set: {{v: {first}}}}}
-                - {{name: case_2, when: turn_1 == 2, set: {{v: {second}}}}}
-            - check: true
-        - check: false
-        """
-    )
+    _, repeated, empty = tree(xml(f"{loop} value='{{v}}' if_empty='FAILURE'", S))["sequence"]
+    counted, choice, child = repeated["sequence"]
+    assert [case["set"] for case in choice["choose"]] == [{"v": value} for value in values]
+    assert (list(counted["set"]), child, empty) == (["turn_1"], {"check": True}, {"check": False})
 
 
 def while_following(repeated: dict, last: dict) -> dict:
@@ -381,49 +335,27 @@ def while_following(repeated: dict, last: dict) -> dict:
 DONE = {"set": {"done_1": True}}
 
 
-def test_pipeline_repeats_first_child_while_next_runs():
-    made = imported(
-        f"<PipelineSequence><RateController hz='0.5'>{S}</RateController><Sleep msec='9000'/>"
-        "</PipelineSequence>"
-    )
-    repeated = {
-        "repeat": {"times": "forever", "pause": "2 s"},
-        "sequence": [{"check": True}, DONE],
-    }
-    assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
-    assert not made.remarks
-
-
 @pytest.mark.parametrize(
-    ("controller", "asked"),
+    ("controller", "repeat", "asked"),
     [
-        ("DistanceController distance='1.5'", {"distance_controller": {"distance": 1.5}}),
-        ("SpeedController min_rate='0.2'", {"speed_controller": {"min_rate": 0.2}}),
-        ("GoalUpdatedController", {"goal_updated_controller": {}}),
+        ("RateController hz='0.5'", {"times": "forever", "pause": "2 s"}, []),
+        ("DistanceController distance='2'", "forever", [{"distance_controller": {"distance": 2}}]),
+        ("SpeedController min_rate='0.2'", "forever", [{"speed_controller": {"min_rate": 0.2}}]),
+        ("GoalUpdatedController", "forever", [{"goal_updated_controller": {}}]),
     ],
 )
-def test_repetition_controllers_become_skills(controller, asked):
-    tag = controller.split()[0]
-    made = imported(
-        f"<PipelineSequence><{controller}>{S}</{tag}><Sleep msec='9000'/></PipelineSequence>"
-    )
-    repeated = {"repeat": "forever", "sequence": [{"check": True}, DONE, asked]}
+def test_pipeline_repeats_first_child_while_next_runs(controller, repeat, asked):
+    made = imported(xml("PipelineSequence", xml(controller, S), "<Sleep msec='9000'/>"))
+    repeated = {"repeat": repeat, "sequence": [{"check": True}, DONE, *asked]}
     assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
+    assert not made.remarks
 
 
 def test_nested_pipeline_is_written_once():
     inner = "<Plan/>"
     for _ in range(4):
         inner = f"<PipelineSequence>{inner}<Follow/></PipelineSequence>"
-    made = imported(inner)
-    assert made.text.count("plan: {}") == 1
-
-
-def test_reactive_skills_are_checked_while_last_child_runs():
-    made = imported("<ReactiveSequence><IsClear/><Sleep msec='9000'/></ReactiveSequence>")
-    repeated = {"repeat": "forever", "sequence": [{"is_clear": {}}, DONE]}
-    assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
-    assert "run meanwhile" in said(made, RemarkLevel.NOTE)
+    assert imported(inner).text.count("plan: {}") == 1
 
 
 def test_reactive_fallback_inverts_its_skills():
@@ -431,24 +363,6 @@ def test_reactive_fallback_inverts_its_skills():
     repeated = {"repeat": "forever", "sequence": [{"invert": True, "is_clear": {}}, DONE]}
     expected = while_following(repeated, {"invert": True, "wait": "9 s"})
     assert document(made)["tree"] == {"invert": True, **expected}
-
-
-def test_while_condition_may_take_time():
-    made = imported(f"<WhileDoElse><IsClear/>{S}{F}</WhileDoElse>")
-    assert "run meanwhile" in said(made, RemarkLevel.NOTE)
-    first, second, together = document(made)["tree"]["sequence"]
-    assert (first, second) == ({"set": {"fits_1": False}}, {"set": {"done_1": False}})
-    asked, branches = together["parallel"]["children"]
-    assert asked["sequence"][0] == {
-        "selector": [
-            {"sequence": [{"is_clear": {}}, {"set": {"fits_1": True}}]},
-            {"set": {"fits_1": False}},
-        ]
-    }
-    assert branches["sequence"][1]["selector"]["children"] == [
-        {"while": "fits_1", "check": True},
-        {"while": "not fits_1", "check": False},
-    ]
 
 
 def test_goal_updater_becomes_skill_before_its_child():
@@ -466,7 +380,7 @@ def test_goal_updater_becomes_skill_before_its_child():
 
 
 def test_longer_path_is_checked_before_the_child():
-    made = imported(f"<PathLongerOnApproach prox_len='3.0'>{F}</PathLongerOnApproach>")
+    made = imported(xml("PathLongerOnApproach prox_len='3.0'", F))
     longer = {"invert": True, "path_longer_on_approach": {"prox_len": 3.0}}
     assert document(made)["tree"] == {"selector": [longer, {"check": False}]}
 
@@ -569,8 +483,7 @@ def test_port_with_reserved_name_is_renamed():
 
 
 def test_untranslated_leaf_fails_with_message():
-    made = imported("<UnsetBlackboard key='x'/>")
-    assert document(made)["tree"] == {
+    assert tree("<UnsetBlackboard key='x'/>") == {
         "fail": True,
         "log": {"message": 'not translated: <UnsetBlackboard key="x">', "level": "error"},
     }
@@ -582,8 +495,7 @@ def test_every_builtin_node_has_a_translator():
 
 def test_condition_node_is_evaluated_once():
     asked = f"<IfThenElse><Sequence>{HOT}{HOT}</Sequence>{S}{F}</IfThenElse>"
-    made = imported(f"<Sequence>{KNOWN}{asked}</Sequence>")
-    assert document(made)["tree"]["sequence"][1] == yaml.safe_load(
+    assert tree(f"<Sequence>{KNOWN}{asked}</Sequence>")["sequence"][1] == yaml.safe_load(
         """
         sequence:
           - set: {fits_1: false}
@@ -597,7 +509,7 @@ def test_condition_node_is_evaluated_once():
 
 
 def test_descriptions_become_comments():
-    made = imported(f"<Sequence _description='first&#10;second'>{S}</Sequence>")
+    made = imported(xml("Sequence _description='first&#10;second'", S))
     assert "tree:\n  # first\n  # second\n  sequence:\n" in made.text
 
 
@@ -612,8 +524,7 @@ def test_externally_set_names_are_initialised_first():
 
 
 def test_names_are_converted_and_stay_distinct():
-    made = imported("<Script code='Goal := 1; goal := 2; myGoal := 3; result := 4'/>")
-    assert document(made)["tree"]["set"] == {
+    assert tree("<Script code='Goal := 1; goal := 2; myGoal := 3; result := 4'/>")["set"] == {
         "goal": 1, "goal_2": 2, "my_goal": 3, "result_2": 4,
     }  # fmt: skip
 
