@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -40,18 +41,19 @@ texts = st.sampled_from(["Hello.", "a: b # c", "'x'", "3", "true", "{x}", "${t}"
 switches = st.just(True)
 labels = st.sampled_from(["", "greet", "on the way"])
 
+
+def node(key: str, value: Any, **more: Any) -> st.SearchStrategy[YamlNode]:
+    """Return nodes of a key; the other arguments are strategies."""
+    return st.builds(YamlNode, key=st.just(key), value=value, **more)
+
+
+numbers = st.integers(-9, 9) | st.floats(-9, 9)
 leaves = st.one_of(
-    st.builds(YamlNode, key=st.just("check"), value=conditions | st.booleans()),
-    st.builds(YamlNode, key=st.just("wait"), value=times),
-    st.builds(YamlNode, key=st.just("wait_for"), value=conditions),
-    st.builds(YamlNode, key=st.just("say"), value=texts),
-    st.builds(
-        YamlNode,
-        key=st.just("set"),
-        value=st.dictionaries(
-            st.sampled_from(["x", "y"]), st.integers(-9, 9) | st.floats(-9, 9), min_size=1
-        ),
-    ),
+    node("check", conditions | st.booleans()),
+    node("wait", times),
+    node("wait_for", conditions),
+    node("say", texts),
+    node("set", st.dictionaries(st.sampled_from(["x", "y"]), numbers, min_size=1)),
     st.just(YamlNode(key="set", value={"u": "${t}!", "v": ["a", Raw("${x}")]})),
     st.just(YamlNode(key="ask", value="Well?", siblings={"outputs": {"reply": "answer"}})),
     st.just(YamlNode(key="log", value={"message": "x is ${x}", "level": "warning"})),
@@ -64,27 +66,13 @@ def _composites(children: st.SearchStrategy[YamlNode]) -> st.SearchStrategy[Yaml
     pairs = st.lists(children, min_size=2, max_size=3).map(tuple)
     cases = st.lists(children, min_size=1, max_size=3).flatmap(_cases)
     memory = st.sampled_from([{}, {"memory": False}])
+    succeed_on = st.sampled_from([{}, {"succeed_on": Raw("one")}])
+    otherwise = st.sampled_from([{}, {"otherwise": YamlNode(key="check", value=True)}])
     return st.one_of(
-        st.builds(
-            YamlNode,
-            key=st.sampled_from(["sequence", "selector"]),
-            value=memory,
-            children=listed,
-            name=labels,
-        ),
-        st.builds(
-            YamlNode,
-            key=st.just("parallel"),
-            value=st.sampled_from([{}, {"succeed_on": Raw("one")}]),
-            children=pairs,
-            name=labels,
-        ),
-        st.builds(
-            YamlNode,
-            key=st.just("choose"),
-            value=st.sampled_from([{}, {"otherwise": YamlNode(key="check", value=True)}]),
-            children=cases,
-        ),
+        node("sequence", memory, children=listed, name=labels),
+        node("selector", memory, children=listed, name=labels),
+        node("parallel", succeed_on, children=pairs, name=labels),
+        node("choose", otherwise, children=cases),
         st.builds(YamlNode, key=st.just("random"), children=listed),
     )
 
