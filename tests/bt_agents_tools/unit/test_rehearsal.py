@@ -13,7 +13,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.testing.scenarios import ScriptedEvent
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_robot.acts import Ask
-from bt_agents_tools.rehearsal.events import EventKind
+from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from bt_agents_tools.rehearsal.transcript import transcript
 from file_texts import read_agent_text, read_scene_text, read_skills_text
@@ -25,38 +25,11 @@ feedback:
   - {when: mood.change >= 0.5, for: 2 s, give: positive}
   - {when: mood.change <= -1.0, for: 2 s, give: negative, then: cancel}
 """
-
-
-def test_speech_lasts_as_long_as_its_text() -> None:
-    slow = rehearsed("say: {text: 0123456789, rate: 0.5}")
-    assert slow.outcome is TreeOutcome.SUCCEEDED
-    assert slow.duration_s == pytest.approx((0.4 + 10 * 0.06) / 0.5)
-
-
-def test_services_are_instant_and_actions_last_one_second() -> None:
-    result = rehearsed("sequence: [light: green, sound: chirp, drive: gate 7, drive: gate 8]")
-    assert events_of(result, EventKind.BEGINS, EventKind.SENDS) == [
-        (0.0, "light"),
-        (0.0, "sound"),
-        (0.0, "drive"),
-        (1.0, "drive"),
-    ]
-    assert result.duration_s == 2.0
-
-
-def test_explicit_duration_is_honoured() -> None:
-    assert rehearsed("show: {text: a, duration: 7 s}").duration_s == 7.0
-
-
 ECHO = """
 sequence:
   - ask: {text: Which?, choices: %s}
   - say: ${answer}
 """
-
-
-def test_choice_question_defaults_to_first_choice() -> None:
-    assert spoken_texts(rehearsed(ECHO % "[bag, bear]")) == ["Which?", "bag"]
 
 
 def test_answers_are_used_in_order_and_last_repeats() -> None:
@@ -65,16 +38,8 @@ def test_answers_are_used_in_order_and_last_repeats() -> None:
 
 
 def test_path_answer_overrides_skill_answer() -> None:
-    result = rehearsed(
-        """
-        sequence:
-          - ask: First?
-          - say: ${answer}
-          - ask: Second?
-          - say: ${answer}
-        """,
-        "answers: {ask: by skill, tree/2.ask: by path}",
-    )
+    tree = "sequence: [ask: First?, say: '${answer}', ask: Second?, say: '${answer}']"
+    result = rehearsed(tree, "answers: {ask: by skill, tree/2.ask: by path}")
     assert spoken_texts(result)[1::2] == ["by skill", "by path"]
 
 
@@ -119,22 +84,6 @@ def test_a_skill_can_fail_in_every_way(answer: str, words: str) -> None:
     assert "(tree, a.yaml:" in result.message
 
 
-def test_failure_is_reported_before_its_consequences() -> None:
-    result = rehearsed(
-        "drive: gate 7\non_failure: {say: Sorry.}", "answers: {drive: {ends: rejected}}"
-    )
-    told = [
-        (event.kind, event.node and event.node.kind)
-        for event in result.events
-        if event.kind in (EventKind.BEGINS, EventKind.FAILS)
-    ]
-    assert told == [
-        (EventKind.BEGINS, "drive"),
-        (EventKind.FAILS, "drive"),
-        (EventKind.BEGINS, "say"),
-    ]
-
-
 def test_wait_without_event_never_ends_and_shows_position() -> None:
     result = rehearsed("wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool}")
     assert result.outcome is None
@@ -143,18 +92,29 @@ def test_wait_without_event_never_ends_and_shows_position() -> None:
     assert result.ticks < 5
 
 
-def test_prompt_can_supply_event_for_endless_wait() -> None:
-    spec = agent("wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}")
+def prompted(tree: str, *events: ScriptedEvent | None) -> tuple[Rehearsed, list[str]]:
+    """Rehearse a tree with a user who supplies some events; return also the prompts."""
+    spec, typed = agent(tree), iter(events)
     asked: list[str] = []
 
-    def prompt(reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent:
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent | None:
         asked.append(reason)
-        return ScriptedEvent(after_s=5.0, topic="buttons/confirm", message={"data": True})
+        return next(typed)
 
-    result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
-    assert result.outcome is TreeOutcome.SUCCEEDED
-    assert len(asked) == 1
-    assert result.duration_s == pytest.approx(5.1, abs=0.11)
+    return rehearse(spec, SPACE, scenario(spec), prompt=prompt), asked
+
+
+def test_interactive_user_is_prompted_once_per_limited_wait() -> None:
+    result, asked = prompted("wait_for: live.mood > 4\ntimeout: 20 s\nsucceed: true", None)
+    assert asked == ["it waits: wait_for live.mood > 4, 19.9 s at most"]
+    assert result.duration_s == 20.0
+
+
+def test_wait_prompts_again_until_tree_proceeds() -> None:
+    moods = (ScriptedEvent(after_s=3.0, values={"mood": mood}) for mood in (2.0, 5.0))
+    result, asked = prompted("wait_for: live.mood > 4\ntimeout: 20 s", *moods)
+    assert (result.outcome, len(asked)) == (TreeOutcome.SUCCEEDED, 2)
+    assert result.duration_s == pytest.approx(6.2, abs=0.21)
 
 
 def test_endless_tree_is_ended() -> None:
@@ -182,18 +142,10 @@ def test_one_hour_of_speech_ticks_only_on_events() -> None:
 
 
 def test_low_mood_gives_feedback_and_cancels_by_rule() -> None:
-    result = rehearsed(
-        "say: A very long text.",
-        """
-        answers: {say: {after: 20 s}}
-        during:
-          - {after: 3 s, mood: 1.5}
-          - {after: 4 s, mood: 3}
-          - {after: 6 s, mood: 1.5}
-        """,
-        head=RULES + "on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n",
-    )
-    assert result.outcome is TreeOutcome.CANCELLED
+    moods = "[{after: 3 s, mood: 1.5}, {after: 4 s, mood: 3}, {after: 6 s, mood: 1.5}]"
+    scripted = f"answers: {{say: {{after: 20 s}}}}\nduring: {moods}"
+    clean_up = "on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n"
+    result = rehearsed("say: A very long text.", scripted, head=RULES + clean_up)
     assert result.cancelled_by == "mood.change <= -1.0"
     assert result.feedback == (FeedbackKind.NEGATIVE,)
     assert events_of(result, EventKind.FEEDBACK, EventKind.STOPS, EventKind.BEGINS)[1:3] == [
@@ -201,14 +153,6 @@ def test_low_mood_gives_feedback_and_cancels_by_rule() -> None:
         (8.0, "say"),
     ]
     assert str(spoken_texts(result)[1]).startswith("mood rule: mood.change <= -1.0 held 2 s")
-
-
-def test_feedback_only_rule_lets_run_continue() -> None:
-    result = rehearsed("wait: 20 s", "during: [{after: 3 s, mood: 4}]", head=RULES)
-    assert result.outcome is TreeOutcome.SUCCEEDED
-    assert events_of(result, EventKind.FEEDBACK) == [
-        (5.0, "positive: mood.change >= 0.5 held 2 s: mood 3 → 4")
-    ]
 
 
 def test_long_mood_condition_is_watched_without_ticking() -> None:
@@ -224,18 +168,11 @@ def test_mood_is_unknown_after_person_leaves() -> None:
 
 
 def test_scripted_event_can_wait_for_node() -> None:
+    wait = "wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}"
+    press = "publish: {topic: button, message: {data: true}}"
     result = rehearsed(
-        """
-        sequence:
-          - say: A text whose length nobody wants to count.
-          - wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}
-        """,
-        """
-        during:
-          - at: tree/1.wait_for
-            after: 2 s
-            publish: {topic: button, message: {data: true}}
-        """,
+        f"sequence: [say: A text whose length nobody wants to count., {wait}]",
+        f"during: [{{at: tree/1.wait_for, after: 2 s, {press}}}]",
     )
     assert result.outcome is TreeOutcome.SUCCEEDED
     [(said_s, _), *_] = events_of(result, EventKind.WAITS)
@@ -248,28 +185,6 @@ def test_tunables_can_be_set_initially_and_during_rehearsal() -> None:
     result = rehearsed("wait: ${pause}", "during: [{after: 2 s, tune: {pause: 30 s}}]", head=head)
     assert result.duration_s == 30.0
     assert events_of(result, EventKind.TUNES) == [(2.0, "pause 30 s")]
-
-
-@pytest.mark.parametrize(
-    ("cancel", "says"),
-    [
-        ("it is late", "operator: it is late"),
-        ("{reason: somebody falls, by: other scene}", "other scene: somebody falls"),
-    ],
-)
-def test_clean_up_receives_cancel_source_and_reason(cancel: str, says: str) -> None:
-    result = rehearsed(
-        "wait: 1 min",
-        f"during: [{{after: 7 s, cancel: {cancel}}}]",
-        head="on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n",
-    )
-    assert spoken_texts(result) == [says]
-
-
-def test_run_can_be_cancelled_externally() -> None:
-    result = rehearsed("wait: 1 min", "during: [{after: 7 s, cancel: the operator}]")
-    assert result.outcome is TreeOutcome.CANCELLED
-    assert (result.duration_s, result.cancelled_by) == (7.0, "the operator")
 
 
 SCENE_WITH_DEFAULTS = """
@@ -302,13 +217,8 @@ def test_absent_person_uses_no_person_values_until_arrival() -> None:
 
 
 def test_replaced_nodes_are_not_rehearsed() -> None:
-    tree = """
-        sequence:
-          - name: way
-            timeout: 5 s
-            sequence: [drive: gate 7, drive: gate 8]
-          - say: Here we are.
-    """
+    way = "{name: way, timeout: 5 s, sequence: [drive: gate 7, drive: gate 8]}"
+    tree = f"sequence: [{way}, say: Here we are.]"
     result = rehearsed(tree, 'replace: {"tree/*.way*": succeed}')
     assert (result.outcome, spoken_texts(result)) == (TreeOutcome.SUCCEEDED, ["Here we are."])
     assert [use.skill for use in result.uses] == ["say"]
@@ -380,60 +290,17 @@ def test_non_bidding_agent_runs_only_when_forced() -> None:
 
 
 def test_memoryless_sequence_repeats_children_while_waiting() -> None:
-    result = rehearsed(
-        """
-        sequence:
-          memory: false
-          children:
-            - sound: beep
-            - wait: 1 s
-        """
-    )
+    result = rehearsed("sequence: {memory: false, children: [sound: beep, wait: 1 s]}")
     assert len(result.uses) == 11
 
 
-def test_feedback_and_log_lines_are_reported() -> None:
-    result = rehearsed(
-        """
-        sequence:
-          - log: {message: "age ${scene.age}", level: warning}
-          - give_feedback: {kind: positive, reason: thanked}
-        """
-    )
-    assert events_of(result, EventKind.LOGS, EventKind.FEEDBACK) == [
-        (0.0, "warning: age 3"),
-        (0.0, "positive: the tree: thanked"),
-    ]
-    assert result.feedback == (FeedbackKind.POSITIVE,)
-
-
 def test_skill_without_robot_support_can_be_rehearsed() -> None:
-    dance = read_skills_text(
-        """
-format: 1
-skills:
-  dance:
-    main: style
-    inputs: {style: {type: text}}
-    outputs: {applause: {type: number}}
-""",
-        "s.yaml",
-    )
-    symbols = SYMBOLS.with_skills(dance)
-    spec = read_agent_text(
-        """
-format: 1
-agent: dancer
-profile: {age: 3, familiarity: 3, mood: 3}
-tree:
-  sequence:
-    - dance: tango
-      outputs: {loud: applause}
-    - say: Thank you for ${loud}.
-""",
-        "a.yaml",
-        symbols,
-    )
+    fields = "{main: style, inputs: {style: text}, outputs: {applause: {type: number}}}"
+    dance = read_skills_text(f"format: 1\nskills: {{dance: {fields}}}", "s.yaml")
+    head = "format: 1\nagent: dancer\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+    tree = "sequence: [{dance: tango, outputs: {loud: applause}}, say: 'Thank you for ${loud}.']"
+    text = f"{head}tree: {{{tree}}}"
+    spec = read_agent_text(text, "a.yaml", SYMBOLS.with_skills(dance))
     result = rehearse(spec, SPACE, scenario(spec, "answers: {dance: 0.7}"))
     assert spoken_texts(result) == ["Thank you for 0.7."]
 
@@ -442,108 +309,39 @@ def test_replacement_nodes_can_set_the_same_outputs() -> None:
     tree = """
         sequence:
           - ask: Where to?
-          - drive: ${answer}
-            timeout: 9 s
+          - {drive: "${answer}", timeout: 9 s}
           - say: Here we are, at ${answer}.
     """
-    result = rehearsed(
-        tree,
-        """
+    replace = """
         replace:
           "**.ask": {set: {answer: home}}
-          "**.drive*":
-            sequence:
-              - wait: ${patience}
-              - say: I would drive.
-        """,
-        head="tunables: {patience: {default: 3 s, min: 1 s, max: 9 s, description: d}}",
-    )
+          "**.drive*": {sequence: [{wait: "${patience}"}, say: I would drive.]}
+    """
+    head = "tunables: {patience: {default: 3 s, min: 1 s, max: 9 s, description: d}}"
+    result = rehearsed(tree, replace, head=head)
     assert result.outcome is TreeOutcome.SUCCEEDED
     assert spoken_texts(result) == ["I would drive.", "Here we are, at home."]
     assert result.duration_s > 3.0
     assert not {path for path in result.marks if "drive" in path and path.count("/") == 1}
 
 
-def test_check_failure_is_reported_before_its_consequences() -> None:
-    result = rehearsed(
-        """
-        selector:
-          - check: scene.age > 3
-          - say: Hello.
-        """,
-        "scene: {mood: 3}",
-    )
-    kinds = [e.kind for e in result.events if e.kind in (EventKind.GIVES_UP, EventKind.BEGINS)]
-    assert kinds == [EventKind.GIVES_UP, EventKind.BEGINS]
-
-
-def test_reached_limit_is_reported_before_its_handler() -> None:
-    result = rehearsed(
-        "wait_for: live.mood > 4\ntimeout: 5 s\nretry: 2\non_failure: {log: nobody came}"
-    )
-    assert events_of(result, EventKind.GIVES_UP, EventKind.LOGS) == [
-        (5.0, "timeout"),
-        (10.1, "timeout"),
-        (10.1, "retry"),
-        (10.1, "info: nobody came"),
-    ]
-
-
 def test_tick_is_reported_from_root_down() -> None:
     result = rehearsed("sequence: [{selector: [{say: Hello.}]}, {wait: 1 s}]")
-    first = [
-        event.change.path
-        for event in result.events
-        if event.change is not None and event.at_s == 0.0
+    changes = [one.change for one in result.events if one.change is not None and one.at_s == 0.0]
+    assert [change.path for change in changes] == [
+        "tree",
+        "tree/0.selector",
+        "tree/0.selector/0.say",
     ]
-    assert first == ["tree", "tree/0.selector", "tree/0.selector/0.say"]
-
-
-def test_interactive_user_is_prompted_once_per_limited_wait() -> None:
-    spec = agent("wait_for: live.mood > 4\ntimeout: 20 s\nsucceed: true")
-    asked: list[str] = []
-
-    def prompt(reason: str, waits: Sequence[NodeSpec]) -> None:
-        asked.append(reason)
-
-    result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
-    assert asked == ["it waits: wait_for live.mood > 4, 19.9 s at most"]
-    assert result.duration_s == 20.0
-
-
-def test_wait_prompts_again_until_tree_proceeds() -> None:
-    spec = agent("wait_for: live.mood > 4\ntimeout: 20 s")
-    moods = [2.0, 5.0]
-
-    def prompt(reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent:
-        return ScriptedEvent(after_s=3.0, values={"mood": moods.pop(0)})
-
-    result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
-    assert result.outcome is TreeOutcome.SUCCEEDED
-    assert moods == []
-    assert result.duration_s == pytest.approx(6.2, abs=0.21)
 
 
 def test_clock_advances_from_rehearsal_start_time() -> None:
-    late = rehearsed(
-        """
-        sequence:
-          - wait_for: clock.weekday == 'monday'
-          - when: clock.hour < 6
-            say: Good night.
-        """,
-        "clock: {hour: 22, weekday: sunday}",
-    )
+    night = "{when: clock.hour < 6, say: Good night.}"
+    tree = f"sequence: [wait_for: clock.weekday == 'monday', {night}]"
+    late = rehearsed(tree, "clock: {hour: 22, weekday: sunday}")
     assert spoken_texts(late) == ["Good night."]
     assert events_of(late, EventKind.BEGINS) == [(7200.0, "say")]
-    assert spoken_texts(rehearsed("{when: clock.hour < 6, say: Good night.}")) == []
-
-
-def test_night_agent_bids_only_at_night() -> None:
-    spec = agent("say: x", "requires: clock.hour >= 22 or clock.hour < 6")
-    for hour, bids in ((21, False), (22, True), (5, True), (6, False)):
-        case = scenario(spec, f"clock: {{hour: {hour}}}")
-        assert (rehearse(spec, SPACE, case).outcome is not None) is bids
+    assert spoken_texts(rehearsed(night)) == []
 
 
 def test_variants_are_used_in_order_and_last_repeats() -> None:
@@ -601,14 +399,7 @@ def test_final_failure_is_reported_only_at_run_end() -> None:
 
 
 def test_closed_branch_is_reported_once() -> None:
-    tree = """
-    selector:
-      memory: false
-      children:
-        - sequence:
-            - check: live.mood > 4
-            - say: You are glad.
-        - wait: 5 s
-    """
+    children = "[sequence: [check: live.mood > 4, say: You are glad.], wait: 5 s]"
+    tree = f"selector: {{memory: false, children: {children}}}"
     told = rehearsed(tree, "during:\n  - {after: 1 s, mood: 2}\n  - {after: 2 s, mood: 3.5}\n")
     assert transcript(told.events).count("↷") == 1
