@@ -113,12 +113,6 @@ trees = st.recursive(
 )
 
 
-def agent_text(tree: YamlNode) -> str:
-    whole = YamlNode(key="sequence", children=(START, tree))
-    head = {"format": 1, "agent": "a", "profile": {"age": 3, "familiarity": 3, "mood": 3}}
-    return "\n".join(yaml_lines({**head, "tree": whole})) + "\n"
-
-
 def elements(element: Element) -> object:
     attributes = {name: one.value for name, one in element.attributes.items()}
     return element.tag, attributes, [elements(child) for child in element.children]
@@ -127,12 +121,13 @@ def elements(element: Element) -> object:
 @given(trees)
 @settings(max_examples=100, deadline=None, derandomize=True)
 def test_tree_survives_round_trip(tree):
-    text = agent_text(tree)
+    head = {"format": 1, "agent": "a", "profile": {"age": 3, "familiarity": 3, "mood": 3}}
+    whole = YamlNode(key="sequence", children=(START, tree))
+    text = "\n".join(yaml_lines({**head, "tree": whole})) + "\n"
     there = export_agent(Source("a.yaml", text), SYMBOLS)
     back = import_agent(Source("t.xml", there.text), "a", SYMBOLS)
     before = read_agent_text(text, "a.yaml", SYMBOLS)
-    after = read_agent_text(back.text, "b.yaml", SYMBOLS)
-    assert shape(after.tree) == shape(before.tree)
+    assert shape(read_agent_text(back.text, "b.yaml", SYMBOLS).tree) == shape(before.tree)
     again = export_agent(Source("b.yaml", back.text), SYMBOLS)
     first, second = (
         read_document(Source("t.xml", text)).trees["A"] for text in (there.text, again.text)

@@ -23,8 +23,7 @@ def run(tmp_path, monkeypatch, capsys) -> Callable[..., tuple[str, str]]:
     monkeypatch.chdir(tmp_path)
 
     def call(*words: str) -> tuple[str, str]:
-        group = import_ if words[0] == "import" else export
-        group.main([*words[1:]], standalone_mode=False)
+        (import_ if words[0] == "import" else export).main([*words[1:]], standalone_mode=False)
         captured = capsys.readouterr()
         return captured.out, captured.err.removeprefix(f"trees folder: {TREES.resolve()}\n")
 
@@ -47,8 +46,7 @@ def test_import_without_output_prints_agent(run, tmp_path):
 
 
 def test_untranslated_nodes_and_missing_skills_are_listed(run, tmp_path):
-    more = "<UnsetBlackboard key='x'/><WaveHand/>"
-    (tmp_path / "patrol.xml").write_text(XML.format(more=more))
+    (tmp_path / "patrol.xml").write_text(XML.format(more="<UnsetBlackboard key='x'/><WaveHand/>"))
     _, err = run("import", "groot", "patrol.xml", "-o", "patrol.yaml")
     assert err.splitlines() == [
         'patrol.xml:2:22: not translated: <UnsetBlackboard key="x"> has no equivalent',

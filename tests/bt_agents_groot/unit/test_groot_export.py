@@ -129,12 +129,6 @@ def test_nodes_unknown_to_groot_are_declared_and_listed():
     assert [message.split("'")[1] for message in listed] == ["log", "cooldown"]
 
 
-def test_root_names_main_tree_and_format_4():
-    root = ET.fromstring(exported("say: Hi").text)
-    assert root.attrib == {"BTCPP_format": "4", "main_tree_to_execute": "MyAgent"}
-    assert [one.get("ID") for one in root.findall("BehaviorTree")] == ["MyAgent"]
-
-
 def test_tunables_are_ports_of_the_main_tree():
     made = exported(
         "say: {text: Hi, rate: '${speed}'}",
@@ -154,12 +148,14 @@ def test_clean_up_time_is_listed_and_canceller_exported():
     assert any("on_cancel_within" in remark.message for remark in made.remarks)
 
 
-def test_conflicting_names_are_renamed():
+def test_main_tree_is_named_and_names_differ():
     names = ("say", "sleep", "my_agent")
     calls = ", ".join(f"subtree: {name}" for name in names)
     subtrees = ", ".join(f"{name}: {{tree: {{say: Hi}}}}" for name in names)
     made = exported(f"sequence: [{calls}]", f"subtrees: {{{subtrees}}}\n")
-    ids = [one.get("ID") for one in ET.fromstring(made.text).findall("BehaviorTree")]
+    root = ET.fromstring(made.text)
+    assert root.attrib == {"BTCPP_format": "4", "main_tree_to_execute": "MyAgent"}
+    ids = [one.get("ID") for one in root.findall("BehaviorTree")]
     assert ids == ["MyAgent", "Say", "sleep", "my_agent"]
 
 
