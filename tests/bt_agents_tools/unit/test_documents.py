@@ -9,6 +9,7 @@ import shutil
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -30,9 +31,10 @@ from bt_agents_language.nodes.plugin_discovery import GROUP, read_plugins
 from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.yaml.field_tables import FileKind
 from bt_agents_language.yaml.source import Source
-from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.cli.main import TASKS, bt_agents
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from bt_agents_tools.rehearsal.suite import failure, run_case
+from checkout import PACKAGES, ROOT
 from command_results import split_runner
 from file_texts import read_agent_text, read_scene_text, read_test_text
 from journal_fixture import morning
@@ -40,20 +42,8 @@ from marketplace_node.strategies import StrategySpec
 from rehearsal_harness import scenario
 from tree_harness import SPACE, SYMBOLS, TREES
 
-ROOT = Path(__file__).parents[3]
-OFFLINE = {
-    "check",
-    "explain",
-    "export",
-    "import",
-    "new",
-    "rehearse",
-    "replay",
-    "schema",
-    "show",
-    "test",
-    "what-if",
-}
+LAUNCH = ROOT / "bt_agents_bringup" / "launch"
+OFFLINE = {*TASKS["Write agents"], "replay", "what-if"}
 """Commands that need neither ROS nor a robot."""
 
 RUN_AS_A_WHOLE = ("tutorial.md", "library_robot.md")
@@ -66,8 +56,6 @@ DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 AGENT = """
 format: 1
 agent: example
-title: Example
-description: d
 profile: {age: 3, familiarity: 3, mood: 3}
 tree: {wait: 1 s}
 """
@@ -88,13 +76,14 @@ def blocks(language: str) -> list[tuple[str, str]]:
     ]
 
 
-TRANSCRIPTS = [
-    (path.name, command.strip(), written)
+TRANSCRIPTS = {
+    command.strip(): written
     for path in DOCUMENTS
     for command, written in re.findall(
         r"```console\n([^\n]+)\n```\n\n?```text\n(.*?)```", path.read_text(), re.DOTALL
     )
-]
+}
+"""A command that is alone in its block → the block of text that follows."""
 
 
 @pytest.mark.parametrize(
@@ -104,7 +93,9 @@ TRANSCRIPTS = [
 def test_yaml_examples_are_valid(document: str, text: str, tmp_path: Path) -> None:
     keys = yaml.safe_load(text)
     if {"test", "cases"} <= keys.keys():
-        _check_test(text, document)
+        test = read_test_text(text, document, read_trees(TREES).agents, SYMBOLS)
+        results = [run_case(test.agent, SPACE, case) for case in test.cases]
+        assert not [failure(result) for result in results if not result.passed]
     elif "parameters" in keys:
         assert bool(read_scene_text(text, document).sources) is ("sources" in keys)
     elif "texts" in keys:
@@ -162,13 +153,6 @@ def _texts(document: str, folder: Path) -> FolderTexts:
     for path, text in files.items():
         (folder / path).write_text(text)
     return FolderTexts(folder, Path(next(iter(files), "")).stem)
-
-
-def _check_test(text: str, document: str) -> None:
-    """Run the cases of a test file for one of the shipped agents."""
-    test = read_test_text(text, document, read_trees(TREES).agents, SYMBOLS)
-    results = [run_case(test.agent, SPACE, case) for case in test.cases]
-    assert not [failure(result) for result in results if not result.passed]
 
 
 @pytest.mark.parametrize(
@@ -236,18 +220,10 @@ def here(tmp_path: Path, kept: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 )
 @pytest.mark.usefixtures("here")
 def test_documented_offline_commands_print_documented_output(document: str, text: str) -> None:
-    for command, written in _sessions(text):
-        output = _run(command)
+    for command, below in _sessions(text):
+        output, written = _run(command), below or TRANSCRIPTS.get(command)
         if written and output is not None:
             assert output == written, f"{document}: {command}"
-
-
-@pytest.mark.parametrize(("document", "command", "written"), TRANSCRIPTS)
-@pytest.mark.usefixtures("here")
-def test_transcripts_match_output_of_their_commands(
-    document: str, command: str, written: str
-) -> None:
-    assert _run(command) == written, f"{document}: {command}"
 
 
 def test_documents_contain_transcripts() -> None:
@@ -279,8 +255,7 @@ def test_reference_lists_nodes_and_decorators_in_order() -> None:
     for kind in NODE_TYPES:
         assert re.search(rf"^\| .*`{kind}[:` ]", text, re.MULTILINE), kind
     table = text.partition("## Decorators")[2].partition("\n## ")[0]
-    written = re.findall(r"^\| `(\w+):", table, re.MULTILINE)
-    assert written == ["name", *DECORATORS]
+    assert re.findall(r"^\| `(\w+):", table, re.MULTILINE) == ["name", *DECORATORS]
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("python"))
@@ -304,45 +279,36 @@ def test_links_between_documents_resolve() -> None:
             assert (path.parent / target).exists(), f"{path.name}: {target}"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "bt_agents_bringup" / "launch").glob("*.yaml")))
+def launched(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return the arguments and the nodes of a launch file."""
+    entries = yaml.safe_load(path.read_text())["launch"]
+    arguments = {entry["arg"]["name"]: entry["arg"] for entry in entries if "arg" in entry}
+    return arguments, [entry["node"] for entry in entries if "node" in entry]
+
+
+@pytest.mark.parametrize("path", sorted(LAUNCH.glob("*.yaml")))
 def test_launch_file_nodes_are_executables_of_their_package(path: Path) -> None:
-    folders = {
-        re.search(r"<name>(.*)</name>", xml.read_text())[1]: xml.parent  # type: ignore[index]
-        for xml in ROOT.glob("*/package.xml")
-    }
-    nodes = [
-        entry["node"] for entry in yaml.safe_load(path.read_text())["launch"] if "node" in entry
-    ]
+    packages = {package.name: package for package in PACKAGES}
+    _, nodes = launched(path)
     assert nodes
     for node in nodes:
-        setup = (folders[node["pkg"]] / "setup.py").read_text()
-        assert f'"{node["exec"]} = ' in setup, node
+        assert node["exec"] in packages[node["pkg"]].executables(), node
 
 
 @pytest.mark.parametrize("folder", ["", "/data/day"])
 def test_launched_system_keeps_journal_only_on_request(folder: str) -> None:
-    launch = ROOT / "bt_agents_bringup" / "launch" / "system.launch.yaml"
-    entries = yaml.safe_load(launch.read_text())
-    arguments = {e["arg"]["name"]: e["arg"] for e in entries["launch"] if "arg" in e}
+    arguments, nodes = launched(LAUNCH / "system.launch.yaml")
     assert arguments["journal"]["default"] == ""
-    [node] = [
-        entry["node"]
-        for entry in entries["launch"]
-        if "node" in entry and entry["node"]["pkg"] == "bt_agents_lab"
-    ]
+    [node] = [node for node in nodes if node["pkg"] == "bt_agents_lab"]
     assert {"name": "folder", "value": "$(var journal)", "type": "str"} in node["param"]
     [condition] = re.findall(r'^\$\(eval "(.*)"\)$', node["if"])
     assert eval(condition.replace("$(var journal)", folder)) is bool(folder)
 
 
 def test_demo_launch_passes_system_arguments_and_namespace() -> None:
-    folder = ROOT / "bt_agents_bringup" / "launch"
-    entries = yaml.safe_load((folder / "demo.launch.yaml").read_text())["launch"]
-    system = yaml.safe_load((folder / "system.launch.yaml").read_text())["launch"]
-    arguments = {entry["arg"]["name"] for entry in system if "arg" in entry}
-    assert {"tags", "robot", "tick_rate", "live_rate", "log_level", "respawn"} <= arguments
-    own = {entry["arg"]["name"]: entry["arg"]["default"] for entry in entries if "arg" in entry}
-    assert own["tags"] == "airport"
-    nodes = [entry["node"] for entry in entries + system if "node" in entry]
-    assert {node["namespace"] for node in nodes} == {"$(var namespace)"}
-    assert {node["ros_args"] for node in nodes} == {"--log-level $(var log_level)"}
+    system, nodes = launched(LAUNCH / "system.launch.yaml")
+    assert {"tags", "robot", "tick_rate", "live_rate", "log_level", "respawn"} <= system.keys()
+    own, more = launched(LAUNCH / "demo.launch.yaml")
+    assert own["tags"]["default"] == "airport"
+    assert {node["namespace"] for node in nodes + more} == {"$(var namespace)"}
+    assert {node["ros_args"] for node in nodes + more} == {"--log-level $(var log_level)"}
