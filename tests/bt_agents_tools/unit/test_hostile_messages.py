@@ -14,47 +14,27 @@ from click.testing import CliRunner
 from rclpy.clock import Clock
 from rich.console import Console
 
-import bt_agents_interfaces.msg
-import bt_agents_interfaces.srv
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_interfaces.msg import Auction, HostCard, Run, Scene, StatusChange, TreeStatus
-from bt_agents_interfaces.srv import ManageProfiles, PreviewAuction, ReloadAgents
+from bt_agents_interfaces import msg, srv
 from bt_agents_ros.system_topics import HOST, SERVICES, TOPICS
 from bt_agents_ros.types import load_type
 from bt_agents_tools.cli import connection
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.client import observer, system_client
-from bt_agents_tools.client.observer import MOST_HOSTS, Observer
+from bt_agents_tools.client.observer import MOST_HOSTS, Listener, Observer
 from bt_agents_tools.client.printable_messages import make_printable
 from hostile_texts import HOSTILE, hostile, texts
 from tree_harness import SPACE
 
-LISTENED = (
-    *(
-        "visitor",
-        "remark",
-        "scene",
-        "market",
-        "live",
-        "auction",
-        "run",
-        "end",
-        "tree",
-        "act",
-        "feedback",
-    ),
-    *("tunings", "agents_changed"),
-)
+LISTENED = [name for name in vars(Listener) if not name.startswith("_")]
 OF_SEVERAL_LINES = {
-    Auction,
-    ManageProfiles.Response,
-    PreviewAuction.Response,
-    ReloadAgents.Response,
+    msg.Auction,
+    *(kind.Response for kind in (srv.ManageProfiles, srv.PreviewAuction, srv.ReloadAgents)),
 }
 KINDS = {
-    *(kind for kind in vars(bt_agents_interfaces.msg).values() if isinstance(kind, type)),
-    *(one.Response for one in vars(bt_agents_interfaces.srv).values() if hasattr(one, "Response")),
+    *(kind for kind in vars(msg).values() if isinstance(kind, type)),
+    *(one.Response for one in vars(srv).values() if hasattr(one, "Response")),
     *(load_type(topic.type) for topic in TOPICS),
     *(load_type(service.type).Response for service in SERVICES),
 }
@@ -80,7 +60,7 @@ class FakeNode:
         if not raw:
             info = ({"source_timestamp": 0},) * (len(inspect.signature(callback).parameters) - 1)
             message = hostile(kind)
-            if kind is HostCard:
+            if kind is msg.HostCard:
                 # A host must have this name; everything else in its messages is hostile.
                 message.host = "/agents"
             callback(message, *info)
@@ -141,19 +121,17 @@ def test_observer_returns_only_printable_messages_and_responses(
     listener = {name: lambda *given: told.extend(given) for name in LISTENED}
     one = Observer()
     one.notify(SimpleNamespace(**listener))
-    later = SimpleNamespace(monotonic=lambda: 1e9)
-    monkeypatch.setattr(observer, "time", later)
+    monkeypatch.setattr(observer, "time", SimpleNamespace(monotonic=lambda: 1e9))
     for timer in graph:
         timer()
-    one._on_card(make_printable(hostile(HostCard)))
+    one._on_card(make_printable(hostile(msg.HostCard)))
     kept = [one.market, one.profiles, *one.cards, *one.cards.values(), *told]
     kept += one.namespaces_of_markets()
     for topic in TOPICS:
         kept += one.received(topic.name.replace(HOST, "/agents"))
     kept += [one.ask(service.name.replace(HOST, "/agents")) for service in SERVICES]
     assert len(kept) > len(TOPICS) + len(SERVICES) + len(LISTENED)
-    found = [text for part in kept for text in texts(part)]
-    assert "".join(map(raw, found)) == ""
+    assert "".join(raw(text) for part in kept for text in texts(part)) == ""
 
 
 @pytest.mark.usefixtures("graph")
@@ -165,23 +143,14 @@ def test_new_host_replaces_only_absent_one(monkeypatch: pytest.MonkeyPatch) -> N
     one = Observer()
     one.cards.clear()
     for number in range(MOST_HOSTS):
-        one._on_card(HostCard(host=f"/h{number}"))
-    one._on_card(HostCard(host="/late"))
+        one._on_card(msg.HostCard(host=f"/h{number}"))
+    one._on_card(msg.HostCard(host="/late"))
     assert len(one.cards) == MOST_HOSTS
     assert "/late" not in one.cards
     there.remove("/h3/heartbeat")
-    one._on_card(HostCard(host="/late"))
+    one._on_card(msg.HostCard(host="/late"))
     assert len(one.cards) == MOST_HOSTS
     assert {"/h3", "/late"} & one.cards.keys() == {"/late"}
-
-
-def printed(*events: tuple[str, Any]) -> str:
-    output = io.StringIO()
-    printer = EventPrinter(Console(file=output, width=100, color_system=None), SPACE)
-    for name, message in events:
-        getattr(printer, name)(make_printable(message))
-    printer.summary()
-    return output.getvalue()
 
 
 def with_fields(kind: Any, **fields: Any) -> Any:
@@ -192,28 +161,31 @@ def with_fields(kind: Any, **fields: Any) -> Any:
 
 
 def changed(status: int) -> Any:
-    message = hostile(TreeStatus)
-    for one in message.changes:
-        one.status = status
-    return message
+    change = with_fields(msg.StatusChange, status=status)
+    return with_fields(msg.TreeStatus, changes=[change, change])
 
 
 EVENTS: Sequence[tuple[str, Any]] = (
-    *(("auction", with_fields(Auction, outcome=number)) for number in range(1, 5)),
-    *(("run", with_fields(Run, event=number)) for number in range(5)),
-    *(("tree", changed(number)) for number in (StatusChange.RUNNING, StatusChange.FAILURE)),
-    ("scene", with_fields(Scene, person=True)),
-    ("market", with_fields(bt_agents_interfaces.msg.MarketStatus, queued=2)),
-    ("end", hostile(bt_agents_interfaces.msg.SceneEnd)),
-    ("feedback", hostile(bt_agents_interfaces.msg.Feedback)),
-    ("feedback", with_fields(bt_agents_interfaces.msg.Feedback, layer="")),
-    ("tunings", hostile(bt_agents_interfaces.msg.Tunings)),
+    *(("auction", with_fields(msg.Auction, outcome=number)) for number in range(1, 5)),
+    *(("run", with_fields(msg.Run, event=number)) for number in range(5)),
+    ("tree", changed(msg.StatusChange.RUNNING)),
+    ("tree", changed(msg.StatusChange.FAILURE)),
+    ("scene", with_fields(msg.Scene, person=True)),
+    ("market", with_fields(msg.MarketStatus, queued=2)),
+    ("end", hostile(msg.SceneEnd)),
+    ("feedback", hostile(msg.Feedback)),
+    ("feedback", with_fields(msg.Feedback, layer="")),
+    ("tunings", hostile(msg.Tunings)),
 )
 
 
 @pytest.mark.parametrize(("name", "message"), EVENTS)
 def test_events_reach_terminal_sanitized(name: str, message: Any) -> None:
-    shown = printed((name, message))
+    output = io.StringIO()
+    printer = EventPrinter(Console(file=output, width=100, color_system=None), SPACE)
+    getattr(printer, name)(make_printable(message))
+    printer.summary()
+    shown = output.getvalue()
     assert raw(shown) == ""
     assert not any(line.startswith("[FATAL]") for line in shown.splitlines())
 
