@@ -22,10 +22,6 @@ def run(*words: str) -> Result:
     return CliRunner().invoke(bt_agents, words, catch_exceptions=False)
 
 
-def test_twelve_patterns_exist() -> None:
-    assert len(pattern_names()) == 12
-
-
 @pytest.mark.parametrize("pattern", pattern_names())
 def test_each_pattern_checks_clean_and_passes_its_tests(pattern: str) -> None:
     made = run("new", "mine", "--pattern", pattern)

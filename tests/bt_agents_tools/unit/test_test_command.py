@@ -20,8 +20,6 @@ from tree_harness import TREES
 AGENT = """
 format: 1
 agent: porter
-title: Porter
-description: d
 profile: {age: 3, familiarity: 3, mood: 3}
 tree:
   sequence:
@@ -60,17 +58,15 @@ def trees(tmp_path: Path) -> Path:
     return folder
 
 
+def write(trees: Path, **tests: str) -> None:
+    """Write test files by their names."""
+    for name, text in tests.items():
+        (trees / "agents" / f"{name}.test.yaml").write_text(text)
+
+
 def run(*words: object) -> Result:
     """Run the command, as typed."""
     return CliRunner().invoke(bt_agents, ["test", *map(str, words)])
-
-
-def test_passing_cases_are_listed_and_exit_with_0(trees: Path) -> None:
-    (trees / "agents" / "porter.test.yaml").write_text(GOOD)
-    result = run(trees)
-    assert result.exit_code == 0
-    assert "✔ all goes well" in result.output
-    assert "1 case: 1 passed" in result.output
 
 
 def test_failing_case_shows_details_and_exits_with_1(trees: Path) -> None:
@@ -85,8 +81,7 @@ def test_failing_case_shows_details_and_exits_with_1(trees: Path) -> None:
 
 
 def test_broken_file_does_not_stop_other_files(trees: Path) -> None:
-    (trees / "agents" / "a.test.yaml").write_text(BAD.replace("says:", "sais:"))
-    (trees / "agents" / "b.test.yaml").write_text(GOOD)
+    write(trees, a=BAD.replace("says:", "sais:"), b=GOOD)
     result = run(trees)
     assert result.exit_code == 1
     assert "error[unknown-key]: 'expect' has no key 'sais'" in result.output
@@ -94,30 +89,23 @@ def test_broken_file_does_not_stop_other_files(trees: Path) -> None:
 
 
 def test_keyword_selects_cases(trees: Path) -> None:
-    (trees / "agents" / "a.test.yaml").write_text(GOOD)
-    (trees / "agents" / "b.test.yaml").write_text(BAD)
+    write(trees, a=GOOD, b=BAD)
     assert run(trees, "-k", "WELL").exit_code == 0
     assert isinstance(run(trees, "-k", "nothing").exception, BtAgentsError)
 
 
-def test_coverage_lists_nodes_without_cases(trees: Path) -> None:
-    (trees / "agents" / "a.test.yaml").write_text(GOOD)
-    result = run(trees, "--coverage")
+def test_coverage_and_events_are_shown_on_request(trees: Path) -> None:
+    write(trees, a=GOOD)
+    result = run(trees, "--coverage", "--verbose")
     handler = "tree/1.drive@on_failure/0.say"
-    assert f"never ticked: {handler} ({trees / 'agents' / 'porter.yaml'}:11)" in result.output
+    assert f"never ticked: {handler} ({trees / 'agents' / 'porter.yaml'}:9)" in result.output
     assert "80 % porter  4 of 5" not in result.output
     assert " % porter " in result.output
-
-
-def test_verbose_shows_what_happened(trees: Path) -> None:
-    (trees / "agents" / "a.test.yaml").write_text(GOOD)
-    assert "▶ drive gate 7" in run(trees, "--verbose").output
+    assert "▶ drive gate 7" in result.output
 
 
 def test_junit_report_is_readable_by_build_servers(trees: Path, tmp_path: Path) -> None:
-    (trees / "agents" / "a.test.yaml").write_text(GOOD)
-    (trees / "agents" / "b.test.yaml").write_text(BAD)
-    (trees / "agents" / "c.test.yaml").write_text("format: 1")
+    write(trees, a=GOOD, b=BAD, c="format: 1")
     run(trees, "--junit", tmp_path / "junit.xml")
     root = ElementTree.parse(tmp_path / "junit.xml").getroot()
     suites = {Path(suite.attrib["name"]).name[0]: suite.attrib for suite in root}
@@ -146,26 +134,19 @@ def test_empty_test_run_is_not_success(trees: Path) -> None:
     assert "docs/testing.md" in str(run(trees).exception)
 
 
-def pytest_on(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Run pytest with the plugin alone."""
-    return subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "bt_agents_tools.rehearsal.pytest_plugin", "-p",
-         "no:cacheprovider", *words, str(folder)],
-        cwd=folder,
+def test_pytest_runs_each_case_with_same_report(trees: Path) -> None:
+    broken = "format: 1\ntest: porter\ncases: 3\n"
+    write(trees, a=GOOD, b=BAD, c=broken, d=GOOD.replace("test: ", "tset: "))
+    (trees.parent / "other.test.yaml").write_text("suite: something of another program\n")
+    plugins = ("-p", "bt_agents_tools.rehearsal.pytest_plugin", "-p", "no:cacheprovider")
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *plugins, "-v", "--continue-on-collection-errors"],
+        cwd=trees.parent,
         capture_output=True,
         text=True,
         env={**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "COLUMNS": "100"},
         check=False,
-    )  # fmt: skip
-
-
-def test_pytest_runs_each_case_with_same_report(trees: Path) -> None:
-    (trees / "agents" / "a.test.yaml").write_text(GOOD)
-    (trees / "agents" / "b.test.yaml").write_text(BAD)
-    (trees / "agents" / "c.test.yaml").write_text("format: 1\ntest: porter\ncases: 3\n")
-    (trees / "agents" / "d.test.yaml").write_text(GOOD.replace("test: ", "tset: "))
-    (trees.parent / "other.test.yaml").write_text("suite: something of another program\n")
-    done = pytest_on(trees.parent, "-v", "--continue-on-collection-errors")
+    )
     assert "agents/a.test.yaml::all goes well PASSED" in done.stdout
     assert "agents/b.test.yaml::it apologises FAILED" in done.stdout
     assert "says: 1 missing" in done.stdout
@@ -195,12 +176,9 @@ def test_pytest_plugin_loads_neither_ros_nor_engine() -> None:
     ],
 )
 def test_unknown_path_suggests_sibling_paths(trees: Path, path: str, hint: str) -> None:
-    (trees / "agents" / "porter.yaml").write_text(
-        AGENT.partition("tree:")[0] + "tree: {sequence: [{drive: gate 4}, {say: Hello.}]}\n"
-    )
-    (trees / "agents" / "porter.test.yaml").write_text(
-        BAD.partition("      says")[0] + f"      visited: {path}\n"
-    )
+    tree = "tree: {sequence: [{drive: gate 4}, {say: Hello.}]}\n"
+    (trees / "agents" / "porter.yaml").write_text(AGENT.partition("tree:")[0] + tree)
+    write(trees, porter=BAD.partition("      says")[0] + f"      visited: {path}\n")
     output = run(trees).output
     assert "unknown-path" in output
     assert hint in output
