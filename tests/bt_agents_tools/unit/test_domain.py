@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS domains reserved by processes of this machine."""
+"""ROS domains that a process reserves, and the parts of a system on several machines."""
 
 from __future__ import annotations
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -11,19 +12,15 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+import click
 import pytest
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.launcher import domain_lock
-from bt_agents_tools.launcher.domain_lock import (
-    FIRST,
-    MOST_JOINING,
-    hold_domain,
-    holder,
-    reserve_domain,
-    runtime_folder,
-    turn_to_join,
-)
+from bt_agents_tools.cli.run_parts import PARTS, hold_parts, host_name, named_parts
+from bt_agents_tools.launcher import components, domain_lock
+from bt_agents_tools.launcher.domain_lock import hold_domain, holder, runtime_folder, turn_to_join
+from bt_agents_tools.launcher.network import open_to_network, prolong_requests
+from bt_agents_tools.launcher.supervisor import LAN_PROFILE, LOOPBACK_PROFILE
 
 HOLD = """
 import sys
@@ -38,16 +35,14 @@ sys.stdin.read()
 def private_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     tmp_path.chmod(0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     return tmp_path
 
 
 def test_domain_is_held_until_its_process_dies() -> None:
-    other = subprocess.Popen(
-        [sys.executable, "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    try:
+    command = [sys.executable, "-c", HOLD]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
-        assert other.stdin is not None
         assert other.stdout.readline() == b"held\n"
         assert holder(7) == "'bt-agents up' of /trees (process 1)"
         assert holder(8) == ""
@@ -58,20 +53,17 @@ def test_domain_is_held_until_its_process_dies() -> None:
             "or set ROS_DOMAIN_ID to another number"
         )
         hold_domain(8, "me")
-    finally:
         other.kill()
-        other.wait()
-        other.stdout.close()
-        other.stdin.close()
     assert holder(7) == ""
     hold_domain(7, "me")
 
 
-def test_new_holder_replaces_text_of_earlier_holder(private_folder: Path) -> None:
-    lock = private_folder / "bt-agents-system-9.lock"
-    lock.write_text("x" * 1000)
+def test_lock_is_private_and_names_its_holder(private_folder: Path) -> None:
+    (private_folder / "bt-agents-system-9.lock").write_text("x" * 1000)  # of an earlier holder
     hold_domain(9, "me")
-    assert lock.read_text() == "me\n"
+    [lock] = private_folder.iterdir()
+    assert (lock.name, lock.read_text()) == ("bt-agents-system-9.lock", "me\n")
+    assert lock.stat().st_mode & 0o777 == 0o600
 
 
 def test_symlinked_lock_file_is_not_touched(private_folder: Path) -> None:
@@ -81,13 +73,6 @@ def test_symlinked_lock_file_is_not_touched(private_folder: Path) -> None:
     with pytest.raises(BtAgentsError, match=r"bt-agents-system-5\.lock cannot be opened"):
         hold_domain(5, "me")
     assert precious.read_text() == "mine"
-
-
-def test_lock_lives_in_user_runtime_folder(private_folder: Path) -> None:
-    hold_domain(11, "me")
-    [lock] = private_folder.iterdir()
-    assert lock.name == "bt-agents-system-11.lock"
-    assert lock.stat().st_mode & 0o777 == 0o600
 
 
 @pytest.fixture
@@ -112,24 +97,17 @@ def test_missing_runtime_folder_uses_state_folder_per_machine(
         assert found.stat().st_mode & 0o777 == 0o700
 
 
-def test_missing_home_falls_back_to_private_temporary_folder(temporary: Path) -> None:
-    (temporary / "file").write_text("")
-    found = runtime_folder({"XDG_STATE_HOME": str(temporary / "file")})
-    assert found == temporary / f"bt-agents-{os.getuid()}"
-    assert found.stat().st_mode & 0o777 == 0o700
-
-
-def test_shared_or_symlinked_folder_holds_no_lock(temporary: Path) -> None:
+def test_missing_home_needs_private_temporary_folder(temporary: Path) -> None:
     (temporary / "file").write_text("")
     homeless = {"XDG_STATE_HOME": str(temporary / "file")}
     fallback = temporary / f"bt-agents-{os.getuid()}"
-    fallback.mkdir()
+    assert runtime_folder(homeless) == fallback
+    assert fallback.stat().st_mode & 0o777 == 0o700
     fallback.chmod(0o777)
     with pytest.raises(BtAgentsError, match="others can write there; set XDG_RUNTIME_DIR"):
         runtime_folder({**homeless, "XDG_RUNTIME_DIR": str(fallback)})
     fallback.rmdir()
-    (temporary / "elsewhere").mkdir()
-    fallback.symlink_to(temporary / "elsewhere")
+    fallback.symlink_to(temporary)
     with pytest.raises(BtAgentsError, match="others can write there; set XDG_RUNTIME_DIR"):
         runtime_folder(homeless)
 
@@ -137,18 +115,18 @@ def test_shared_or_symlinked_folder_holds_no_lock(temporary: Path) -> None:
 @pytest.mark.parametrize("participant", [0, 7, 119])
 def test_domain_used_without_lock_is_not_reserved(participant: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        for first in range(FIRST, FIRST + 60):
+        for first in range(domain_lock.FIRST, domain_lock.FIRST + 60):
             try:
                 other.bind(("127.0.0.1", 7410 + 250 * first + 2 * participant))
             except OSError:
                 continue
             break
-        assert reserve_domain() != first
+        assert domain_lock.reserve_domain() != first
 
 
 def test_concurrent_joins_per_domain_are_limited() -> None:
     with ExitStack() as joining:
-        for _ in range(MOST_JOINING):
+        for _ in range(domain_lock.MOST_JOINING):
             joining.enter_context(turn_to_join(7))
         begin = time.monotonic()
         with turn_to_join(7, limit_s=0.2):
@@ -158,3 +136,86 @@ def test_concurrent_joins_per_domain_are_limited() -> None:
             assert time.monotonic() - begin < 30.0, "another domain has turns of its own"
     with turn_to_join(7, limit_s=60.0):
         pass
+
+
+def test_parts_are_comma_separated_and_default_to_all():
+    assert named_parts("market, scene") == {"market", "scene"}
+    assert named_parts("") == set(PARTS)
+
+
+def test_unknown_part_is_refused_with_known_parts():
+    with pytest.raises(click.UsageError) as caught:
+        named_parts("market,seen")
+    assert str(caught.value) == (
+        "--only names 'seen', which is not a part of a system; expected some of market, scene, "
+        "agents, feedback, robot, with commas between; did you mean 'scene'?"
+    )
+
+
+def test_every_part_names_a_component():
+    trees = Path("/trees")
+    made = [
+        components.market(trees),
+        components.scene_layer(trees),
+        components.host(trees),
+        components.feedback(trees, "ledger"),
+        components.robot("off"),
+    ]
+    assert [component.name for component in made] == list(PARTS.values())
+
+
+def test_a_host_is_named_after_its_machine(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(socket, "gethostname", lambda: "Ann's-Pi.local")
+    assert host_name("") == "agents_ann_s_pi_local"
+    monkeypatch.setattr(socket, "gethostname", lambda: "x" * 300)
+    assert len(host_name("")) == 60
+    assert host_name("left_arm") == "left_arm"
+    assert "__node:=left_arm" in components.host(Path("/trees"), name="left_arm").command()
+
+
+@pytest.mark.parametrize("name", ["left arm", "7", "robot", "x" * 61, "ä"])
+def test_invalid_host_name_is_refused(name: str):
+    with pytest.raises(click.UsageError, match=r"--name is "):
+        host_name(name)
+
+
+def test_machine_runs_each_part_at_most_once():
+    hold_parts(["robot"], "'bt-agents robot' (process 1)")
+    hold_parts(["marketplace", "scene_layer"], "'bt-agents up --only market' (process 2)")
+    with pytest.raises(BtAgentsError, match=r"the part robot already runs on ROS domain 7: 'bt-"):
+        hold_parts(["robot"], "me")
+    with pytest.raises(BtAgentsError, match=r"a system already runs on ROS domain 7: 'bt-agents"):
+        hold_domain(7, "me")
+
+
+def test_network_system_uses_profile_with_expiring_requests():
+    environment = {"FASTRTPS_DEFAULT_PROFILES_FILE": str(LOOPBACK_PROFILE)}
+    open_to_network(environment)
+    assert environment == {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(LAN_PROFILE),
+    }
+    assert "<address>" not in LAN_PROFILE.read_text()
+    [client] = re.findall(
+        r'profile_name="client">.*?</data_writer>', LAN_PROFILE.read_text(), re.S
+    )
+    assert "<lifespan>" in client
+    prolong_requests(environment, 2.5)
+    made = Path(environment["FASTRTPS_DEFAULT_PROFILES_FILE"]).read_text()
+    assert re.search(
+        r"<lifespan>\s*<duration>\s*<sec>2</sec>\s*<nanosec>500000000</nanosec>", made
+    )
+
+
+def test_user_dds_profile_is_kept():
+    environment = {"FASTRTPS_DEFAULT_PROFILES_FILE": "/home/ann/fast.xml"}
+    open_to_network(environment)
+    prolong_requests(environment, 2.0)
+    assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == "/home/ann/fast.xml"
+
+
+def test_hosts_wait_longer_on_slow_network():
+    trees = Path("/trees")
+    host, scene = components.host(trees), components.scene_layer(trees)
+    assert components.on_slow_network(host, 4.0).parameters["slow_network"] == 4.0
+    assert components.on_slow_network(scene, 4.0) == scene
