@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of profiles by `bt-agents tune`: names of values, and the effect of an undo."""
+"""Helpers of clients: the next scene, open questions, and undone changes of profiles."""
 
 from __future__ import annotations
 
@@ -10,8 +10,54 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import Refused
+from bt_agents_interfaces.msg import Scene, SceneValue
 from bt_agents_tools.cli.commands.tune import _profiles
+from bt_agents_tools.client.market import next_scene
+from bt_agents_tools.client.open_questions import asked_by
 from bt_agents_tools.client.tuning import tuned_at, tuned_profile
+
+
+def scene(scene_id: str, pain: float, origin: int) -> Scene:
+    return Scene(scene_id=scene_id, values=[SceneValue(name="pain", value=pain, origin=origin)])
+
+
+LAST = scene("s1", 2.0, SceneValue.GIVEN)
+
+
+def test_running_interaction_uses_live_scene():
+    live = scene("s1", 5.0, SceneValue.MEASURED)
+    assert next_scene(LAST, live) is live
+
+
+def test_told_values_still_count_after_run():
+    told = next_scene(LAST, scene("", 8.0, SceneValue.TOLD))
+    assert (told.scene_id, told.values[0].value) == ("s1", 8.0)
+    assert LAST.values[0].value == 2.0
+
+
+def test_later_measured_values_do_not_count():
+    assert next_scene(LAST, scene("", 8.0, SceneValue.MEASURED)) == LAST
+
+
+def test_values_told_in_another_interaction_are_ignored():
+    assert next_scene(LAST, scene("s2", 8.0, SceneValue.TOLD)) is LAST
+    assert next_scene(LAST, None) is LAST
+    assert next_scene(None, scene("", 8.0, SceneValue.TOLD)) is None
+
+
+GO = SimpleNamespace(text="Shall we go?", choices=("Yes", "No"))
+NAME = SimpleNamespace(text="What is your name?", choices=())
+
+
+def test_answer_goes_to_first_question_accepting_it() -> None:
+    assert asked_by([GO, NAME], " yes ") == (GO, "Yes")
+    assert asked_by([GO, NAME], "Ada") == (NAME, "Ada")
+
+
+@pytest.mark.parametrize(("question", "words"), [(GO, "perhaps"), (GO, ""), (NAME, " ")])
+def test_answer_matching_no_question_is_refused(question: SimpleNamespace, words: str) -> None:
+    with pytest.raises(Refused, match=r"^NOT_A_CHOICE: "):
+        asked_by([question], words)
 
 
 def row(revision: int, source: str = "", **more: Any) -> dict[str, Any]:
@@ -49,9 +95,7 @@ class Feedback:
         ([row(5, restores=2)], 0.0),
     ],
 )
-def test_tuned_time_comes_from_last_or_restored_revision(
-    rows: list[dict[str, Any]], stamp: float
-) -> None:
+def test_tuned_time_follows_restored_revision(rows: list[dict[str, Any]], stamp: float) -> None:
     assert tuned_at(rows) == stamp
 
 
@@ -64,9 +108,8 @@ def test_undo_reverts_newest_tuning_of_all_profiles() -> None:
     )
     assert tuned_profile(feedback, "", 0.0) == "a"
     assert feedback.asked == ["", "b", "c", "a"]
-    assert tuned_profile(feedback, "b", 0.0) == "b"
-    assert tuned_profile(feedback, "", 30.0) == ""
-    assert tuned_profile(feedback, "c", 0.0) == ""
+    asked = (("b", 0.0), ("", 30.0), ("c", 0.0))
+    assert [tuned_profile(feedback, *one) for one in asked] == ["b", "", ""]
 
 
 def test_missing_response_undoes_nothing() -> None:
