@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of commands: no width cuts text, and programs get unformatted values."""
+"""Tables of commands and tuned values: no width cuts text, and programs get plain values."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import select
 import string
 import struct
 import termios
+from dataclasses import replace
 
 import click
 import pytest
@@ -22,7 +23,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
+from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
+from bt_agents_core.field_types import FieldType
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_lines, table_options
+from bt_agents_tools.cli.tune_table import table
+from bt_agents_tools.client.write_back import ParameterState
 
 COLUMNS = (
     Column(key="agent"),
@@ -59,11 +64,8 @@ def test_overflowing_columns_move_below_row_with_headings() -> None:
 
 
 @given(rows=st.lists(st.tuples(texts, texts, texts), max_size=4), width=st.integers(20, 90))
-def test_only_single_words_exceed_table_width(
-    rows: list[tuple[str, str, str]], width: int
-) -> None:
-    columns = [Column(key=key) for key in ("one", "two", "three")]
-    lines = list(table_lines(columns, rows, width))
+def test_only_single_words_exceed_width(rows: list[tuple[str, str, str]], width: int) -> None:
+    lines = list(table_lines([Column(key=key) for key in ("one", "two", "three")], rows, width))
     shown = " ".join(lines).split()
     for row in rows:
         assert all(word in shown for cell in row for word in cell.split())
@@ -119,7 +121,60 @@ def test_conflicting_table_formats_are_refused() -> None:
 
     assert CliRunner().invoke(command, ["--wide"]).output == "WIDE\n"
     refused = CliRunner().invoke(command, ["--json", "--csv"])
-    assert (refused.exit_code, "--json and --csv do not go together" in refused.output) == (
-        2,
-        True,
-    )
+    assert refused.exit_code == 2
+    assert "--json and --csv do not go together" in refused.output
+
+
+WORDS = "how long to wait for an answer, in the eyes of the person before the robot"
+PATIENCE = TunableParameter(
+    name="ann.patience",
+    agent="ann",
+    key="patience",
+    kind=TunableKind.TUNABLE,
+    type=FieldType.DURATION,
+    default=8.0,
+    minimum=2.0,
+    maximum=30.0,
+    description=WORDS,
+)
+PLACE = replace(
+    PATIENCE,
+    name="ann.place",
+    key="place",
+    type=FieldType.TEXT,
+    default="",
+    minimum=None,
+    maximum=None,
+)
+
+
+def state(parameter: TunableParameter, value: Setting) -> ParameterState:
+    return ParameterState(parameter=parameter, value=value)
+
+
+STATES = (state(PATIENCE, 8.0), state(TICK_RATE, 20.0), state(PLACE, ""))
+
+
+def test_agent_rows_follow_host_rows() -> None:
+    assert list(table(STATES, 10_000)) == [
+        "tick_rate   20   1 to 200     ticks of the running tree [1/s]",
+        "ann",
+        f"  patience  8 s  2 s to 30 s  {WORDS}",
+        f"  place     ''                {WORDS}",
+    ]
+
+
+@pytest.mark.parametrize("width", [50, 60, 80, 120])
+def test_rows_fit_terminal_without_losing_words(width: int) -> None:
+    rows = list(table((*STATES, state(PATIENCE, 12.0)), width))
+    assert max(map(len, rows)) <= width
+    assert " ".join(" ".join(rows).split()).count(WORDS.split()[-1]) == 3
+    assert all(row == "ann" or row.startswith(("  ", "tick_rate")) for row in rows)
+
+
+def test_overlong_description_moves_to_own_lines() -> None:
+    assert list(table((state(PATIENCE, 8.0),), 50))[:3] == [
+        "ann",
+        "  patience  8 s  2 s to 30 s",
+        "      how long to wait for an answer, in the eyes",
+    ]

@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+import io
 import json
+import math
 from collections.abc import Iterator
 from types import SimpleNamespace
 
 import click
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
 from bt_agents_tools.cli.commands import preset, strategy
+from bt_agents_tools.cli.commands.moods import mood_table
 from bt_agents_tools.cli.main import bt_agents
 
 WITHOUT_TABLE = {
@@ -19,9 +23,9 @@ WITHOUT_TABLE = {
     *("export groot", "feedback", "fleet join", "fleet leave", "fleet run"),
     *("host", "robot"),
     *("import groot", "journal"),
-    *("keep", "new", "pin", "profile", "preset apply", "preset forget", "preset save", "press"),
-    *("profile check", "profile expire", "profile export", "profile import", "forget"),
-    *("profile recover", "profile reset", "profile undo", "publish", "rehearse", "reload"),
+    *("forget", "keep", "new", "pin", "preset apply", "preset forget", "preset save", "press"),
+    *(f"profile {what}" for what in ("check", "expire", "export", "import", "recover")),
+    *("profile", "profile reset", "profile undo", "publish", "rehearse", "reload"),
     *("record mark", "record start", "record stop"),
     *("replay", "scene", "schema", "sense", "show", "test", "trigger", "unpin"),
     *("security", "studio", "up", "veto", "visit", "watch"),
@@ -74,4 +78,23 @@ def test_strategy_table_has_row_per_option() -> None:
     assert list(strategy._rows(found)) == [
         ("ucb", True, False, None, None, None, None, "d"),
         ("ucb", True, False, "c", 1.0, 0.0, 9.0, "how much"),
+    ]
+
+
+def test_each_node_row_shows_time_mood_and_change():
+    trace = SimpleNamespace(
+        leaves=["tree/0.say", "tree/1.ask", "tree/2.[bold]log"],
+        seconds=[2.04, 10.0, 0.0],
+        mean=[3.25, 4.0, math.nan],
+        change=[-1.5, 0.0, math.nan],
+        values=[SimpleNamespace(path="tree/1.ask", name="answer", value="[b]no")],
+    )
+    out = io.StringIO()
+    table = mood_table(trace, {"tree/0.say": "say", "tree/1.ask": "[red]ask"})
+    Console(file=out, width=80).print(table)
+    assert [line.rstrip() for line in out.getvalue().splitlines()] == [
+        "node        time  mood  change  changed         path",
+        "say        2.0 s  3.25    -1.5                  tree/0.say",
+        "[red]ask  10.0 s     4       0  answer = [b]no  tree/1.ask",
+        "?          0.0 s     –       –                  tree/2.[bold]log",
     ]
