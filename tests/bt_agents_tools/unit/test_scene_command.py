@@ -6,13 +6,14 @@ from __future__ import annotations
 import json
 import math
 from io import StringIO
-from types import SimpleNamespace
 from typing import Any
 
+from rcl_interfaces.msg import ParameterValue
 from rich.console import Console
 
 from bt_agents_core.person_facts import message_fields
 from bt_agents_core.scene import Origin, SceneParameter
+from bt_agents_interfaces.msg import PersonFact, Persons, Scene, SceneValue
 from bt_agents_tools.cli.commands.scene import as_document, page
 
 LABELS = {
@@ -22,18 +23,12 @@ LABELS = {
 }
 
 
-def value(name: str, number: float, origin: Origin, **more: Any) -> SimpleNamespace:
-    fields = {"age_s": 0.0, "std": 0.0, "confidence": 1.0, "source": ""} | more
-    return SimpleNamespace(name=name, value=number, origin=int(origin), **fields)
+def value(name: str, number: float, origin: Origin, **more: Any) -> SceneValue:
+    return SceneValue(name=name, value=number, origin=int(origin), **more)
 
 
-def scene(*values: SimpleNamespace, **more: Any) -> SimpleNamespace:
-    who = {"label": "", "person": True, "person_id": "", "place": "", "persons": 0}
-    fields = who | {"visits": 0, "remembered": []} | more
-    stamp = SimpleNamespace(sec=0, nanosec=0)
-    return SimpleNamespace(
-        header=SimpleNamespace(stamp=stamp), scene_id="s", values=values, **fields
-    )
+def scene(*values: SceneValue, **more: Any) -> Scene:
+    return Scene(values=values, **({"scene_id": "s", "person": True} | more))
 
 
 MISSING = value("hurry", math.nan, Origin.MISSING, age_s=math.nan, std=math.nan, confidence=0.0)
@@ -48,9 +43,9 @@ KNOWN = scene(
 )
 
 
-def crowd(addressee: str, reason: str, *names: str) -> SimpleNamespace:
+def crowd(addressee: str, reason: str, *names: str) -> Persons:
     scenes = [scene(value("age", 4.0, Origin.MEASURED), MISSING, person_id=n) for n in names]
-    return SimpleNamespace(rule="nearest", addressee=addressee, reason=reason, scenes=scenes)
+    return Persons(rule="nearest", addressee=addressee, reason=reason, scenes=scenes)
 
 
 def shown(message: Any, persons: Any = None) -> list[str]:
@@ -80,7 +75,7 @@ def test_presence_is_stated_in_words() -> None:
 
 def test_visit_and_remembered_values_are_shown() -> None:
     fields = message_fields("favourite", "tea")
-    fact = SimpleNamespace(key="favourite", value=SimpleNamespace(**fields["value"]))
+    fact = PersonFact(key="favourite", value=ParameterValue(**fields["value"]))
     told = value("mood", 2.0, Origin.TOLD, source="the person")
     message = scene(told, person_id="anna", visits=3, remembered=[fact])
     head, _, row, remembered = shown(message)
@@ -91,8 +86,7 @@ def test_visit_and_remembered_values_are_shown() -> None:
 
 
 def test_the_addressee_is_marked_with_the_reason() -> None:
-    lines = shown(scene(), crowd("ben", "ben is nearest: 0.8 m", "anna", "ben"))
-    assert lines[1:] == [
+    assert shown(scene(), crowd("ben", "ben is nearest: 0.8 m", "anna", "ben"))[1:] == [
         "persons: 2, addressed is ben (rule: nearest; ben is nearest: 0.8 m)",
         "person age hurry",
         "anna 4 –",
