@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from collections.abc import Callable
@@ -26,24 +27,19 @@ class Graph:
     """An observer's graph, in which time passes only while it spins.
 
     Args:
-        heard_after_s: When the market's status arrives [s]; None for never.
+        heard_after_s: When the market's status arrives [s].
         markets: Namespaces of the marketplaces.
     """
 
     namespace = "/"
 
-    def __init__(self, heard_after_s: float | None = None, markets: tuple[str, ...] = ()) -> None:
-        self.now = 0.0
-        self._heard_after_s = heard_after_s
-        self._markets = list(markets)
+    def __init__(self, heard_after_s: float = math.inf, markets: tuple[str, ...] = ()) -> None:
+        self.now, self._heard_after_s = 0.0, heard_after_s
+        self.namespaces_of_markets = lambda: markets
 
     @property
     def market(self) -> Any:
-        heard = self._heard_after_s is not None and self.now >= self._heard_after_s
-        return "a status" if heard else None
-
-    def namespaces_of_markets(self) -> list[str]:
-        return self._markets
+        return "a status" if self.now >= self._heard_after_s else None
 
     def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         end = self.now + limit_s

@@ -8,19 +8,15 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile, make_log_folder
 from bt_agents_tools.launcher.supervisor import Component, spawn
-from programs import alive
-
-HANG_S = 30.0
+from programs import HANG_S, alive, wait_for
 
 MODULE = """
 import json, os, sys, time
@@ -39,13 +35,6 @@ def main():
         time.sleep(0.01)
     return 3
 """
-
-
-def until(condition: Callable[[], Any]) -> None:
-    end = time.monotonic() + HANG_S
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 class Forks:
@@ -82,7 +71,7 @@ def forks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Forks]:
 
 def test_forked_process_inherits_only_requested_state(forks: Forks) -> None:
     process = forks.start(VARIABLE="value")
-    until(lambda: process.poll() is not None)
+    wait_for(lambda: process.poll() is not None)
     found = json.loads(forks.said().splitlines()[0])
 
     assert process.returncode == 3
@@ -131,4 +120,4 @@ def test_server_ends_with_its_parent() -> None:
         assert alive(server)
         owner.kill()
         owner.wait(HANG_S)
-    until(lambda: not alive(server))
+    wait_for(lambda: not alive(server))

@@ -27,6 +27,7 @@ from journal_fixture import EPOCH, morning
 from tree_harness import TREES
 
 Run = Callable[..., Result]
+PROFILE = {"age": 3.0, "familiarity": 1.0, "mood": 3.0}
 
 
 @pytest.fixture
@@ -54,18 +55,16 @@ def trees(run: Run) -> Path:
 @pytest.mark.parametrize(
     ("words", "example"),
     [
-        (("check",), "bt-agents check shipped"),
-        (("test",), "bt-agents test shipped"),
-        (("up",), "bt-agents up shipped"),
-        (("schema",), "bt-agents schema shipped"),
-        (("rehearse", "attentive_guide"), "bt-agents rehearse … --dir shipped"),
-        (("show", "attentive_guide"), "bt-agents show … --dir shipped"),
+        ("check", "bt-agents check shipped"),
+        ("test", "bt-agents test shipped"),
+        ("up", "bt-agents up shipped"),
+        ("schema", "bt-agents schema shipped"),
+        ("rehearse attentive_guide", "bt-agents rehearse … --dir shipped"),
+        ("show attentive_guide", "bt-agents show … --dir shipped"),
     ],
 )
-def test_missing_trees_folder_error_says_how_to_specify(
-    run: Run, words: tuple[str, ...], example: str
-) -> None:
-    said = str(run(*words).exception)
+def test_missing_trees_folder_error_says_what_to_write(run: Run, words: str, example: str) -> None:
+    said = str(run(*words.split()).exception)
     assert "no trees folder here" in said
     assert example in said.replace("bt-agents-", "bt-agents ")
     assert "'bt-agents new NAME'" in said
@@ -81,9 +80,7 @@ def test_chosen_trees_folder_is_printed_to_stderr(run: Run, trees: Path) -> None
     assert "trees folder: " in shown.stderr
 
 
-def test_demo_uses_installed_trees_unless_script_is_local(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_demo_uses_installed_trees_by_default(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[Path] = []
     monkeypatch.setattr(demo, "Interrupt", lambda: None)
     monkeypatch.setattr(demo, "run_system", lambda *given: taken.append(given[2].resolve()))
@@ -101,9 +98,8 @@ def test_demo_uses_installed_trees_unless_script_is_local(
 def learn(trees: Path, age: float) -> Path:
     kept = claim_state(trees)
     with Ledger(kept.ledger) as ledger:
-        ledger.enter({"attentive_guide": {"age": 3.0, "familiarity": 1.0, "mood": 3.0}})
-        values = {"age": age, "familiarity": 1.0, "mood": 3.0}
-        ledger.append("attentive_guide", values, RevisionCause(source="anna"))
+        ledger.enter({"attentive_guide": PROFILE})
+        ledger.append("attentive_guide", PROFILE | {"age": age}, RevisionCause(source="anna"))
     return kept.ledger
 
 
@@ -113,8 +109,7 @@ def test_ledger_is_read_offline_per_trees_folder(
     assert "nothing was learned in" in str(run("profile").exception)
     ledger = learn(trees, 4.5)
     before = ledger.read_bytes()
-    shown = run("profile", "--json")
-    assert json.loads(shown.stdout)[0]["age"] == 4.5
+    assert json.loads(run("profile", "--json").stdout)[0]["age"] == 4.5
     lines = run("profile", "history", "attentive_guide").stdout.splitlines()
     assert [line.split()[0] for line in lines] == ["revision", "0", "1"]
     assert "age 3 → 4.5" in lines[2]
@@ -122,7 +117,6 @@ def test_ledger_is_read_offline_per_trees_folder(
     assert run("profile", "export", "out.json").stdout == "1 profile written to out.json\n"
     assert ledger.read_bytes() == before
     other = tmp_path / "other"
-    other.mkdir()
     shutil.copytree(trees, other / "trees")
     monkeypatch.chdir(other)
     copied = run("profile")
@@ -133,10 +127,8 @@ def test_ledger_is_read_offline_per_trees_folder(
 
 
 def test_ledger_is_readable_during_writes(run: Run, trees: Path) -> None:
-    ledger = learn(trees, 4.0)
-    with Ledger(ledger) as open_one:
-        values = {"age": 4.2, "familiarity": 1.0, "mood": 3.0}
-        open_one.append("attentive_guide", values, RevisionCause(source="anna"))
+    with Ledger(learn(trees, 4.0)) as open_one:
+        open_one.append("attentive_guide", PROFILE | {"age": 4.2}, RevisionCause(source="anna"))
         assert json.loads(run("profile", "--json").stdout)[0]["age"] == 4.2
 
 
@@ -163,17 +155,15 @@ def test_decision_is_read_from_journal_offline(run: Run, trees: Path, tmp_path: 
     kept.journal.mkdir()
     journaled = morning(tmp_path / "journaled")
     stop = {"event": RunMsg.CANCELLING, "stopped_by": RunMsg.OPERATOR, "stop_reason": "it is late"}
-    journaled.publish(
-        "/bt_agents/runs", RunMsg(epoch=EPOCH, round=4, agent="attentive_guide", **stop)
-    )
+    stopped = RunMsg(epoch=EPOCH, round=4, agent="attentive_guide", **stop)
+    journaled.publish("/bt_agents/runs", stopped)
     journaled.write(kept.journal / "journal-2026-05-04_001.mcap")
     last = run("why")
     assert last.exit_code == 0
     said = "attentive_guide was told to stop (operator): it is late\n"
     assert last.stdout.endswith(said)
     assert said not in run("why", "1").stdout
-    assert "wins" in last.stdout or "round 4" in last.stdout
     assert run("why", "1").stdout.startswith("round 1")
     assert json.loads(run("why", "1", "--json").stdout)["round"] == 1
     assert "no decision of round 9" in str(run("why", "9").exception)
-    assert "rounds" in run("journal").stdout or run("journal").exit_code == 0
+    assert run("journal").exit_code == 0
