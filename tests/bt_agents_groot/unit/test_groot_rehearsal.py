@@ -39,34 +39,56 @@ def test_last_child_ends_reactive_sequence():
     assert kinds(result, EventKind.BEGINS).count("is_clear") > 3
 
 
-def test_failed_condition_stops_running_child():
-    tree = "<ReactiveSequence><IsClear/><Go/></ReactiveSequence>"
-    result = rehearsed(tree, "go: {after: 9 s}, is_clear: [{after: 1 s}, {fails: blocked}]")
-    assert result.outcome is TreeOutcome.FAILED
-    assert kinds(result, EventKind.STOPS) == ["go"]
+RECOVERY = "<RecoveryNode number_of_retries='%d'><Follow/><Help/></RecoveryNode>"
+THRICE = "follow: [{fails: x}, {fails: x}, {fails: x}, {}]"
+IN_TURN = "<RoundRobin><Clear/><Spin/></RoundRobin>"
+ONCE_EACH = "<RoundRobin wrap_around='false'><Clear/><Spin/></RoundRobin>"
+CHECKED = "<ReactiveSequence><Clear/><Go/></ReactiveSequence>"
+EITHER = "<ReactiveFallback><Done/><Go/></ReactiveFallback>"
+SWITCH = "<WhileDoElse><Day/><Work/><Nap/></WhileDoElse>"
+PERSISTENT = """<Sequence><Script code="at := %d"/><Repeat num_cycles="2">
+  <RetryUntilSuccessful num_attempts="2"><PersistentSequence current_child_idx="{at}">
+  <Clear/><Spin/></PersistentSequence></RetryUntilSuccessful></Repeat></Sequence>"""
+BRANCH = "<IfThenElse><Sequence><IsDay/><IsDry/></Sequence><Work/><Rest/></IfThenElse>"
 
 
-def test_reactive_fallback_stops_once_condition_holds():
-    tree = "<ReactiveFallback><IsDone/><Go/></ReactiveFallback>"
-    result = rehearsed(tree, "go: {after: 9 s}, is_done: [{fails: no}, {fails: no}, {after: 1 s}]")
-    assert result.outcome is TreeOutcome.SUCCEEDED
-    assert kinds(result, EventKind.BEGINS).count("go") == 1
-    assert "go" in kinds(result, EventKind.STOPS)
-
-
-def test_branch_switches_with_its_condition():
-    tree = "<WhileDoElse><IsDay/><Work/><Sleep_well/></WhileDoElse>"
-    result = rehearsed(
-        tree, "work: {after: 9 s}, sleep_well: {after: 4 s}, is_day: [{after: 1 s}, {fails: no}]"
-    )
-    assert result.outcome is TreeOutcome.SUCCEEDED
-    begun = [one for one in kinds(result, EventKind.BEGINS) if one != "is_day"]
-    assert begun == ["work", "sleep_well"]
+@pytest.mark.parametrize(
+    ("tree", "answers", "outcome", "begun"),
+    [
+        (RECOVERY % 2, "follow: {fails: x}, help: {fails: x}", "failed", "follow help"),
+        (RECOVERY % 2, "follow: {fails: x}", "failed", "follow help follow help follow"),
+        (RECOVERY % 0, "follow: {fails: x}", "failed", "follow"),
+        (RECOVERY % -1, THRICE, "succeeded", "follow help " * 3 + "follow"),
+        (IN_TURN, "clear: {fails: x}", "succeeded", "clear spin"),
+        (IN_TURN, "clear: {fails: x}, spin: {fails: x}", "failed", "clear spin"),
+        (f"<Repeat num_cycles='3'>{IN_TURN}</Repeat>", "", "succeeded", "clear spin clear"),
+        (f"<Repeat num_cycles='3'>{ONCE_EACH}</Repeat>", "", "failed", "clear spin"),
+        (PERSISTENT % 1, "", "succeeded", "spin clear spin"),
+        (PERSISTENT % 0, "spin: {fails: x}", "failed", "clear spin clear spin"),
+        (CHECKED, "go: {after: 9 s}, clear: [{}, {fails: x}]", "failed", "clear go clear"),
+        (EITHER, "go: {after: 9 s}, done: [{fails: x}, {}]", "succeeded", "done go done"),
+        (EITHER, "done: {fails: x}", "succeeded", "done go done"),
+        (EITHER, "done: {fails: x}, go: {fails: x}", "failed", "done go done"),
+        (SWITCH, "work: {after: 9 s}, day: [{}, {fails: x}]", "succeeded", "day work day nap day"),
+        (SWITCH, "nap: {after: 9 s}, day: [{fails: x}, {}]", "succeeded", "day nap day work day"),
+        (BRANCH, "", "succeeded", "is_day is_dry work"),
+        (BRANCH, "is_dry: {fails: x}", "succeeded", "is_day is_dry rest"),
+    ],
+)
+def test_children_begin_in_the_same_order(tree, answers, outcome, begun):
+    result = rehearsed(tree, answers)
+    assert (result.outcome.value, kinds(result, EventKind.BEGINS)) == (outcome, begun.split())
+    assert result.duration_s < 9.0, "a running child was stopped"
 
 
 @pytest.mark.parametrize(
     ("controller", "times"),
-    [("RateController hz='0.5'", 2), ("DistanceController distance='1.0'", 3)],
+    [
+        ("RateController hz='0.5'", 2),
+        ("DistanceController distance='1.0'", 3),
+        ("SpeedController min_rate='0.2'", 3),
+        ("GoalUpdatedController", 3),
+    ],
 )
 def test_plan_is_recomputed_while_robot_follows_it(controller, times):
     tag = controller.split()[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scripts of BehaviorTree.CPP as expressions and nodes, and expressions as scripts."""
+"""Scripts of BehaviorTree.CPP as expressions, and expressions as scripts."""
 
 from __future__ import annotations
 
@@ -7,19 +7,12 @@ import pytest
 
 from bt_agents_groot.expressions import parse_formula
 from bt_agents_groot.formulas import Untranslatable, as_expression, as_script
-from bt_agents_groot.scopes import TreeNames
-from bt_agents_groot.script_nodes import as_condition, as_node
+from bt_agents_groot.script_nodes import as_condition
 from bt_agents_groot.scripts import ScriptError, parse_script
-from bt_agents_groot.yaml_nodes import yaml_lines
 
 
 def condition(script: str) -> str:
     return as_expression(as_condition(parse_script(script, str)))
-
-
-def node(script: str) -> list[str]:
-    names = TreeNames({}, ())
-    return yaml_lines(as_node(parse_script(script, names.rename), names).entries())
 
 
 @pytest.mark.parametrize(
@@ -87,39 +80,8 @@ def test_invalid_script_is_rejected_at_error_offset(script, offset, message):
     assert error.value.offset == offset
 
 
-def test_assignments_merge_into_one_set_unless_dependent():
-    assert node("a := 1; b := 'x'") == ["set:", "  a: 1", "  b: x"]
-    assert node("a := 1; b := a + 1") == [
-        "sequence:",
-        "  - set:",
-        "      a: 1",
-        "  - set:",
-        "      b: ${a + 1}",
-    ]
-
-
 def test_semicolons_between_assignments_are_optional():
     assert [one.name for one in parse_script("a := 1 b := 2", str)] == ["a", "b"]
-
-
-def test_texts_are_joined_into_one_text():
-    assert node("t := 'Hello ' .. who .. '!'") == ["set:", '  t: "Hello ${who}!"']
-    assert node("t := 'Hello ' + who") == ["set:", '  t: "Hello ${who}"']
-    assert node("t := '${x}'") == ["set:", '  t: "$${x}"']
-
-
-def test_conditional_value_becomes_choose_node():
-    assert node("a := x > 2 ? 1 : 2") == [
-        "choose:",
-        "  children:",
-        '    - name: then',
-        "      when: x > 2",
-        "      set:",
-        "        a: 1",
-        "  otherwise:",
-        "    set:",
-        "      a: 2",
-    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
