@@ -37,13 +37,10 @@ def test_mutated_test_file_runs_or_reports_named_code(changes: list[tuple[int, i
     text = TEXT
     for start, length, piece in changes:
         text = text[:start] + piece + text[start + length :]
-    found: list[str] = []
     try:
         test = read_test_text(text, "a.test.yaml", AGENTS, SYMBOLS)
     except ReadError as error:
         found = [code for code in codes() if f"[{code}]" in error.lines[0]]
-        test = None
-    if test is None:
         assert len(found) == 1
         return
     for case in test.cases:

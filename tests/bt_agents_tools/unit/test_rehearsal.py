@@ -53,9 +53,7 @@ def test_text_outside_choices_is_not_an_answer() -> None:
 @pytest.mark.parametrize(
     ("choices", "typed", "later"), [(["Yes", "no"], " yES ", "Yes"), ([], " Both ", "Both")]
 )
-def test_later_nodes_receive_answer_in_robot_form(
-    choices: list[str], typed: str, later: str
-) -> None:
+def test_later_nodes_get_answer_in_robot_form(choices: list[str], typed: str, later: str) -> None:
     act = Ask("Which?", choices, 9.0, pace=1.0, voice=None)
     act.begin(0.0)
     assert act.receive(typed)
@@ -211,8 +209,7 @@ def test_absent_person_uses_no_person_values_until_arrival() -> None:
         "sequence: [check: scene.age == 1 and live.age == 1, wait: 2 s, check: live.age == 3]"
     )
     comes_and_goes = "during: [{after: 1 s, person: true}, {after: 1.5 s, person: false}]"
-    said = scenario(spec, f"scene: {{person: false}}\n{comes_and_goes}")
-    result = rehearse(spec, space, said)
+    result = rehearse(spec, space, scenario(spec, f"scene: {{person: false}}\n{comes_and_goes}"))
     assert result.outcome is TreeOutcome.SUCCEEDED, result.message
 
 
@@ -238,8 +235,7 @@ def test_documented_text_is_shown_until_button_press(after: str, shown_s: float)
     tree = documented_tree("language.md", "when you have it")
     press = "publish: {topic: buttons/confirm, message: {data: true}}"
     result = rehearsed(tree, f"during: [{{after: {after}, {press}}}]")
-    ended = events_of(result, EventKind.STOPS, EventKind.SUCCEEDS)
-    assert ended[0] == (shown_s, "show")
+    assert events_of(result, EventKind.STOPS, EventKind.SUCCEEDS)[0] == (shown_s, "show")
     assert result.outcome is TreeOutcome.SUCCEEDED
 
 
@@ -275,8 +271,7 @@ def test_test_case_picks_child_of_random(picks: str, said: list[str]) -> None:
 
 def test_picks_affect_only_their_own_random() -> None:
     drawn = spoken_texts(rehearsed(GREETS))
-    picked = spoken_texts(rehearsed(GREETS, "picks: '**/0.random/0.say'"))
-    assert picked[1::2] == drawn[1::2]
+    assert spoken_texts(rehearsed(GREETS, "picks: '**/0.random/0.say'"))[1::2] == drawn[1::2]
     both = "picks: ['**/1.random/1.say', '**/0.random/0.say', '**/1.random/0.say']"
     assert spoken_texts(rehearsed(GREETS, both))[:4] == ["hi", "two", "hi", "one"]
 
@@ -299,8 +294,7 @@ def test_skill_without_robot_support_can_be_rehearsed() -> None:
     dance = read_skills_text(f"format: 1\nskills: {{dance: {fields}}}", "s.yaml")
     head = "format: 1\nagent: dancer\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
     tree = "sequence: [{dance: tango, outputs: {loud: applause}}, say: 'Thank you for ${loud}.']"
-    text = f"{head}tree: {{{tree}}}"
-    spec = read_agent_text(text, "a.yaml", SYMBOLS.with_skills(dance))
+    spec = read_agent_text(f"{head}tree: {{{tree}}}", "a.yaml", SYMBOLS.with_skills(dance))
     result = rehearse(spec, SPACE, scenario(spec, "answers: {dance: 0.7}"))
     assert spoken_texts(result) == ["Thank you for 0.7."]
 

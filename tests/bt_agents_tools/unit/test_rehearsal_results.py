@@ -138,9 +138,7 @@ def test_failure_shows_expected_actual_and_transcript() -> None:
         ("does: [say: Hi., drive: gate 7, say]", ('say "Hi."', 'say "Hello."', False)),
     ],
 )
-def test_substituted_item_is_paired_in_same_wording(
-    expect: str, row: tuple[str, str, bool]
-) -> None:
+def test_substitute_is_paired_in_same_wording(expect: str, row: tuple[str, str, bool]) -> None:
     [finding] = found(TWO, expect)
     assert finding.rows[0] == row
 
@@ -212,8 +210,7 @@ def test_coverage_counts_both_outcomes_of_decisions() -> None:
 
 def test_coverage_requires_each_alternative_to_succeed() -> None:
     tree = "selector: [{drive: gate 7}, {drive: gate 8}]"
-    fails = "answers: {drive: {fails: blocked}}"
-    assert gaps(tree, fails) == [
+    assert gaps(tree, "answers: {drive: {fails: blocked}}") == [
         "never succeeded: tree/0.drive (a.yaml:8)",
         "never succeeded: tree/1.drive (a.yaml:8)",
     ]
@@ -224,8 +221,7 @@ def test_coverage_is_100_percent_only_when_complete() -> None:
     spec = agent("sequence: [{say: one}, {say: two}]")
     none = coverage(spec, [])
     assert (none.total, none.missed, none.percent) == (3, 3, 0)
-    all_of_it = coverage(spec, [rehearsed("sequence: [{say: one}, {say: two}]").marks])
-    assert all_of_it.percent == 100
+    assert coverage(spec, [rehearsed("sequence: [{say: one}, {say: two}]").marks]).percent == 100
 
 
 def test_coverage_includes_clean_up() -> None:

@@ -22,11 +22,8 @@ def feedback(rule: str, *happenings: str) -> list[tuple[float, str]]:
     return events_of(rehearsed("wait: 60 s", during, head=head), EventKind.FEEDBACK)
 
 
-BETTER = "when: mood.change >= 0.5, for: 2 s"
-
-
 def test_rule_fires_again_after_its_cooldown():
-    fired = feedback(f"{BETTER}, cooldown: 20 s", "after: 1 s, mood: 4")
+    fired = feedback("when: mood.change >= 0.5, for: 2 s, cooldown: 20 s", "after: 1 s, mood: 4")
     assert [at for at, _ in fired] == pytest.approx([3.0, 25.0, 47.0], abs=0.01)
 
 
@@ -64,8 +61,7 @@ def test_an_agent_asks_once_and_remembers_the_answer() -> None:
 
 
 def test_stranger_is_not_remembered() -> None:
-    result = rehearsed(FAVOURITE)
-    assert "nobody who is known by name is there" in result.message
+    assert "nobody who is known by name is there" in rehearsed(FAVOURITE).message
 
 
 TELLING = """
@@ -77,8 +73,7 @@ sequence:
 
 
 def test_told_value_enters_scene_and_moves_mood() -> None:
-    rules = "feedback: [{when: mood.change <= -1, give: negative}]"
-    result = rehearsed(TELLING, head=rules)
+    result = rehearsed(TELLING, head="feedback: [{when: mood.change <= -1, give: negative}]")
     assert spoken_texts(result)[-1] == "1 1 -2"
     assert [text for _, text in events_of(result, EventKind.SCENE)] == ["told: mood 1"]
     assert [one.name for one in result.feedback] == ["NEGATIVE"]
