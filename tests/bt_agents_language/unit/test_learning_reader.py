@@ -7,27 +7,19 @@ from typing import Any
 
 import pytest
 
-from bt_agents_core.errors import ReadError
+from agent_texts import agent_of, problems_of
 from bt_agents_core.feedback import LearningRule, Share, Update
 from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.tools.schema.folder import schema_of
-from file_texts import read_agent_text
 from tree_harness import SYMBOLS
 
-HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {wait: 1 s}\n"
-RULE = "feedback: [{{when: mood.change > 1, give: positive, {}}}]\n"
+TREE = "tree: {wait: 1 s}\n"
 
 
 def read(text: str) -> AgentSpec:
-    return read_agent_text(HEAD + text, "a.yaml", SYMBOLS)
-
-
-def errors(text: str) -> list[str]:
-    with pytest.raises(ReadError) as error:
-        read(text)
-    return [line.removeprefix("a.yaml:") for line in error.value.lines]
+    return agent_of(TREE + text)
 
 
 @pytest.mark.parametrize(
@@ -45,8 +37,7 @@ def test_learning_rate_has_short_and_long_form(text, rate):
 
 
 def test_agent_without_learning_uses_paper_rule():
-    assert read("").learning == LearningRule()
-    assert read("").weights == {}
+    assert (read("").learning, read("").weights) == (LearningRule(), {})
 
 
 def test_learning_accepts_all_its_keys():
@@ -95,129 +86,101 @@ def test_freeze_all_stops_all_learning():
 
 
 @pytest.mark.parametrize(
-    ("text", "line"),
+    ("keys", "problem"),
+    [
+        (
+            "rates: {age: 1}, freeze: [age]",
+            "5:29 contradiction: 'rates' says how fast age learns, 'freeze' that it does not",
+        ),
+        ("update: plain, window: 3", "5:27 misplaced-key: 'window' has nothing to act on here"),
+        (
+            "update: median, width: {age: 1}",
+            "5:28 misplaced-key: 'width' has nothing to act on here",
+        ),
+        (
+            "update: huber, width: {age: 0}",
+            "5:27 out-of-range: 'width' of age is 0, expected more",
+        ),
+        ("general: 0.5", "5:12 misplaced-key: 'general' has nothing to act on here"),
+        (
+            "update: medium",
+            "5:20 bad-choice: 'update' is 'medium', expected plain, huber or median",
+        ),
+        ("update: median, window: 101", "5:36 out-of-range: 'window' is 101, expected 1 to 100"),
+        ("rates: {age: 1.5}", "5:25 out-of-range: 'rates' of age is 1.5, expected 0 to 1"),
+        ("drift: {age: 4.5}", "5:25 out-of-range: 'drift' of age is 4.5, expected 0 to 4"),
+        ("retreat: {age: 5.5}", "5:27 out-of-range: 'retreat' of age is 5.5, expected 1 to 5"),
+        ("drift: {agge: 1}", "5:20 unknown-name: there is no scene parameter 'agge'"),
+        (
+            "freeze: age",
+            "5:20 wrong-type: 'freeze': expected a list of parameters, or 'all', found 'age'",
+        ),
+        ("freeze: [age, stress]", "5:26 unknown-name: there is no scene parameter 'stress'"),
+        (
+            "weights: {button: -1}",
+            "5:30 out-of-range: the weight of 'button' is -1, expected 0 to 100",
+        ),
+        ("layers: [persons]", "5:21 bad-choice: a layer is 'persons', expected person or place"),
+    ],
+)
+def test_mistake_in_learning_is_one_positioned_error(keys, problem):
+    assert told(f"learning: {{{keys}}}\n") == [problem]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
     [
         (
             "learning_rate: 0.1\nlearning: {rate: 0.2}\n",
-            "6:12: error[contradiction]: 'learning_rate' says the learning rate, too",
+            "6:12 contradiction: 'learning_rate' says the learning rate, too",
         ),
+        ("weights: {age: -1}\n", "5:16 out-of-range: 'weights' of age is -1, expected 0 to 100"),
         (
-            "learning: {rates: {age: 1}, freeze: [age]}\n",
-            "5:29: error[contradiction]: 'rates' says how fast age learns, 'freeze' that it does "
-            "not",
+            "weights: 2\n",
+            "5:10 wrong-type: 'weights': expected a mapping of numbers for age, familiarity, "
+            "mood, found '2'",
         ),
-        (
-            "learning: {update: plain, window: 3}\n",
-            "5:27: error[misplaced-key]: 'window' has nothing to act on here",
-        ),
-        (
-            "learning: {update: median, width: {age: 1}}\n",
-            "5:28: error[misplaced-key]: 'width' has nothing to act on here",
-        ),
-        (
-            "learning: {update: huber, width: {age: 0}}\n",
-            "5:27: error[out-of-range]: 'width' of age is 0, expected more",
-        ),
-        (
-            "learning: {general: 0.5}\n",
-            "5:12: error[misplaced-key]: 'general' has nothing to act on here",
-        ),
-        (
-            "learning: {share: all}\n",
-            "5:19: error[bad-choice]: 'share' is 'all', expected everything, place or nothing",
-        ),
-        (
-            "learning: {update: medium}\n",
-            "5:20: error[bad-choice]: 'update' is 'medium', expected plain, huber or median",
-        ),
-        (
-            "learning: {update: median, window: 101}\n",
-            "5:36: error[out-of-range]: 'window' is 101, expected 1 to 100",
-        ),
-        (
-            "learning: {rates: {age: 1.5}}\n",
-            "5:25: error[out-of-range]: 'rates' of age is 1.5, expected 0 to 1",
-        ),
-        (
-            "learning: {drift: {age: 4.5}}\n",
-            "5:25: error[out-of-range]: 'drift' of age is 4.5, expected 0 to 4",
-        ),
-        (
-            "learning: {retreat: {age: 5.5}}\n",
-            "5:27: error[out-of-range]: 'retreat' of age is 5.5, expected 1 to 5",
-        ),
-        (
-            "learning: {retreat: {age: 1}, freeze: [age]}\n",
-            "5:31: error[contradiction]: 'retreat' says where age goes, 'freeze' that it does "
-            "not learn",
-        ),
-        (
-            "learning: {drift: {agge: 1}}\n",
-            "5:20: error[unknown-name]: there is no scene parameter 'agge'",
-        ),
-        (
-            "learning: {freeze: age}\n",
-            "5:20: error[wrong-type]: 'freeze': expected a list of parameters, or 'all', found "
-            "'age'",
-        ),
-        (
-            "learning: {freeze: [age, stress]}\n",
-            "5:26: error[unknown-name]: there is no scene parameter 'stress'",
-        ),
-        (
-            "learning: {weights: {button: -1}}\n",
-            "5:30: error[out-of-range]: the weight of 'button' is -1, expected 0 to 100",
-        ),
-        (
-            "learning: {layers: [persons]}\n",
-            "5:21: error[bad-choice]: a layer is 'persons', expected person or place",
-        ),
-        (
-            "learning: median\n",
-            "5:11: error[wrong-type]: 'learning': expected a mapping with the keys 'rate', "
-            "'rates', 'freeze', 'update', 'width', …, found 'median'",
-        ),
-        (
-            "weights: {age: -1}\n",
-            "5:16: error[out-of-range]: 'weights' of age is -1, expected 0 to 100",
-        ),
-        ("weights: 2\n", "5:10: error[wrong-type]: 'weights': expected a mapping of numbers for "
-         "age, familiarity, mood, found '2'"),
         (
             "feedback: [{when: live.age >= 4, give: negative, baseline: 3 s}]\n",
-            "5:50: error[misplaced-key]: 'baseline' has nothing to act on here: the rule does "
-            "not look at mood.change",
-        ),
-        (
-            RULE.format("then: cancel, cooldown: 3 s"),
-            "5:66: error[misplaced-key]: 'cooldown' has nothing to act on here: the rule ends "
-            "the run",
-        ),
-        (
-            RULE.format("then: cancel, release: live.person"),
-            "5:66: error[misplaced-key]: 'release' has nothing to act on here: the rule ends "
-            "the run",
-        ),
-        (
-            RULE.format("confidence: 2"),
-            "5:64: error[out-of-range]: 'confidence' is 2, expected 0 to 1",
-        ),
-        (
-            RULE.format("release: live.mod > 1"),
-            "5:61: error[unknown-name]: there is no name 'live.mod' here",
-        ),
-        (
-            RULE.format("baseline: soon"),
-            "5:62: error[bad-duration]: 'baseline': expected a time such as '8 s', found 'soon'",
+            "5:50 misplaced-key: 'baseline' has nothing to act on here: the rule does not look at "
+            "mood.change",
         ),
     ],
-)  # fmt: skip
-def test_mistake_is_one_positioned_error(text, line):
-    assert errors(text) == [line]
+)
+def test_mistake_beside_learning_is_one_positioned_error(text, problem):
+    assert told(text) == [problem]
+
+
+ENDS = "has nothing to act on here: the rule ends the run"
+
+
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [
+        ("then: cancel, cooldown: 3 s", f"5:66 misplaced-key: 'cooldown' {ENDS}"),
+        ("then: cancel, release: live.person", f"5:66 misplaced-key: 'release' {ENDS}"),
+        ("confidence: 2", "5:64 out-of-range: 'confidence' is 2, expected 0 to 1"),
+        ("release: live.mod > 1", "5:61 unknown-name: there is no name 'live.mod' here"),
+        (
+            "baseline: soon",
+            "5:62 bad-duration: 'baseline': expected a time such as '8 s', found 'soon'",
+        ),
+    ],
+)
+def test_mistake_in_mood_rule_is_one_positioned_error(keys, problem):
+    assert told(f"feedback: [{{when: mood.change > 1, give: positive, {keys}}}]\n") == [problem]
+
+
+def told(text: str) -> list[str]:
+    """Return 'line:column code: message' of every error of an agent."""
+    return [
+        f"{one.position.line}:{one.position.column} {one.code}: {one.message}"
+        for one in problems_of(read, text)
+    ]
 
 
 def test_unknown_update_adds_no_window_error():
-    assert len(errors("learning: {update: medium, window: 3}\n")) == 1
+    assert len(told("learning: {update: medium, window: 3}\n")) == 1
 
 
 def test_mood_rule_accepts_all_its_keys():
