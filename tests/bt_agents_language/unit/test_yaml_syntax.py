@@ -7,19 +7,16 @@ import textwrap
 
 import pytest
 
+from agent_texts import HEAD, refusal
 from bt_agents_core.errors import ReadError
 from bt_agents_language.yaml.source import Edit, PatchedSource, Source, without_section
 from bt_agents_language.yaml.yaml_reader import MAX_SYNTAX_ERRORS
 from file_texts import read_agent_text
 from tree_harness import SYMBOLS
 
-HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
-
 
 def report(text: str) -> ReadError:
-    with pytest.raises(ReadError) as error:
-        read_agent_text(text, "a.yaml", SYMBOLS)
-    return error.value
+    return refusal(read_agent_text, text, "a.yaml", SYMBOLS)
 
 
 def found(text: str) -> list[str]:
@@ -31,145 +28,93 @@ def tree(text: str) -> str:
     return HEAD + "tree:\n" + textwrap.indent(text, "  ")
 
 
+QUOTE = "quote a text with ': ' in it: \"…: …\""
+
+
 @pytest.mark.parametrize(
-    ("text", "place", "message", "hint"),
+    ("marked", "message", "hint"),
     [
-        ("say:Hello.", "", "", ""),
+        ("«sequence\n  - say: A.", "a ':' is missing after 'sequence'", "write 'sequence:'"),
+        ("say: A.\nwhen«:b", "a space is missing after 'when:'", "write 'when: b'"),
+        ("say «= A.\ntimeout: 5 s", "'=' follows 'say', expected ':'", "write 'say: A.'"),
         (
-            "sequence\n  - say: Hello.",
-            "5:3",
-            "a ':' is missing after 'sequence'",
-            "write 'sequence:'",
-        ),
-        (
-            "sequence:\n  - say:Hello.\n    timeout: 5 s",
-            "6:10",
-            "a space is missing after 'say:'",
-            "write 'say: Hello.'",
-        ),
-        (
-            "say: Hello.\ntimeout:5 s",
-            "6:10",
-            "a space is missing after 'timeout:'",
-            "write 'timeout: 5 s'",
-        ),
-        (
-            "say = Hello.\ntimeout: 5 s",
-            "5:7",
-            "'=' follows 'say', expected ':'",
-            "write 'say: Hello.'",
-        ),
-        (
-            "say：Hello.\ntimeout: 5 s",  # noqa: RUF001
-            "5:6",
+            "say«：Hello.\ntimeout: 5 s",  # noqa: RUF001
             "'：' looks like a colon, but is another character",  # noqa: RUF001
             "write 'say: …'",
         ),
+        ("say: Hello«: you.", "this line has a second ':'", QUOTE),
         (
-            "say: Hello: you.",
-            "5:13",
-            "this line has a second ':'",
-            "quote a text with ': ' in it: \"…: …\"",
-        ),
-        (
-            "sequence:\n  - say: A.\n  -say: B.",
-            "7:5",
+            "sequence:\n  - say: A.\n  «-say: B.",
             "a space is missing after '-'",
             "write '- say: B.'",
         ),
         (
-            "sequence:\n  - say: A.\n  say: B.",
-            "7:5",
+            "sequence:\n  - say: A.\n  «say: B.",
             "this line is in a list of '-' items, but does not start with '- '",
             "put '- ' in front of it, or indent it if it belongs to the item above",
         ),
-        ("say: @home", "5:8", "a text cannot start with '@'", 'quote it: "…"'),
-        ("say: **A**", "5:8", "a text cannot start with '*'", 'quote it: "…"'),
-        ("say: ? what", "5:8", "a text cannot start with '?'", 'quote it: "…"'),
+        ("say: «@home", "a text cannot start with '@'", 'quote it: "…"'),
+        ("say: «? what", "a text cannot start with '?'", 'quote it: "…"'),
         (
-            "say: - what",
-            "5:8",
+            "say: «- what",
             "a '-' item starts in the middle of a line",
             "start it on a line of its own, or quote a text that starts with '- '",
         ),
         (
-            'say: "A.\ntimeout: 5 s',
-            "5:8",
+            'say: «"A.\ntimeout: 5 s',
             "this quotation mark is not closed",
             "add one at the end of the text",
         ),
         (
-            'sequence:\n  - say: "A.\n  - say: "B."',
-            "6:12",
+            'sequence:\n  - say: «"A.\n  - say: "B."',
             "this quotation mark is closed only in line 7",
             "close it before",
         ),
         (
-            "say: {text: A.\ntimeout: 5 s",
-            "5:8",
+            "say: «{text: A.\ntimeout: 5 s",
             "this '{' is not closed",
             "close it with '}' at the end of the value",
         ),
         (
-            "say: {\n  text: A.\n  rate: 1.0\n}",
-            "7:5",
+            "say: {\n  text: A.\n  «rate: 1.0\n}",
             "a ',' is expected before 'rate'",
             "put a ',' between two values, and quote a text with ': ' in it",
         ),
         (
-            "say: {text: Gate #4}",
-            "5:8",
+            "say: «{text: Gate #4}",
             "this '{' is not closed",
             "a '#' after a space starts a comment: put quotes around the text",
         ),
         (
-            "say: {text: ${a}}",
-            "5:15",
+            "say: {text: «${a}}",
             "${…} stands without quotes inside { … } or [ … ]",
             'quote it there: "${name}"',
         ),
         (
-            "\tsay: A.",
-            "5:3",
+            "«\tsay: A.",
             "a tab indents this line",
             "use spaces (most editors can turn tabs into spaces)",
         ),
         (
-            "say: A.\nthere friend\ntimeout: 5 s",
-            "6:3",
+            "say: A.\n«there friend\ntimeout: 5 s",
             "this line is neither 'key: value' nor a '-' item",
             "write 'there: friend', or indent the line if it belongs to the text above",
         ),
-        (
-            "say: A.\n// and then\ntimeout: 5 s",
-            "6:3",
-            "'//' starts no comment here",
-            "write '# and then'",
-        ),
-        ("/* first */\nsay: A.", "5:3", "'/*' starts no comment here", "write '# first'"),
-        ("say: 'A.' // note", "5:13", "'//' starts no comment here", "write '# note'"),
-        ("say: A. // a: b", "5:11", "'//' starts no comment here", "write '# a: b'"),
-        (
-            "sequence: // steps\n- say: A.",
-            "5:13",
-            "'//' starts no comment here",
-            "write '# steps'",
-        ),
-        (
-            "say: 'A // B'\nname: y: z",
-            "6:10",
-            "this line has a second ':'",
-            "quote a text with ': ' in it: \"…: …\"",
-        ),
+        ("say: A.\n«// B\ntimeout: 5 s", "'//' starts no comment here", "write '# B'"),
+        ("«/* first */\nsay: A.", "'/*' starts no comment here", "write '# first'"),
+        ("say: 'A.' «// note", "'//' starts no comment here", "write '# note'"),
+        ("say: A. «// a: b", "'//' starts no comment here", "write '# a: b'"),
+        ("sequence: «// B\n- say: A.", "'//' starts no comment here", "write '# B'"),
+        ("say: 'A // B'\nname: y«: z", "this line has a second ':'", QUOTE),
     ],
 )
-def test_syntax_error_is_reported_on_its_line(text, place, message, hint):
-    if not place:
-        # On its own line it is a text for YAML, so the tree reports it.
-        assert found(tree(text)) == ["not-a-node 5:3"]
-        return
-    (first, *_) = report(tree(text)).diagnostics
-    assert f"{first.position.line}:{first.position.column}" == place
+def test_syntax_error_is_reported_at_its_mark(marked, message, hint):
+    before, after = marked.split("«")
+    (first, *_) = report(tree(before + after)).diagnostics
+    # Four lines precede the tree, and two spaces each of its lines.
+    lines = before.split("\n")
+    place = (4 + len(lines), len(lines[-1]) + 3)
+    assert (first.position.line, first.position.column) == place
     assert (first.message, first.hint) == (message, hint)
 
 
@@ -246,6 +191,4 @@ def test_removal_of_only_section_leaves_nothing():
 @pytest.mark.parametrize("after", ["", " = x", ":x\nb: 1: 2", "\uff1a x", " - x: y: z"])
 def test_very_long_word_is_shortened_in_messages(after):
     text = "format: 1\n" + "a" * 400 + after + "\ntree: {say: x}\n"
-    with pytest.raises(ReadError) as caught:
-        read_agent_text(text, "a.yaml", SYMBOLS)
-    assert max(map(len, caught.value.report.splitlines())) <= 200
+    assert max(map(len, report(text).report.splitlines())) <= 200
