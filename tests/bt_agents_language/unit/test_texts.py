@@ -1,22 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Texts of a language: files, references to them, and diagnostics about both."""
+"""Texts of a language and variants of a text: files, references, checks, drawing and export."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft7Validator
 
-from bt_agents_core.errors import BtAgentsError, ReadError
+from agent_texts import agent_of, refusal
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_groot.agent_export import export_agent
+from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.diagnostics.renderers import as_line
+from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.files.texts_reader import FolderTexts, read_texts
-from bt_agents_language.model.specs import Literal, Reference, Text, Variants
+from bt_agents_language.model.specs import Literal, NodeSpec, Reference, Text, Variants
+from bt_agents_language.tools.drawing.value_format import format_value
 from bt_agents_language.tools.folder_check import check_folder
 from bt_agents_language.tools.lint import lint
+from bt_agents_language.tools.schema.folder import schema_of
 from bt_agents_language.yaml.source import Source
-from tree_harness import TREES
+from core_schema import loaded
+from file_texts import read_agent_text
+from tree_harness import SYMBOLS, TREES, agent
 
 SCENE = (TREES / "scene.yaml").read_text() + "\nlanguage: de\n"
 HEAD = "format: 1\nagent: guide\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
@@ -58,12 +67,11 @@ class Folder:
         return trees.agents[0].tree.fields["text"]
 
     def problems(self) -> list[str]:
-        found = []
-        for one in check_folder(self.path).problems:
-            file = Path(one.position.file)
-            place = f"{file.parent.name}/{file.name}:{one.position.line}:{one.position.column}"
-            found.append(f"{place}: {one.code}: {one.message} | {one.hint}")
-        return found
+        return [
+            "/".join(Path(one.position.file).parts[-2:])
+            + f":{one.position.line}:{one.position.column}: {one.code}: {one.message} | {one.hint}"
+            for one in check_folder(self.path).problems
+        ]
 
 
 @pytest.fixture
@@ -74,10 +82,6 @@ def folder(tmp_path: Path) -> Folder:
 def test_text_follows_requested_or_folder_language(folder):
     assert folder.said("${t.hello}") == Literal(value="Hallo.")
     assert folder.said("${t.hello}", "en") == Literal(value="Hello.")
-    assert folder.problems()[:1] == [
-        "texts/de.yaml:4:3: unused-text: nothing inserts the text 'ask' | "
-        "write ${t.ask} where it is needed, or remove it"
-    ]
 
 
 def test_text_names_resolve_at_insertion_point(folder):
@@ -91,10 +95,8 @@ def test_text_names_resolve_at_insertion_point(folder):
 def test_text_can_be_inserted_inside_texts_and_lists(folder):
     assert folder.said('"${t.hello} ${t.hello}!"') == Literal(value="Hallo. Hallo.!")
     folder.tree('tree: {ask: {text: a, choices: ["${t.hello}", no]}}\n')
-    assert [item.value for item in folder.read().agents[0].tree.fields["choices"].items] == [
-        "Hallo.",
-        "no",
-    ]
+    choices = folder.read().agents[0].tree.fields["choices"].items
+    assert [item.value for item in choices] == ["Hallo.", "no"]
 
 
 def test_text_variants_are_allowed_only_in_skills(folder):
@@ -139,13 +141,11 @@ def test_condition_may_compare_with_plain_text(folder):
 
 def test_text_errors_are_positioned_for_every_language(folder):
     folder.write("texts/en.yaml", EN.replace("${guest}", "${gest}"))
-    assert [one.partition(": ")[2] for one in folder.problems()] == [
-        "unknown-name: there is no name 'gest' here | did you mean 'guest'?"
+    assert folder.problems() == [
+        "texts/en.yaml:4:17: unknown-name: there is no name 'gest' here | did you mean 'guest'?"
     ]
-    assert check_folder(folder.path).problems[0].inserted == (
-        f"{folder.path}/agents/guide.yaml:8",
-    )
-    assert folder.problems()[0].startswith("texts/en.yaml:4:17: ")
+    (problem,) = check_folder(folder.path).problems
+    assert problem.inserted == (f"{folder.path}/agents/guide.yaml:8",)
     assert not folder.read().broken
     assert folder.read("en").broken
 
@@ -181,37 +181,26 @@ def test_missing_and_unused_texts_are_reported(folder):
     ]
 
 
-def test_text_inserted_only_by_library_is_used(folder):
+def test_agent_language_applies_to_its_imported_libraries(folder):
     folder.write("texts/de.yaml", DE + "  bye: Ade.\n")
     folder.write("texts/en.yaml", EN + "  bye: Bye.\n")
     library = 'format: 1\nsubtrees: {leave: {tree: {say: "${t.bye}"}}}\n'
     folder.write("libraries/manners.yaml", library)
-    folder.tree("imports: [libraries/manners.yaml]\n" + TREE + "    - subtree: leave\n")
-    trees = folder.read("en")
-    assert trees.agents[0].tree.children[3].children[0].fields["text"] == Literal(value="Bye.")
-    assert trees.files[0].imports == {"libraries/manners.yaml", "texts/en.yaml"}
-    assert folder.problems() == []
-
-
-def test_agent_language_applies_to_its_imported_libraries(folder):
-    library = 'format: 1\nsubtrees: {greet: {tree: {say: "${t.hello}"}}}\n'
-    folder.write("libraries/manners.yaml", library)
-    tree = "imports: [libraries/manners.yaml]\n" + TREE + "    - subtree: greet\n"
+    tree = "imports: [libraries/manners.yaml]\n" + TREE + "    - subtree: leave\n"
     folder.tree(tree)
-    english = HEAD.replace("guide", "english") + "language: en\n" + tree
-    folder.write("agents/english.yaml", english)
+    folder.write("agents/english.yaml", f"{HEAD.replace('guide', 'english')}language: en\n{tree}")
     trees = folder.read()
     assert not trees.broken
-
-    def said(name: str) -> list[object]:
-        [agent] = [one for one in trees.agents if one.name == name]
-        nodes = (agent.tree.children[1], agent.tree.children[3].children[0])
-        return [node.fields["text"].value for node in nodes]
-
-    assert said("guide") == ["Hallo.", "Hallo."]
-    assert said("english") == ["Hello.", "Hello."]
-    [file] = [one for one in trees.files if one.agent.name == "english"]
-    assert "texts/en.yaml" in file.imports
+    said = {
+        agent.name: (
+            agent.tree.children[1].fields["text"].value,
+            agent.tree.children[3].children[0].fields["text"].value,
+        )
+        for agent in trees.agents
+    }
+    assert said == {"guide": ("Hallo.", "Ade."), "english": ("Hello.", "Bye.")}
+    imports = {one.agent.name: one.imports for one in trees.files}
+    assert imports["english"] == {"libraries/manners.yaml", "texts/en.yaml"}
     assert folder.problems() == []
 
 
@@ -224,8 +213,9 @@ def test_agent_language_without_texts_is_an_error(folder):
 def test_texts_without_language_are_rejected_with_hint(folder):
     folder.write("scene.yaml", SCENE.replace("language: de\n", ""))
     (broken,) = folder.read().broken
-    assert "no language is chosen for the texts that this file inserts" in broken.error.report
-    assert "write 'language: de or en' in scene.yaml" in broken.error.report
+    (problem,) = broken.error.diagnostics
+    assert "no language is chosen for the texts that this file inserts" in problem.message
+    assert "write 'language: de or en' in scene.yaml" in problem.hint
     assert not folder.read("en").broken
 
 
@@ -243,9 +233,8 @@ def test_broken_text_file_breaks_only_its_users(folder):
     trees = folder.read()
     assert [one.name for one in trees.agents] == ["plain"]
     assert [one.file.name for one in trees.broken] == ["guide.yaml", "de.yaml"]
-    assert (
-        "'texts/de.yaml' has errors itself: wrong-type in line 2" in trees.broken[0].error.report
-    )
+    report = trees.broken[0].error.report
+    assert "'texts/de.yaml' has errors itself: wrong-type in line 2" in report
 
 
 @pytest.mark.parametrize(
@@ -262,9 +251,8 @@ def test_broken_text_file_breaks_only_its_users(folder):
     ],
 )
 def test_text_file_errors_are_reported(texts, problem):
-    with pytest.raises(ReadError) as error:
-        read_texts(Source("de.yaml", f"format: 1\ntexts: {texts}\n"))
-    assert problem in error.value.report
+    source = Source("de.yaml", f"format: 1\ntexts: {texts}\n")
+    assert problem in refusal(read_texts, source).report
 
 
 def test_text_cannot_insert_another_text(folder):
@@ -300,16 +288,13 @@ cases:
 
 
 def read_cases(folder, text=TEST):
-    path = folder.path / "agents" / "guide.test.yaml"
-    path.write_text(text, encoding="utf-8")
+    folder.write("agents/guide.test.yaml", text)
     trees = folder.read()
-    return read_test(path, trees.agents, trees.symbols)
+    return read_test(folder.path / "agents/guide.test.yaml", trees.agents, trees.symbols)
 
 
-def refusal(folder, text):
-    with pytest.raises(ReadError) as found:
-        read_cases(folder, text)
-    (one,) = found.value.diagnostics
+def refused(folder, text):
+    (one,) = refusal(read_cases, folder, text).diagnostics
     return one
 
 
@@ -324,33 +309,32 @@ def test_case_uses_its_declared_language(folder):
 
 
 def test_test_file_language_is_default_of_its_cases(folder):
-    text = TEST.replace("language: en", "language: de").replace(
-        '[Hello., "Ready, Ann?"]', '[Hallo., "Bereit, Ann?"]'
-    )
+    text = TEST.replace("language: en", "language: de")
     english, german = read_cases(folder, text.replace("cases:", "language: en\ncases:")).cases
     (says,) = english.expectations
     assert says.texts == ("Hello.",)
     assert german.scenario.answers[0].answers[0].outputs == {"answer": "Hallo."}
-    problem = refusal(folder, TEST.replace("cases:", "language: eng\ncases:"))
-    assert problem.message == "there are no texts in the language 'eng'"
 
 
-def test_case_in_language_without_texts_is_rejected(folder):
-    problem = refusal(folder, TEST.replace("language: en", "language: eng"))
+@pytest.mark.parametrize(
+    ("old", "new"), [("cases:", "language: eng\ncases:"), ("language: en", "language: eng")]
+)
+def test_test_in_language_without_texts_is_rejected(folder, old, new):
+    problem = refused(folder, TEST.replace(old, new))
     assert problem.message == "there are no texts in the language 'eng'"
     assert problem.hint == "did you mean 'en'?"
 
 
 def test_case_cannot_override_language_of_agent(folder):
     folder.tree("language: de\n" + TREE)
-    problem = refusal(folder, TEST)
+    problem = refused(folder, TEST)
     assert problem.code == "contradiction"
     assert "says 'language: de'" in problem.message
 
 
 def test_case_in_language_with_broken_agent_is_rejected(folder):
     folder.write("texts/en.yaml", "format: 1\ntexts: {ask: Ready?}\n")
-    problem = refusal(folder, TEST)
+    problem = refused(folder, TEST)
     assert "'guide' has errors in the language 'en': there is no text 'hello'" in problem.message
 
 
@@ -363,6 +347,62 @@ def test_case_in_language_with_broken_agent_is_rejected(folder):
 )
 def test_test_inserts_only_complete_texts(folder, text, why):
     folder.write("texts/de.yaml", f"format: 1\ntexts:\n  hello: Hallo.\n  ask: {text}\n")
-    problem = refusal(folder, TEST.replace('t.hello}"]}}', 't.ask}"]}}'))
+    problem = refused(folder, TEST.replace('t.hello}"]}}', 't.ask}"]}}'))
     assert why in problem.message
     assert "write what is said, such as 'Ready" in problem.hint
+
+
+SCHEMA = Draft7Validator(schema_of(AGENT, SYMBOLS))
+
+
+def node(tree: str) -> NodeSpec:
+    return agent(tree).tree
+
+
+def refused_by_schema(tree: str) -> bool:
+    return bool(list(SCHEMA.iter_errors(loaded(f"{HEAD}tree: {{{tree}}}\n"))))
+
+
+def test_variants_replace_main_text_beside_other_inputs():
+    spec = node("say: {one_of: [Hello., Hi.], rate: 0.8}")
+    assert spec.fields["text"] == Variants(texts=(Literal(value="Hello."), Literal(value="Hi.")))
+    assert spec.fields["rate"] == Literal(value=0.8)
+    assert spec.name == "say one_of …"
+    assert not refused_by_schema("say: {one_of: [Hello., Hi.], rate: 0.8}")
+
+
+@pytest.mark.parametrize(
+    ("tree", "code", "message", "hint", "by_schema"),
+    [
+        ("say: {one_of: [Hello.]}", "missing-value", "needs two texts or more", "without", True),
+        ("say: {one_of: []}", "missing-value", "needs two texts or more", "", True),
+        ("say: {one_of: Hello.}", "wrong-type", "expected a list of texts", "'- '", True),
+        ("say: {one_of: [Hello., [a]]}", "wrong-type", "expected a text", "", True),
+        ("say: {one_of: [a, b], text: c}", "contradiction", "replaces it", "keep one", False),
+        ("say: {rate: 1}", "missing-key", "needs the key 'text'", "", True),
+        ("say: [a, b]", "wrong-type", "found a list", "write {one_of: […]}", True),
+        ("drive: {oneof: [a, b]}", "unknown-key", "no key 'oneof'", "'one_of'", True),
+        ("say: {one_of: [a, 'b ${nmae}']}", "unknown-name", "no name 'nmae'", "", False),
+        ("say: {rate: {one_of: [1, 2]}, text: a}", "wrong-type", "expected a number", "", True),
+        ("log: {one_of: [a, b]}", "unknown-key", "no key 'one_of'", "", True),
+    ],
+)
+def test_variant_errors_are_reported(tree, code, message, hint, by_schema):
+    [found] = [one for one in refusal(agent, tree).diagnostics if one.code == code]
+    assert message in found.message
+    assert hint in found.hint
+    assert refused_by_schema(tree) is by_schema
+
+
+def test_drawing_shows_all_variants():
+    shown = format_value(node("say: {one_of: [Hello., 'Hi ${clock.hour}.']}").fields["text"])
+    assert shown == 'one of "Hello.", "Hi ${clock.hour}."'
+
+
+def test_groot_round_trip_keeps_variants():
+    ask = "{one_of: ['Shall we?', 'Ready, ${clock.weekday}?'], choices: [yes, no], wait: 3 s}"
+    keys = f"tree: {{ask: {ask}}}\n"
+    exported = export_agent(Source("a.yaml", HEAD + keys), SYMBOLS)
+    imported = import_agent(Source("a.xml", exported.text), "a", SYMBOLS)
+    after = read_agent_text(imported.text, "a.yaml", SYMBOLS)
+    assert after.tree.fields == agent_of(keys).tree.fields
