@@ -168,7 +168,7 @@ def meaning(node: Node) -> object:
         case "==" | "!=":
             return (values[0] == values[1]) is (word == "==")
         case "in" | "not in":
-            return any(found(values[0], values[1])) is (word == "in")
+            return (values[0] in values[1]) is (word == "in")
         case "len":
             return len(values[0])
         case _ if word in ORDER:
@@ -176,25 +176,12 @@ def meaning(node: Node) -> object:
     return finite(number(word, values))
 
 
-def found(wanted: object, where: object) -> list[bool]:
-    if isinstance(where, str):
-        return [where[i : i + len(wanted)] == wanted for i in range(len(where) + 1)]
-    return [wanted == item for item in where]
-
-
 def number(word: str, values: list) -> float:
-    match word:
-        case "minus":
-            return -values[0]
-        case "min" | "max":
-            several = values[0] if len(values) == 1 else values
-            return sorted(several)[0 if word == "min" else -1]
-        case "abs":
-            return values[0] if values[0] >= 0 else -values[0]
-        case "round":
-            return school(*values)
+    if word in ("min", "max"):
+        several = values[0] if len(values) == 1 else values
+        return sorted(several)[0 if word == "min" else -1]
     try:
-        return ARITHMETIC[word](*values)
+        return NUMERIC[word](*values)
     except (ZeroDivisionError, OverflowError):
         raise Undefined from None
 
@@ -213,6 +200,9 @@ def school(value: float, digits: int = 0) -> float:
     whole = Fraction(math.floor(scaled + Fraction(1, 2)), 10**digits)
     signed = whole if value > 0 else -whole
     return float(signed) if digits else int(signed)
+
+
+NUMERIC = {**ARITHMETIC, "minus": operator.neg, "abs": abs, "round": school}
 
 
 def is_refused_by_design(node: Node) -> bool:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from bt_agents_language.expression.expression_tokens import ExpressionError
@@ -40,41 +42,23 @@ def value(text: str) -> object:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("scene.age >= 4", True),
-        ("scene.age == count + 1", True),
-        ("count < 4 and scene.person", True),
-        ("place == 'gate 12'", True),
-        ("-7 % 4", 1),
-        ("count", 3),
-        ("count * 2", 6),
-        ("'a'", "a"),
         ("[1, count]", (1, 3)),
         (".5 < 1e0", True),
         ("endless > 5", True),
         # in and between
-        ("place in ['gate 11', 'gate 12']", True),
-        ("count in [1, 2.0]", False),
-        ("'12' in place", True),
         ("'' in place", True),
-        ("'a' in items", True),
         ("'c' in nothing", False),
-        ("scene.person in [false]", False),
         ("1 not  in\n [2]", True),
         ("'x' in many", True),
-        ("count between 3 and 4", True),
         # numbers of functions
-        ("min(3, 2)", 2),
         ("min(1, endless)", 1),
-        ("abs(-2.5)", 2.5),
         ("round(2.5)", 3),
         ("round(-0.4)", 0),
         ("round(2.675, 2)", 2.68),
         ("round(-0.04, 1)", 0.0),
-        ("round(count, 2)", 3),
         ("round(12345.678, 0)", 12346),
         ("round(1e300, 2)", 1e300),
         ("round(1.5, 15)", 1.5),
-        ("len('häuser')", 6),
         ("len(nothing)", 0),
         ("len(many)", 1_000_000),
         # texts
@@ -128,20 +112,15 @@ def test_expression_evaluates_to_expected_value(text, expected):
         ("count / 0 > 1", "'/' by zero"),
         ("count % 0 == 1", "'%' by zero"),
         ("1e308 * 10 > 1", "too large"),
-        ("huge / 3 > 1", "too large"),
         ("huge * huge > 1", "too large"),
-        ("-huge", "too large"),
-        ("abs(huge)", "too large"),
         ("huge == place", "a very large number with the text"),
         ("endless - endless > 1", "not a number"),
-        ("-endless < 1", "too large"),
         ("count in count", "list or a text after it, found the number 3"),
         ("count in place", "looks for a text in a text, found the number 3"),
         ("count in items", "cannot compare the number 3 with the text 'a'"),
         ("1 in [scene.person]", "cannot compare the number 1 with true"),
         ("2 in mixed", "cannot compare the number 2 with the text 'a'"),
         ("items in items", "looks for one value, found a list"),
-        ("message in items", "looks for one value, found a mapping"),
         ("place between 1 and 2", "'between' needs numbers, found the text"),
         ("count between place and 2", "'between' needs numbers, found the text"),
         ("max(nothing)", "'max' of an empty list"),
@@ -149,14 +128,10 @@ def test_expression_evaluates_to_expected_value(text, expected):
         ("max(count)", "two numbers or more, or one list, found the number 3"),
         ("min(undefined_reading, 1)", "one that is not a number"),
         ("round(undefined_reading)", "not a number"),
-        ("round(endless)", "too large"),
-        ("round(huge)", "too large"),
         ("max(1, endless) > 3", "too large"),
         ("round(1.5, count / 2)", "keeps 0 to 15 digits, found the number 1.5"),
         ("round(1.5, huge)", "keeps 0 to 15 digits, found a very large number"),
-        ("round(1.5, endless)", "keeps 0 to 15 digits"),
         ("len(count)", "'len' needs a text or a list, found the number 3"),
-        ("len(message)", "'len' needs a text or a list, found a mapping"),
         ("abs(scene.person)", "'abs' needs numbers, found true"),
         ("number(scene.person)", "'number' needs numbers, found true"),
         ("number(digits) > 1", "too large"),
@@ -168,9 +143,8 @@ def test_expression_evaluates_to_expected_value(text, expected):
 )
 def test_mismatched_values_are_readable_errors(text, words):
     expression = parse_expression(text)
-    with pytest.raises(EvaluationError) as error:
+    with pytest.raises(EvaluationError, match=re.escape(words)):
         expression.evaluate(lookup)
-    assert words in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +160,6 @@ def test_mismatched_values_are_readable_errors(text, words):
         (".5", 0.5),
         ("um...5", 5),
         ("0.125", 0.125),
-        ("1000", 1000),
         ("٤", 4),
         ("one moment, 7", 7),
     ],
@@ -213,9 +186,8 @@ def test_number_is_extracted_from_text(text, expected):
     ],
 )
 def test_text_without_one_clear_number_is_an_error(text, words):
-    with pytest.raises(EvaluationError) as error:
+    with pytest.raises(EvaluationError, match=re.escape(words)):
         parse_expression("number(answer)").evaluate(lambda _: text)
-    assert words in str(error.value)
     assert parse_expression("number(answer) else 0").evaluate(lambda _: text) == 0
     assert parse_expression("known(number(answer))").evaluate(lambda _: text) is False
 
@@ -271,22 +243,18 @@ def test_expression_knows_names_with_columns():
 @pytest.mark.parametrize(
     ("text", "kind"),
     [
-        ("a + 1", ValueKind.NUMBER),
         ("a == unknown", ValueKind.BOOLEAN),
         ("unknown", None),
-        ("t", ValueKind.TEXT),
         ("t in unknown", ValueKind.BOOLEAN),
         ("a between 1 and unknown", ValueKind.BOOLEAN),
         ("[a]", ValueKind.LIST),
         ("max(unknown)", ValueKind.NUMBER),
-        ("len(t)", ValueKind.NUMBER),
         ("number(t)", ValueKind.NUMBER),
         ("known(unknown)", ValueKind.BOOLEAN),
         ("lower(unknown)", ValueKind.TEXT),
         ("contains(t, unknown)", ValueKind.BOOLEAN),
         ("a else 1", ValueKind.NUMBER),
         ("unknown else 1", None),
-        ("(t)", ValueKind.TEXT),
     ],
 )
 def test_expression_kind_is_known_before_a_run(text, kind):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import partial
 
 import pytest
@@ -27,27 +28,21 @@ angle = partial(quantity, field_type=FieldType.ANGLE)
 @pytest.mark.parametrize(
     ("read", "text", "value"),
     [
-        (duration, "8 s", 8.0),
         (duration, "1.5 h", 5400.0),
         (duration, "8s", 8.0),
         (duration, "2", 2.0),
-        (duration, "2.5", 2.5),
         (duration, "1e2 s", 100.0),
         (duration, " 3 s ", 3.0),
         (length, "1.5 m", 1.5),
         (length, "150 cm", 1.5),
         (length, "7 mm", 0.007),
         (length, "2 km", 2000.0),
-        (length, "0.8m", 0.8),
         (length, "-2 m", -2.0),
         (length, "3", 3.0),
         (angle, "180 deg", math.pi),
         (angle, "90deg", math.pi / 2),
         (angle, "-45 deg", -math.pi / 4),
-        (angle, "1.5 rad", 1.5),
         (angle, "0.1", 0.1),
-        (number, "1", 1.0),
-        (number, "-0.5", -0.5),
         (number, "1e-3", 0.001),
         (number, "5.", 5.0),
         (integer, "0", 0),
@@ -64,12 +59,9 @@ def test_numbers_and_quantities_are_read_in_si_units(read, text, value):
     ("read", "text", "hint"),
     [
         (duration, "8 sec", "write 8 s"),
-        (duration, "8 seconds", "write 8 s"),
         (duration, "2 Min", "write 2 min"),
         (duration, "8 S", "write 8 s"),
         (duration, "1:30", "for example 90 s"),
-        (duration, "1 min 30 s", "write one number with one unit"),
-        (duration, "1 min and 30 s", "write one number with one unit"),
         (duration, "one and a half minutes", "write 1.5 min"),
         (duration, "twenty-five secs.", "write 25 s"),
         (duration, "a minute", "write 1 min"),
@@ -83,9 +75,7 @@ def test_numbers_and_quantities_are_read_in_si_units(read, text, value):
         (duration, "1,5 s", "use a point: 1.5 s"),
         (duration, "08 s", "write 8"),
         (duration, "-1 s", ""),
-        (duration, ".inf", "finite"),
         (duration, "nan", "finite"),
-        (duration, "1e999 s", "finite"),
         (duration, "1e308 h", "finite"),
         (duration, "1e9 h", "shorter"),
         (duration, "5 parsecs", "use ms, s, min or h"),
@@ -104,8 +94,6 @@ def test_numbers_and_quantities_are_read_in_si_units(read, text, value):
         (number, "1 000", "1000"),
         (number, "0x10", "decimal"),
         (number, "5 s", "no unit is possible here: write 5"),
-        (number, ".nan", "finite"),
-        (number, "-.inf", "finite"),
         (number, "Infinity", "finite"),
         (number, "1e999", "finite"),
         (number, "true", ""),
@@ -122,12 +110,7 @@ def test_invalid_number_or_time_is_rejected_with_hint(read, text, hint):
 @pytest.mark.parametrize(
     ("read", "text", "message", "hint"),
     [
-        (
-            duration,
-            "5 m",
-            "a time such as '8 s', found the length '5 m'",
-            "5 min for minutes; m is",
-        ),
+        (duration, "5 m", "a time such as '8 s', found the length '5 m'", "minutes; m is metres"),
         (duration, "2 M", "found the length '2 M'", "write 2 min for minutes; m is metres"),
         (duration, "90 deg", "found the angle '90 deg'", "use ms, s, min or h"),
         (length, "5 s", "a length such as '1.5 m', found the time '5 s'", "use mm, cm, m or km"),
@@ -141,9 +124,8 @@ def test_invalid_number_or_time_is_rejected_with_hint(read, text, hint):
     ],
 )
 def test_quantity_of_wrong_dimension_is_rejected(read, text, message, hint):
-    with pytest.raises(QuantityError) as error:
+    with pytest.raises(QuantityError, match=re.escape(message)) as error:
         read(text)
-    assert message in error.value.message
     assert hint in error.value.hint
 
 
@@ -160,9 +142,7 @@ def test_invalid_whole_number_is_rejected(text):
     [
         ("5 s", FieldType.DURATION, FieldType.DURATION),
         ("1.5 m", FieldType.LENGTH, FieldType.LENGTH),
-        ("90 deg", FieldType.ANGLE, FieldType.ANGLE),
         ("5 seconds", None, FieldType.DURATION),
-        ("2 metres", None, FieldType.LENGTH),
         ("90°", None, FieldType.ANGLE),
         ("5", None, None),
         ("5 apples", None, None),
@@ -187,18 +167,12 @@ def test_clock_times_are_recognised():
         (0.0, FieldType.DURATION, "0 s"),
         (0.25, FieldType.DURATION, "250 ms"),
         (0.9999, FieldType.DURATION, "1 s"),
-        (8.0, FieldType.DURATION, "8 s"),
-        (8, FieldType.DURATION, "8 s"),
         (12.345, FieldType.DURATION, "12.3 s"),
         (60.0, FieldType.DURATION, "1 min"),
-        (75.0, FieldType.DURATION, "75 s"),
         (90.0, FieldType.DURATION, "1.5 min"),
-        (100.0, FieldType.DURATION, "100 s"),
         (1000.0, FieldType.DURATION, "16.7 min"),
-        (5400.0, FieldType.DURATION, "1.5 h"),
         (86400.0, FieldType.DURATION, "24 h"),
         (0.0, FieldType.LENGTH, "0 m"),
-        (1.5, FieldType.LENGTH, "1.5 m"),
         (-1.5, FieldType.LENGTH, "-1.5 m"),
         (0.8, FieldType.LENGTH, "80 cm"),
         (0.007, FieldType.LENGTH, "7 mm"),

@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import pytest
 
+from agent_texts import agent_of
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.tools.lint import lint
-from file_texts import read_agent_text
-from tree_harness import SYMBOLS
 
 RANGES = {"age": Range(1, 5), "gain": Range(-2, 2)}
 
@@ -25,7 +24,6 @@ def decided(text: str) -> list[tuple[str, bool]]:
     ("text", "always"),
     [
         ("age > 5", False),
-        ("age >= 5.5", False),
         ("age < 1", False),
         ("7 < age", False),
         ("age == 6", False),
@@ -64,14 +62,12 @@ def test_comparison_outside_or_covering_range_is_decided(text, always):
         "1 < 2",
         "age > 3 and gain < 0",
         "age in [0, 3, 9]",
-        "age == 3",
         "age > 2 and age < 4",
         "age > 4 or age < 2",
         "age >= 2 and age <= 2",
         "answer == 'A' or answer == 'B'",
         "answer != 'A' and answer != 'B'",
         "age > 3 and gain < 1 and here",
-        "here and there",
         "abs(age) > 3 and abs(age) < 2",
     ],
 )
@@ -88,23 +84,15 @@ def test_one_side_of_and_decides_whole_condition():
     assert parse_expression("age < 7 or other", range_of=RANGES.get).range == Range(1, 1)
 
 
-HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
-
-
 def told(text: str) -> list[str]:
-    return [one.message for one in lint(read_agent_text(HEAD + text, "a", SYMBOLS))]
+    return [one.message for one in lint(agent_of(text))]
 
 
 def test_warning_states_the_range():
-    assert told("tree: {say: Hello., when: live.person and scene.age > 7}") == [
-        "'scene.age > 7' is never true: scene.age is 1 to 5"
-    ]
-    assert told("requires: scene.age >= 1\ntree: {say: Hello.}") == [
-        "'scene.age >= 1' is always true: scene.age is 1 to 5"
-    ]
-
-
-def test_mood_change_is_bounded_by_mood_range():
+    (message,) = told("tree: {say: Hello., when: live.person and scene.age > 7}")
+    assert message == "'scene.age > 7' is never true: scene.age is 1 to 5"
+    (message,) = told("requires: scene.age >= 1\ntree: {say: Hello.}")
+    assert message == "'scene.age >= 1' is always true: scene.age is 1 to 5"
     (message,) = told("feedback: [{when: mood.change <= -5, give: negative}]\ntree: {wait: 1 s}")
     assert message == "'mood.change <= -5' is never true: mood.change is -4 to 4"
 
@@ -127,10 +115,8 @@ def test_mood_change_is_bounded_by_mood_range():
 )
 def test_mood_rule_on_smallest_change_needs_duration(when, hasty):
     rule = "feedback: [{{when: {}{}, give: positive}}]\ntree: {{wait: 1 s}}"
-    expected = [
-        "this fires at the smallest change of the mood, even where it is only measured anew"
-    ]
-    assert told(rule.format(when, "")) == expected * hasty
+    warning = "this fires at the smallest change of the mood, even where it is only measured anew"
+    assert told(rule.format(when, "")) == [warning] * hasty
     assert told(rule.format(when, ", for: 2 s")) == []
 
 
@@ -176,37 +162,28 @@ tree:
     [
         (
             "clock.hour >= 22 and clock.hour < 6",
-            "'clock.hour >= 22 and clock.hour < 6' is never true: clock.hour is 0 to 23",
+            "is never true: clock.hour is 0 to 23",
             "did you mean 'or'?",
         ),
-        (
-            "clock.hour == 24",
-            "'clock.hour == 24' is never true: clock.hour is 0 to 23",
-            "compare with another value",
-        ),
-        (
-            "answer == 'D'",
-            "'answer == 'D'' is never true: answer is 'A', 'B'",
-            "compare with another value",
-        ),
+        ("clock.hour == 24", "is never true: clock.hour is 0 to 23", "compare with another value"),
+        ("answer == 'D'", "is never true: answer is 'A', 'B'", "compare with another value"),
         (
             "answer != 'A' or answer != 'B'",
-            "'answer != 'A' or answer != 'B'' is always true: answer is 'A', 'B'",
+            "is always true: answer is 'A', 'B'",
             "did you mean 'and'?",
         ),
     ],
 )
 def test_constant_condition_on_hours_or_choices_is_reported(condition, message, hint):
-    text = HEAD + TREE.replace("CONDITION", condition)
-    [warning] = lint(read_agent_text(text, "a.yaml", SYMBOLS))
-    assert (warning.code, warning.message) == ("constant-condition", message)
+    [warning] = lint(agent_of(TREE.replace("CONDITION", condition)))
+    assert (warning.code, warning.message) == ("constant-condition", f"'{condition}' {message}")
     assert warning.hint == hint
 
 
 def test_name_also_written_elsewhere_can_be_any_text():
     tree = TREE.replace("CONDITION", "answer == 'D'")
     more = tree.replace("    - say", "    - ask: Or which?\n    - say")
-    assert not [*lint(read_agent_text(HEAD + more, "a.yaml", SYMBOLS))]
+    assert told(more) == []
 
 
 def test_hours_across_midnight_need_two_comparisons():
