@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of person values in agents: names, remembered facts, told values."""
+"""Person values in agents: names, remembered facts, told values, and persons nobody knows."""
 
 from __future__ import annotations
+
+import re
+from pathlib import Path
 
 import pytest
 from jsonschema import Draft7Validator
@@ -12,6 +15,7 @@ from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.tools.folder_check import check_folder
 from bt_agents_language.tools.schema.folder import schema_of
 from file_texts import read_scene_text
 from rehearsal_harness import cases_for, scenario
@@ -110,11 +114,6 @@ def test_node_using_scene_layer_may_fail() -> None:
         assert type_of(node).resources(node).binding is not None
 
 
-def test_scene_value_is_not_a_tree_name() -> None:
-    spec = agent("sequence: [{set: {scene.age: 3}}, {say: '${scene.age}'}]")
-    assert spec.warnings == ()
-
-
 def test_rehearsal_declares_its_person() -> None:
     spec = agent("say: hello")
     said = scenario(spec, "person: {name: anna, visits: 3, remembers: {favourite: tea}}\nseed: 1")
@@ -152,3 +151,63 @@ def test_schema_covers_remembered_and_set_scene_values(tree: object, sound: bool
     profile = {"age": 3, "familiarity": 3, "mood": 3}
     document = {"format": 1, "agent": "a", "profile": profile, "tree": tree}
     assert Draft7Validator(schema_of(AGENT, SYMBOLS)).is_valid(document) is sound
+
+
+PAIN_SCENE = """\
+format: 1
+parameters:
+  pain: {min: 0, max: 10, default: 0, of: person}
+  age: {min: 1, max: 5, default: 3}
+remembers: {drink: text}
+"""
+PERSONS = """\
+persons:
+  tracked: {topic: faces, type: a/msg/B, field: faces, id: face_id, stale_after: 1 s}
+"""
+KNOWN = "  known: {from: tracked, field: known}\n"
+SOURCE = """\
+sources:
+  person: {topic: p, type: std_msgs/msg/Bool, field: data, stale_after: 1 s}
+"""
+NURSE = "format: 1\nagent: nurse\nprofile: {age: 3, pain: 3}\n"
+
+
+def warnings_in(folder: Path, scene: str, agent: str) -> list[str]:
+    (folder / "agents").mkdir()
+    (folder / "scene.yaml").write_text(scene)
+    (folder / "agents" / "nurse.yaml").write_text(NURSE + agent)
+    return [
+        f"{Path(one.position.file).name}:{one.position.line} {one.code}: {one.message}"
+        for one in check_folder(folder).problems
+    ]
+
+
+@pytest.mark.parametrize(
+    ("tree", "what"),
+    [
+        ("tree: {check: person.visits > 1}", "4 .*'person.visits' is always missing"),
+        ("tree:\n  remember: {drink: tea}", "5 .*'remember' keeps nothing"),
+        ("requires: person.name == 'a'\ntree: {check: live.age > 2}", "1 .*'person."),
+        (
+            "tree:\n  sequence:\n    - log: ${person.drink}\n    - log: ${person.name}",
+            "6 .*'person.drink' is always missing",
+        ),
+    ],
+)
+@pytest.mark.parametrize("persons", ["", PERSONS])
+def test_never_known_person_names_are_warned_about_once(tmp_path, tree, what, persons):
+    (problem,) = warnings_in(tmp_path, PAIN_SCENE + (persons or SOURCE), tree)
+    place, text = what.split(" ", 1)
+    assert re.search(f"nurse.yaml:{place} nobody-known: {text}", problem)
+
+
+@pytest.mark.parametrize(
+    ("scene", "name"), [(PERSONS + KNOWN, "person.visits"), (SOURCE, "live.age")]
+)
+def test_known_or_seen_person_is_not_warned_about(tmp_path, scene, name):
+    assert not warnings_in(tmp_path, PAIN_SCENE + scene, f"tree: {{check: {name} > 1}}")
+
+
+def test_value_of_unseen_person_is_warned_about(tmp_path):
+    (problem,) = warnings_in(tmp_path, PAIN_SCENE, "tree: {check: live.age > 2}")
+    assert problem.startswith("scene.yaml:3 nobody-known: no source sees a person")
