@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agent files and the specs that they become."""
+"""Agent files, the specs that they become, and how economically they are read."""
 
 from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -13,9 +17,11 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.mood_rule import MoodAction
 from bt_agents_language.model.specs import (
+    AgentSpec,
     ListValue,
     Literal,
     MapValue,
+    NodeSpec,
     Reference,
     Text,
     iter_nodes,
@@ -373,3 +379,77 @@ def test_text_variants_are_allowed_only_as_skill_text(tree):
     (problem,) = [one for one in problems_of(agent_of, tree) if one.code == "wrong-type"]
     assert "only the main text of a skill can be one of several" in problem.message
     assert "'random' with a node for each" in problem.hint
+
+
+TREE = """\
+tree:
+  sequence:
+    - check: scene.age >= 4
+    - say: {text: "You are ${scene.age}."}
+      timeout: 5 s
+    - choose:
+        children:
+          - name: old
+            when: scene.age >= 4
+            say: Hello.
+        otherwise: {subtree: part}
+subtrees:
+  part: {tree: {wait: 1 s}}
+"""
+
+
+def of_kind(agent: AgentSpec, kind: str) -> list[NodeSpec]:
+    return [spec for spec in iter_nodes(agent.tree) if spec.kind == kind]
+
+
+@pytest.fixture
+def collector() -> Iterator[None]:
+    """Restore the state of the collector."""
+    was_on = gc.isenabled()
+    yield
+    gc.enable() if was_on else gc.disable()
+
+
+@pytest.mark.usefixtures("collector")
+@pytest.mark.parametrize("text", [TREE, TREE.replace("scene.age >= 4", "scene.aeg >= 4")])
+def test_reader_leaves_no_reference_cycles(text: str) -> None:
+    problems_of(agent_of, text)
+    gc.collect()
+    gc.disable()
+    problems_of(agent_of, text)
+    assert gc.collect() == 0
+
+
+@pytest.mark.usefixtures("collector")
+@pytest.mark.parametrize("on", [True, False])
+@pytest.mark.parametrize("text", [TREE, "tree: {sya: Hello.}\n"])
+def test_reader_restores_garbage_collector_state(text: str, on: bool) -> None:
+    gc.enable() if on else gc.disable()
+    problems_of(agent_of, text)
+    assert gc.isenabled() is on
+
+
+def test_repeated_condition_is_stored_once() -> None:
+    agent = agent_of(TREE)
+    (check,) = of_kind(agent, "check")
+    (case,) = (one for one in of_kind(agent, "case") if one.fields)
+    assert check.fields["condition"] is case.fields["condition"]
+
+
+def test_same_text_with_other_types_is_another_condition() -> None:
+    tree = "tree: {check: x == 'a'}\n"
+    assert of_kind(agent_of(f"tunables: {{x: {{default: a}}}}\n{tree}"), "check")
+    with pytest.raises(ReadError, match="cannot compare a number with a text"):
+        agent_of(f"tunables: {{x: {{default: 1, min: 0, max: 2}}}}\n{tree}")
+
+
+def test_nodes_share_omitted_defaults() -> None:
+    agent = agent_of("tree: {sequence: [{say: Hello.}, {say: Good bye.}]}\n")
+    first, second = of_kind(agent, "say")
+    assert first.fields["rate"] is second.fields["rate"]
+    assert first.outputs is second.outputs
+
+
+def test_moved_node_changes_only_path_and_children() -> None:
+    for spec in iter_nodes(agent_of(TREE).tree):
+        assert spec.moved("x", ()) == replace(spec, path="x", children=())

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from agent_texts import agent_of, problems_of, refusal
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.specs import iter_nodes
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from tree_harness import TREES
 
@@ -23,8 +23,8 @@ def agent(name: str, tree: str = "{beep: }") -> str:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "skills").mkdir()
-    (tmp_path / "agents").mkdir()
+    for name in ("skills", "agents"):
+        (tmp_path / name).mkdir()
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "skills" / "robot.yaml").write_text(SKILLS)
     (tmp_path / "agents" / "x.yaml").write_text(agent("zoe"))
@@ -32,28 +32,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_shipped_folder_has_no_errors():
-    trees = read_trees(TREES)
-    assert trees.broken == ()
-    assert len(trees.agents) >= 4
-    for spec in trees.agents:
-        assert spec.name == Path(spec.file).stem
-        listed = [node.path for node in iter_nodes(spec.tree)]
-        assert len(set(listed)) == len(listed)
-    assert "say" in trees.symbols.skills
-    assert trees.scene.space.mood == "mood"
-
-
-def test_agents_are_sorted_by_name(folder):
-    trees = read_trees(folder)
-    assert [one.name for one in trees.agents] == ["ann", "zoe"]
-    assert trees.folder == folder
-
-
 def test_broken_agent_does_not_affect_other_agents(folder):
     (folder / "agents" / "a.yaml").write_text(agent("bob", "{bep: }"))
     trees = read_trees(folder)
-    assert [one.name for one in trees.agents] == ["ann", "zoe"]
+    assert (trees.folder, [one.name for one in trees.agents]) == (folder, ["ann", "zoe"])
     (broken,) = trees.broken
     assert broken.file == folder / "agents" / "a.yaml"
     assert broken.error.lines == (
@@ -63,11 +45,8 @@ def test_broken_agent_does_not_affect_other_agents(folder):
 
 @pytest.mark.parametrize("word", ["sequence", "selector", "parallel", "random", "choose"])
 @pytest.mark.parametrize("written", ["{}", "{children: {}}"])
-def test_composite_with_empty_mapping_has_no_children(folder, word, written):
-    (folder / "agents" / "a.yaml").write_text(agent("bob", f"{{{word}: {written}}}"))
-    trees = read_trees(folder)
-    assert [one.name for one in trees.agents] == ["ann", "zoe"]
-    (problem,) = trees.broken[0].error.diagnostics
+def test_composite_with_empty_mapping_has_no_children(word, written):
+    (problem,) = problems_of(agent_of, f"tree: {{{word}: {written}}}")
     assert (problem.code, problem.position.line) == ("no-children", 4)
 
 
@@ -89,25 +68,11 @@ def test_reader_fault_becomes_positioned_error_of_one_file(folder, monkeypatch):
     )
 
 
-def test_second_agent_with_same_name_is_broken(folder):
-    (folder / "agents" / "z.yaml").write_text("# a copy\n" + agent("zoe"))
-    (broken,) = read_trees(folder).broken
-    assert broken.file.name == "z.yaml"
-    (line,) = broken.error.lines
-    assert "z.yaml:3:1: error[duplicate-agent]: there is an agent 'zoe' already" in line
-
-
 def test_non_yaml_files_in_folder_are_ignored(folder):
     (folder / "agents" / ".#x.yaml").symlink_to(folder / "nowhere")
     (folder / "agents" / "x.yaml~").write_text("[")
     (folder / "agents" / "notes.txt").write_text("[")
     assert read_trees(folder).broken == ()
-
-
-def test_folder_with_yaml_file_name_is_broken(folder):
-    (folder / "agents" / "f.yaml").mkdir()
-    (broken,) = read_trees(folder).broken
-    assert "error[not-a-file]" in broken.error.lines[0]
 
 
 def test_a_folder_without_skills_and_agents_is_empty(tmp_path):
@@ -129,9 +94,7 @@ def test_broken_skills_reject_folder_with_all_errors(folder):
     (folder / "skills" / "a.yaml").write_text("format: 2\nskills: {}\n")
     (folder / "skills" / "b.yaml").write_text(SKILLS)
     (folder / "skills" / "robot.yaml").write_text(SKILLS)
-    with pytest.raises(ReadError) as error:
-        read_trees(folder)
-    first, second = error.value.lines
+    first, second = refusal(read_trees, folder).lines
     assert "a.yaml:1:9: error[wrong-format]" in first
     assert "robot.yaml:3:3: error[duplicate-skill]: there is a skill 'beep' already" in second
 
