@@ -5,39 +5,25 @@ from __future__ import annotations
 
 import ast
 import keyword
-import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from bt_agents.engine import nodes
 from bt_agents.host.tree_streams import tree_snapshot
 from bt_agents_core.diagnostic import Position
-from bt_agents_core.field_types import FieldType
 from bt_agents_groot import tree_export
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes import catalogue
 from bt_agents_language.nodes.catalogue import BRANCHES, DECORATORS, NODE_TYPES, SIBLINGS, type_of
-from bt_agents_language.nodes.endings import always_success
-from bt_agents_language.nodes.node_type import Children, NodeType, Resources, Role
+from bt_agents_language.nodes.node_type import Children, Resources, Role
 from bt_agents_language.nodes.plugin import PLUGIN
 from bt_agents_language.nodes.skill import SKILL
-from bt_agents_language.reference.node_pages import node_page
-from bt_agents_language.tools.drawing.outline import outline
-from bt_agents_language.tools.lint import lint
-from bt_agents_language.tools.schema.node_schemas import node_definitions
 from checkout import ROOT
-from file_texts import read_agent_text
-from tree_harness import SPACE, SYMBOLS, agent
-
-HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+from tree_harness import SYMBOLS, agent
 
 ALL = {**NODE_TYPES, **DECORATORS, **BRANCHES}
 NODES_FOLDER = Path(catalogue.__file__).parent
@@ -121,15 +107,6 @@ def test_branch_on_node_key_is_detected(text: str) -> None:
     assert any(keys for _, keys in (*compared(tree), *tables(tree)))
 
 
-def test_each_node_type_has_its_role() -> None:
-    of_nodes = {one.role for one in NODE_TYPES.values()}
-    assert of_nodes == {Role.COMPOSITE, Role.LEAF}
-    assert {one.role for one in DECORATORS.values()} == {Role.DECORATOR}
-    assert {one.role for one in BRANCHES.values()} == {Role.BRANCH}
-    for one in NODE_TYPES.values():
-        assert (one.role is Role.COMPOSITE) == (one.children is Children.LIST)
-
-
 @pytest.mark.parametrize("key", [*ALL, "skill", "plugin"])
 def test_each_node_type_has_file_of_same_name(key: str) -> None:
     name = f"{key}_" if keyword.iskeyword(key) else key
@@ -139,6 +116,7 @@ def test_each_node_type_has_file_of_same_name(key: str) -> None:
 
 def test_node_types_refer_only_to_existing_types() -> None:
     for one in ALL.values():
+        assert (one.role is Role.COMPOSITE) == (one.children is Children.LIST)
         assert {*one.siblings, *one.child_siblings} <= SIBLINGS.keys()
         assert set(one.child_keys) <= {*DECORATORS, *SIBLINGS}
         names = [field.name for field in one.fields]
@@ -146,11 +124,6 @@ def test_node_types_refer_only_to_existing_types() -> None:
         assert one.role is Role.BRANCH or one.main in (None, *names)
         if one.contrary:
             assert DECORATORS[one.contrary].contrary == one.key
-
-
-def test_node_type_is_determined_by_key() -> None:
-    for key, one in ALL.items():
-        assert type_of(NodeSpec(path="tree", position=HERE, kind=key, name=key)) is one
 
 
 def test_skill_named_like_branch_is_still_skill() -> None:
@@ -165,66 +138,6 @@ def test_groot_translates_only_existing_node_types() -> None:
     assert tree_export.DECORATED.keys() <= DECORATORS.keys()
 
 
-CHIME = f"""
-from {always_success.__module__} import always_success
-from {NodeType.__module__} import NodeField, NodeType
-from {FieldType.__module__} import FieldType
-
-CHIME = NodeType(
-    key="chime",
-    main="tone",
-    fields=(NodeField(name="tone", type=FieldType.TEXT, description="which one"),),
-    description="Plays a tone.",
-    outcomes=always_success,
-    example="tree:\\n  chime: high\\n",
-)
-"""
-GENTLY = f"""
-from {NodeType.__module__} import NodeType, Role
-
-GENTLY = NodeType(
-    key="gently",
-    role=Role.DECORATOR,
-    description="Takes its time.",
-    example="tree:\\n  say: Hello.\\n  gently: true\\n",
-)
-"""
-
-
-def use(key: str) -> None:
-    """Print the results of the language's readers and tools for the example of a node type."""
-    page = node_page(key, SYMBOLS)
-    assert page is not None
-    spec = read_agent_text(HEAD + page.example, "a.yaml", SYMBOLS)
-    definitions: Any = node_definitions(SYMBOLS)
-    print(spec.tree.kind, page.group.value, len(lint(spec)))
-    print(key in outline(spec, SPACE), key in definitions["node"]["properties"])
-
-
-@pytest.mark.parametrize(
-    ("key", "module", "group"), [("chime", CHIME, "leaf"), ("gently", GENTLY, "decorator")]
-)
-def test_new_node_type_needs_only_one_file(
-    tmp_path: Path, key: str, module: str, group: str
-) -> None:
-    root = Path(catalogue.__file__).parents[catalogue.__name__.count(".") - 1]
-    copy = tmp_path / root.name
-    shutil.copytree(root, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    (copy / NODES_FOLDER.relative_to(root) / f"{key}.py").write_text(module)
-    path = [str(tmp_path), str(Path(__file__).parent), *sys.path]
-    result = subprocess.run(
-        # Without site, no editable install comes before the copy.
-        [sys.executable, "-S", "-c", f"from {Path(__file__).stem} import use; use({key!r})"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(path), "PYTHONDONTWRITEBYTECODE": "1"},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert result.stderr == ""
-    assert result.stdout.split() == [key, group, "0", "True", "True"]
-
-
 def resources_of(node: str) -> Resources:
     spec = agent(node).tree
     return type_of(spec).resources(spec)
@@ -234,9 +147,8 @@ def test_node_type_declares_external_resources() -> None:
     topic = "{topic: t, type: std_msgs/msg/Bool"
     wanted = ("t", "std_msgs/msg/Bool")
     assert resources_of(f"wait_for: {topic}}}") == Resources(topic=wanted)
-    assert resources_of(f"wait_for: {topic}, latched: true}}") == Resources(
-        topic=wanted, latched=True
-    )
+    latched = Resources(topic=wanted, latched=True)
+    assert resources_of(f"wait_for: {topic}, latched: true}}") == latched
     assert resources_of("wait_for: live.person") == Resources()
     assert resources_of("give_feedback: positive") == Resources(feedback=True)
     assert resources_of("wait: 1 s") == Resources()

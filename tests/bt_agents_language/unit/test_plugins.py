@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import subprocess
@@ -18,17 +17,13 @@ CODE = '''
 """Nodes of somebody else."""
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from bt_agents_language.nodes.node_type import NodeField
 from bt_agents_language.model.specs import FieldType
 
 
 class Blink(Behaviour):
-    """Blinks so often, then succeeds.
-
-    More about it.
-    """
+    """Blinks so often, then succeeds."""
 
     main = "times"
     fields = (
@@ -38,13 +33,6 @@ class Blink(Behaviour):
 
     def __init__(self, name, times, pause):
         super().__init__(name)
-        self.left = times
-        self.pause = pause
-
-    def update(self):
-        self.left -= 1
-        self.feedback_message = f"{self.left} left, pause {self.pause:g}"
-        return Status.RUNNING if self.left else Status.SUCCESS
 
 
 class NoBehaviour:
@@ -79,15 +67,17 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def add_entries(package: Path, lines: str) -> None:
+    entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
+    entries.write_text(f"{entries.read_text()}{lines}\n")
+
+
 def run(package: Path, script: str) -> str:
     """Run a script in a separate Python with the package; return its output."""
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests" / "harness")]),
-    }
+    path = os.pathsep.join([str(package), str(ROOT / "tests" / "harness")])
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(script)],
-        env=environment,
+        env={**os.environ, "PYTHONPATH": path},
         capture_output=True,
         text=True,
         timeout=60,
@@ -98,7 +88,6 @@ def run(package: Path, script: str) -> str:
 
 
 PLAY = """
-import json
 from dataclasses import replace
 import tree_harness
 from bt_agents_core.errors import ReadError
@@ -106,21 +95,6 @@ from bt_agents_language.nodes.plugin_discovery import installed_plugins
 
 tree_harness.SYMBOLS = replace(tree_harness.SYMBOLS, plugins=installed_plugins().kinds)
 """
-
-
-def test_behaviour_of_another_package_is_a_node(package):
-    script = PLAY + textwrap.dedent(
-        """
-        played = tree_harness.TreeHarness("sequence: [{blink: 3, name: eyes}, {say: done}]")
-        outcomes = [played.tick() for _ in range(3)]
-        words = [c.message for c in played.changes if c.path == "tree/0.eyes"]
-        print(json.dumps([outcomes, words, played.said]))
-        """
-    )
-    outcomes, words, said = json.loads(run(package, script))
-    assert outcomes == ["running", "running", "succeeded"]
-    assert words[-1] == "0 left, pause 0.5"
-    assert said == ["done"]
 
 
 def test_plugin_fields_are_checked_like_own_fields(package):
@@ -139,8 +113,7 @@ def test_plugin_fields_are_checked_like_own_fields(package):
 
 
 def test_plugin_outputs_are_known_and_typed(package):
-    entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
-    entries.write_text(entries.read_text() + "hears = their_nodes:Hears\n")
+    add_entries(package, "hears = their_nodes:Hears")
     script = PLAY + textwrap.dedent(
         """
         for tree in ("[{hears: {wanted: 3}}, {say: 'So ${word}.'}]", "[{say: 'So ${word}.'}]",
@@ -167,15 +140,13 @@ def test_explain_lists_installed_plugins(package):
     [
         ("Blink = their_nodes:Blink", "cannot be the key of a node"),
         ("say2 = their_nodes:Missing", "cannot be loaded"),
-        ("sequence = their_nodes:Blink", "has the name of 'sequence', a word of the language"),
         ("reader = their_nodes:BadReads", "'reads' must be a mapping from keys"),
         ("writer = their_nodes:BadWrites", "'writes' must be a mapping from keys"),
         ("thing = their_nodes:NoBehaviour", "is not a py_trees.behaviour.Behaviour class"),
     ],
 )
 def test_invalid_plugin_does_not_affect_other_plugins(package, entry, words):
-    entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
-    entries.write_text(entries.read_text() + entry + "\n")
+    add_entries(package, entry)
     script = """
     from bt_agents_language.nodes.plugin_discovery import installed_plugins
     plugins = installed_plugins()
@@ -202,10 +173,7 @@ def command(package: Path, *arguments: str) -> str:
 @pytest.fixture
 def clashing(package: Path) -> Path:
     """Return the same with a node that cannot be loaded, and one with the name of a skill."""
-    entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
-    entries.write_text(
-        entries.read_text() + "hop = their_nodes:Missing\nsay = their_nodes:Blink\n"
-    )
+    add_entries(package, "hop = their_nodes:Missing\nsay = their_nodes:Blink")
     return package
 
 
