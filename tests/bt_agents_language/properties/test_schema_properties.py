@@ -8,14 +8,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 
-from bt_agents_core.errors import ReadError
+from agent_texts import HEAD, agent_of, problems_of
 from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.tools.schema.folder import schema_of
 from core_schema import loaded
-from file_texts import read_agent_text
 from tree_harness import SYMBOLS
 
-HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 SCHEMA = Draft7Validator(schema_of(AGENT, SYMBOLS))
 WORDS = st.sampled_from(
     ["true", "False", "null", "forever", "all", "one", "live.person", "${live.age}", "$${", "3 s"]
@@ -49,6 +47,9 @@ PLACES = [
     "wait: 1 s\n  while: {}",
     "wait: 1 s\n  invert: {}",
     "wait: 1 s\n  name: {}",
+    "say: '${{t}}'\ntunables: {{t: {{default: 3, min: {}}}}}",
+    "say: '${{t}}'\ntunables: {{t: {{default: {}}}}}",
+    "say: '${{t}}'\ntunables: {{t: {{default: 1 s, min: 0, max: {}}}}}",
 ]
 
 
@@ -56,24 +57,7 @@ PLACES = [
 @given(written=WRITTEN)
 @example(written="' 5 '")
 @example(written="'${1 + 1}'")
-def test_schema_accepts_trees_the_reader_accepts(place, written):
-    text = f"{HEAD}tree:\n  {place.format(written)}\n"
-    try:
-        read_agent_text(text, "a.yaml", SYMBOLS)
-    except ReadError:
-        return
-    assert [error.message for error in SCHEMA.iter_errors(loaded(text))] == []
-
-
-@given(
-    written=WRITTEN,
-    key=st.sampled_from(["default: 3, min: {}", "default: {}", "default: 1 s, min: 0, max: {}"]),
-)
-def test_schema_accepts_tunables_the_reader_accepts(written, key):
-    tunable = key.format(written)
-    text = f"{HEAD}tunables: {{t: {{{tunable}}}}}\ntree: {{say: '${{t}}'}}\n"
-    try:
-        read_agent_text(text, "a.yaml", SYMBOLS)
-    except ReadError:
-        return
-    assert [error.message for error in SCHEMA.iter_errors(loaded(text))] == []
+def test_schema_accepts_agents_the_reader_accepts(place, written):
+    keys = f"tree:\n  {place.format(written)}\n"
+    if not problems_of(agent_of, keys):
+        assert [error.message for error in SCHEMA.iter_errors(loaded(HEAD + keys))] == []

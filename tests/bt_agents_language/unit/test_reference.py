@@ -9,9 +9,9 @@ from dataclasses import replace
 import pytest
 from py_trees.behaviours import Success
 
+from agent_texts import agent_of, refusal
 from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
-from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import FieldType
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, PREFIXES
@@ -19,26 +19,17 @@ from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.scope import mood_names, scene_names
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import NodeField, NodeType
-from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.reference.node_pages import (
-    Group,
-    NodePage,
-    node_page,
-    node_pages,
-    subtree_page,
-)
+from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
 from checkout import ROOT
-from file_texts import read_agent_text
 from tree_harness import SPACE, SYMBOLS, scene
 
 GENERATED = runpy.run_path(str(ROOT / "scripts" / "generated.py"))["GENERATED"]
-HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 WORDS = [*NODE_TYPES, *SYMBOLS.skills, *DECORATORS, *SIBLINGS]
 
 
-def page_of(key: str, symbols: SymbolTable = SYMBOLS) -> NodePage:
+def page_of(key, symbols=SYMBOLS):
     page = node_page(key, symbols)
     assert page is not None
     return page
@@ -58,13 +49,14 @@ def test_every_word_of_the_language_has_an_example():
 def test_word_example_uses_it_in_runnable_tree(key):
     page = page_of(key)
     assert f"{key}:" in page.example
-    agent = read_agent_text(HEAD + page.example, "example.yaml", SYMBOLS)
+    agent = agent_of(page.example)
+    awarded = scene(age=3, familiarity=3, mood=3)
     run = Run(
         agent,
         space=SPACE,
-        scene=scene(age=3, familiarity=3, mood=3),
+        scene=awarded,
         profile=agent.profile,
-        live=lambda: scene(age=3, familiarity=3, mood=3),
+        live=lambda: awarded,
         tunables={},
         environment=(world := ScriptedEnvironment({}, result={"message": "", "answer": "yes"})),
         steady=world.clock,
@@ -110,7 +102,7 @@ def test_plugin_page_is_built_from_fields():
     assert page.group is Group.PLUGIN
     assert page.forms == ("blink: <text>", "blink: {colour: …, period: …}")
     assert page.fields[1].default == "0.5 s"
-    read_agent_text(HEAD + page.example, "example.yaml", words)
+    agent_of(page.example, words)
     assert "### blink\n\nBlinks." in reference_page(words)
 
 
@@ -122,13 +114,11 @@ def test_a_node_without_fields_is_its_bare_key():
     assert page.forms == ("blink:",)
     assert page.example == "tree:\n  blink:\n"
     for tree in (page.example, "tree:\n  blink: {}\n", "tree: {sequence: [{blink: }]}\n"):
-        read_agent_text(HEAD + tree, "example.yaml", BLINK)
+        agent_of(tree, BLINK)
 
 
 def test_a_node_without_fields_takes_no_value():
-    with pytest.raises(ReadError) as error:
-        read_agent_text(HEAD + "tree: {blink: 3}\n", "a.yaml", BLINK)
-    (problem,) = error.value.diagnostics
+    (problem,) = refusal(agent_of, "tree: {blink: 3}\n", BLINK).diagnostics
     assert (problem.code, problem.message) == ("wrong-type", "'blink' has no fields, found '3'")
 
 
@@ -147,7 +137,7 @@ def test_library_subtree_example_imports_its_library(name):
     assert page.group is Group.SUBTREE
     assert page.description.endswith(".")
     assert all(field.description for field in (*page.fields, *page.outputs))
-    read_agent_text(HEAD + page.example, "example.yaml", SYMBOLS)
+    agent_of(page.example)
 
 
 @pytest.mark.parametrize("key", TOPICS)
@@ -155,7 +145,7 @@ def test_topic_example_works(key):
     page = topic(key, SPACE)
     assert page is not None
     assert page.key == key
-    read_agent_text(HEAD + page.example, "example.yaml", SYMBOLS)
+    agent_of(page.example)
 
 
 def test_topics_list_all_units_operators_functions_and_values():
