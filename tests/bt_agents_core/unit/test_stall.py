@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stalls: a suspended node waits for news before it acts, in tables on a manual clock."""
+"""Stalls of a host, and its lease on the market of its run, in tables on a manual clock."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
-from bt_agents.host.award_monitor import AwardMonitor
+from bt_agents.host.award_monitor import AwardMonitor, MarketLease
 from bt_agents_core.liveness import StallDetector
 from bt_agents_core.run_key import RunKey
 
@@ -105,3 +107,44 @@ def test_round_is_over_once_market_names_later_one(said: RunKey, over: bool) -> 
     word = AwardMonitor(0.0)
     word.on_heartbeat(said, None, 0.0)
     assert word.is_over(MINE) == over
+
+
+RUN = [("begin", "a", 0.0)]
+HEARD = ("on_heartbeat", "a", 0.0)
+HEARD_LATER = [*RUN, ("on_heartbeat", "a", 0.5)]
+LEASES: dict[str, tuple[list[tuple[Any, ...]], float, float]] = {
+    "without a run nobody is missed": ([], 9.0, 0.0),
+    "the goal is a sign of life": ([("begin", "a", 5.0)], 5.9, 0.0),
+    "also of a market without a heartbeat": ([("begin", "a", 5.0)], 6.0, 1.0),
+    "silent from the start of the run": ([HEARD, ("begin", "a", 5.0)], 6.0, 1.0),
+    "within the lease of a heartbeat": ([*RUN, ("on_heartbeat", "a", 0.4)], 1.3, 0.0),
+    "the lease is over to the second": (HEARD_LATER, 1.5, 1.0),
+    "another market says nothing": ([*HEARD_LATER, ("on_heartbeat", "b", 1.25)], 1.5, 1.0),
+    "only the other one is known": ([*RUN, ("on_heartbeat", "b", 0.5)], 1.0, 1.0),
+    "the run is over": ([HEARD, *RUN, ("end",)], 9.0, 0.0),
+    "whoever was held up waits half a lease": ([HEARD, *RUN, ("extend", 0.5, 4.0)], 4.25, 0.0),
+    "and for no longer": ([HEARD, *RUN, ("extend", 0.5, 4.0)], 4.5, 1.0),
+    "a short delay does not count": ([*HEARD_LATER, ("extend", 0.75, 1.25)], 1.7, 0.0),
+    "and extends the lease by its length": ([*HEARD_LATER, ("extend", 0.75, 1.25)], 1.8, 1.0),
+    "a lease that was over is not renewed": ([HEARD, *RUN, ("extend", 1.5, 4.0)], 4.0, 4.0),
+}
+"""Name → calls of the lease, the time, and how long the market is silent by then."""
+
+
+@pytest.mark.parametrize(("calls", "now", "silence"), LEASES.values(), ids=LEASES)
+def test_silence_is_measured_from_last_heartbeat(
+    calls: list[tuple[Any, ...]], now: float, silence: float
+) -> None:
+    lease = MarketLease(1.0)
+    for method, *given in calls:
+        getattr(lease, method)(*given)
+    assert lease.silence(now) == pytest.approx(silence)
+
+
+def test_changed_lease_takes_effect_immediately() -> None:
+    lease = MarketLease(1.0)
+    lease.begin("a", 0.0)
+    lease.on_heartbeat("a", 0.0)
+    assert lease.silence(0.5) == 0.0
+    lease.lease_s = 0.5
+    assert lease.silence(0.5) == 0.5

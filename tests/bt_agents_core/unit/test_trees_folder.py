@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choice of the trees folder, and the hint if there is none."""
+"""Choice of the trees folder, and of the folder with its state."""
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.state_folder import ID_FILE, StateFolder, claim_state, find_state, state_home
 from bt_agents_core.trees_folder import SHIPPED, NoTreesFolderError, find_trees, is_installed
 
 
@@ -80,3 +82,118 @@ def test_symlinked_checkout_does_not_count_as_installed(
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(here / "editable"))
     assert find_trees(SHIPPED) == here / "trees"
     assert not is_installed(here / "trees" / "scene.yaml")
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def trees(tmp_path: Path) -> Path:
+    return make(tmp_path / "one" / "trees")
+
+
+def claim(trees: Path, home: Path, explicit: str = "") -> StateFolder:
+    return claim_state(trees, explicit, home)
+
+
+def test_two_projects_use_separate_state_folders(tmp_path: Path, home: Path) -> None:
+    one = claim(make(tmp_path / "one" / "trees"), home)
+    other = claim(make(tmp_path / "other" / "trees"), home)
+    assert one.path != other.path
+    assert one.is_new
+    assert one.path.is_relative_to(home)
+    assert one.path.name.startswith("one-")
+    files = (one.ledger, one.tunings, one.orders, one.scenes, one.memory, one.journal)
+    assert {file.parent for file in files} == {one.path}
+
+
+def test_restart_finds_the_previous_state_folder(home: Path, trees: Path) -> None:
+    first = claim(trees, home)
+    again = claim(trees, home)
+    assert (again.path, again.is_new, again.note) == (first.path, False, "")
+    assert find_state(trees, home=home) == again
+
+
+def test_finding_state_writes_nothing(home: Path, trees: Path) -> None:
+    found = find_state(trees, home=home)
+    assert not home.exists()
+    assert not (trees / ID_FILE).exists()
+    assert claim(trees, home).path == found.path
+
+
+def test_moved_trees_folder_keeps_its_state(tmp_path: Path, home: Path, trees: Path) -> None:
+    first = claim(trees, home)
+    moved = Path(shutil.move(trees, tmp_path / "elsewhere"))
+    found = claim(moved, home)
+    assert found.path == first.path
+    assert f"was {trees} before" in found.note
+    assert claim(moved, home).note == ""
+    # A new folder in the old place is another one.
+    assert claim(make(trees), home).path != first.path
+
+
+def test_copied_trees_folder_gets_new_state_and_note(
+    tmp_path: Path, home: Path, trees: Path
+) -> None:
+    first = claim(trees, home)
+    copied = Path(shutil.copytree(trees, tmp_path / "copy" / "trees"))
+    assert "is a copy of" in find_state(copied, home=home).note
+    found = claim(copied, home)
+    assert found.path != first.path
+    assert found.is_new
+    assert f"is a copy of {trees}" in found.note
+    again = claim(copied, home)
+    assert (again.path, again.note) == (found.path, "")
+    assert claim(trees, home).path == first.path
+
+
+def test_folder_without_id_file_is_known_by_path(home: Path, trees: Path) -> None:
+    first = claim(trees, home)
+    (trees / ID_FILE).unlink()
+    assert claim(trees, home).path == first.path
+
+
+def test_installed_folder_gets_no_id_file(
+    tmp_path: Path, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trees = make(tmp_path / "installation" / "share" / "bt_agents_trees")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "installation"))
+    first = claim(trees, home)
+    assert sorted(path.name for path in trees.iterdir()) == ["scene.yaml"]
+    assert claim(trees, home).path == first.path
+
+
+@pytest.mark.parametrize("text", ["../../etc", "a/b", "a b", "", "x" * 81, "\x00", "-rf"])
+def test_invalid_folder_id_is_refused(home: Path, trees: Path, text: str) -> None:
+    (trees / ID_FILE).write_text(f"{text}\n")
+    if not text:
+        assert claim(trees, home).path.parent == home / "trees"
+        return
+    with pytest.raises(BtAgentsError, match="expected a line of letters"):
+        claim(trees, home)
+
+
+def test_named_state_folder_belongs_to_one_trees_folder(tmp_path: Path, home: Path) -> None:
+    one, other = make(tmp_path / "one" / "trees"), make(tmp_path / "other" / "trees")
+    place = str(tmp_path / "robot")
+    assert claim(one, home, place).path == tmp_path / "robot"
+    assert not (one / ID_FILE).exists()
+    assert not home.exists()
+    with pytest.raises(BtAgentsError, match=f"holds the state of the trees folder {one}"):
+        claim(other, home, place)
+    assert claim(one, home, place).note == ""
+    shutil.rmtree(one)
+    assert f"was {one} before" in claim(other, home, place).note
+
+
+def test_unwritable_state_folder_suggests_the_state_option(tmp_path: Path, home: Path) -> None:
+    home.write_text("a file")
+    with pytest.raises(BtAgentsError, match="name another folder with --state"):
+        claim(make(tmp_path / "one" / "trees"), home)
+
+
+def test_state_home_follows_xdg() -> None:
+    assert state_home({"XDG_STATE_HOME": "/x"}) == Path("/x/bt-agents")
+    assert state_home({}) == Path.home() / ".local" / "state" / "bt-agents"
