@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from agent_texts import problems_of
+from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_language.model.specs import Computed, Literal, NodeSpec, Reference, iter_nodes
 from tree_harness import agent
 
@@ -162,7 +163,6 @@ def test_name_without_value_yet_is_an_error(text):
 @pytest.mark.parametrize(
     "text",
     [
-        "sequence: [{ask: Well?}, {say: '${answer}'}]",
         "selector: [{ask: Well?}, {say: '${answer}'}]",
         "parallel: [{say: '${answer}'}, {ask: Well?}]",
         "sequence: {memory: false, children: [{say: '${answer}'}, {ask: Well?}]}",
@@ -213,19 +213,31 @@ MEASURE = "subtrees: {{measure: {{outputs: {{level: {0}}}, tree: {{{1}}}}}, inne
 INNER = "{outputs: {level: text}, tree: {set: {level: four}}}"
 
 
+def measured(output: str, leaf: str) -> Diagnostic:
+    """Return the only problem of a subtree with the output 'level'."""
+    (problem,) = problems_of(agent, "subtree: measure", MEASURE.format(output, leaf, INNER))
+    return problem
+
+
+def test_number_output_cannot_come_from_a_text():
+    problem = measured("number", "ask: x, outputs: {level: answer}")
+    assert problem.message == "output 'level': expected a number, but 'ask' gives it a text"
+    assert "declare it as it is, {level: text}, or give it another value" in problem.hint
+    problem = measured("number", "subtree: inner")
+    assert problem.message == "output 'level': expected a number, but 'subtree' gives it a text"
+
+
 @pytest.mark.parametrize(
-    ("output", "leaf", "message", "hint"),
+    ("output", "value", "message", "hint"),
     [
-        ("number", "ask: x, outputs: {level: answer}", "'ask' gives it a text", "{level: text}"),
-        ("number", "subtree: inner", "expected a number, but 'subtree' gives it a text", ""),
-        ("number", "set: {level: four}", "'level': expected a number, found 'four'", ""),
-        ("boolean", "set: {level: flase}", "true or false, found 'flase'", "write false"),
-        ("boolean", "set: {level: '${1 + 1}'}", "but '1 + 1' gives a number", ""),
-        ("duration", "set: {level: 3 m}", "'level'", ""),
+        ("number", "four", "'level': expected a number, found 'four'", ""),
+        ("boolean", "flase", "'level': expected true or false, found 'flase'", "write false"),
+        ("boolean", "'${1 + 1}'", "expected true or false, but '1 + 1' gives a number", ""),
+        ("duration", "3 m", "'level'", ""),
     ],
 )
-def test_subtree_output_has_its_declared_type(output, leaf, message, hint):
-    (problem,) = problems_of(agent, "subtree: measure", MEASURE.format(output, leaf, INNER))
+def test_set_value_is_read_as_declared_output_type(output, value, message, hint):
+    problem = measured(output, f"set: {{level: {value}}}")
     assert message in problem.message
     assert hint in problem.hint
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import shutil
-import textwrap
 import time
 from pathlib import Path
 
@@ -40,6 +39,9 @@ subtrees:
 """
 
 
+IMPORTS = "imports: [libraries/manners.yaml]\n"
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Return a trees folder with the shipped scene and skills, and one library."""
@@ -67,7 +69,7 @@ def problems(folder: Path, tree: str, *imports: str) -> list[str]:
 
 def library(folder: Path, name: str, text: str) -> None:
     path = folder / "libraries" / f"{name}.yaml"
-    path.write_text("format: 1\n" + textwrap.dedent(text))
+    path.write_text(f"format: 1\n{text}")
 
 
 def test_library_subtree_keeps_its_own_positions(folder):
@@ -79,15 +81,8 @@ def test_library_subtree_keeps_its_own_positions(folder):
 
 
 def test_library_can_import_another_library(folder):
-    library(
-        folder,
-        "visits",
-        """
-        imports: [libraries/manners.yaml]
-        subtrees:
-          visit: {tree: {sequence: [{subtree: greet, with: {who: you}}, {say: '${reply}'}]}}
-        """,
-    )
+    call = "sequence: [{subtree: greet, with: {who: you}}, {say: '${reply}'}]"
+    library(folder, "visits", f"{IMPORTS}subtrees: {{visit: {{tree: {{{call}}}}}}}\n")
     spec = agent(folder, "{subtree: visit}", "libraries/visits.yaml")
     path = spec.tree.children[0].children[0].children[0].children[0].path
     assert path == "tree/visit/0.subtree/greet/0.say"
@@ -98,17 +93,9 @@ def test_library_declarations_apply_to_it_and_importers(folder):
     assert problems(folder, tree, "libraries/manners.yaml") == [
         "6:63 bad-expression: 'check': '>=' needs a number on each side, found a text"
     ]
-    library(
-        folder,
-        "pain",
-        """
-        imports: [libraries/manners.yaml]
-        subtrees:
-          measure:
-            outputs: {level: number}
-            tree: {subtree: greet, with: {who: you}, outputs: {level: reply}}
-        """,
-    )
+    call = "{subtree: greet, with: {who: you}, outputs: {level: reply}}"
+    measure = f"{{outputs: {{level: number}}, tree: {call}}}"
+    library(folder, "pain", f"{IMPORTS}subtrees: {{measure: {measure}}}\n")
     [broken] = [one for one in read_trees(folder).broken if one.file.name == "pain.yaml"]
     [line] = broken.error.lines
     assert "output 'level': expected a number, but 'subtree' gives it a text" in line

@@ -85,6 +85,10 @@ def test_freeze_all_stops_all_learning():
     assert rule.rates == {"age": 0.0, "familiarity": 0.0, "mood": 0.0}
 
 
+IDLE = "has nothing to act on here"
+ENDS = "the rule ends the run"
+
+
 @pytest.mark.parametrize(
     ("keys", "problem"),
     [
@@ -92,16 +96,13 @@ def test_freeze_all_stops_all_learning():
             "rates: {age: 1}, freeze: [age]",
             "5:29 contradiction: 'rates' says how fast age learns, 'freeze' that it does not",
         ),
-        ("update: plain, window: 3", "5:27 misplaced-key: 'window' has nothing to act on here"),
-        (
-            "update: median, width: {age: 1}",
-            "5:28 misplaced-key: 'width' has nothing to act on here",
-        ),
+        ("update: plain, window: 3", f"5:27 misplaced-key: 'window' {IDLE}"),
+        ("update: median, width: {age: 1}", f"5:28 misplaced-key: 'width' {IDLE}"),
         (
             "update: huber, width: {age: 0}",
             "5:27 out-of-range: 'width' of age is 0, expected more",
         ),
-        ("general: 0.5", "5:12 misplaced-key: 'general' has nothing to act on here"),
+        ("general: 0.5", f"5:12 misplaced-key: 'general' {IDLE}"),
         (
             "update: medium",
             "5:20 bad-choice: 'update' is 'medium', expected plain, huber or median",
@@ -142,8 +143,7 @@ def test_mistake_in_learning_is_one_positioned_error(keys, problem):
         ),
         (
             "feedback: [{when: live.age >= 4, give: negative, baseline: 3 s}]\n",
-            "5:50 misplaced-key: 'baseline' has nothing to act on here: the rule does not look at "
-            "mood.change",
+            f"5:50 misplaced-key: 'baseline' {IDLE}: the rule does not look at mood.change",
         ),
     ],
 )
@@ -151,14 +151,11 @@ def test_mistake_beside_learning_is_one_positioned_error(text, problem):
     assert told(text) == [problem]
 
 
-ENDS = "has nothing to act on here: the rule ends the run"
-
-
 @pytest.mark.parametrize(
     ("keys", "problem"),
     [
-        ("then: cancel, cooldown: 3 s", f"5:66 misplaced-key: 'cooldown' {ENDS}"),
-        ("then: cancel, release: live.person", f"5:66 misplaced-key: 'release' {ENDS}"),
+        ("then: cancel, cooldown: 3 s", f"5:66 misplaced-key: 'cooldown' {IDLE}: {ENDS}"),
+        ("then: cancel, release: live.person", f"5:66 misplaced-key: 'release' {IDLE}: {ENDS}"),
         ("confidence: 2", "5:64 out-of-range: 'confidence' is 2, expected 0 to 1"),
         ("release: live.mod > 1", "5:61 unknown-name: there is no name 'live.mod' here"),
         (

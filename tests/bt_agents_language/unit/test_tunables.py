@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from bt_agents_core.errors import ReadError
+from agent_texts import refusal
 from bt_agents_core.field_types import FieldType
 from bt_agents_language.files.tunable_reader import read_tunable
 from bt_agents_language.model.specs import Tunable
@@ -45,10 +45,8 @@ def tunable(text: str) -> Tunable | None:
         ("default: 2 m", FieldType.LENGTH, (2.0, None, None, 0)),
         ("default: true", FieldType.BOOLEAN, (True, None, None, 0)),
         ("default: kitchen", FieldType.TEXT, ("kitchen", None, None, 0)),
-        ("default: yes", FieldType.TEXT, ("yes", None, None, 0)),
         ('default: ""', FieldType.TEXT, ("", None, None, 0)),
         ('default: "2 m"', FieldType.TEXT, ("2 m", None, None, 0)),
-        ("default: 1:30", FieldType.TEXT, ("1:30", None, None, 0)),
     ],
 )
 def test_default_and_range_determine_type(text, field_type, values):
@@ -66,8 +64,6 @@ def test_default_and_range_determine_type(text, field_type, values):
         ("default: 1 s, min: 2 min, max: 1 s", "out-of-range", "is 1 s, which is not more than"),
         ("default: 100 deg, min: 0, max: 90 deg", "out-of-range", "100 deg, expected 0 deg to 90"),
         ("default: 7 s, min: 5 s, max: 1 min, step: 5 s", "off-step", "of steps of 5 s"),
-        ("default: 5 m, min: 1 min, max: 9 m", "bad-length", "'min' of tunable"),
-        ("default: 1:30, min: 0:30, max: 3:00", "bad-duration", "found '1:30'"),
         ("default: soon, min: 1, max: 3", "bad-number", "found 'soon'"),
         ('default: "2", min: 1, max: 3, step: 1', "unknown-key", "has no 'min', 'max', 'step'"),
         ("default: true, min: 0, max: 1", "unknown-key", "is a boolean"),
@@ -77,23 +73,17 @@ def test_default_and_range_determine_type(text, field_type, values):
     ],
 )
 def test_tunable_error_is_reported_once_with_unit(text, code, words):
-    with pytest.raises(ReadError) as error:
-        tunable(text)
-    (line,) = error.value.lines
-    assert f"error[{code}]" in line
-    assert words in line
+    (problem,) = refusal(tunable, text).diagnostics
+    assert problem.code == code
+    assert words in problem.message
 
 
-def test_minutes_written_as_metres_are_one_error():
-    with pytest.raises(ReadError) as error:
-        tunable("default: 8 m, min: 2 s, max: 30 s")
-    assert [line.partition(": error")[0] for line in error.value.lines] == ["a.yaml:1:14"]
-
-
-def test_two_invalid_limits_are_two_errors():
-    with pytest.raises(ReadError) as error:
-        tunable("default: 8 s, min: 2 m, max: 30 m")
-    assert [line.partition(": error")[0] for line in error.value.lines] == [
-        "a.yaml:1:24",
-        "a.yaml:1:34",
-    ]
+@pytest.mark.parametrize(
+    ("text", "places"),
+    [
+        ("default: 8 m, min: 2 s, max: 30 s", ["a.yaml:1:14"]),
+        ("default: 8 s, min: 2 m, max: 30 m", ["a.yaml:1:24", "a.yaml:1:34"]),
+    ],
+)
+def test_minutes_written_as_metres_are_one_error_each(text, places):
+    assert [str(one.position) for one in refusal(tunable, text).diagnostics] == places

