@@ -3,19 +3,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 import yaml
 from jsonschema import Draft7Validator
 
+from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.yaml.field_tables import (
     NAME,
     TEXT,
+    Either,
     Entries,
     FieldDecl,
     FileKind,
     Items,
     KeyTable,
+    Several,
     WordChoice,
     integer,
     number,
@@ -103,6 +108,25 @@ def test_table_can_require_one_of_several_keys():
         assert not validator.is_valid({"format": 1, "bar": {}})
         assert validator.is_valid({"format": 1, "bar": {"each": "a"}})
         assert validator.is_valid({"format": 1, "bar": {"each": "a", "sequence": "b"}}) is both
+
+
+def tables(value: object) -> Iterator[KeyTable]:
+    match value:
+        case KeyTable():
+            yield value
+            for field in value.fields:
+                yield from tables(field.value)
+        case Items(item=inner) | Entries(value=inner) | Several(one=inner):
+            yield from tables(inner)
+        case Either(options=options):
+            for option in options:
+                yield from tables(option)
+
+
+@pytest.mark.parametrize("kind", FILE_KINDS.values(), ids=FILE_KINDS)
+def test_table_lists_each_key_once(kind):
+    for table in (*tables(kind), *kind.shared.values()):
+        assert len(table.values) == len(table.fields)
 
 
 def test_extended_table_keeps_order_of_replaced_fields():

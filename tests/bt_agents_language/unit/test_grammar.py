@@ -120,6 +120,11 @@ def test_a_reference_can_be_an_expression():
     assert value.expression.text == "n + 1"
 
 
+def test_error_points_at_wrong_token_in_text_expression():
+    (problem,) = problems_of(agent, "say: You are ${scene.agee + 1} years old.")
+    assert (problem.code, str(problem.position)) == ("unknown-name", "a.yaml:8:18")
+
+
 def test_skill_outputs_can_be_renamed():
     spec = tree("sequence: [{ask: Who?, outputs: {who: answer}}, {say: 'Hello ${who}.'}]")
     assert spec.children[0].outputs == {"who": "answer"}
