@@ -57,6 +57,10 @@ class Ros:
         self.until(future.done, limit_s)
         return future.result()
 
+    def ask(self, kind: Any, service: str, **fields: Any) -> Any:
+        """Call a service by its name; return its response."""
+        return self.call(self.node.create_client(kind, service), kind.Request(**fields))
+
     def collect(self, kind: Any, topic: str, qos: Any) -> list[Any]:
         """Return a list that grows with every message of a topic."""
         received: list[Any] = []
