@@ -13,7 +13,6 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mcap.reader import make_reader
 
-from bt_agents.host.node import HostNode
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import RecordingStatus, StatusChange
@@ -22,11 +21,12 @@ from bt_agents_lab.node import JournalNode
 from bt_agents_lab.recorder.reading import JournalReader, recording_label
 from bt_agents_lab.replay.recording_index import index_entries
 from bt_agents_ros import qos
-from fake_market import Market, agent_text, folder, make_host
+from fake_market import Market, agent_text, folder
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
 
+START, STOP, BOOKMARK = Record.Request.START, Record.Request.STOP, Record.Request.BOOKMARK
 TREES = {
     "talker": "{sequence: [{say: hello}, {say: again}]}",
     "setter": "{sequence: [{set: {way: left}}, {set: {steps: 3}}]}",
@@ -38,14 +38,12 @@ class JournalHarness:
 
     def __init__(self, ros: Any, path: Path) -> None:
         self.ros = ros
-        self.folder = folder(path, *(agent_text(name, tree) for name, tree in TREES.items()))
+        trees = folder(path, *(agent_text(name, tree) for name, tree in TREES.items()))
         self.today = date(2026, 3, 1)
         self.files = path / "journal"
-        self.say_server = ScriptedServer(ros, script=Script(finish_s=0.05))
+        ScriptedServer(ros, script=Script(finish_s=0.05))
         self.market = Market(ros)
-        self.host: HostNode = ros.add(make_host(self.folder))
-        self.market.open()
-        ros.until(lambda: self.host.registered)
+        self.host = self.market.host(trees)
         self._round = 0
 
     def record(self) -> JournalNode:
@@ -61,9 +59,26 @@ class JournalHarness:
         goal = self.market.goal(self.host, agent, round=self._round)
         return self.market.result(self.market.send(goal)).result
 
-    def elements(self, *files: Path) -> list[tuple[str, int, dict[str, str]]]:
-        """Return path, status and values of all elements of traces in some files."""
-        entries = JournalReader(files).entries({"bt_agents_interfaces/msg/TreeStatus"})
+    def ask(self, action: int, **fields: Any) -> Any:
+        """Ask the journal to record; return its answer."""
+        return self.ros.ask(Record, "journal/record", action=action, **fields)
+
+    def recordings(self) -> list[Path]:
+        """Return the files of the journal, oldest first."""
+        return sorted(self.files.glob("*.mcap"))
+
+    def report(self, *names: str, sent: int = 5, **fields: Any) -> None:
+        """Publish the health of some parts of a node a few times."""
+        publisher = self.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
+        self.ros.until(publisher.get_subscription_count)
+        for name in names * sent:
+            status = DiagnosticStatus(name=name, hardware_id=name.partition(":")[0], **fields)
+            publisher.publish(DiagnosticArray(status=[status]))
+            self.ros.turns()
+
+    def elements(self, file: Path) -> list[tuple[str, int, dict[str, str]]]:
+        """Return path, status and values of all elements of traces in a file."""
+        entries = JournalReader([file]).entries({"bt_agents_interfaces/msg/TreeStatus"})
         return [
             (change.path, change.status, {one.name: one.value for one in change.values})
             for entry in entries
@@ -71,44 +86,43 @@ class JournalHarness:
         ]
 
 
+def health(file: Path, node: str) -> list[tuple[str, str]]:
+    """Return name and message of all recorded health of a node."""
+    return [
+        (status.name, status.message)
+        for entry in JournalReader([file]).entries()
+        if entry.topic == "/diagnostics"
+        for status in entry.decode().status
+        if status.hardware_id == node
+    ]
+
+
 @pytest.fixture
 def harness(ros: Any, tmp_path: Path) -> Iterator[JournalHarness]:
     return JournalHarness(ros, tmp_path)
 
 
-def test_the_trace_of_each_run_is_recorded(harness: JournalHarness) -> None:
+def test_each_day_records_traces_of_its_runs(harness: JournalHarness) -> None:
     journal = harness.record()
-    assert harness.run("setter").outcome == RunAgent.Result.SUCCEEDED
     assert harness.run("talker").outcome == RunAgent.Result.SUCCEEDED
+    harness.today += timedelta(days=1)
+    assert harness.run("setter").outcome == RunAgent.Result.SUCCEEDED
     harness.ros.remove(journal)
-    found = harness.elements(*harness.files.glob("*.mcap"))
-    assert found[:2] == [
+    first, second = harness.recordings()
+    assert {path for path, _, _ in harness.elements(first)} == {"tree", "tree/0.say", "tree/1.say"}
+    assert ("tree/1.say", StatusChange.SUCCESS, {}) in harness.elements(first)
+    assert harness.elements(second) == [
         ("tree/0.set", StatusChange.SUCCESS, {"way": "'left'"}),
         ("tree/1.set", StatusChange.SUCCESS, {"steps": "3"}),
+        ("tree", StatusChange.SUCCESS, {}),
     ]
-    assert ("tree/1.say", StatusChange.SUCCESS, {}) in found
-
-
-def test_each_day_has_its_own_runs(harness: JournalHarness) -> None:
-    journal = harness.record()
-    harness.run("talker")
-    harness.today += timedelta(days=1)
-    harness.run("setter")
-    harness.ros.remove(journal)
-    first, second = sorted(harness.files.glob("*.mcap"))
-    assert {path for path, _, _ in harness.elements(first)} == {"tree", "tree/0.say", "tree/1.say"}
-    assert {path for path, _, _ in harness.elements(second)} == {
-        "tree",
-        "tree/0.set",
-        "tree/1.set",
-    }
     assert index_entries(JournalReader([second]).entries()).counts["/bt_agents/cards"] >= 1
 
 
-def test_second_journal_in_same_folder_is_refused(harness: JournalHarness, tmp_path: Path) -> None:
-    harness.record()
+def test_second_journal_in_same_folder_is_refused(ros: Any, tmp_path: Path) -> None:
+    ros.add(JournalNode(tmp_path / "journal"))
     with pytest.raises(Refused, match="another journal writes"):
-        JournalNode(harness.files, today=lambda: harness.today)
+        JournalNode(tmp_path / "journal")
     blocked = tmp_path / "file"
     blocked.write_text("")
     with pytest.raises(BtAgentsError, match="no place for the journal"):
@@ -117,28 +131,22 @@ def test_second_journal_in_same_folder_is_refused(harness: JournalHarness, tmp_p
 
 def test_service_starts_marks_and_stops_recording(harness: JournalHarness) -> None:
     ros, journal = harness.ros, harness.record()
-    record = ros.node.create_client(Record, "journal/record", qos_profile=qos.SERVICE)
-    states: list[RecordingStatus] = []
-    ros.node.create_subscription(RecordingStatus, "journal/status", states.append, qos.FACT)
-    ros.until(lambda: bool(states))
+    states = ros.collect(RecordingStatus, "journal/status", qos.FACT)
+    ros.until(lambda: states)
     assert states[-1].recording
-
-    def ask(**fields: Any) -> Any:
-        return ros.call(record, Record.Request(**fields))
-
-    again = ask(action=Record.Request.START, label="morning")
+    again = harness.ask(START, label="morning")
     assert (again.accepted, again.code) == (False, "RECORDING_ALREADY")
-    assert ask(action=Record.Request.STOP).accepted
-    assert ask(action=Record.Request.START, label="morning", notes="a class").accepted
-    assert ask(action=Record.Request.BOOKMARK, label="odd", author="anna").accepted
+    assert harness.ask(STOP).accepted
+    assert harness.ask(START, label="morning", notes="a class").accepted
+    assert harness.ask(BOOKMARK, label="odd", author="anna").accepted
     ros.until(lambda: states[-1].bookmarks == 1)
-    past = ask(action=Record.Request.BOOKMARK, age_s=3600.0)
+    past = harness.ask(BOOKMARK, age_s=3600.0)
     assert (past.accepted, past.code) == (False, "OUT_OF_RANGE")
-    assert ask(action=Record.Request.START, label="a" * 201).code == "TOO_LARGE"
-    assert ask(action=9).code == "UNKNOWN_ACTION"
+    assert harness.ask(START, label="a" * 201).code == "TOO_LARGE"
+    assert harness.ask(9).code == "UNKNOWN_ACTION"
     ros.remove(journal)
 
-    newest = sorted(harness.files.glob("*.mcap"))[-1]
+    newest = harness.recordings()[-1]
     assert recording_label(newest) == "morning"
     recording = index_entries(JournalReader([newest]).entries())
     [status] = recording.recordings.values()
@@ -152,17 +160,11 @@ def test_acknowledged_label_and_bookmark_are_in_file(
 ) -> None:
     monkeypatch.setattr("bt_agents_lab.node.FLUSH_S", 3600.0)
     harness.record()
-    record = harness.ros.node.create_client(Record, "journal/record", qos_profile=qos.SERVICE)
-
-    def ask(action: int, label: str = "") -> Path:
-        request = Record.Request(action=action, label=label)
-        assert harness.ros.call(record, request).accepted
-        return max(harness.files.glob("*.mcap"))
-
-    ask(Record.Request.STOP)
-    assert recording_label(ask(Record.Request.START, "morning")) == "morning"
-    file = ask(Record.Request.BOOKMARK, "odd")
-    recording = index_entries(JournalReader([file]).entries())
+    assert harness.ask(STOP).accepted
+    assert harness.ask(START, label="morning").accepted
+    assert recording_label(harness.recordings()[-1]) == "morning"
+    assert harness.ask(BOOKMARK, label="odd").accepted
+    recording = index_entries(JournalReader([harness.recordings()[-1]]).entries())
     assert [one.label for one in recording.bookmarks] == ["odd"]
 
 
@@ -170,7 +172,7 @@ def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> Non
     journal = harness.record()
     harness.ros.until(lambda: "/agents/trees" in journal.journal._facts)
     journal.journal.close()
-    [file] = harness.files.glob("*.mcap")
+    [file] = harness.recordings()
     with file.open("rb") as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == "ros2"
@@ -200,54 +202,21 @@ def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> Non
 
 def test_shared_hardware_health_is_recorded_per_node(harness: JournalHarness) -> None:
     journal = harness.record()
-    publisher = harness.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
-    harness.ros.until(publisher.get_subscription_count)
-    for _ in range(5):
-        for name in ("arm: left", "arm: right"):
-            status = DiagnosticStatus(name=name, hardware_id="arm")
-            publisher.publish(DiagnosticArray(status=[status]))
-            harness.ros.turns()
+    harness.report("arm: left", "arm: right")
     journal.journal.flush(0)
-    [file] = harness.files.glob("*.mcap")
-    names = [
-        status.name
-        for entry in JournalReader([file]).entries()
-        if entry.topic == "/diagnostics"
-        for status in entry.decode().status
-        if status.hardware_id == "arm"
-    ]
-    assert names == ["arm: left", "arm: right"]
+    [file] = harness.recordings()
+    assert health(file, "arm") == [("arm: left", ""), ("arm: right", "")]
 
 
 def test_health_changes_are_recorded_and_repeated_per_file(harness: JournalHarness) -> None:
     journal = harness.record()
-    publisher = harness.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
-    harness.ros.until(publisher.get_subscription_count)
-
-    def report(level: bytes, message: str, *, sent: int) -> None:
-        status = DiagnosticStatus(
-            level=level, name="eye: lens", hardware_id="eye", message=message
-        )
-        for _ in range(sent):
-            publisher.publish(DiagnosticArray(status=[status]))
-            harness.ros.turns()
-
-    report(DiagnosticStatus.OK, "clear", sent=5)
-    report(DiagnosticStatus.WARN, "dusty", sent=5)
-    report(DiagnosticStatus.OK, "clear", sent=1)
+    harness.report("eye: lens", level=DiagnosticStatus.OK, message="clear")
+    harness.report("eye: lens", level=DiagnosticStatus.WARN, message="dusty")
+    harness.report("eye: lens", level=DiagnosticStatus.OK, message="clear", sent=1)
     harness.today += timedelta(days=1)
     harness.run("talker")
-    harness.ros.until(lambda: len(list(harness.files.glob("*.mcap"))) == 2)
+    harness.ros.until(lambda: len(harness.recordings()) == 2)
     journal.journal.flush(0)
-    first, second = (
-        [
-            status.message
-            for entry in JournalReader([file]).entries()
-            if entry.topic == "/diagnostics"
-            for status in entry.decode().status
-            if status.name == "eye: lens"
-        ]
-        for file in sorted(harness.files.glob("*.mcap"))
-    )
-    assert first == ["clear", "dusty", "clear"]
-    assert second == ["clear"]
+    first, second = (health(file, "eye") for file in harness.recordings())
+    assert [message for _, message in first] == ["clear", "dusty", "clear"]
+    assert second == [("eye: lens", "clear")]
