@@ -53,7 +53,10 @@ class Ros:
     def call(self, client: Any, request: Any, limit_s: float = 30.0) -> Any:
         """Call a service and return its response."""
         self.until(client.service_is_ready, limit_s)
-        future = client.call_async(request)
+        return self.result(client.call_async(request), limit_s)
+
+    def result(self, future: Any, limit_s: float = 30.0) -> Any:
+        """Spin until a future is done; return its result."""
         self.until(future.done, limit_s)
         return future.result()
 

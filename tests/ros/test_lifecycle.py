@@ -22,7 +22,6 @@ from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.node import HostNode
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_interfaces.msg import Run, TreeStatus
-from bt_agents_interfaces.srv import CollectFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.managed_node import AUTOSTART, ManagedNode, make_managed
 from feedback_node.ledger import Ledger
@@ -53,11 +52,8 @@ class Manager:
 
     def __init__(self, ros: Ros, name: str) -> None:
         self.ros = ros
+        self._name = name
         self._change = ros.node.create_client(ChangeState, f"{name}/change_state")
-        self._state = ros.node.create_client(GetState, f"{name}/get_state")
-        self._transitions = ros.node.create_client(
-            GetAvailableTransitions, f"{name}/get_available_transitions"
-        )
         self.events: list[TransitionEvent] = ros.collect(
             TransitionEvent, f"{name}/transition_event", qos.EVENTS
         )
@@ -69,17 +65,16 @@ class Manager:
         return self._change.call_async(ChangeState.Request(transition=transition))
 
     def change(self, number: int = 0, label: str = "") -> bool:
-        answer = self.begin(number, label)
-        self.ros.until(answer.done)
-        return bool(answer.result().success)
+        return bool(self.ros.result(self.begin(number, label)).success)
 
     @property
     def state(self) -> str:
-        return str(self.ros.call(self._state, GetState.Request()).current_state.label)
+        return str(self.ros.ask(GetState, f"{self._name}/get_state").current_state.label)
 
     @property
     def transitions(self) -> set[str]:
-        answer = self.ros.call(self._transitions, GetAvailableTransitions.Request())
+        service = f"{self._name}/get_available_transitions"
+        answer = self.ros.ask(GetAvailableTransitions, service)
         return {one.transition.label for one in answer.available_transitions}
 
 
@@ -95,8 +90,9 @@ def system(ros: Ros, tmp_path: Path) -> System:
     return System(ros, write_agents(tmp_path, ann=4.0), epoch=None)
 
 
-def unconfigured(ros: Ros, name: str, trees: Path) -> ManagedNode[Any]:
-    given = [Parameter("trees", value=str(trees)), Parameter("ledger", value=":memory:")]
+def unconfigured(ros: Ros, name: str, trees: Path, **values: Any) -> ManagedNode[Any]:
+    parameters = {"trees": str(trees), "ledger": ":memory:", **values}
+    given = [Parameter(key, value=value) for key, value in parameters.items()]
     return ros.add(NODES[name](parameter_overrides=given))  # type: ignore[call-arg]
 
 
@@ -166,19 +162,6 @@ def test_node_stays_unconfigured_until_files_are_repaired(
     assert manager.change(CONFIGURE)
 
 
-def test_failed_activation_leaves_node_inactive_and_clean(ros: Ros, tmp_path: Path) -> None:
-    trees = write_agents(tmp_path, ann=4.0)
-    (trees / "market.yaml").write_text("format: 1\nrules:\n  - {when: 1 <, agents: [ann]}\n")
-    given = [Parameter("trees", value=str(trees)), Parameter("strategy", value="rules")]
-    node = ros.add(MarketplaceNode(parameter_overrides=given))
-    manager = Manager(ros, "marketplace")
-    bare = endpoints(node)
-
-    assert manager.change(CONFIGURE)
-    assert not manager.change(ACTIVATE)
-    assert (manager.state, endpoints(node)) == ("inactive", bare)
-
-
 def test_deactivation_fault_is_answered_and_cleaned_up(
     ros: Ros, system: System, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -198,14 +181,11 @@ def test_deactivation_fault_is_answered_and_cleaned_up(
     assert not list(node.timers)
 
 
-def test_failed_activation_releases_its_files(ros: Ros, tmp_path: Path) -> None:
+def test_failed_activation_leaves_node_clean(ros: Ros, tmp_path: Path) -> None:
     file = tmp_path / "open_goals.json"
-    given = [
-        Parameter("trees", value=str(write_agents(tmp_path, ann=4.0))),
-        Parameter("open_goals", value=str(file)),
-        Parameter("qos_overrides./agents/run_control.publisher.depth", value=-1),
-    ]
-    node = ros.add(HostNode(parameter_overrides=given))
+    bad = {"qos_overrides./agents/run_control.publisher.depth": -1}
+    trees = write_agents(tmp_path, ann=4.0)
+    node = unconfigured(ros, "agents", trees, open_goals=str(file), **bad)
     manager = Manager(ros, "agents")
     bare = endpoints(node)
     assert manager.change(CONFIGURE)
@@ -244,11 +224,8 @@ class Deactivation:
         self.statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
         self.manager = Manager(ros, "agents")
         self.system.analyze(age=4)
+        self.runs = self.system.runs
         ros.until(lambda: self.runs and self.runs[-1].event == Run.STARTED)
-
-    @property
-    def runs(self) -> list[Run]:
-        return self.system.runs
 
     @property
     def cleaned_up(self) -> bool:
@@ -274,8 +251,7 @@ def test_deactivated_host_first_ends_its_tree_cleanly(
     assert manager.state == "deactivating"
     assert not answer.done()
     seen.append(True)
-    ros.until(answer.done)
-    assert answer.result().success
+    assert ros.result(answer).success
     assert manager.state == "inactive"
     ros.until(lambda: running.runs[-1].event == Run.ENDED)
     assert running.runs[-1].outcome == Run.CANCELLED
@@ -288,44 +264,19 @@ def test_end_of_process_cuts_deactivation_short(ros: Ros, tmp_path: Path) -> Non
     answer = running.manager.begin(DEACTIVATE)
     ros.until(lambda: running.manager.events)
     running.system.host.request_stop()
-    ros.until(answer.done)
-    assert answer.result().success
+    assert ros.result(answer).success
     ros.until(lambda: running.runs[-1].event == Run.ENDED)
     assert running.runs[-1].outcome == Run.CANCELLED
     assert not running.cleaned_up
-
-
-def test_feedback_collection_waits_for_inactive_feedback_node(ros: Ros, tmp_path: Path) -> None:
-    system = System(ros, write_agents(tmp_path, ann=4.0))
-    manager = Manager(ros, "feedback")
-    assert manager.change(DEACTIVATE)
-    assert not ros.node.count_services("feedback/collect")
-
-    scene = system.analyze(age=4).scene.scene_id
-    ros.until(lambda: system.ends and system.ends[-1].scene_id == scene)
-    collected: list[Any] = []
-    answered = system.feedback._on_collect
-
-    async def watched(request: Any, response: Any) -> Any:
-        collected.append(request)
-        return await answered(request, response)
-
-    system.feedback._on_collect = watched
-    assert manager.change(ACTIVATE)
-    ros.until(lambda: collected)
-    assert isinstance(collected[0], CollectFeedback.Request)
-    assert (collected[0].round, collected[0].agent) == (1, "ann")
 
 
 def test_parameters_survive_reactivation_and_tunables_reset_to_file(
     ros: Ros, system: System
 ) -> None:
     manager = Manager(ros, "agents")
-    client = ros.node.create_client(SetParameters, "agents/set_parameters")
     wanted = [Parameter("live_lease", value=3.0), Parameter("tick_rate", value=33.0)]
-    answer = ros.call(
-        client, SetParameters.Request(parameters=[one.to_parameter_msg() for one in wanted])
-    )
+    asked = [one.to_parameter_msg() for one in wanted]
+    answer = ros.ask(SetParameters, "agents/set_parameters", parameters=asked)
     assert [one.reason for one in answer.results] == ["", ""]
 
     assert manager.change(DEACTIVATE)
@@ -337,11 +288,7 @@ def test_parameters_survive_reactivation_and_tunables_reset_to_file(
 
 def test_inactive_feedback_node_releases_its_ledger(ros: Ros, tmp_path: Path) -> None:
     ledger = tmp_path / "ledger.sqlite"
-    given = [
-        Parameter("trees", value=str(write_agents(tmp_path, ann=4.0))),
-        Parameter("ledger", value=str(ledger)),
-    ]
-    ros.add(FeedbackNode(parameter_overrides=given))
+    unconfigured(ros, "feedback", write_agents(tmp_path, ann=4.0), ledger=str(ledger))
     manager = Manager(ros, "feedback")
     assert manager.change(CONFIGURE)
     assert manager.change(ACTIVATE)
