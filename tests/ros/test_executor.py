@@ -292,22 +292,6 @@ def test_entity_created_by_callback_is_served(spun: SpunNode) -> None:
     assert spun.errors == []
 
 
-def test_service_answers_when_awaited_future_completes(spun: SpunNode) -> None:
-    awaited = Future()
-
-    async def answer(_request: Any, response: Any) -> Any:
-        response.message = await awaited
-        return response
-
-    client = spun.serve(answer)
-    future = client.call_async(Trigger.Request())
-    spun.spin_times()
-    assert not future.done()
-    awaited.set_result("here")
-    spun.until(future.done)
-    assert future.result().message == "here"
-
-
 @pytest.mark.parametrize("group", [MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup])
 def test_exclusive_group_is_busy_while_its_callback_awaits(
     spun: SpunNode, group: Callable[[], Any]
@@ -534,16 +518,6 @@ def test_signal_ends_wait_immediately(spun: SpunNode, number: signal.Signals) ->
         soon.join()
         interrupt.release()
     assert time.monotonic() - began < LIMIT_S
-
-
-def test_polled_group_receives_all_messages_in_order(spun: SpunNode) -> None:
-    heard: list[str] = []
-    publisher = spun.talk(lambda m: heard.append(m.data), callback_group=PolledGroup())
-    sent = [str(number) for number in range(20)]
-    for text in sent:
-        publisher.publish(String(data=text))
-    spun.until(lambda: len(heard) == len(sent), timeout_s=1.0)
-    assert heard == sent
 
 
 @pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
