@@ -23,9 +23,10 @@ pytestmark = pytest.mark.ros
 class Caller:
     """Makes calls, and records the outcome of each."""
 
-    def __init__(self, ros: Any) -> None:
+    def __init__(self, ros: Any, kind: Any = Empty) -> None:
         self.calls = Calls(ros.node)
-        self.client = ros.node.create_client(Empty, "somebody", qos_profile=qos.SERVICE)
+        self.kind = kind
+        self.client = ros.node.create_client(kind, "somebody", qos_profile=qos.SERVICE)
         self.ends: list[str] = []
 
     def call(
@@ -33,6 +34,7 @@ class Caller:
         deadline_s: float,
         also: Callable[[], object] = lambda: None,
         discovery_s: float = math.inf,
+        **fields: Any,
     ) -> None:
         def failed(reason: str) -> None:
             self.ends.append(reason)
@@ -40,12 +42,30 @@ class Caller:
 
         self.calls.call(
             self.client,
-            Empty.Request(),
+            self.kind.Request(**fields),
             deadline_s=deadline_s,
             on_answer=lambda _: self.ends.append("answered"),
             on_failure=failed,
             discovery_s=discovery_s,
         )
+
+
+class SlowServer:
+    """A server on its own node, which answers no request before its release."""
+
+    def __init__(self, ros: Any) -> None:
+        self.asked: list[Any] = []
+        self._released = Future(executor=ros.executor)
+        node = ros.add(rclpy.create_node("server"))
+        node.create_service(Empty, "somebody", self._answer, qos_profile=qos.SERVICE)
+
+    async def _answer(self, request: Any, answer: Any) -> Any:
+        self.asked.append(request)
+        await self._released
+        return answer
+
+    def release(self) -> None:
+        self._released.set_result(None)
 
 
 def test_call_finds_server_that_starts_before_deadline(ros: Any) -> None:
@@ -70,41 +90,25 @@ def test_call_without_server_fails_at_earlier_limit(
 
 
 def test_discovery_limit_does_not_end_waiting_call(ros: Any) -> None:
-    async def slow(_: Any, answer: Any) -> Any:
-        await released
-        return answer
-
-    released = Future(executor=ros.executor)
-    group = ReentrantCallbackGroup()
-    ros.node.create_service(Empty, "somebody", slow, qos_profile=qos.SERVICE, callback_group=group)
-    caller, other = Caller(ros), Caller(ros)
+    server, caller, other = SlowServer(ros), Caller(ros), Caller(ros)
     ros.until(caller.client.service_is_ready)
     caller.call(3600.0, discovery_s=0.1)
     other.client = ros.node.create_client(Empty, "nobody", qos_profile=qos.SERVICE)
     other.call(0.3)
     ros.until(lambda: other.ends)
     assert caller.ends == []
-    released.set_result(None)
+    server.release()
     ros.until(lambda: caller.ends)
     assert caller.ends == ["answered"]
 
 
-def test_late_response_is_ignored(ros: Any) -> None:
-    asked: list[Any] = []
-
-    async def late(_: Any, answer: Any) -> Any:
-        asked.append(answer)
-        await released
-        return answer
-
-    released = Future(executor=ros.executor)
-    caller = Caller(ros)
-    server = ros.add(rclpy.create_node("server"))
-    server.create_service(Empty, "somebody", late, qos_profile=qos.SERVICE)
+def test_late_response_to_only_request_is_ignored(ros: Any) -> None:
+    server, caller = SlowServer(ros), Caller(ros)
     ros.until(caller.client.service_is_ready)
-    caller.call(0.1)
-    ros.until(lambda: asked and caller.ends)
-    released.set_result(None)
+    caller.call(3 * REPEAT_S)
+    ros.until(lambda: caller.ends)
+    assert len(server.asked) == 1, "a request without an id is sent once"
+    server.release()
     ros.turns()
     assert caller.ends == ["somebody did not answer in time"]
 
@@ -140,56 +144,25 @@ def test_request_with_id_is_resent_until_answered(
     server = ros.add(rclpy.create_node("server"))
     group = ReentrantCallbackGroup()
     server.create_service(
-        Analyze, "analyze", answer, qos_profile=qos.SERVICE, callback_group=group
+        Analyze, "somebody", answer, qos_profile=qos.SERVICE, callback_group=group
     )
-    client = ros.node.create_client(Analyze, "analyze", qos_profile=qos.SERVICE)
-    ends: list[str] = []
-    Calls(ros.node).call(
-        client,
-        Analyze.Request(),
-        deadline_s=30.0,
-        on_answer=lambda _: ends.append("answered"),
-        on_failure=ends.append,
-    )
-    ros.until(lambda: ends)
+    caller = Caller(ros, Analyze)
+    caller.call(30.0)
+    ros.until(lambda: caller.ends)
     ros.turns()
-    assert ends == ["answered"]
+    assert caller.ends == ["answered"]
     assert len(asked) == 2
     assert len(set(asked)) == 1
     assert asked[0]
 
 
-def test_a_request_without_an_id_is_sent_once(ros: Any) -> None:
-    asked: list[Any] = []
-
-    async def never(request: Any, _: Any) -> Any:
-        asked.append(request)
-        await Future(executor=ros.executor)
-
-    server = ros.add(rclpy.create_node("server"))
-    server.create_service(Empty, "somebody", never, qos_profile=qos.SERVICE)
-    caller = Caller(ros)
-    ros.until(caller.client.service_is_ready)
-    caller.call(3 * REPEAT_S)
-    ros.until(lambda: caller.ends)
-    assert caller.ends == ["somebody did not answer in time"]
-    assert len(asked) == 1
-
-
 def test_unsendable_request_fails_immediately_without_delaying_others(ros: Any) -> None:
-    ros.node.create_service(Analyze, "analyze", lambda _, answer: answer, qos_profile=qos.SERVICE)
-    client = ros.node.create_client(Analyze, "analyze", qos_profile=qos.SERVICE)
-    ros.until(client.service_is_ready)
-    calls, ends = Calls(ros.node), []
+    ros.node.create_service(Analyze, "somebody", lambda _, answer: answer, qos_profile=qos.SERVICE)
+    caller = Caller(ros, Analyze)
+    ros.until(caller.client.service_is_ready)
     for label in ("\ud800", "Anna"):
-        calls.call(
-            client,
-            Analyze.Request(label=label),
-            deadline_s=30.0,
-            on_answer=lambda _: ends.append("answered"),
-            on_failure=ends.append,
-        )
-    ros.until(lambda: len(ends) == 2)
+        caller.call(30.0, label=label)
+    ros.until(lambda: len(caller.ends) == 2)
     ros.turns()
-    assert ends[0].startswith("analyze cannot be asked: ")
-    assert ends[1:] == ["answered"]
+    assert caller.ends[0].startswith("somebody cannot be asked: ")
+    assert caller.ends[1:] == ["answered"]
