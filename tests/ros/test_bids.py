@@ -18,13 +18,14 @@ from marketplace_node.node.messages import BidDecoder, bids_from_msg
 from tree_harness import SPACE, agent, scene
 
 EPOCHS = ("0123456789ab", "e", "another market, äöü")
+WEIGHTS = {"a": (1.0, 1.0, 1.0), "b": (2.0, 1.0, 1.0)}
 TOKEN = list(range(16))
 ROUNDS = (1, 2, 255, 256, 2**31 + 1, 2**32 - 1)
 
 
 def registry() -> AgentRegistry:
     ours = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
-    ours.add(replace(agent("say: x"), name="b"))
+    ours.add(replace(agent("say: x", "weights: {age: 2}"), name="b"))
     ours.apply_registration(["a", "b"], [7, 8], ["", ""])
     return ours
 
@@ -39,6 +40,7 @@ def expected(epoch: str, number: int, answer: Any, token: list[int] = TOKEN) -> 
         agents=[member.spec.name for member in answer.bidders.members],
         agent_ids=[member.agent_id for member in answer.bidders.members],
         vectors=[value for member in answer.bidders.members for value in member.profile],
+        weights=sum((WEIGHTS[one.spec.name] for one in answer.bidders.members), ()),
         declined=list(answer.declined),
         decline_reasons=[one.reason for one in answer.declined.values()],
         unmet=[one.unmet for one in answer.declined.values()],
