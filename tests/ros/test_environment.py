@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environment of a host's trees apart from goals: log lines, feedback, preparation."""
+"""Environment of a host's trees apart from goals: log lines, local time, preparation."""
 
 from __future__ import annotations
 
-import math
 import time
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -13,12 +12,9 @@ import pytest
 from rcl_interfaces.msg import Log
 from rclpy.impl import rcutils_logger
 
-from bt_agents.engine.environment import GoalState
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
-from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.local_time import local_time
-from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds import quick_logger
 from bt_agents_ros.workarounds.quick_logger import QuickLogger
@@ -26,27 +22,6 @@ from hostile_texts import HOSTILE
 from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
-
-
-class Teacher:
-    """A ``feedback/give`` service with answers of the test's choice."""
-
-    def __init__(self, ros: Any, *, accepted: bool, message: str = "") -> None:
-        self.requests: list[GiveFeedback.Request] = []
-        self._accepted = accepted
-        self._message = message
-        ros.node.create_service(
-            GiveFeedback, "feedback/give", self._answer, qos_profile=qos.SERVICE
-        )
-
-    def _answer(
-        self, request: GiveFeedback.Request, response: GiveFeedback.Response
-    ) -> GiveFeedback.Response:
-        self.requests.append(request)
-        response.accepted = self._accepted
-        response.code = "" if self._accepted else "NO_SCENE"
-        response.message = self._message
-        return response
 
 
 def environment_of(ros: Any) -> RosEnvironment:
@@ -110,31 +85,6 @@ def test_log_throttling_works_per_level_in_symlinked_files(
     for told in (True, False):
         assert lines.warning("again and again", throttle_duration_sec=60.0) == told
         assert lines.error("again and again", throttle_duration_sec=60.0) == told
-
-
-def test_direct_feedback_uses_scene_order_and_nan_elsewhere(ros: Any) -> None:
-    teacher = Teacher(ros, accepted=True)
-    run = environment_of(ros).give_feedback(
-        FeedbackKind.DIRECT, {"mood": 5.0, "age": 4.0}, "it went well"
-    )
-    ros.until(lambda: run.state.ended)
-    assert run.state is GoalState.SUCCEEDED
-    [request] = teacher.requests
-    assert (request.agent, request.kind, request.source) == ("guide", FeedbackKind.DIRECT, "tree")
-    assert request.reason == "it went well"
-    assert SPACE.names == ("age", "familiarity", "mood")
-    assert request.values[0] == 4.0
-    assert math.isnan(request.values[1])
-    assert request.values[2] == 5.0
-
-
-def test_positive_feedback_has_no_values_and_reports_refusal(ros: Any) -> None:
-    teacher = Teacher(ros, accepted=False, message="there is no scene to learn from")
-    run = environment_of(ros).give_feedback(FeedbackKind.POSITIVE, {}, "")
-    ros.until(lambda: run.state.ended)
-    assert run.state is GoalState.REJECTED
-    assert run.message == "there is no scene to learn from"
-    assert list(teacher.requests[0].values) == []
 
 
 def test_preparation_failure_is_logged_and_left_to_leaf(ros: Any) -> None:
