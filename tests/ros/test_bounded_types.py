@@ -10,11 +10,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
-from action_msgs.srv import CancelGoal
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from rcl_interfaces.msg import Parameter
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
-from rclpy.action import ActionClient, ActionServer
+from rclpy.action import ActionClient
 from rclpy.serialization import deserialize_message, serialize_message
 from rosidl_parser import definition as idl
 
@@ -27,6 +26,7 @@ from bt_agents_ros import limits, qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.types import resolved, slots_of
 from bt_agents_ros.workarounds.bounded_types import bounded, bounded_by, serialized_size
+from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
 
@@ -149,69 +149,38 @@ def test_foreign_messages_in_lists_are_counted() -> None:
     assert found.reason == "GoalStatusArray.status_list has 1001 entries, expected at most 1000"
 
 
-class Speech:
-    """A server and a client of ``say``, and their results."""
-
-    def __init__(self, ros: Any, result: str = "", feedback: int = 0) -> None:
-        self.said: list[str] = []
-        self.result = result
-        self.server = ActionServer(ros.node, Say, "say", self._say)
-        self.client = ActionClient(ros.node, Say, "say")
-        self.ros = ros
-        ros.until(self.client.server_is_ready)
-
-    def _say(self, handle: Any) -> Say.Result:
-        self.said.append(handle.request.text)
-        handle.succeed()
-        return Say.Result(message=self.result)
-
-    def send(self, text: str) -> Any:
-        future = self.client.send_goal_async(Say.Goal(text=text))
-        self.ros.until(future.done)
-        return future.result()
-
-    def close(self) -> None:
-        self.client.destroy()
-        self.server.destroy()
-
-
 @pytest.fixture
-def speech(ros: Any) -> Iterator[Speech]:
-    made = Speech(ros)
+def client(ros: Any) -> Iterator[ActionClient]:
+    made = ActionClient(ros.node, Say, "say")
     yield made
-    made.close()
+    made.destroy()
+
+
+def send(ros: Any, client: ActionClient, text: str) -> Any:
+    """Send a goal; return its handle once the server has answered."""
+    ros.until(client.server_is_ready)
+    return ros.result(client.send_goal_async(Say.Goal(text=text)))
 
 
 def test_oversized_goal_is_rejected_and_next_is_accepted(
-    speech: Speech, capfd: pytest.CaptureFixture[str]
+    ros: Any, client: ActionClient, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert not speech.send("x" * limits.MESSAGE_BYTES).accepted
-    handle = speech.send("hello")
-    ended = handle.get_result_async()
-    speech.ros.until(ended.done)
+    server = ScriptedServer(ros)
+    assert not send(ros, client, "x" * limits.MESSAGE_BYTES).accepted
+    ended = send(ros, client, "hello").get_result_async()
+    ros.until(ended.done)
 
-    assert speech.said == ["hello"]
+    assert [goal.request.text for goal in server.goals] == ["hello"]
     assert "TOO_LARGE: an action: Say_SendGoal_Request has 2621" in capfd.readouterr().err
 
 
-def test_oversized_result_fails_its_future(speech: Speech) -> None:
-    speech.result = "x" * limits.MESSAGE_BYTES
-    ended = speech.send("hello").get_result_async()
-    speech.ros.until(ended.done)
+def test_oversized_result_fails_its_future(ros: Any, client: ActionClient) -> None:
+    ScriptedServer(ros, script=Script(result={"message": "x" * limits.MESSAGE_BYTES}))
+    ended = send(ros, client, "hello").get_result_async()
+    ros.until(ended.done)
 
     with pytest.raises(Refused, match="TOO_LARGE: Say_GetResult_Response has 2621"):
         ended.result()
-
-
-def test_oversized_cancel_and_result_requests_are_answered(speech: Speech) -> None:
-    client = speech.ros.node.create_client(CancelGoal, "say/_action/cancel_goal")
-    states = speech.ros.node.create_client(
-        Say.Impl.GetResultService, "say/_action/get_result", qos_profile=qos.SERVICE
-    )
-    request = CancelGoal.Request(goal_info=GoalInfo())
-    assert speech.ros.call(client, request).return_code == CancelGoal.Response.ERROR_NONE
-    answer = speech.ros.call(states, Say.Impl.GetResultService.Request())
-    assert answer.status == GoalStatus.STATUS_UNKNOWN
 
 
 def test_oversized_response_fails_its_future(ros: Any) -> None:
@@ -233,9 +202,8 @@ def test_oversized_response_fails_its_future(ros: Any) -> None:
 def test_oversized_parameters_are_refused_with_code(ros: Any, kind: Any) -> None:
     ros.add(BaseNode("tuned"))
     name = "set_parameters" + ("_atomically" if kind is SetParametersAtomically else "")
-    client = ros.node.create_client(kind, f"tuned/{name}")
     large = [Parameter(name="x" * limits.MESSAGE_BYTES)]
-    answer = ros.call(client, kind.Request(parameters=large))
+    answer = ros.ask(kind, f"tuned/{name}", parameters=large)
     results = answer.results if kind is SetParameters else [answer.result]
 
     assert [one.successful for one in results] == [False]
@@ -244,13 +212,14 @@ def test_oversized_parameters_are_refused_with_code(ros: Any, kind: Any) -> None
 
 def test_number_of_parameters_per_request_is_limited(ros: Any) -> None:
     ros.add(BaseNode("tuned"))
-    client = ros.node.create_client(SetParameters, "tuned/set_parameters")
-    asked = [Parameter()] * 1_001
-    [answer] = ros.call(client, SetParameters.Request(parameters=asked)).results
+    refused, taken = (
+        ros.ask(SetParameters, "tuned/set_parameters", parameters=[Parameter()] * count).results
+        for count in (1_001, 1_000)
+    )
 
     expected = "SetParameters_Request.parameters has 1001 entries, expected at most 1000"
-    assert answer.reason == f"TOO_LARGE: {expected}"
-    assert len(ros.call(client, SetParameters.Request(parameters=asked[:1_000])).results) == 1_000
+    assert [one.reason for one in refused] == [f"TOO_LARGE: {expected}"]
+    assert len(taken) == 1_000
 
 
 def test_malformed_bytes_reach_no_callback_and_log_once(

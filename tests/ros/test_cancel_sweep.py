@@ -16,10 +16,9 @@ from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
 from bt_agents.engine.run import Run, RunLimits
-from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_ros import qos
-from fake_market import Market, agent_text, folder, make_host
+from fake_market import Market, agent_text, folder
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros
@@ -48,9 +47,7 @@ class Sweep:
         self.ros = ros
         self.server = ScriptedServer(ros)
         self.market = Market(ros)
-        self.host: HostNode = ros.add(make_host(folder(tmp_path, SPEAKER)))
-        self.market.open()
-        ros.until(lambda: self.host.registered)
+        self.host = self.market.host(folder(tmp_path, SPEAKER))
         self.ends: defaultdict[bytes, set[int]] = defaultdict(set)
         ros.node.create_subscription(
             GoalStatusArray, "agents/run/_action/status", self._note, qos.FACTS
@@ -96,17 +93,13 @@ class Sweep:
             ros.until(lambda: not self.host._runs.busy)
         self.spin_until(began + after_ms / 1e3)
         answer = self.cancel(goal_id)
-        ros.until(accepted.done)
-        handle = accepted.result()
+        handle = ros.result(accepted)
         assert handle.accepted
-        ros.until(answer.done)
-        if answer.result().return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
+        if ros.result(answer).return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
             # It came before the goal was accepted; a market cancels again after acceptance.
             assert not since_goal
             self.cancel(goal_id)
-        end = handle.get_result_async()
-        ros.until(end.done)
-        result = end.result()
+        result = ros.result(handle.get_result_async())
         ros.until(lambda: self.ends[bytes(goal_id.uuid)])
         ros.turns(3)
         assert self.ends[bytes(goal_id.uuid)] == {result.status}
