@@ -9,7 +9,6 @@ from typing import Any
 from rclpy.parameter import Parameter
 
 from active_nodes import active_feedback, active_host, active_market, active_scene_layer
-from bt_agents_interfaces.msg import Feedback
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_lab.node import JournalNode
 from bt_agents_language.files.folder_reader import read_trees
@@ -106,11 +105,8 @@ def test_access_table_lists_exactly_all_endpoints_of_nodes(ros: Any, tmp_path: P
     studio.watch(True, True)
     host = ros.add(active_host(trees))
     ros.until(lambda: host.registered)
-    lesson = GiveFeedback.Request(
-        agent=trees.agents[0].name, kind=Feedback.DIRECT, values=[4.0] * len(space), source="anna"
-    )
-    teaching = ros.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE)
-    assert ros.call(teaching, lesson).accepted
+    values, name = [4.0] * len(space), trees.agents[0].name
+    assert ros.ask(GiveFeedback, "feedback/give", agent=name, values=values).accepted
 
     def differences() -> list[tuple[str, str, str]]:
         found = []

@@ -70,7 +70,6 @@ def test_cycle_passes_every_file_named_on_page(ros: Any, tmp_path: Path) -> None
     trigger = ros.node.create_publisher(Empty, "scene_layer/trigger", qos.EVENTS)
     everybody = (*publishers.values(), trigger)
     ros.until(lambda: all(one.get_subscription_count() for one in everybody))
-    give = ros.node.create_client(GiveFeedback, "feedback/give")
 
     def is_sensed() -> bool:
         for name, value in READINGS.items():
@@ -87,8 +86,8 @@ def test_cycle_passes_every_file_named_on_page(ros: Any, tmp_path: Path) -> None
 
     with entered() as files:
         encounter(1)
-        request = GiveFeedback.Request(values=[5.0, 3.0, 3.0], source="button")
-        assert ros.call(give, request).accepted
+        values = [5.0, 3.0, 3.0]
+        assert ros.ask(GiveFeedback, "feedback/give", values=values, source="button").accepted
         encounter(2)
 
     before, after = (auction.ranking[0].vector[0] for auction in system.auctions)

@@ -35,6 +35,7 @@ pytestmark = pytest.mark.ros
 
 TALKER = agent_text("talker", "say: hello", "on_cancel: {say: good-bye}")
 QUICK = agent_text("quick", "wait: 0 s")
+GUIDE = agent_text("attentive_guide", "wait: 0.1 s")
 TELLER = agent_text("teller", "say: 'age ${scene.age}'")
 DANCER = agent_text("dancer", "dance: {}")
 SKILL = """
@@ -60,13 +61,10 @@ class Client:
             RunAgent.Goal(agent=agent, **fields),
             feedback_callback=lambda message: self.feedback.append(message.feedback.status),
         )
-        self.ros.until(future.done)
-        return future.result()
+        return self.ros.result(future)
 
     def result(self, handle: Any) -> Any:
-        future = handle.get_result_async()
-        self.ros.until(future.done)
-        return future.result()
+        return self.ros.result(handle.get_result_async())
 
     def refusal(self, agent: str, **fields: Any) -> tuple[str, str]:
         answer = self.result(self.send(agent, **fields))
@@ -77,7 +75,8 @@ class Client:
 
 @pytest.fixture
 def host(ros: Any, tmp_path: Path) -> HostNode:
-    trees = folder(tmp_path, QUICK, TALKER, TELLER)
+    trees = folder(tmp_path, QUICK, GUIDE, TALKER, TELLER, DANCER)
+    (trees / "skills" / "dance.yaml").write_text(SKILL)
     node: HostNode = ros.add(make_host(trees, market=False))
     return node
 
@@ -128,13 +127,16 @@ def test_unrunnable_goal_is_refused_with_reason(
 ) -> None:
     assert client.refusal("nobody") == (
         "UNKNOWN_AGENT",
-        "no agent 'nobody' here; there are: quick, talker, teller",
+        "no agent 'nobody' here; there are: attentive_guide, dancer, quick, talker, teller",
     )
     assert client.refusal("")[0] == "EMPTY"
     wrong = Scene(values=[SceneValue(name="age", value=99.0)])
     assert client.refusal("quick", scene=wrong)[0] == "OUT_OF_RANGE"
     unknown = Scene(values=[SceneValue(name="height", value=1.0)])
     assert client.refusal("quick", scene=unknown)[0] == "UNKNOWN_PARAMETER"
+    code, message = client.refusal("dancer")
+    assert (code, message.partition(": ")[0]) == ("UNAVAILABLE", "dancer cannot run")
+    assert "nobody_has" in message
     handle = client.send("talker")
     ros.until(lambda: mouth.goals)
     assert client.refusal("quick") == ("BUSY", "talker is running; one tree at a time")
@@ -176,18 +178,6 @@ def test_run_uses_scene_values_of_its_goal(
         assert said in ended.result().result.message
 
 
-def test_agent_without_skill_server_is_unavailable(ros: Any, tmp_path: Path) -> None:
-    trees = folder(tmp_path, DANCER)
-    (trees / "skills" / "dance.yaml").write_text(SKILL)
-    ros.add(make_host(trees, market=False))
-    client = Client(ros)
-    code, message = client.refusal("dancer")
-    assert code == "UNAVAILABLE"
-    assert message.startswith("dancer cannot run: ")
-    assert "nobody_has" in message
-    client.action.destroy()
-
-
 def test_documented_goals_can_be_sent() -> None:
     page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
     goals = re.findall(r"send_goal /agents/run bt_agents_interfaces/action/RunAgent '(.*?)'", page)
@@ -198,12 +188,10 @@ def test_documented_goals_can_be_sent() -> None:
         assert goal.agent == "attentive_guide"
 
 
-def test_documented_client_runs_agent(ros: Any, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("host")
+def test_documented_client_runs_agent(ros: Any) -> None:
     page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
     [code] = re.findall(r"```py\n(import rclpy.*?)```", page, re.DOTALL)
-    ros.add(
-        make_host(folder(tmp_path, agent_text("attentive_guide", "wait: 0.1 s")), market=False)
-    )
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
     ) as program:
@@ -216,16 +204,14 @@ def test_documented_client_runs_agent(ros: Any, tmp_path: Path) -> None:
             program.kill()
 
 
-@pytest.mark.usefixtures("py_trees_ros")
+# The setup of the leaf blocks until it finds the server, as the client has.
+@pytest.mark.usefixtures("py_trees_ros", "client")
 def test_documented_leaf_runs_agent(ros: Any, tmp_path: Path) -> None:
     page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
     [code] = re.findall(r"```py\n(from py_trees_ros.*?)```", page, re.DOTALL)
     example = tmp_path / "example.py"
     example.write_text(code)
-    ros.add(make_host(folder(tmp_path, agent_text("attentive_guide", "wait: 0 s")), market=False))
     leaf = runpy.run_path(str(example))["guide"]
-    there = Client(ros)  # the setup of the leaf blocks until it finds the server
-    there.action.destroy()
     leaf.setup(node=ros.node)
 
     def ended() -> bool:

@@ -15,7 +15,6 @@ from std_msgs.msg import Bool, Byte, Empty, Float32, Float64, Int8, String, UInt
 
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.field_types import BindingKind
-from bt_agents_interfaces.action import Say
 from bt_agents_interfaces.msg import Scene
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.types import fill, load_type, read_field, to_plain, types_of
@@ -31,12 +30,6 @@ def refusal(call, *arguments):
     with pytest.raises(Refused) as refused:
         call(*arguments)
     return refused.value
-
-
-def test_installed_types_of_every_kind_are_found():
-    assert load_type("std_msgs/msg/Bool", BindingKind.TOPIC) is Bool
-    assert load_type("bt_agents_interfaces/action/Say", BindingKind.ACTION) is Say
-    assert load_type("std_srvs/srv/SetBool").Request().data is False
 
 
 @pytest.mark.parametrize(
