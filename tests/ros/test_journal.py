@@ -24,8 +24,6 @@ from bt_agents_ros import qos
 from fake_market import Market, agent_text, folder
 from scripted_server import Script, ScriptedServer
 
-pytestmark = pytest.mark.ros
-
 START, STOP, BOOKMARK = Record.Request.START, Record.Request.STOP, Record.Request.BOOKMARK
 TREES = {
     "talker": "{sequence: [{say: hello}, {say: again}]}",
@@ -200,16 +198,9 @@ def test_journal_file_fits_ros2_bag_and_foxglove(harness: JournalHarness) -> Non
     assert (trees["history"], trees["reliability"], trees["durability"]) == (1, 1, 1)
 
 
-def test_shared_hardware_health_is_recorded_per_node(harness: JournalHarness) -> None:
+def test_health_changes_are_recorded_per_part_and_file(harness: JournalHarness) -> None:
     journal = harness.record()
     harness.report("arm: left", "arm: right")
-    journal.journal.flush(0)
-    [file] = harness.recordings()
-    assert health(file, "arm") == [("arm: left", ""), ("arm: right", "")]
-
-
-def test_health_changes_are_recorded_and_repeated_per_file(harness: JournalHarness) -> None:
-    journal = harness.record()
     harness.report("eye: lens", level=DiagnosticStatus.OK, message="clear")
     harness.report("eye: lens", level=DiagnosticStatus.WARN, message="dusty")
     harness.report("eye: lens", level=DiagnosticStatus.OK, message="clear", sent=1)
@@ -217,6 +208,8 @@ def test_health_changes_are_recorded_and_repeated_per_file(harness: JournalHarne
     harness.run("talker")
     harness.ros.until(lambda: len(harness.recordings()) == 2)
     journal.journal.flush(0)
-    first, second = (health(file, "eye") for file in harness.recordings())
+    today, tomorrow = harness.recordings()
+    assert health(today, "arm") == [("arm: left", ""), ("arm: right", "")]
+    first, second = health(today, "eye"), health(tomorrow, "eye")
     assert [message for _, message in first] == ["clear", "dusty", "clear"]
     assert second == [("eye: lens", "clear")]
