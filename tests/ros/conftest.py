@@ -16,6 +16,11 @@ from scripted_server import Script, ScriptedServer
 from stranger import Stranger
 
 
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark each test of this folder."""
+    item.add_marker(pytest.mark.ros)
+
+
 @pytest.fixture
 def ros() -> Iterator[Ros]:
     """A new ROS context for this test."""

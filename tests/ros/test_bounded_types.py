@@ -28,8 +28,6 @@ from bt_agents_ros.types import resolved, slots_of
 from bt_agents_ros.workarounds.bounded_types import bounded, bounded_by, serialized_size
 from scripted_server import Script, ScriptedServer
 
-pytestmark = pytest.mark.ros
-
 
 def kinds() -> Iterator[Any]:
     """Each message, request, response and part of an action that we define."""

@@ -17,8 +17,6 @@ from bt_agents_interfaces.srv import Analyze
 from bt_agents_ros import qos
 from bt_agents_ros.calls import REPEAT_S, Calls
 
-pytestmark = pytest.mark.ros
-
 
 class Caller:
     """Makes calls, and records the outcome of each."""

@@ -21,8 +21,6 @@ from bt_agents_ros import qos
 from fake_market import Market, agent_text, folder
 from scripted_server import Script, ScriptedServer
 
-pytestmark = pytest.mark.ros
-
 SPEAKER = agent_text("speaker", "sequence: [{say: one}, {say: two}]")
 
 DELAY_S = 0.015

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import pytest
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, Empty, Float64
 
@@ -20,8 +19,6 @@ from bt_agents_robot.robot import RobotNode
 from bt_agents_ros import qos
 from checkout import ROOT
 from whole_system import System, write_agents
-
-pytestmark = pytest.mark.ros
 
 TREE = 'tree: {sequence: [{say: Hello.}, {wait: "0.1 s"}]}'
 READINGS = {"present": True, "age": 85.0, "visits": 10.0, "valence": 0.0}

@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from active_nodes import active_feedback, active_host, active_market, active_scene_layer
@@ -18,8 +17,6 @@ from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from checkout import ROOT
 from feedback_node.ledger import Ledger
-
-pytestmark = pytest.mark.ros
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

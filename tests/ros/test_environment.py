@@ -21,8 +21,6 @@ from bt_agents_ros.workarounds.quick_logger import QuickLogger
 from hostile_texts import HOSTILE
 from tree_harness import SPACE, agent
 
-pytestmark = pytest.mark.ros
-
 
 def environment_of(ros: Any) -> RosEnvironment:
     return RosEnvironment(

@@ -31,8 +31,6 @@ from bt_agents_ros.workarounds import cached_executor
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 
-pytestmark = pytest.mark.ros
-
 LIMIT_S = 30.0
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 

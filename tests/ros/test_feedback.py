@@ -37,8 +37,6 @@ from feedback_node.simulated_feedback import SimulatedFeedback
 from market_harness import SPACE
 from market_harness import scene as market_scene
 
-pytestmark = pytest.mark.ros
-
 NAN = math.nan
 WORSE = MoodRule(
     when="mood.change <= -1.0", hold_s=0.1, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL

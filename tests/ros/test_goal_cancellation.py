@@ -23,8 +23,6 @@ from bt_agents_ros.goal_cancellation import (
 )
 from scripted_server import Script, ScriptedServer
 
-pytestmark = pytest.mark.ros
-
 ANSWER = CancelGoal.Response
 LONG_S, SHORT_S = 30.0, 0.6
 

@@ -31,8 +31,6 @@ from scripted_server import Script, ScriptedServer, ScriptedService
 from stranger import Stranger
 from tree_harness import SPACE, agent
 
-pytestmark = pytest.mark.ros
-
 SAY = SkillGoal(
     kind=BindingKind.ACTION,
     name="say",

@@ -25,8 +25,6 @@ from fake_market import Market, agent_text, folder, make_host
 from scripted_server import ScriptedServer
 from tree_harness import scene
 
-pytestmark = pytest.mark.ros
-
 NAN = math.nan
 
 TALKER = agent_text(

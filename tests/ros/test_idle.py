@@ -16,8 +16,6 @@ from fake_market import agent_text, folder, make_host
 from graph import Ros
 from market_harness import SPACE
 
-pytestmark = pytest.mark.ros
-
 AGENT = agent_text("talker", "say: hello")
 
 

@@ -21,8 +21,6 @@ from bt_agents_ros.types import fill, load_type, read_field, to_plain, types_of
 from file_texts import read_agent_text
 from tree_harness import SYMBOLS
 
-pytestmark = pytest.mark.ros
-
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 

@@ -22,8 +22,6 @@ from feedback_node.ledger.rows import LAYER, RevisionCause
 from tree_harness import scene
 from whole_system import ROOT, System
 
-pytestmark = pytest.mark.ros
-
 NAN = math.nan
 ANNA = "person/anna"
 AGENT = """

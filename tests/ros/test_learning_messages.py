@@ -16,8 +16,6 @@ from feedback_node.learning.cards import read_card
 from feedback_node.node.messages import card_from_msg, rule_from_msg
 from tree_harness import SPACE, agent
 
-pytestmark = pytest.mark.ros
-
 RULES = """\
 feedback:
   - {when: mood.change >= 0.5, give: positive}

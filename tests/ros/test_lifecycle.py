@@ -31,8 +31,6 @@ from marketplace_node.node import MarketplaceNode
 from scene_layer.node import SceneLayerNode
 from whole_system import System, write_agents
 
-pytestmark = pytest.mark.ros
-
 CONFIGURE, ACTIVATE, DEACTIVATE, CLEANUP = (
     Transition.TRANSITION_CONFIGURE,
     Transition.TRANSITION_ACTIVATE,

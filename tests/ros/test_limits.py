@@ -45,8 +45,6 @@ from fake_market import TREES, Market, make_host
 from market_node_harness import MarketNodeHarness
 from programs import ROOT
 
-pytestmark = pytest.mark.ros
-
 AGENTS, PARAMETERS, NODES = 10_000, 64, 10_000
 NAMES = [f"{number:0>64}" for number in range(AGENTS)]
 WIDE = [math.pi] * PARAMETERS
