@@ -17,7 +17,7 @@ from rich.console import Console
 import bench
 import figures
 from figures import BEGIN, END, as_json, from_json, markdown, put_into, table
-from measuring import COLD, Effort, Row, in_turn, timed
+from measuring import COLD, Effort, Row, in_turn
 
 ROOT = Path(__file__).parents[2]
 
@@ -95,19 +95,6 @@ def test_variants_are_measured_alternately_in_changing_order() -> None:
     assert len(set(turns)) > 3
     assert sorted(value for values in found.values() for value in values) == list(range(1, 61))
     assert all(called[int(value) - 1] == name for name in "abc" for value in found[name])
-
-
-def test_call_is_timed_requested_number_of_times() -> None:
-    calls: list[None] = []
-    assert timed(lambda: calls.append(None), 30)() > 0
-    assert len(calls) == 30
-
-
-def test_short_effort_does_everything_at_least_once() -> None:
-    assert effort(scale=0.01).times(10) == 1
-    assert effort(scale=0.01).times(1000) == 10
-    assert effort(scale=0.01).is_short
-    assert not effort().is_short
 
 
 def test_row_survives_json_round_trip() -> None:

@@ -8,15 +8,11 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from product_modules import product_modules
+
+MODULES = product_modules()
 
 ENTRY_POINTS = ("__init__", "__main__")
-
-
-def packages() -> list[Path]:
-    """Return the folders of Python code, one per ROS package."""
-    named = (manifest.parent for manifest in ROOT.glob("*/package.xml"))
-    return sorted(folder / folder.name for folder in named if (folder / folder.name).is_dir())
 
 
 def public_classes(path: Path) -> Iterator[str]:
@@ -26,28 +22,21 @@ def public_classes(path: Path) -> Iterator[str]:
             yield node.name
 
 
-def namesakes(named: Iterable[tuple[str, Path]]) -> dict[str, list[str]]:
+def namesakes(named: Iterable[tuple[str, Path]]) -> dict[str, list[Path]]:
     """Return the names that several files share, with those files."""
     files = defaultdict(list)
     for name, path in named:
-        files[name].append(str(path.relative_to(ROOT)))
-    return {name: sorted(found) for name, found in files.items() if len(found) > 1}
-
-
-def test_packages_are_found():
-    names = {package.name for package in packages()}
-    assert names >= {"bt_agents", "bt_agents_core", "marketplace_node", "bt_agents_lab"}
+        files[name].append(path)
+    return {name: found for name, found in files.items() if len(found) > 1}
 
 
 def test_module_names_are_unique_within_package():
-    for package in packages():
-        modules = ((path.stem, path) for path in package.rglob("*.py"))
-        found = namesakes(one for one in modules if one[0] not in ENTRY_POINTS)
-        assert found == {}, package.name
+    modules = ((f"{name.partition('.')[0]}: {path.stem}", path) for name, path in MODULES.items())
+    assert namesakes(one for one in modules if not one[0].endswith(ENTRY_POINTS)) == {}
 
 
 def test_public_class_names_are_unique():
-    paths = (path for package in packages() for path in package.rglob("*.py"))
+    paths = MODULES.values()
     assert namesakes((name, path) for path in paths for name in public_classes(path)) == {}
 
 
@@ -59,7 +48,7 @@ def test_comprehensions_do_not_shadow_module_names_functions_use():
     assert not taken_from_module(
         "import g\ndef f(a):\n    return {g for g in a}, {h(c) for c in a}"
     )
-    for path in (path for package in packages() for path in package.rglob("*.py")):
+    for path in MODULES.values():
         assert taken_from_module(path.read_text(encoding="utf-8")) == set(), path
 
 

@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from programs import ROOT
+from checkout import PYTHON_PACKAGES, ROOT
+from product_modules import product_modules
 
 PACKAGES = (
     "bt_agents_ros",
@@ -211,30 +212,13 @@ def test_every_executable_uses_the_shared_runner(path: str) -> None:
 
 
 def test_every_executable_of_the_packages_is_loaded_silently() -> None:
-    for package in PACKAGES:
-        setup = (ROOT / package / "setup.py").read_text()
-        scripts = [
-            script
-            for node in ast.walk(ast.parse(setup))
-            if isinstance(node, ast.Dict)
-            for key, value in zip(node.keys, node.values, strict=True)
-            if isinstance(key, ast.Constant) and key.value == "console_scripts"
-            for script in ast.literal_eval(value)
-        ]
-        assert scripts or package == "bt_agents_ros"
-        for script in scripts:
-            module, _, function = script.partition("=")[2].strip().partition(":")
-            assert "rclpy" not in imports_of(module), f"{script} imports rclpy before it is silent"
-            assert function
-
-
-def imports_of(module: str) -> str:
-    """Return the text of one of our modules."""
-    for package in PACKAGES:
-        for path in (
-            ROOT / package / f"{module.replace('.', '/')}.py",
-            ROOT / package / module.replace(".", "/") / "__init__.py",
-        ):
-            if path.is_file():
-                return path.read_text()
-    raise AssertionError(f"no module {module}")
+    modules = product_modules()
+    for package in PYTHON_PACKAGES:
+        if package.name in PACKAGES:
+            scripts = package.executables()
+            assert scripts or package.name == "bt_agents_ros"
+            for script, target in scripts.items():
+                module, _, function = target.partition(":")
+                text = modules[module].read_text()
+                assert "rclpy" not in text, f"{script} imports rclpy before it is silent"
+                assert function
