@@ -8,7 +8,7 @@ import statistics
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 ONE_END = "a scene that was acknowledged ends exactly once"
 FEEDBACK_STORED = "feedback that was acknowledged is in the ledger"
@@ -299,31 +299,30 @@ def _check_ends(events: Sequence[Event]) -> _Findings:
     The same end of the same market may be announced twice, for example after a kill.
     """
     ends: dict[str, list[SceneEnded]] = defaultdict(list)
-    shown: dict[str, float] = {}
+    shown: set[str] = set()
     for event in events:
         if isinstance(event, SceneEnded) and _is_new(event, ends[event.scene]):
             ends[event.scene].append(event)
         if isinstance(event, SceneShown | SceneEnded):
-            shown.setdefault(event.scene, event.at)
+            shown.add(event.scene)
     kills: dict[str, list[float]] = defaultdict(list)
     for fault in _of(Fault, events):
         if fault.kind == "killed":
             kills[fault.component].append(fault.at)
-    acknowledged = _of(SceneAcknowledged, events)
-    for one in acknowledged:
-        until = shown.get(one.scene)
-        if until is None and died_unsent(one.at, kills["scene_layer"] + kills[EVERYTHING]):
+    for one in _of(SceneAcknowledged, events):
+        if one.scene not in shown and died_unsent(
+            one.at, kills["scene_layer"] + kills[EVERYTHING]
+        ):
             continue
-        found = ends.pop(one.scene, [])
-        if len(found) == 1:
-            yield None
-        elif not found:
+        found = ends[one.scene]
+        if not found:
             yield one.at, f"scene {one.scene} has no end"
-        else:
-            yield found[1].at, f"scene {one.scene} ends as {_join(end.code for end in found)}"
+        elif len(found) == 1:
+            yield None
     for scene, found in ends.items():
         if len(found) > 1:
-            yield found[1].at, f"scene {scene} ends as {_join(end.code for end in found)}"
+            codes = " and ".join(end.code for end in found)
+            yield found[1].at, f"scene {scene} ends as {codes}"
 
 
 def died_unsent(acknowledged_at: float, kills: Iterable[float]) -> bool:
@@ -500,11 +499,8 @@ def _check_recovery(events: Sequence[Event]) -> _Findings:
 
 
 def _check_failures(events: Sequence[Event]) -> _Findings:
-    for _component, measured in groupby(
-        sorted(_of(Measured, events), key=lambda one: one.component), lambda one: one.component
-    ):
-        if any(True for _ in measured):
-            yield None
+    for _component in {one.component for one in _of(Measured, events)}:
+        yield None
     for one in _of(Failed, events):
         yield one.at, f"{one.component}: {one.text}"
 
@@ -512,7 +508,3 @@ def _check_failures(events: Sequence[Event]) -> _Findings:
 def _check_replay(events: Sequence[Event]) -> _Findings:
     for one in _of(Replayed, events):
         yield (one.at, f"{one.item}: {one.difference}") if one.difference else None
-
-
-def _join(words: Iterable[str]) -> str:
-    return " and ".join(words)
