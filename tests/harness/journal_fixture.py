@@ -41,9 +41,7 @@ from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
-from marketplace_node.outcomes import AuctionOutcome
-from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, Terms
-from marketplace_node.round.ranking import decide
+from ranked_rounds import bids, decided, terms
 from tree_harness import SPACE, TREES, scene
 
 NAN = math.nan
@@ -133,13 +131,11 @@ class JournaledSystem:
     def round(self, person: Scene) -> str:
         """Hold a round; return the winner, whose run begins."""
         number = self._number = len(self._rounds) + 1
-        terms = Terms(
+        of_round = terms(
+            person,
             epoch=EPOCH,
             round=number,
-            follows=0,
-            scene=person,
             strategy=self._strategy,
-            tie_break="least_recently_run",
             last_run={name: self._last(name) for name in self.profiles},
             runs={name: self._runs.count(name) for name in self.profiles},
             rounds_run=len(self._runs),
@@ -150,21 +146,8 @@ class JournaledSystem:
         self.publish(
             "/bt_agents/calls", CallForBids(epoch=EPOCH, round=number, scene=scene_to_msg(person))
         )
-        bids = [
-            AcceptedBid(agent=name, agent_id=i, host="/agents", instance="i1", vector=profile)
-            for i, (name, profile) in enumerate(self.profiles.items(), 1)
-        ]
-        ranked = decide(SPACE, terms, bids)
-        best = ranked.bids[0]
-        decision = Decision(
-            terms=terms,
-            outcome=AuctionOutcome.AWARDED,
-            closed_by=ClosedBy.ALL_ANSWERED,
-            duration_s=0.1,
-            ranked=ranked,
-            refused=(),
-            silent_hosts=(),
-        )
+        decision = decided(of_round, bids(self.profiles), space=SPACE, duration_s=0.1)
+        best = decision.ranked.bids[0]
         self.publish(
             "/bt_agents/auctions",
             auction_to_msg(

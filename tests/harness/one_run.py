@@ -13,8 +13,8 @@ from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodAction, MoodRule
 from feedback_node.learning import learning_step
 from feedback_node.rules import Watch
-from marketplace_node.round.decision import AcceptedBid, Terms
 from marketplace_node.round.ranking import decide
+from ranked_rounds import bids, terms
 
 
 @dataclass
@@ -74,11 +74,9 @@ def live(
             ]
             if not bidders:
                 break
-            terms = Terms(
-                epoch="",
+            of_round = terms(
+                seen(vector, space),
                 round=index + 1,
-                follows=0,
-                scene=seen(vector, space),
                 strategy=arm.strategy,
                 tie_break=arm.tie_break,
                 last_run=dict(last_run),
@@ -87,13 +85,8 @@ def live(
                 options=arm.options,
                 seed=round_seed(luck.seeds[row], index, attempt),
             )
-            bids = [
-                AcceptedBid(
-                    agent=agent, agent_id=1, host="/h", instance="i", vector=profiles[agent]
-                )
-                for agent in bidders
-            ]
-            winner = decide(space, terms, bids).bids[0].agent
+            accepted = bids({agent: profiles[agent] for agent in bidders})
+            winner = decide(space, of_round, accepted).bids[0].agent
             chosen = world.agents.index(winner)
             if attempt == 0:
                 lived.awarded.append(chosen)
