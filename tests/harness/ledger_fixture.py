@@ -8,19 +8,14 @@ import math
 from typing import Any
 
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import SceneParameter, SceneSpace
 from feedback_node.learning.cards import AgentEntry, LearningCard
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.rows import LAYER, RevisionCause
 from feedback_node.management.management import Management, ManagementCommand, ManagementResult
+from scene_spaces import space_of
 
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "mood")
-    )
-)
+SPACE = space_of("age", "mood")
 
 
 class ManagedLedger:

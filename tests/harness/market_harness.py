@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
@@ -29,14 +29,9 @@ from marketplace_node.market import Market
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
+from scene_spaces import space_of
 
-SPACE = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "familiarity", "mood")
-    ),
-    mood="mood",
-)
+SPACE = space_of("age", "familiarity", "mood", mood="mood")
 GUIDE, EXPRESS, PLAIN = "attentive_guide", "professional_express", "plain"
 EffectT = TypeVar("EffectT")
 _STEP_S = 1 / 16  # exact in binary, so sums of steps are exact, too

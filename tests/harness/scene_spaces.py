@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene parameters of most tests, an age and a mood from 1 to 5, and their sources."""
+"""The scene parameters of most tests, from 1 to 5, their scenes and sources."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, Scen
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SourceSpec
 
-AGE_AND_MOOD = SceneSpace(
-    parameters=tuple(
-        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
-        for name in ("age", "mood")
-    ),
-    mood="mood",
-)
+
+def space_of(*names: str, mood: str | None = None) -> SceneSpace:
+    """Return a space of parameters from 1 to 5."""
+    parameters = [
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0) for name in names
+    ]
+    return SceneSpace(parameters=tuple(parameters), mood=mood)
+
+
+AGE_AND_MOOD = space_of("age", "mood", mood="mood")
 
 
 def age_and_mood(
