@@ -7,7 +7,6 @@ import json
 import os
 import random
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -458,11 +457,3 @@ def test_outdated_page_is_reported(tmp_path):
         with pytest.raises(LedgerError) as error:
             Ledger(files.path)
         assert error.value.code == "LEDGER_CORRUPT"
-
-
-def test_checked_ledger_is_readable_by_plain_sqlite(tmp_path):
-    files = Files(tmp_path, in_log=True)
-    files.lay()
-    reader = sqlite3.connect(f"file:{files.path}?mode=ro", uri=True)
-    assert reader.execute("SELECT count(*) FROM revision").fetchone()[0] > 45
-    reader.close()
