@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,19 +13,14 @@ from playwright.sync_api import Browser, Page, expect
 
 from browser import chromium
 from command_server import CommandServer, command_server
-from programs import ROOT, Ask, Program, Start, children
+from programs import ROOT, Ask, Program, Start, environment_of
 from studio_browser import LIMIT_MS, System, opened_page
 
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
     """An environment with its own state folder."""
-    return {
-        **os.environ,
-        "XDG_STATE_HOME": str(tmp_path / "state"),
-        "PYTHONUNBUFFERED": "1",
-        "COLUMNS": "120",
-    }
+    return environment_of(tmp_path / "state")
 
 
 @pytest.fixture
@@ -42,25 +36,26 @@ def start(environment: dict[str, str]) -> Iterator[Start]:
         yield start_one
     finally:
         for program in programs:
-            for pid in [*children(program.process.pid), program.process.pid]:
-                try:
-                    os.kill(pid, signal.SIGKILL)
-                except ProcessLookupError:
-                    continue
-            program.process.wait()
-            program.close()
+            program.kill()
 
 
 @pytest.fixture
-def start_up(start: Start) -> Start:
-    """Start a system without voice and studio; wait until it is ready."""
+def start_up(start: Start) -> Iterator[Start]:
+    """Start a system without voice and studio; wait until it is ready.
+
+    It has to end properly after the test, or to have done so.
+    """
+    started: list[Program] = []
 
     def start_one(*arguments: str, **place: Path) -> Program:
-        up = start("up", *arguments, "--no-voice", "--no-studio", **place)
-        up.until("ready after")
-        return up
+        started.append(start("up", *arguments, "--no-voice", "--no-studio", **place))
+        started[-1].until("ready after")
+        return started[-1]
 
-    return start_one
+    yield start_one
+    for up in started:
+        assert up.process.poll() is not None or up.stop()[0] == 0, up.output
+        assert "Traceback" not in up.output
 
 
 @pytest.fixture(scope="session")

@@ -25,11 +25,10 @@ def for_everybody() -> Iterator[None]:
 
 @pytest.mark.usefixtures("for_everybody")
 def test_session_files_are_private_during_and_after_run(
-    start: Start, ask: Ask, tmp_path: Path
+    start_up: Start, ask: Ask, tmp_path: Path
 ) -> None:
     kept = tmp_path / "kept"
-    up = start("up", "--no-voice", "--no-studio", "--state", str(kept), "--memory", "--journal")
-    up.until("ready")
+    up = start_up("--state", str(kept), "--memory", "--journal")
     ask("trigger", "age=4.5", "familiarity=1", "mood=3")
     up.until("starts")
     ask("feedback", "positive", "--reason", "kind")

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.access import SessionRole
-from studio_browser import System, come, open_page, opened_page, strip
+from studio_browser import System, come, open_page, opened_page, running_system, strip
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -85,12 +85,9 @@ def test_operator_moves_between_person_and_other_pages(
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
-    running = System(tmp_path_factory.mktemp("state"), "trees", "--robot", "browser")
-    try:
-        running.start()
+    state = tmp_path_factory.mktemp("state")
+    with running_system(state, "trees", "--robot", "browser") as running:
         yield running
-    finally:
-        running.end()
 
 
 def test_closed_page_ends_run_and_reload_does_not(

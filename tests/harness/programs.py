@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import re
 import signal
@@ -21,6 +22,12 @@ HANG_S = 60.0
 
 
 BT_AGENTS = ("-m", "bt_agents_tools.cli")
+
+
+def environment_of(state: Path) -> dict[str, str]:
+    """Return the environment of programs with a state folder of their own."""
+    own = {"XDG_STATE_HOME": str(state), "PYTHONUNBUFFERED": "1", "COLUMNS": "120"}
+    return {**os.environ, **own}
 
 
 class Program:
@@ -122,6 +129,14 @@ class Program:
         self.close()
         self.new_lines()
         return code
+
+    def kill(self) -> None:
+        """Kill the process and its children."""
+        for pid in [*children(self.process.pid), self.process.pid]:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.process.wait()
+        self.close()
 
     def close(self) -> None:
         """Read the remaining output after the end of the process."""

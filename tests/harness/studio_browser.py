@@ -4,9 +4,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,7 +13,7 @@ from pathlib import Path
 from playwright.sync_api import Browser, Error, Locator, Page, expect
 
 from npm_packages import installed_packages
-from programs import Program, children
+from programs import Program, environment_of
 
 LIMIT_MS = 30_000
 
@@ -25,18 +23,12 @@ class System:
 
     def __init__(self, state: Path, trees: str, *options: str) -> None:
         self._state = state
-        self._trees = trees
-        self._options = options
-        self._environment = {
-            **os.environ,
-            "XDG_STATE_HOME": str(state),
-            "PYTHONUNBUFFERED": "1",
-            "COLUMNS": "120",
-        }
+        self._environment = environment_of(state)
         self.programs: list[Program] = []
+        self.up = self.start_program("up", trees, *options)
 
-    def start(self) -> None:
-        self.up = self.start_program("up", self._trees, *self._options)
+    def wait(self) -> None:
+        """Wait until it is ready; read the addresses of its pages."""
         self.up.until("ready after")
         self.address = self.up.until("studio: ").split()[-1]
         [addresses] = self._state.glob("bt-agents/trees/*/studio.json")
@@ -49,13 +41,18 @@ class System:
 
     def end(self) -> None:
         for program in self.programs:
-            for pid in [*children(program.process.pid), program.process.pid]:
-                try:
-                    os.kill(pid, signal.SIGKILL)
-                except ProcessLookupError:
-                    continue
-            program.process.wait()
-            program.close()
+            program.kill()
+
+
+@contextmanager
+def running_system(state: Path, trees: str, *options: str) -> Iterator[System]:
+    """Run a system until the end of the block."""
+    system = System(state, trees, *options)
+    try:
+        system.wait()
+        yield system
+    finally:
+        system.end()
 
 
 @contextmanager
