@@ -12,6 +12,17 @@ from graph import fresh_graph
 from memory_folder import memory_folder
 from processes import System
 
+SIMULATED = """
+format: 1
+title: one
+rounds: 1
+seed: 0
+scenes: [{age: 5, familiarity: 3, mood: 3}]
+feedback:
+  each:
+    leo: {mood: 5}
+"""
+
 
 @pytest.fixture
 def tmp_path() -> Iterator[Path]:
@@ -32,3 +43,11 @@ def system(tmp_path: Path) -> Iterator[System]:
             yield processes
         finally:
             processes.close()
+
+
+@pytest.fixture
+def simulated(tmp_path: Path) -> Path:
+    """A file by which leo learns once after each run."""
+    file = tmp_path / "simulated.yaml"
+    file.write_text(SIMULATED)
+    return file

@@ -36,15 +36,15 @@ def fatal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return file
 
 
-def start(system: System, tmp_path: Path) -> NodeProcess:
-    trees = write_trees(tmp_path / "leo", leo=(4.5, "say: leo speaks"))
+def start(system: System) -> NodeProcess:
+    trees = write_trees(system.folder / "leo", leo=(4.5, "say: leo speaks"))
     market = system.start(
         Component(
             name="marketplace",
             module="dying_market",
             parameters={
                 "trees": str(trees),
-                "scenes": str(tmp_path / "scenes.json"),
+                "scenes": str(system.folder / "scenes.json"),
                 "collect_deadline": 0.05,
                 "on_new_scene": "reject",
             },
@@ -79,10 +79,10 @@ def kill_at_the_end(
 
 @twice
 def test_run_end_is_announced_once_despite_market_crash(
-    system: System, tmp_path: Path, fatal: Path, attempt: int
+    system: System, fatal: Path, attempt: int
 ) -> None:
     del attempt
-    market = start(system, tmp_path)
+    market = start(system)
     for number in range(TIMES):
         name = f"s{number}"
         system.old_person(name)
@@ -97,10 +97,10 @@ def test_run_end_is_announced_once_despite_market_crash(
 
 @twice
 def test_scene_refusal_is_announced_once_despite_market_crash(
-    system: System, tmp_path: Path, fatal: Path, attempt: int
+    system: System, fatal: Path, attempt: int
 ) -> None:
     del attempt
-    market = start(system, tmp_path)
+    market = start(system)
     for number in range(TIMES):
         system.old_person(f"first{number}")
         system.until_speaking("leo speaks")
@@ -113,19 +113,18 @@ def test_scene_refusal_is_announced_once_despite_market_crash(
 
         found = system.until_end_of(name)
         assert (found.epoch, found.code) == (epoch, "BUSY")
-        system.say_server.holds = lambda _text: False
-        system.say_server.finish()
+        system.say_server.let_go()
         if "asked again as" in system.until_end_of(f"first{number}").message:
             system.until_end_of(f"first{number}{AGAIN}")
-        system.say_server.holds = lambda _text: True
+        system.say_server.script.finish_s = None
     check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
 
 
 @pytest.mark.parametrize("moment", ["while it runs", "right before its end is announced"])
 def test_run_ends_once_when_market_and_host_crash(
-    system: System, tmp_path: Path, fatal: Path, moment: str
+    system: System, fatal: Path, moment: str
 ) -> None:
-    market = start(system, tmp_path)
+    market = start(system)
     host = system.processes[-1]
     for number in range(PAIRS):
         name = f"s{number}"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from pathlib import Path
 
 import pytest
@@ -15,29 +16,15 @@ from processes import System, write_trees
 
 pytestmark = pytest.mark.e2e
 
-SIMULATED = """
-format: 1
-title: one
-rounds: 1
-seed: 0
-scenes: [{age: 5, familiarity: 3, mood: 3}]
-feedback:
-  each:
-    leo: {mood: 5}
-"""
-
 
 @pytest.mark.parametrize(
-    "order",
-    ["host, market, feedback", "feedback, market, host", "market, feedback, host", "one process"],
+    "order", ["one process", *map(", ".join, permutations(("market", "feedback", "host")))]
 )
 def test_running_agent_ends_properly_in_any_shutdown_order(
-    system: System, tmp_path: Path, order: str
+    system: System, simulated: Path, order: str
 ) -> None:
-    trees = write_trees(tmp_path / "a", leo=(4.0, "say: hello"))
-    simulated = tmp_path / "simulated.yaml"
-    simulated.write_text(SIMULATED)
-    ledger = tmp_path / "ledger.sqlite"
+    trees = write_trees(system.folder / "a", leo=(4.0, "say: hello"))
+    ledger = system.folder / "ledger.sqlite"
     feedback = components.feedback(trees, str(ledger), simulated)
     if order == "one process":
         together = [components.market(trees), components.host(trees), feedback]
@@ -53,18 +40,17 @@ def test_running_agent_ends_properly_in_any_shutdown_order(
     system.until(lambda: profiles and profiles[-1].agents == ["leo"], "the profile of leo")
     system.old_person("s1")
     system.until_speaking("hello")
-    system.until(lambda: any(run.event == Run.STARTED for run in system.runs), "it has started")
+    system.until(system.started, "the market knows that leo runs")
 
     for name in order.split(", "):
         parts[name].terminate()
     system.until(lambda: all(part.ended for part in parts.values()), "all have ended")
 
     assert {name: part.exit_code for name, part in parts.items()} == dict.fromkeys(parts, 0)
-    assert [(run.outcome, run.agent) for run in system.runs if run.event == Run.ENDED] == [
-        (Run.CANCELLED, "leo")
-    ]
+    assert [(run.outcome, run.agent) for run in system.ended()] == [(Run.CANCELLED, "leo")]
     said = "".join(part.said for part in parts.values())
     assert "[ERROR]" not in said, said
+    assert "lost with this process" not in said
     with Ledger(ledger) as book:
-        causes = [revision.cause for revision in book.history("leo")[1:]]
-    assert [cause.source for cause in causes] == ["simulated"]
+        history = book.history("leo")
+    assert [(row.revision, row.cause.source) for row in history[1:]] == [(1, "simulated")]

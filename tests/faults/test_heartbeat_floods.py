@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -37,19 +36,15 @@ AT_A_TIME = 500
     ],
     ids=["of the host", "of the market"],
 )
-def test_run_continues_under_heartbeat_flood(
-    system: System, tmp_path: Path, topic: str, message: Any
-) -> None:
-    trees = write_trees(tmp_path / "trees", leo=(5, "say: leo speaks"))
+def test_run_continues_under_heartbeat_flood(system: System, topic: str, message: Any) -> None:
+    trees = write_trees(system.folder / "trees", leo=(5, "say: leo speaks"))
     system.market(trees, collect_deadline=0.05, bid_deadline=5.0, host_lease=LEASE_S)
     system.host("agents", trees, market_lease=LEASE_S)
     system.until_ready(hosts=1, agents=1)
-    heartbeat_probe = system.heartbeat_probe("agents")
+    system.heartbeat_probe("agents")
     system.old_person("s1")
     system.until_speaking("leo speaks")
-    system.until(
-        lambda: heartbeat_probe.count and system.started("leo"), "a heartbeat, and the start"
-    )
+    system.until(lambda: system.started("leo"), "the start")
     publisher = system.ros.node.create_publisher(type(message), topic, qos.EVENTS)
     system.until(publisher.get_subscription_count, "somebody hears the flood")
     serialized = serialize_message(message)

@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
 import pytest
 
-from bt_agents_interfaces.msg import Auction, MarketHeartbeat, Run, TreeStatus
+from bt_agents_interfaces.msg import Auction, Bids, MarketHeartbeat, Run, TreeStatus
+from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
+from market_node_harness import FakeHost
 from marketplace_node.settings import Settings
-from processes import BEATS_A_SECOND, HeartbeatProbe, NodeProcess, SilentHost, System, write_trees
+from processes import BEATS_A_SECOND, HeartbeatProbe, NodeProcess, System, write_trees
 
 pytestmark = pytest.mark.e2e
 
@@ -24,21 +25,42 @@ LEO, MIRA = 4.5, 2.0
 
 
 def two_hosts(
-    system: System,
-    tmp_path: Path,
-    *,
-    leo: str = TREE.format(name="leo"),
-    bid_deadline: float = 5.0,
+    system: System, *, leo: str = TREE.format(name="leo"), bid_deadline: float = 5.0
 ) -> tuple[NodeProcess, NodeProcess]:
     """Start a market, leo on one host and mira on another; leo suits a scene of age 5."""
-    first = write_trees(tmp_path / "a", leo=(LEO, leo))
-    second = write_trees(tmp_path / "b", mira=(MIRA, TREE.format(name="mira")))
+    first = write_trees(system.folder / "a", leo=(LEO, leo))
+    second = write_trees(system.folder / "b", mira=(MIRA, TREE.format(name="mira")))
     system.market(
         first, collect_deadline=0.05, bid_deadline=bid_deadline, host_lease=Settings().host_lease_s
     )
     hosts = system.host("agents_a", first), system.host("agents_b", second)
     system.until_ready(hosts=2, agents=2)
     return hosts
+
+
+def silent_host(system: System) -> FakeHost:
+    """Register a host that keeps each round open, so that a fault comes before the goal."""
+    host: FakeHost = system.ros.add(FakeHost("silent", nobody=(1.0, 3.0, 3.0)))
+    host.silent, host.distort = True, decline
+    market = system.ros.node.create_client(
+        RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
+    )
+    host.take(system.ros.call(market, host.request()))
+    system.until(lambda: host.answers.get_subscription_count() > 1, "its bids are heard")
+    return host
+
+
+def decline(answer: Bids) -> None:
+    answer.agents, answer.agent_ids, answer.vectors = [], [], []
+    answer.declined, answer.decline_reasons = ["nobody"], ["it was told to"]
+
+
+def close_round(system: System, silent: FakeHost, number: int) -> None:
+    """Let the silent host answer a round, for which it does not bid."""
+    system.until(lambda: silent.calls and silent.calls[-1].round == number, "its call for bids")
+    silent.silent = False
+    silent.answer(silent.calls[-1])
+    silent.silent = True
 
 
 def until_lost(system: System, other: HeartbeatProbe) -> tuple[Run, int]:
@@ -49,14 +71,11 @@ def until_lost(system: System, other: HeartbeatProbe) -> tuple[Run, int]:
 
 
 @pytest.mark.parametrize("fault", ["killed", "hung"])
-def test_lost_host_is_replaced_by_next_agent_quickly(
-    system: System, tmp_path: Path, fault: str
-) -> None:
-    host, _ = two_hosts(system, tmp_path)
+def test_lost_host_is_replaced_by_next_agent_quickly(system: System, fault: str) -> None:
+    host, _ = two_hosts(system)
     heartbeat_probe = system.heartbeat_probe("agents_b")
     system.old_person("s1")
     system.until_speaking("leo begins")
-    system.until(lambda: heartbeat_probe.count, "a heartbeat")
     if fault == "killed":
         host.kill()
     else:
@@ -70,18 +89,15 @@ def test_lost_host_is_replaced_by_next_agent_quickly(
     second = system.auctions[-1]
     assert (second.follows, second.winner) == (lost.round, "mira")
     system.until(lambda: "mira begins" in system.say_server.speaking, "mira speaks")
-    system.say_server.holds = lambda _text: False
-    system.say_server.finish()
+    system.say_server.let_go()
     end = system.until_end_of("s1")
     assert (end.code, end.agent) == ("SUCCEEDED", "mira")
     assert [run.agent for run in system.started()] == ["leo", "mira"]
 
 
 @pytest.mark.parametrize("sentence", ["under way", "over"])
-def test_resumed_host_stops_its_tree_without_speaking(
-    system: System, tmp_path: Path, sentence: str
-) -> None:
-    host, _ = two_hosts(system, tmp_path)
+def test_resumed_host_stops_its_tree_without_speaking(system: System, sentence: str) -> None:
+    host, _ = two_hosts(system)
     first = system.heartbeat_probe("agents_a")
     system.old_person("s1")
     system.until_speaking("leo begins")
@@ -93,25 +109,22 @@ def test_resumed_host_stops_its_tree_without_speaking(
     host.go_on()
     system.until(lambda: first.count > beats and not first.busy, "leo's host is idle")
     assert system.say_server.texts == ["leo begins", "mira begins"]
-    assert system.say_server.say_goals[0].how == (
-        "finished" if sentence == "over" else "cancelled"
-    )
+    outcome = "succeeded" if sentence == "over" else "cancelled"
+    assert system.say_server.goals[0].outcome == outcome
     assert system.say_server.speaking == ["mira begins"]
-    system.say_server.holds = lambda _text: False
-    system.say_server.finish()
+    system.say_server.let_go()
     assert system.until_end_of("s1").code == "SUCCEEDED"
     assert system.say_server.texts == ["leo begins", "mira begins", "mira ends"]
     system.old_person("s2")
     assert system.until_end_of("s2").agent == "leo"
 
 
-def test_resumed_host_does_not_act_on_expired_wait(system: System, tmp_path: Path) -> None:
+def test_resumed_host_does_not_act_on_expired_wait(system: System) -> None:
     wait_s = 3.0  # A busy machine takes some time to suspend the host.
     tree = f"sequence: [say: leo begins, wait: {wait_s:g} s, say: leo ends]"
-    host, _ = two_hosts(system, tmp_path, leo=tree)
+    host, _ = two_hosts(system, leo=tree)
     first = system.heartbeat_probe("agents_a")
     statuses = system.ros.collect(TreeStatus, "agents_a/status", qos.EVENTS)
-    system.until(lambda: first.count, "a heartbeat")
     system.old_person("s1")
     system.until_speaking("leo begins")
     system.say_server.finish()
@@ -136,11 +149,9 @@ def let_them_speak(system: System, *texts: str) -> None:
         system.say_server.finish()
 
 
-def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) -> None:
-    host, _ = two_hosts(system, tmp_path, bid_deadline=1.0)
-    # A third, silent host keeps every round open, so that the hang comes before the goal.
-    silent = system.ros.add(SilentHost())
-    silent.register(system.ros)
+def test_host_hanging_after_its_bid_loses_run(system: System) -> None:
+    host, _ = two_hosts(system, bid_deadline=1.0)
+    silent = silent_host(system)
     first, second = system.heartbeat_probe("agents_a"), system.heartbeat_probe("agents_b")
     hung = 0
     for number in range(1, 41):
@@ -152,7 +163,7 @@ def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) ->
         )
         host.hang()
         hung_at = second.count
-        silent.decline(system.epoch, number)
+        close_round(system, silent, number)
         system.until(lambda n=number: len(system.started()) == n, f"start {number}")
         assert second.count - hung_at <= 2 * BEATS_A_SECOND
         assert (system.started()[-1].agent, system.started()[-1].round) == ("mira", number)
@@ -172,14 +183,11 @@ def test_host_hanging_after_its_bid_loses_run(system: System, tmp_path: Path) ->
     pytest.fail("the market did not hear the bid of leo in half of the rounds")
 
 
-def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path) -> None:
-    host, _ = two_hosts(system, tmp_path, bid_deadline=2.0)
-    # It keeps the round open, so that the kill comes before the goal.
-    silent = system.ros.add(SilentHost())
-    silent.register(system.ros)
+def test_next_best_replaces_host_killed_after_bid(system: System) -> None:
+    host, _ = two_hosts(system, bid_deadline=2.0)
+    silent = silent_host(system)
     system.until_ready(hosts=3, agents=3)
     heartbeat_probe = system.heartbeat_probe("agents_b")
-    system.until(lambda: heartbeat_probe.count, "a heartbeat")
     beats = system.ros.collect(MarketHeartbeat, "/marketplace/heartbeat", qos.EVENTS)
     system.old_person("s1")
     system.until(lambda: system.has_bid("/agents_a", 1), "the bid of leo")
@@ -188,7 +196,7 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     system.until(lambda: len(beats) > seen + 1, "two heartbeats of the market")
     host.kill()
     killed_at = heartbeat_probe.count
-    silent.decline(system.epoch, 1)
+    close_round(system, silent, 1)
     system.until(system.started, "a start")
     assert heartbeat_probe.count - killed_at <= 2 * BEATS_A_SECOND
     assert [run.agent for run in system.started()] == ["mira"]
@@ -196,8 +204,7 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     assert [(run.agent, run.message) for run in refused] == [
         ("leo", "/agents_a is gone: no heartbeat")
     ]
-    system.say_server.holds = lambda _text: False
-    system.say_server.finish()
+    system.say_server.let_go()
     assert system.until_end_of("s1").code == "SUCCEEDED"
     host.start()
     system.until_ready(hosts=3, agents=3)
@@ -205,10 +212,12 @@ def test_next_best_replaces_host_killed_after_bid(system: System, tmp_path: Path
     assert system.until_end_of("s2").agent == "leo"
 
 
-def test_round_with_silent_host_closes_at_deadline(system: System, tmp_path: Path) -> None:
+def test_round_with_silent_host_closes_at_deadline(system: System) -> None:
     names = [f"agents_{number}" for number in range(1, 6)]
     folders = {
-        name: write_trees(tmp_path / name, **{f"guide_{name[-1]}": (float(name[-1]), "wait: 0 s")})
+        name: write_trees(
+            system.folder / name, **{f"guide_{name[-1]}": (float(name[-1]), "wait: 0 s")}
+        )
         for name in names
     }
     # The lease outlasts the round, so the silent host still gets a call.
@@ -227,9 +236,9 @@ def test_round_with_silent_host_closes_at_deadline(system: System, tmp_path: Pat
     assert (end.code, end.agent) == ("SUCCEEDED", "guide_4")
 
 
-def test_only_one_of_two_host_processes_ever_runs(system: System, tmp_path: Path) -> None:
-    trees = write_trees(tmp_path / "a", leo=(LEO, "say: leo speaks"))
-    system.say_server.holds = lambda _text: False
+def test_only_one_of_two_host_processes_ever_runs(system: System) -> None:
+    trees = write_trees(system.folder / "a", leo=(LEO, "say: leo speaks"))
+    system.say_server.let_go()
     # The second one may take over when the lease of the first one ends.
     system.market(trees, collect_deadline=0.05, queue_limit=100, host_lease=5.0)
     first = system.host("agents", trees)

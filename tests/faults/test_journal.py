@@ -24,9 +24,9 @@ def recorded(folder: Path) -> list[int]:
     return [entry.decode().revision for entry in entries if entry.topic == "/bt_agents/feedback"]
 
 
-def test_written_journal_survives_every_kill(system: System, tmp_path: Path) -> None:
+def test_written_journal_survives_every_kill(system: System) -> None:
     publisher = system.ros.node.create_publisher(Feedback, "bt_agents/feedback", qos.FACTS)
-    folder = tmp_path / "journal"
+    folder = system.folder / "journal"
     journal = system.start(components.journal(folder))
     number = 0
     before: list[int] = []

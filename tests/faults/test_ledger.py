@@ -6,7 +6,6 @@ from __future__ import annotations
 import resource
 import sqlite3
 from contextlib import closing
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -90,12 +89,10 @@ class Giver:
         return given.feedback_id
 
 
-def test_feedback_recorded_before_kill_is_not_applied_again(
-    system: System, tmp_path: Path
-) -> None:
-    simulated = tmp_path / "simulated.yaml"
+def test_feedback_recorded_before_kill_is_not_applied_again(system: System) -> None:
+    simulated = system.folder / "simulated.yaml"
     simulated.write_text(SIMULATED)
-    ledger = tmp_path / "ledger.sqlite"
+    ledger = system.folder / "ledger.sqlite"
     host, giver = Host(system.ros), Giver(system.ros)
     heard: list[Feedback] = system.ros.collect(Feedback, "bt_agents/feedback", qos.HISTORY)
     node = system.start(components.feedback(ROOT / "trees", str(ledger), simulated))
@@ -128,8 +125,8 @@ def test_feedback_recorded_before_kill_is_not_applied_again(
     ] + [["mood"]]
 
 
-def test_full_disk_refuses_feedback_until_space_returns(system: System, tmp_path: Path) -> None:
-    ledger = tmp_path / "ledger.sqlite"
+def test_full_disk_refuses_feedback_until_space_returns(system: System) -> None:
+    ledger = system.folder / "ledger.sqlite"
     with Ledger(ledger) as book:
         book.enter({f"agent{number}": {"age": 3.0} for number in range(1500)})
     Host(system.ros)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
@@ -18,13 +17,11 @@ pytestmark = pytest.mark.e2e
 LINE = tuple(f"s{number}" for number in range(2, 12))
 
 
-def market_and_host(
-    system: System, tmp_path: Path, **parameters: float
-) -> tuple[NodeProcess, NodeProcess]:
-    trees = write_trees(tmp_path / "leo", leo=(4.5, "say: leo speaks"))
+def market_and_host(system: System, **parameters: float) -> tuple[NodeProcess, NodeProcess]:
+    trees = write_trees(system.folder / "leo", leo=(4.5, "say: leo speaks"))
     market = system.market(
         trees,
-        scenes=str(tmp_path / "state" / "scenes.json"),
+        scenes=str(system.folder / "state" / "scenes.json"),
         collect_deadline=0.05,
         bid_deadline=5.0,
         host_wait=50.0,
@@ -50,8 +47,7 @@ def all_wait_for_the_host(system: System) -> bool:
 
 
 def check_that_the_line_runs(system: System) -> None:
-    system.say_server.holds = lambda _text: False
-    system.say_server.finish()
+    system.say_server.let_go()
     system.until(lambda: all(system.ends_of(name) for name in LINE), "the end of every scene")
     assert [system.ends_of(name)[0].code for name in LINE] == ["SUCCEEDED"] * len(LINE)
     ends = Counter(end.scene_id for end in system.ends)
@@ -61,10 +57,8 @@ def check_that_the_line_runs(system: System) -> None:
 
 
 @pytest.mark.parametrize("how", ["hangs", "is killed", "is terminated"])
-def test_queued_scenes_survive_loss_of_their_only_host(
-    system: System, tmp_path: Path, how: str
-) -> None:
-    _, host = market_and_host(system, tmp_path, host_lease=Settings().host_lease_s)
+def test_queued_scenes_survive_loss_of_their_only_host(system: System, how: str) -> None:
+    _, host = market_and_host(system, host_lease=Settings().host_lease_s)
     fill_the_line(system)
     {"hangs": host.hang, "is killed": host.kill, "is terminated": host.terminate}[how]()
     system.until(lambda: all_wait_for_the_host(system), "all scenes in line wait for the host")
@@ -79,8 +73,8 @@ def test_queued_scenes_survive_loss_of_their_only_host(
 
 
 @pytest.mark.parametrize("both", [False, True], ids=["alone", "with its host"])
-def test_queue_survives_killed_market(system: System, tmp_path: Path, both: bool) -> None:
-    market, host = market_and_host(system, tmp_path)
+def test_queue_survives_killed_market(system: System, both: bool) -> None:
+    market, host = market_and_host(system)
     fill_the_line(system)
     if both:
         host.kill()
@@ -88,8 +82,7 @@ def test_queue_survives_killed_market(system: System, tmp_path: Path, both: bool
     market.start()
     if both:
         host.start()
-    system.say_server.holds = lambda _text: False
-    system.say_server.finish()
+    system.say_server.let_go()
     system.until_ready(hosts=1, agents=1, after=epoch)
     system.until(lambda: system.ends_of("s1"), "the end of the scene that was under way")
     [end] = system.ends_of("s1")
@@ -100,11 +93,11 @@ def test_queue_survives_killed_market(system: System, tmp_path: Path, both: bool
     assert set(Counter(end.scene_id for end in system.ends).values()) == {1}
 
 
-def test_scenes_announced_without_market_reach_it_once(system: System, tmp_path: Path) -> None:
-    market, _ = market_and_host(system, tmp_path)
-    system.start(components.scene_layer(tmp_path / "leo"))
+def test_scenes_announced_without_market_reach_it_once(system: System) -> None:
+    market, _ = market_and_host(system)
+    system.start(components.scene_layer(system.folder / "leo"))
     analyze = system.ros.node.create_client(Analyze, "scene_layer/analyze")
-    system.say_server.holds = lambda _text: False
+    system.say_server.let_go()
 
     def announce(age: float) -> Analyze.Response:
         request = Analyze.Request(

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from lifecycle_msgs.msg import Transition
@@ -51,11 +50,9 @@ class LifecycleManager:
 
 
 @pytest.mark.parametrize("layout", ["processes", "one process"])
-def test_lifecycle_manager_can_restart_whole_system(
-    system: System, tmp_path: Path, layout: str
-) -> None:
-    trees = write_trees(tmp_path / "trees", leo=(4.5, "say: leo speaks"))
-    system.say_server.holds = lambda _text: False
+def test_lifecycle_manager_can_restart_whole_system(system: System, layout: str) -> None:
+    trees = write_trees(system.folder / "trees", leo=(4.5, "say: leo speaks"))
+    system.say_server.let_go()
     parts = [
         replace(one, parameters={**one.parameters, AUTOSTART: False})
         for one in (

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from bt_agents_interfaces.srv import OperateMarket
@@ -22,9 +20,9 @@ ORDERS = (
 """Order → the pinned and the vetoed agent after it."""
 
 
-def test_acknowledged_pin_or_veto_survives_immediate_kill(system: System, tmp_path: Path) -> None:
-    trees = write_trees(tmp_path / "a", leo=(4.5, "wait: 0 s"), mira=(2.0, "wait: 0 s"))
-    market = system.market(trees, orders=str(tmp_path / "orders.json"))
+def test_acknowledged_pin_or_veto_survives_immediate_kill(system: System) -> None:
+    trees = write_trees(system.folder / "a", leo=(4.5, "wait: 0 s"), mira=(2.0, "wait: 0 s"))
+    market = system.market(trees, orders=str(system.folder / "orders.json"))
     system.host("agents", trees)
     system.until_ready(hosts=1, agents=2)
     orders = system.ros.node.create_client(

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 
 import pytest
 from std_msgs.msg import Empty, String
@@ -20,20 +19,20 @@ LONG = "word " * 200
 
 
 def robot_and_host(
-    system: System, tmp_path: Path, tree: str, within: str = "2 s", accept: str = "3 s"
+    system: System, tree: str, within: str = "2 s", accept: str = "3 s"
 ) -> NodeProcess:
     """Start a market, the simulated robot and a host with one agent; return the robot.
 
     The robot is lost after a silence of ``within``; it must accept a goal within ``accept``.
     """
-    trees = write_trees(tmp_path / "a", leo=(4.0, tree))
+    trees = write_trees(system.folder / "a", leo=(4.0, tree))
     shutil.rmtree(trees / "skills")
     shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
     file = trees / "skills" / "robot.yaml"
     text = file.read_text().replace("within: 2 s", f"within: {within}")
     patient = f"{{result: 2 min, accept: {accept}, server: {accept}}}"
     file.write_text(text.replace("{result: 2 min}", patient))
-    system.ros.remove(system.say_server)
+    system.say_server.die()
     system.market(trees, collect_deadline=0.05, bid_deadline=5.0)
     beats = system.ros.collect(Empty, "robot/heartbeat", qos.SENSOR)
     robot = system.start(components.robot("off"))
@@ -43,13 +42,13 @@ def robot_and_host(
     return robot
 
 
-def test_killing_robot_during_sentence_fails_leaf_and_run(system: System, tmp_path: Path) -> None:
+def test_killing_robot_during_sentence_fails_leaf_and_run(system: System) -> None:
     acts: list[String] = system.ros.collect(String, "robot/transcript", qos.EVENTS)
     opened: list[OpenGoals] = system.ros.collect(OpenGoals, "bt_agents/open_goals", qos.FACTS)
-    robot = robot_and_host(system, tmp_path, f"say: {LONG}")
+    robot = robot_and_host(system, f"say: {LONG}")
     heartbeat_probe = system.heartbeat_probe("agents")
     system.old_person("s1")
-    system.until(lambda: acts and heartbeat_probe.count, "the robot speaks")
+    system.until(lambda: acts, "the robot speaks")
     robot.kill()
     killed_at = heartbeat_probe.count
     end = system.until_end_of("s1")
@@ -70,9 +69,9 @@ def test_killing_robot_during_sentence_fails_leaf_and_run(system: System, tmp_pa
     system.until(lambda: len(acts) == 2, "the robot speaks again")
 
 
-def test_quickly_restarted_robot_does_not_know_old_goal(system: System, tmp_path: Path) -> None:
+def test_quickly_restarted_robot_does_not_know_old_goal(system: System) -> None:
     acts: list[String] = system.ros.collect(String, "robot/transcript", qos.EVENTS)
-    robot = robot_and_host(system, tmp_path, f"say: {LONG}", within="30 s")
+    robot = robot_and_host(system, f"say: {LONG}", within="30 s")
     system.old_person("s1")
     system.until(lambda: acts, "the robot speaks")
     robot.kill()
@@ -82,8 +81,8 @@ def test_quickly_restarted_robot_does_not_know_old_goal(system: System, tmp_path
     assert "knows nothing of the goal" in ended.message
 
 
-def test_restarted_robot_says_sentence_sent_while_dead(system: System, tmp_path: Path) -> None:
-    robot = robot_and_host(system, tmp_path, "say: hello", within="30 s", accept="30 s")
+def test_restarted_robot_says_sentence_sent_while_dead(system: System) -> None:
+    robot = robot_and_host(system, "say: hello", within="30 s", accept="30 s")
     system.old_person("s1")
     assert system.until_end_of("s1").code == "SUCCEEDED"
     robot.kill()

@@ -16,24 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rclpy.action import ActionServer, CancelResponse
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-from rclpy.task import Future
+from rclpy.action import GoalResponse
 
 from bt_agents_core.liveness import HEARTBEAT_S
-from bt_agents_interfaces.action import Say
-from bt_agents_interfaces.msg import (
-    Auction,
-    Bids,
-    CallForBids,
-    Heartbeat,
-    MarketStatus,
-    Run,
-    Scene,
-    SceneEnd,
-)
-from bt_agents_interfaces.srv import RegisterHost
+from bt_agents_interfaces.msg import Auction, Bids, Heartbeat, MarketStatus, Run, Scene, SceneEnd
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from bt_agents_ros.node_main import SUPERVISED
@@ -42,7 +28,8 @@ from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.supervisor import Component, launch
 from graph import Ros
 from programs import ROOT
-from tree_harness import SPACE, scene
+from scripted_server import Script, ScriptedServer
+from tree_harness import scene
 
 LIMIT_S = 60.0
 """Time limit of a wait for something that may hang [s]."""
@@ -183,147 +170,40 @@ class NodeProcess:
         self._process.wait()
 
 
-@dataclass(eq=False, kw_only=True)
-class SayGoal:
-    """One goal of ``say``.
-
-    Attributes:
-        how: Empty while it runs, then ``finished`` or ``cancelled``.
-        beside: Texts that were already being said when it began.
-    """
-
-    text: str
-    goal: Any
-    done: Any
-    how: str = ""
-    beside: tuple[str, ...] = ()
-
-
-class SayServer(Node):
+class SayServer(ScriptedServer):
     """Action server of ``say``: says each text until the test ends it, or until it is cancelled.
 
     Attributes:
-        holds: Whether texts last until :meth:`finish`; otherwise they end at once.
-        on_cancel: ``stops``; ``refuses``; or ``hangs``, which never answers.
-        say_goals: All goals so far, in order.
+        beside: For each goal, the texts that were already being said when it came.
     """
 
-    def __init__(self) -> None:
-        super().__init__("say_server")
-        self.holds: Callable[[str], bool] = lambda _text: True
-        self.on_cancel = "stops"
-        self.say_goals: list[SayGoal] = []
-        self._server = ActionServer(
-            self,
-            Say,
-            "say",
-            self._say,
-            cancel_callback=self._cancel,
-            goal_service_qos_profile=qos.SERVICE,
-            result_service_qos_profile=qos.SERVICE,
-            cancel_service_qos_profile=qos.SERVICE,
-            result_timeout=5,
-        )
+    def __init__(self, ros: Ros) -> None:
+        super().__init__(ros, script=Script(finish_s=None), node="say_server")
+        self.beside: list[list[str]] = []
 
     @property
     def texts(self) -> list[str]:
         """Texts of all goals so far, in order."""
-        return [sentence.text for sentence in self.say_goals]
+        return [goal.request.text for goal in self.goals]
 
     @property
     def speaking(self) -> list[str]:
         """Texts that are being said now."""
-        return [sentence.text for sentence in self.say_goals if not sentence.how]
+        return [goal.request.text for goal in self.goals if not goal.outcome]
 
     def finish(self) -> None:
         """Finish all texts that are being said."""
-        for sentence in self.say_goals:
-            self._end(sentence, "finished")
+        for goal in self.goals:
+            goal.finish()
 
-    def destroy_node(self) -> None:
-        """Destroy the action first, then the node."""
-        self._server.destroy()
-        super().destroy_node()
+    def let_go(self) -> None:
+        """Finish all texts, from now on each one at once."""
+        self.script.finish_s = 0.0
+        self.finish()
 
-    async def _cancel(self, handle: Any) -> CancelResponse:
-        if self.on_cancel == "hangs":
-            await Future(executor=self.executor)
-        if self.on_cancel == "refuses":
-            return CancelResponse.REJECT
-        for sentence in self.say_goals:
-            if sentence.goal.goal_id == handle.goal_id:
-                self._end(sentence, "cancelled")
-        return CancelResponse.ACCEPT
-
-    async def _say(self, handle: Any) -> Say.Result:
-        text = handle.request.text
-        done = Future(executor=self.executor)
-        sentence = SayGoal(text=text, goal=handle, done=done, beside=tuple(self.speaking))
-        self.say_goals.append(sentence)
-        if self.holds(text):
-            await sentence.done
-        else:
-            sentence.how = "finished"
-        if sentence.how == "cancelled":
-            handle.canceled()
-        else:
-            handle.succeed()
-        return Say.Result()
-
-    @staticmethod
-    def _end(sentence: SayGoal, how: str) -> None:
-        if not sentence.how:
-            sentence.how = how
-            sentence.done.set_result(None)
-
-
-class SilentHost(Node):
-    """A host with a heartbeat that answers no call by itself, so that each round stays open."""
-
-    def __init__(self) -> None:
-        super().__init__("silent")
-        self._heartbeat = Heartbeat(host=self.get_fully_qualified_name(), host_instance="first")
-        self._beats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
-        self.create_timer(HEARTBEAT_S, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._bids = self.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
-        self.create_subscription(CallForBids, "bt_agents/calls", lambda _call: None, qos.EVENTS)
-        self._market = self.create_client(
-            RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
-        )
-
-    def register(self, ros: Ros) -> None:
-        """Register at the market."""
-        # The market and the probe hear its answers.
-        ros.until(lambda: self._bids.get_subscription_count() > 1)
-        host = self.get_fully_qualified_name()
-        request = RegisterHost.Request(
-            host=host,
-            host_instance="first",
-            run_action=f"{host}/run",
-            heartbeat=f"{host}/heartbeat",
-            parameters=list(SPACE.names),
-            agents=["nobody"],
-        )
-        answer = ros.call(self._market, request)
-        assert answer.accepted
-        self._heartbeat.token = answer.token
-
-    def decline(self, epoch: str, round_number: int) -> None:
-        """Answer the call of a round; if all others have answered, this closes it."""
-        self._bids.publish(
-            Bids(
-                epoch=epoch,
-                round=round_number,
-                host=self._heartbeat.host,
-                host_instance=self._heartbeat.host_instance,
-                token=self._heartbeat.token,
-                declined=["nobody"],
-                decline_reasons=["it was told to"],
-            )
-        )
-
-    def _beat(self) -> None:
-        self._beats.publish(self._heartbeat)
+    async def _answer(self, request: Any) -> GoalResponse:
+        self.beside.append(self.speaking)
+        return await super()._answer(request)
 
 
 @dataclass(eq=False)
@@ -355,7 +235,7 @@ class System:
         self.ros = ros
         self.folder = folder
         self.processes: list[NodeProcess] = []
-        self.say_server: SayServer = ros.add(SayServer())
+        self.say_server = SayServer(ros)
         self.auctions: list[Auction] = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
         self.bids: list[Bids] = []
         self._bidding = ros.node.create_subscription(
@@ -394,8 +274,10 @@ class System:
         return self.start(replace(component, parameters=given), name)
 
     def heartbeat_probe(self, host: str) -> HeartbeatProbe:
-        """Subscribe to the heartbeats of a host."""
-        return HeartbeatProbe(self.ros.collect(Heartbeat, f"/{host}/heartbeat", qos.EVENTS))
+        """Subscribe to the heartbeats of a host; wait for the first."""
+        probe = HeartbeatProbe(self.ros.collect(Heartbeat, f"/{host}/heartbeat", qos.EVENTS))
+        self.until(lambda: probe.count, f"a heartbeat of {host}")
+        return probe
 
     def close(self) -> None:
         """Kill everything and print its output, which pytest shows if a test fails."""
@@ -403,8 +285,7 @@ class System:
             process.kill()
             print(f"--- {process.node}\n{process.said[-6000:]}")
         # A received goal needs an answer, or rclpy leaves a coroutine behind.
-        self.say_server.holds = lambda _text: False
-        self.say_server.finish()
+        self.say_server.let_go()
         self.ros.turns()
 
     # Waiting
@@ -438,11 +319,15 @@ class System:
     def told(self) -> str:
         """Return the events so far as text."""
         lines = [
-            f"round {r.round} of {r.epoch}: {r.agent} {_event(r)}: {r.message}" for r in self.runs
+            f"round {r.round} of {r.epoch}: {r.agent} {r.event}-{r.outcome}: {r.message}"
+            for r in self.runs
         ]
         lines += [f"round {bids.round}: {bids.host} answers" for bids in self.bids[-20:]]
         lines += [f"scene {end.scene_id} {end.code}: {end.message}" for end in self.ends]
-        lines += [f"{s.how or 'speaking'}: {s.text}" for s in self.say_server.say_goals[-20:]]
+        lines += [
+            f"{one.outcome or 'speaking'}: {one.request.text}"
+            for one in self.say_server.goals[-20:]
+        ]
         if self.statuses:
             lines.append(f"market: {self.statuses[-1].message}")
         return "\n".join(lines)
@@ -531,14 +416,3 @@ class System:
     def until_speaking(self, *texts: str) -> None:
         """Wait until exactly these texts are being said."""
         self.until(lambda: self.say_server.speaking == list(texts), f"{texts} being said")
-
-
-def _event(run: Run) -> str:
-    events = {Run.STARTED: "started", Run.CANCELLING: "cancelling", Run.REFUSED: "refused"}
-    outcomes = {
-        Run.SUCCEEDED: "succeeded",
-        Run.FAILED: "failed",
-        Run.CANCELLED: "cancelled",
-        Run.LOST: "lost",
-    }
-    return events.get(run.event) or outcomes.get(run.outcome, "ended")

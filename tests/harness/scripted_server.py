@@ -52,6 +52,7 @@ class Served:
     Attributes:
         request: The goal's request.
         cancels: Number of cancel requests for it.
+        handle: Its handle, when it is accepted.
         outcome: ``""`` while it runs; ``rejected``, ``succeeded``, ``aborted``, ``cancelled``.
     """
 
@@ -60,6 +61,7 @@ class Served:
         self.script = script
         self.cancels = 0
         self.outcome = ""
+        self.handle: Any = None
         self.accepted: Future = Future(executor=executor)
         self.ended: Future = Future(executor=executor)
 
@@ -167,6 +169,7 @@ class ScriptedServer:
 
     async def _execute(self, handle: Any) -> Any:
         served = self._of(handle)
+        served.handle = handle
         script = served.script
         for after_s, values in script.feedback:
             self._later(after_s, lambda told=values: self._tell(handle, told))
