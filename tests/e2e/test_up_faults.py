@@ -43,11 +43,9 @@ def until_all(up: Program, *said: str) -> None:
 
 
 def cancel_the_run(up: Program, ask: Ask) -> None:
-    """Stop the current run, and end the system."""
+    """Stop the current run."""
     assert ask("cancel") != ""
     up.until("attentive_guide cancelled")
-    assert up.stop()[0] == 0, up.output
-    assert "Traceback" not in up.output
 
 
 def test_killed_host_and_market_end_no_service(start_up: Start, ask: Ask) -> None:
@@ -75,8 +73,6 @@ def test_hanging_market_and_host_are_killed_and_replaced(start_up: Start, ask: A
         assert f"{name} is back after" in up.output
     assert "attentive_guide" in ask(*MRS_SMITH)
     up.until("attentive_guide starts")
-    assert up.stop()[0] == 0, up.output
-    assert "Traceback" not in up.output
 
 
 def test_next_scene_runs_after_long_pause(start_up: Start, ask: Ask) -> None:
