@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import time
 import urllib.request
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_tools.launcher.supervisor import FIRST_LIMIT_S, STOP_LIMIT_S
-from programs import HANG_S, ROOT, Start, alive, children, nodes
+from programs import ROOT, Start, alive, children, nodes, wait_for
 
 pytestmark = pytest.mark.e2e
 
@@ -136,10 +135,7 @@ def test_killed_demo_leaves_no_process_behind(start: Start) -> None:
     pids = children(demo.process.pid)
     demo.process.kill()
     demo.process.wait()
-    end = time.monotonic() + HANG_S
-    while remaining := [pid for pid in pids if alive(pid)]:
-        assert time.monotonic() < end, f"still alive: {remaining}"
-        time.sleep(0.01)
+    wait_for(lambda: not any(map(alive, pids)))
 
 
 def test_browser_demo_serves_visitor_page_until_it_ends(start: Start) -> None:
