@@ -12,8 +12,9 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from bt_agents_studio.records import CountdownRecord, LogRecord, TreeRecord
 from studio_browser import box, found_by_axe, opened_page, style
+from studio_entries import HOST, filled, run
 from studio_harness import BackgroundStudio, background_studio
-from studio_records import node, run, status
+from studio_records import node, status
 
 pytestmark = pytest.mark.e2e
 
@@ -23,7 +24,7 @@ HANDLER = f"{DRIVE}@on_failure/0.say"
 
 TREE = TreeRecord(
     agent=AGENT,
-    host="agents",
+    host=HOST,
     nodes=(
         node("tree", -1, "sequence", "sequence"),
         node("tree/0.ask@retry", 0, "retry", "retry 3"),
@@ -44,7 +45,7 @@ TREE = TreeRecord(
 def studio() -> Iterator[BackgroundStudio]:
     with background_studio() as served:
         served.put("trees", AGENT, TREE)
-        served.put("runs", AGENT, run(AGENT, DRIVE))
+        served.put("runs", AGENT, run(AGENT, tip=DRIVE))
         yield served
 
 
@@ -148,12 +149,8 @@ def test_failed_node_keeps_its_name(page: Page, studio: BackgroundStudio) -> Non
     expect(row.locator(".tree-reason")).to_be_in_viewport()
 
 
-def left(
-    seconds: float | None, remaining: int | None = None, *, whole_s: float | None = None
-) -> CountdownRecord:
-    return CountdownRecord(
-        at_s=time.time(), kind="x", remaining_s=seconds, remaining=remaining, whole_s=whole_s
-    )
+def left(seconds: float | None, remaining: int | None = None, **fields: float) -> CountdownRecord:
+    return filled(CountdownRecord, kind="x", remaining_s=seconds, remaining=remaining, **fields)
 
 
 def test_badges_show_value_and_attempt(page: Page, studio: BackgroundStudio) -> None:

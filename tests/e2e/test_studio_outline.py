@@ -9,9 +9,10 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from studio_browser import enter, opened_page
+from studio_browser import box, enter, opened_page
+from studio_entries import run
 from studio_harness import BackgroundStudio, background_studio
-from studio_records import large_tree, run, status
+from studio_records import large_tree, status
 
 pytestmark = pytest.mark.e2e
 
@@ -32,7 +33,7 @@ def studio() -> Iterator[BackgroundStudio]:
 
 @pytest.fixture
 def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
-    studio.put("runs", AGENT, run(AGENT, TIP))
+    studio.put("runs", AGENT, run(AGENT, tip=TIP))
     with opened_page(browser, studio.address) as opened:
         expect(row(opened, TIP)).to_be_in_viewport(ratio=1)
         yield opened
@@ -56,9 +57,7 @@ def chip(page: Page) -> Locator:
 
 
 def top(found: Locator) -> float:
-    box = found.bounding_box()
-    assert box is not None
-    return box["y"]
+    return box(found)["y"]
 
 
 def chosen(page: Page) -> Locator:
@@ -72,28 +71,18 @@ def test_root_and_ancestors_stay_on_top(page: Page) -> None:
     frame = top(tree(page))
     assert [top(row(page, "tree")), top(group)] == [frame, frame + ROW_PX]
     hit = "([x, y]) => document.elementFromPoint(x, y).closest('[role=treeitem]').dataset.path"
-    box = tree(page).bounding_box()
-    assert box is not None
-    seen = [page.evaluate(hit, [box["x"] + 200, frame + 12 + ROW_PX * one]) for one in range(3)]
+    x = box(tree(page))["x"] + 200
+    seen = [page.evaluate(hit, [x, frame + 12 + ROW_PX * one]) for one in range(3)]
     assert seen[:2] == ["tree", "tree/80.sequence"]
     assert re.fullmatch(r"tree/80\.sequence/\d+\.say", seen[2])
-
-
-def test_only_visible_rows_are_in_document(page: Page) -> None:
-    for path in (TIP, LAST, "tree"):
-        if path != TIP:
-            tree(page).focus()
-            page.keyboard.press("End" if path == LAST else "Home")
-        expect(row(page, path)).to_be_in_viewport(ratio=1)
-        assert 15 < page.locator("[role=treeitem]").count() < 60
-    rows = page.locator(".outline-rows").bounding_box()
-    assert rows is not None
-    assert rows["height"] == (1 + GROUPS * (LEAVES + 1)) * ROW_PX
+    # Only the visible rows are in the document.
+    assert 15 < page.locator("[role=treeitem]").count() < 60
+    assert box(page.locator(".outline-rows"))["height"] == (1 + GROUPS * (LEAVES + 1)) * ROW_PX
 
 
 def test_outline_follows_tip_until_scrolled(page: Page, studio: BackgroundStudio) -> None:
     expect(chip(page)).to_have_attribute("aria-pressed", "true")
-    studio.put("runs", AGENT, run(AGENT, NEXT))
+    studio.put("runs", AGENT, run(AGENT, tip=NEXT))
     expect(row(page, NEXT)).to_be_in_viewport(ratio=1)
     before = tree(page).evaluate("(one) => one.scrollTop")
     tree(page).hover()
@@ -103,7 +92,7 @@ def test_outline_follows_tip_until_scrolled(page: Page, studio: BackgroundStudio
     expect(chip(page)).to_have_attribute("aria-pressed", "false")
     expect(row(page, NEXT)).not_to_be_in_viewport()
     offset = tree(page).evaluate("(one) => one.scrollTop")
-    studio.put("runs", AGENT, run(AGENT, TIP))
+    studio.put("runs", AGENT, run(AGENT, tip=TIP))
     page.get_by_role("searchbox").fill("group 1")
     expect(page.get_by_label("Tree", exact=True)).to_contain_text("11 found")
     assert tree(page).evaluate("(one) => one.scrollTop") == offset
@@ -197,9 +186,8 @@ def test_chosen_drawing_is_kept(page: Page) -> None:
 
 
 def middle(found: Locator) -> tuple[float, float]:
-    box = found.bounding_box()
-    assert box is not None
-    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    seen = box(found)
+    return seen["x"] + seen["width"] / 2, seen["y"] + seen["height"] / 2
 
 
 def test_only_nodes_near_viewport_are_drawn(page: Page) -> None:
@@ -291,10 +279,7 @@ def test_tooltip_shows_full_names_and_reasons(page: Page, studio: BackgroundStud
 def test_click_on_map_scrolls_tree_there(page: Page) -> None:
     open_map(page)
     strip = page.locator(".tree_map-map")
-    box = strip.bounding_box()
-    assert box is not None
-    strip.click(position={"x": box["width"] / 2, "y": box["height"] - 2})
+    seen = box(strip)
+    strip.click(position={"x": seen["width"] / 2, "y": seen["height"] - 2})
     expect(row(page, LAST)).to_be_visible()
-    mark = strip.locator("div").bounding_box()
-    assert mark is not None
-    assert mark["y"] + mark["height"] == pytest.approx(box["y"] + box["height"], abs=8)
+    assert box(strip.locator("div"))["bottom"] == pytest.approx(seen["bottom"], abs=8)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
-from studio_browser import LIMIT_MS, box
+from studio_browser import box, wait_for
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -50,11 +50,7 @@ class Held:
 
     def until(self, page: Page, answers: int) -> None:
         """Wait until this many answers are held back."""
-        for _ in range(LIMIT_MS // 20):
-            if len(self._answers) == answers:
-                return
-            page.wait_for_timeout(20)
-        raise AssertionError(f"{len(self._answers)} answers")
+        wait_for(page, lambda: len(self._answers) == answers)
 
     def release(self) -> None:
         self._answers.pop()()

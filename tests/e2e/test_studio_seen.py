@@ -19,6 +19,7 @@ from studio_entries import (
     auction,
     awaited,
     event,
+    filled,
     market,
     part,
     profile_step,
@@ -54,14 +55,8 @@ def fill(studio: BackgroundStudio) -> None:
     preset = PresetRecord(
         name=LONG, values={"guide.patience": "20 s"}, settings={"guide.patience": 20.0}
     )
-    host = HostRecord(
-        host=HOST,
-        instance="x",
-        trees=f"/home/somebody/{LONG}",
-        agents=("guide", LONG),
-        broken_files=(),
-        problems=(),
-    )
+    trees = f"/home/somebody/{LONG}"
+    host = filled(HostRecord, host=HOST, instance="x", trees=trees, agents=("guide", LONG))
     health = HealthRecord(level="OK", message=LONG, values={"files": LONG}, since_s=0.0)
     for name in ("marketplace", "robot", HOST):
         studio.put("parts", name, part())

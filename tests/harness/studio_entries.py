@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeVar, get_origin, get_type_hints
 
 from bt_agents_studio.records import (
     AgentRecord,
@@ -29,6 +30,18 @@ from bt_agents_studio.records import (
 )
 
 HOST = "/agents"
+RecordT = TypeVar("RecordT")
+
+_EMPTY: dict[Any, Any] = {str: "", int: 0, float: 0.0, bool: False, tuple: (), Mapping: {}}
+_TIMES = ("at_s", "since_s")
+
+
+def filled(kind: type[RecordT], /, **fields: Any) -> RecordT:
+    """Return a record with these fields; all others are empty, except that times are now."""
+    hints = get_type_hints(kind)
+    empty = {name: _EMPTY.get(get_origin(hint) or hint) for name, hint in hints.items()}
+    times = {name: time.time() for name in _TIMES if name in hints}
+    return kind(**empty | times | fields)
 
 
 def part(*, alive: bool = True) -> PartRecord:
@@ -44,22 +57,19 @@ def tunable(agent: str, key: str, value: Json, **fields: Any) -> TunableRecord:
         "default": value,
         "minimum": 0.0,
         "maximum": 30.0,
-        "step": 0.0,
         "description": "how long to wait",
     }
-    name = f"{agent}.{key}"
-    given = {"name": name, "host": HOST, "agent": agent, "key": key, "value": value}
-    return TunableRecord(**described | given | fields)
+    named = {"name": f"{agent}.{key}", "host": HOST, "agent": agent, "key": key, "value": value}
+    return filled(TunableRecord, **described | named | fields)
 
 
 def tunings(revision: int = 0, *presets: PresetRecord, changes: int = 0) -> TuningsRecord:
     """Return the changes of the host, some of them in its history."""
     listed = tuple(
-        TuningRecord(
-            at_s=time.time(),
+        filled(
+            TuningRecord,
             revision=number,
             author="somebody",
-            reason="",
             name="guide.patience",
             before="8 s",
             after=f"{number} s",
@@ -67,34 +77,29 @@ def tunings(revision: int = 0, *presets: PresetRecord, changes: int = 0) -> Tuni
         )
         for number in range(1, changes + 1)
     )
-    return TuningsRecord(revision=revision, tunings=listed, undo="", redo="", presets=presets)
+    return filled(TuningsRecord, revision=revision, tunings=listed, presets=presets)
 
 
 def agent(name: str, title: str = "") -> AgentRecord:
-    return AgentRecord(
+    return filled(
+        AgentRecord,
         name=name,
         title=title,
         description="Waits.",
-        tags=(),
         host=HOST,
         profile={"age": 1.0, "mood": 3.0},
         current={"age": 1.23456789, "mood": 3.0},
         revision=1,
         learning_rate=0.5,
-        rules=(),
         version=1,
-        waiting=False,
-        degraded=False,
-        problems=(),
     )
 
 
-def run(name: str, began_s: float = 0.0) -> RunRecord:
+def run(name: str, began_s: float = 0.0, *, tip: str = "") -> RunRecord:
     """Return a run in progress."""
-    return RunRecord(
+    return filled(
+        RunRecord,
         **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
-        **dict.fromkeys(("stop_reason", "message", "tip"), ""),
-        **dict.fromkeys(("ticks", "overruns"), 0),
         agent=name,
         host=HOST,
         round=1,
@@ -102,91 +107,56 @@ def run(name: str, began_s: float = 0.0) -> RunRecord:
         outcome="NONE",
         stopped_by="NOT_SAID",
         began_s=began_s or time.time(),
-        ended_s=None,
         tick=1,
-        orphans=(),
-        duration_s=0.0,
+        tip=tip,
     )
 
 
 def market() -> MarketRecord:
-    return MarketRecord(
-        **dict.fromkeys(("scene_id", "scene_label", "agent", "host", "pinned", "message"), ""),
-        epoch="x",
-        state="IDLE",
-        since_s=time.time(),
-        round=1,
-        waiting=(),
-        awaited_hosts=(),
-        hosts=1,
-        agents=2,
-        strategy="manhattan",
-        shadow_strategy="",
-        strategies=(),
-        vetoed=(),
-        starved=(),
-        problems=(),
+    return filled(
+        MarketRecord, epoch="x", state="IDLE", round=1, hosts=1, agents=2, strategy="manhattan"
     )
 
 
 def scene(label: str = "somebody") -> SceneRecord:
+    known = {"value": 2.5, "origin": "GIVEN", "age_s": 0.0, "std": 0.0, "confidence": 1.0}
     values = tuple(
-        ValueRecord(
-            name=name, value=2.5, origin="GIVEN", age_s=0.0, std=0.0, confidence=1.0, source="hand"
-        )
-        for name in ("age", "mood")
+        filled(ValueRecord, name=name, source="hand", **known) for name in ("age", "mood")
     )
-    return SceneRecord(
-        at_s=time.time(),
-        scene_id="0" * 32,
-        label=label,
-        person=True,
-        urgent=False,
-        person_id="",
-        place="",
-        persons=1,
-        visits=1,
-        remembered={},
-        values=values,
+    number = "0" * 32
+    return filled(
+        SceneRecord, scene_id=number, label=label, person=True, persons=1, visits=1, values=values
     )
 
 
 def auction(*agents: str) -> RoundRecord:
     """Return a round, which the first of some agents has won."""
     bids = tuple(
-        BidRecord(
+        filled(
+            BidRecord,
             agent=name,
             host=HOST,
             vector=(1.0, 3.0),
             contributions=(1.5, 0.5),
             distance=2.0,
-            bonus=0.0,
             score=2.0,
             runs=1,
             calculation="|1.0 − 2.5| + |3.0 − 2.5| = 2.0",
         )
         for name in agents
     )
-    return RoundRecord(
-        at_s=time.time(),
+    return filled(
+        RoundRecord,
         epoch="x",
         round=1,
-        follows=0,
         scene=scene(),
         outcome="AWARDED",
-        closed_by="ALL_BIDS",
-        preview=False,
+        closed_by="ALL_ANSWERED",
         duration_s=0.01,
         strategy="manhattan",
-        options={},
-        intervention="",
         ranking=bids,
-        refused=(),
-        silent_hosts=(),
         winner=agents[0],
         margin=0.5,
-        shadow_strategy="",
-        shadow_winner="",
         change={"age": 2.0},
         reason="it is the nearest",
         explanation=f"{agents[0]} is the nearest.",
@@ -194,15 +164,12 @@ def auction(*agents: str) -> RoundRecord:
 
 
 def profile_step(name: str, revision: int) -> ProfileStepRecord:
-    return ProfileStepRecord(
-        at_s=time.time(),
+    return filled(
+        ProfileStepRecord,
         agent=name,
-        layer="",
         kind="POSITIVE",
         source="button",
-        reason="",
         round=1,
-        leaf="",
         parameters=("age", "mood"),
         before=(1.0, 3.0),
         after=(1.1, 3.0),
@@ -210,14 +177,11 @@ def profile_step(name: str, revision: int) -> ProfileStepRecord:
         weight=1.0,
         learning_rate=0.5,
         revision=revision,
-        false_rate=None,
-        cancels=False,
     )
 
 
 def question(text: str, *choices: str) -> QuestionsRecord:
-    asked = QuestionRecord(at_s=time.time(), text=text, choices=choices)
-    return QuestionsRecord(questions=(asked,))
+    return QuestionsRecord(questions=(filled(QuestionRecord, text=text, choices=choices),))
 
 
 def awaited() -> ListeningRecord:
@@ -227,16 +191,7 @@ def awaited() -> ListeningRecord:
 
 
 def recording() -> RecordingRecord:
-    return RecordingRecord(
-        since_s=time.time(),
-        recording=True,
-        folder="journal",
-        file="2026.mcap",
-        label="",
-        notes="",
-        author="",
-        bookmarks=0,
-    )
+    return filled(RecordingRecord, recording=True, folder="journal", file="2026.mcap")
 
 
 def event(lane: str, kind: str, began_s: float, ended_s: float | None, text: str) -> EventRecord:

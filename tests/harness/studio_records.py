@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records of a tree and its run, in the studio's form."""
+"""Records of a tree, in the studio's form."""
 
 from __future__ import annotations
 
 import time
 
-from bt_agents_studio.records import NodeRecord, RunRecord, TreeNodeRecord, TreeRecord
+from bt_agents_studio.records import NodeRecord, TreeNodeRecord, TreeRecord
+from studio_entries import HOST
 
 
 def node(path: str, parent: int, kind: str, name: str) -> TreeNodeRecord:
@@ -26,29 +27,7 @@ def large_tree(agent: str, groups: int, leaves: int) -> TreeRecord:
             node(f"{path}/{leaf}.say", parent, "say", f"sentence {group} {leaf} to somebody")
             for leaf in range(leaves)
         ]
-    return TreeRecord(agent=agent, host="agents", nodes=tuple(nodes))
-
-
-def run(agent: str, tip: str) -> RunRecord:
-    """Return a run of an agent in progress."""
-    now = time.time()
-    return RunRecord(
-        **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
-        **dict.fromkeys(("stop_reason", "message"), ""),
-        **dict.fromkeys(("ticks", "overruns"), 0),
-        agent=agent,
-        host="agents",
-        round=1,
-        event="STARTED",
-        outcome="NONE",
-        stopped_by="NOT_SAID",
-        began_s=now,
-        ended_s=None,
-        tick=1,
-        tip=tip,
-        orphans=(),
-        duration_s=0.0,
-    )
+    return TreeRecord(agent=agent, host=HOST, nodes=tuple(nodes))
 
 
 def status(name: str, message: str = "", since_s: float | None = None) -> NodeRecord:
@@ -59,6 +38,5 @@ def status(name: str, message: str = "", since_s: float | None = None) -> NodeRe
         message=message,
         since_s=time.time() if since_s is None else since_s,
         tick=1,
-        busy_s=0.0,
         reason=message,
     )
