@@ -23,7 +23,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, cookie_name
 from bt_agents_studio.records import PartRecord
 from bt_agents_studio.server import Server
-from bt_agents_studio.store import Change
+from bt_agents_studio.store import Change, encode_value
 from bt_agents_studio.studio import Studio
 
 LIMIT_S = 30.0
@@ -230,7 +230,7 @@ class BackgroundStudio:
 
     def put_past(self, at_s: float, collection: str, key: str, value: object) -> None:
         """Record changes of an earlier moment [s since 1970], before any other change."""
-        change = Change(collection=collection, key=key, value=value)
+        change = Change(collection=collection, key=key, value=encode_value(value))
         self._loop.call_soon_threadsafe(self._one.studio.history.record, at_s, change)
 
 
