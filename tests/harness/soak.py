@@ -18,7 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from action_msgs.msg import GoalStatus, GoalStatusArray
 from rcl_interfaces.srv import GetParameters
 from rclpy.signals import SignalHandlerOptions
 
-from bt_agents_interfaces.msg import Auction, MarketStatus, OpenGoals, Run, SceneEnd
+from bt_agents_interfaces.msg import Auction, Feedback, MarketStatus, OpenGoals, Run, SceneEnd
 from bt_agents_interfaces.srv import (
     Analyze,
     CancelRun,
@@ -51,7 +51,7 @@ from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_discovery
-from programs import ROOT, Program, children
+from programs import ROOT, Program, children, environment_of
 from soak_promises import (
     EVERYTHING,
     FEEDBACK_STORED,
@@ -196,15 +196,6 @@ class _Pending:
     cpu: tuple[float, float]
 
 
-@dataclass(eq=False, kw_only=True)
-class Request:
-    """Call of a service; the answer counts even if nobody waits for it any more."""
-
-    future: Any
-    asked: float
-    answers: list[Any] = field(default_factory=list)
-
-
 def cpu_times() -> tuple[float, float]:
     """Return the idle time and all time of all cores, in ticks of the kernel."""
     values = [float(one) for one in Path("/proc/stat").read_text().splitlines()[0].split()[1:]]
@@ -256,6 +247,10 @@ class Soak:
     def _at(self, wall_s: float) -> float:
         return wall_s - self._wall - self._began
 
+    def _note(self, kind: Callable[..., Event], **fields: Any) -> None:
+        """Record an event of now, or of another moment ``at``."""
+        self.events.append(kind(**({"at": self.now()} | fields)))
+
     # The system
 
     def start(self) -> None:
@@ -268,26 +263,11 @@ class Soak:
                 shutil.copy(ROOT / "trees" / "scene.yaml", trees)
             self._write_agent(name, age, "hello")
         state = self.folder / "state"
-        environment = {
-            **os.environ,
-            "XDG_STATE_HOME": str(self.folder / "home"),
-            "PYTHONUNBUFFERED": "1",
-            "COLUMNS": "200",
-        }
-        self._up = Program(
-            (
-                "up",
-                str(self._trees("agents")),
-                "--no-voice",
-                "--state",
-                str(state),
-                "--journal",
-                str(self.folder / "journal"),
-                "--on-new-scene",
-                "preempt",
-            ),
-            environment,
-        )
+        environment = environment_of(self.folder / "home") | {"COLUMNS": "200"}
+        options = {"--state": state, "--journal": self.folder / "journal"}
+        words = [str(word) for option in options.items() for word in option]
+        up = ("up", str(self._trees("agents")), "--no-voice", "--on-new-scene", "preempt", *words)
+        self._up = Program(up, environment)
         assert self._up.process.stdout is not None
         fcntl.fcntl(self._up.process.stdout, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         host = components.host(
@@ -349,11 +329,7 @@ class Soak:
         self._ended.add(message.scene_id)
         self._spring("marketplace")
         if message.scene_id:  # the scenes of a flood have no id
-            self.events.append(
-                SceneEnded(
-                    at=self.now(), scene=message.scene_id, code=message.code, epoch=message.epoch
-                )
-            )
+            self._note(SceneEnded, scene=message.scene_id, code=message.code, epoch=message.epoch)
 
     def _on_run(self, message: Any) -> None:
         self._show(message.scene.scene_id)
@@ -368,8 +344,8 @@ class Soak:
             idle, total = (a - b for a, b in zip(cpu_times(), pending.cpu, strict=True))
             overloaded = total > 0 and idle / total < SPARE_SHARE
             silence_s = self._silence_s(pending.fault, at)
-            self.events.append(
-                Served(at=at, fault=pending.fault, silence_s=silence_s, overloaded=overloaded)
+            self._note(
+                Served, at=at, fault=pending.fault, silence_s=silence_s, overloaded=overloaded
             )
             self._next_fault = self.now() + self._chance.uniform(2.0, 7.0)
 
@@ -398,7 +374,7 @@ class Soak:
 
     def _show(self, scene: str) -> None:
         if self._not_shown.pop(scene, None) is not None:
-            self.events.append(SceneShown(at=self.now(), scene=scene))
+            self._note(SceneShown, scene=scene)
 
     def _on_open_goals(self, message: Any) -> None:
         run = f"{message.host} {message.host_instance} {message.epoch}/{message.round}"
@@ -456,9 +432,7 @@ class Soak:
         end = self.now() + limit_s
         while not condition():
             if self.now() > end:
-                self.events.append(
-                    Failed(at=self.now(), component="system", text=f"not in {limit_s:g} s: {what}")
-                )
+                self._note(Failed, component="system", text=f"not in {limit_s:g} s: {what}")
                 return False
             self.turn()
         return True
@@ -476,7 +450,7 @@ class Soak:
                 if (" ended (" in line or "hangs (no" in line or "exit code" in line) and not own:
                     component = line.split()[0] if name == "up" else name
                     text = line.strip()
-                    self.events.append(Failed(at=self.now(), component=component, text=text))
+                    self._note(Failed, component=component, text=text)
 
     def pids(self) -> dict[str, int]:
         """Return component → process id of the living ones."""
@@ -502,18 +476,17 @@ class Soak:
                 threads = len(list(Path(f"/proc/{pid}/task").iterdir()))
                 descriptors = len(list(Path(f"/proc/{pid}/fd").iterdir()))
                 memory_mb = int(statm[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
-                self.events.append(
-                    Measured(
-                        at=at,
-                        component=component,
-                        pid=pid,
-                        memory_mb=memory_mb,
-                        descriptors=descriptors,
-                        threads=threads,
-                    )
+                self._note(
+                    Measured,
+                    at=at,
+                    component=component,
+                    pid=pid,
+                    memory_mb=memory_mb,
+                    descriptors=descriptors,
+                    threads=threads,
                 )
         files = sum(1 for one in (self.folder / "state").rglob("*") if one.is_file())
-        self.events.append(FilesCounted(at=at, files=files))
+        self._note(FilesCounted, at=at, files=files)
 
     # Faults
 
@@ -693,7 +666,7 @@ class Soak:
     def _take_scene(self, answer: Any) -> None:
         if answer.accepted:
             scene = answer.scene.scene_id
-            self.events.append(SceneAcknowledged(at=self.now(), scene=scene))
+            self._note(SceneAcknowledged, scene=scene)
             if scene not in self._ended:
                 self._not_shown[scene] = self.now()
 
@@ -706,26 +679,18 @@ class Soak:
     def do_feedback(self) -> None:
         self._numbers += 1
         feedback = f"soak-{self._numbers}"
-        kind = self._chance.choice(
-            [GiveFeedback.Request().kind, *(self._feedback_kinds())]  # DIRECT is the default
-        )
+        kind = self._chance.choice([Feedback.DIRECT, Feedback.POSITIVE, Feedback.NEGATIVE])
         request = GiveFeedback.Request(
             feedback_id=feedback, agent=self._chance.choice(list(AGENTS)), kind=kind, source="soak"
         )
-        if kind == GiveFeedback.Request().kind:
+        if kind == Feedback.DIRECT:
             request.values = [self._chance.uniform(1.0, 5.0) for _ in range(3)]
 
         def take(answer: Any) -> None:
             if answer.accepted:
-                self.events.append(FeedbackAcknowledged(at=self.now(), feedback=feedback))
+                self._note(FeedbackAcknowledged, feedback=feedback)
 
         self.ask("give", request, take)
-
-    @staticmethod
-    def _feedback_kinds() -> tuple[int, int]:
-        from bt_agents_interfaces.msg import Feedback
-
-        return Feedback.POSITIVE, Feedback.NEGATIVE
 
     def do_undo(self) -> None:
         agent = self._chance.choice(list(AGENTS))
@@ -733,9 +698,7 @@ class Soak:
 
     def _set(self, name: str, value: object, *, acknowledged: bool) -> None:
         self._asked[name] = self.now()
-        self.events.append(
-            SettingRequested(at=self.now(), name=name, value=value, acknowledged=acknowledged)
-        )
+        self._note(SettingRequested, name=name, value=value, acknowledged=acknowledged)
 
     def do_tune(self) -> None:
         agent = self._chance.choice(list(AGENTS))
@@ -769,15 +732,10 @@ class Soak:
             self._read(f"preset of {agent}", answer.code)
 
     def _order(self, action: int, agent: str) -> bool:
-        request = OperateMarket.Request(action=action, agent=agent, author="soak")
-        answer = self.ask("operate", request)
-        name = "pinned" if action <= OperateMarket.Request.UNPIN else f"veto of {agent}"
-        value = {
-            OperateMarket.Request.PIN: agent,
-            OperateMarket.Request.UNPIN: "",
-            OperateMarket.Request.VETO: True,
-            OperateMarket.Request.ALLOW: False,
-        }[action]
+        order = OperateMarket.Request
+        answer = self.ask("operate", order(action=action, agent=agent, author="soak"))
+        name = "pinned" if action <= order.UNPIN else f"veto of {agent}"
+        value = {order.PIN: agent, order.UNPIN: "", order.VETO: True, order.ALLOW: False}[action]
         if answer is None or answer.accepted:
             self._set(name, value, acknowledged=answer is not None)
         return answer is not None
@@ -834,7 +792,7 @@ class Soak:
             self._read(f"veto of {agent}", agent in market.vetoed)
 
     def _read(self, name: str, value: object) -> None:
-        self.events.append(SettingRead(at=self.now(), name=name, value=value))
+        self._note(SettingRead, name=name, value=value)
 
     # The whole
 
@@ -901,11 +859,9 @@ class Soak:
             if self._up.process.poll() is None:
                 code, _ = self._up.stop()
                 if code != 0:
-                    self.events.append(Failed(at=at, component="up", text=f"exit code {code}"))
+                    self._note(Failed, at=at, component="up", text=f"exit code {code}")
         finally:
-            for pid in [*children(self._up.process.pid), self._up.process.pid]:
-                with suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
+            self._up.kill()
             self._supervisor.stop()
             self._node.destroy_node()
             self._executor.shutdown()
@@ -918,7 +874,7 @@ class Soak:
             for trace in TRACES:
                 if trace in text:
                     found = f"'{trace}' in {log.relative_to(self.folder)}"
-                    self.events.append(Failed(at=at, component=log.stem, text=found))
+                    self._note(Failed, at=at, component=log.stem, text=found)
         events = self._all()
         with (self.folder / "events.jsonl").open("w") as file:
             for one in sorted(events, key=lambda one: one.at):
@@ -930,7 +886,7 @@ class Soak:
         ledger = self.folder / "state" / "ledger.sqlite"
         with closing(sqlite3.connect(f"file:{ledger}?mode=ro", uri=True)) as db:
             rows = db.execute("SELECT feedback_id FROM revision WHERE feedback_id IS NOT NULL")
-            self.events.append(LedgerRead(at=at, feedback=frozenset(row[0] for row in rows)))
+            self._note(LedgerRead, at=at, feedback=frozenset(row[0] for row in rows))
 
     def _replay_journal(self, at: float) -> None:
         """Record how the journal replays; it has gaps where its process was dead."""
@@ -938,7 +894,7 @@ class Soak:
         for findings in (replay_decisions(recording.rounds), replay_feedback(recording.feedbacks)):
             for one in findings:
                 if one.verdict is not ReplayVerdict.NOT_RECORDED:
-                    self.events.append(Replayed(at=at, item=one.where, difference=one.text))
+                    self._note(Replayed, at=at, item=one.where, difference=one.text)
 
 
 def table(verdicts: list[Verdict]) -> Iterator[str]:
