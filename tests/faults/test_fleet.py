@@ -187,7 +187,7 @@ def test_enabling_sharing_later_shares_earlier_learning(make, shares):
     assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
-def test_agent_file_sets_weight_of_foreign_steps(anna, make, clock):
+def test_agent_file_sets_weight_of_foreign_steps(anna, make):
     ben = make("ben", rule=learning(sources=("fleet",), weights=(0.5,)))
     anna.robot.teach()
     synchronise(anna, ben)

@@ -19,7 +19,7 @@ from typing import Any
 import psycopg
 
 from npm_packages import installed_packages
-from programs import alive, children
+from programs import alive, children, wait_for
 
 _READY_S = 30.0
 _STOP_S = 20.0
@@ -111,10 +111,7 @@ class PostgresServer:
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)
         self._process.wait(_STOP_S)
-        end = time.monotonic() + _STOP_S
-        while any(map(alive, ended)):
-            assert time.monotonic() < end, "PostgreSQL does not end"
-            time.sleep(0.01)
+        wait_for(lambda: not any(map(alive, ended)))
         (self._data / "postmaster.pid").unlink(missing_ok=True)
 
     def hold_up(self) -> None:
