@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage, needed_by
+from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage
 
 pytestmark = pytest.mark.packaging
 
@@ -161,11 +161,6 @@ def test_rosdep_resolves_every_key_without_pip(package: RosPackage):
     tests = {element.text or "" for element in package.manifest.iter("test_depend")}
     needed = package.dependencies | tools | tests
     assert needed - own <= {*known["jazzy"], *known["ubuntu"]}
-
-
-@every_package
-def test_package_dependencies_have_no_cycle(package: RosPackage):
-    assert package.name not in set().union(*map(needed_by, package.dependencies))
 
 
 def test_the_wheel_requires_what_the_packages_import(pyproject: dict[str, Any]):
