@@ -4,22 +4,15 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
-import pty
-import re
 import shlex
 import signal
-import struct
 import subprocess
 import sys
-import termios
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
 
 import pytest
 
@@ -288,35 +281,3 @@ def is_at_work(pid: int) -> bool:
     caught = int(status.partition("SigCgt:")[2].split()[0], 16)
     handles = bool(caught >> (signal.SIGINT - 1) & 1)
     return handles and "_multiarray_umath" in Path(f"/proc/{pid}/maps").read_text()
-
-
-def test_table_fits_narrow_terminal_without_losing_text(
-    commands: CommandServer, tmp_path: Path
-) -> None:
-    controller, terminal = pty.openpty()
-    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 60, 0, 0))
-    with open(controller, "rb", buffering=0) as screen:
-        reading = ThreadPoolExecutor(1).submit(everything, screen)
-        narrow = commands.run(*SWEEP, folder=tmp_path, stdout=terminal)
-        os.close(terminal)
-        lines = re.sub(r"\x1b\[\d*m", "", reading.result(HANG_S).decode()).splitlines()
-    assert narrow.code == 0
-    # Title and summary are prose, which the terminal wraps.
-    assert max(map(len, lines[1:-1])) <= 60
-    piped = commands.run(*SWEEP, folder=tmp_path)
-    table = commands.run(*SWEEP, "--csv", folder=tmp_path)
-    header, *rows = table.out.splitlines()
-    assert header.startswith("strategy,update,wrong_share,")
-    assert len(piped.out.splitlines()) == len(rows) + 3
-    seen = " ".join(" ".join(lines).split())
-    for row in rows:
-        assert row.split(",")[0] in seen
-
-
-def everything(screen: BinaryIO) -> bytes:
-    """Return the whole output on a terminal until it is closed."""
-    shown = b""
-    with suppress(OSError):
-        while chunk := screen.read(4096):
-            shown += chunk
-    return shown
