@@ -18,7 +18,7 @@ import machine_probe
 import network_switch
 from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_tools.launcher.supervisor import LAN_PROFILE
-from programs import ROOT, Program, children
+from programs import ROOT, Program
 from skipped_tests import NAMESPACES
 
 DOMAIN = "64"
@@ -171,13 +171,7 @@ class Network:
     def close(self) -> None:
         """Kill every program, the switch and the machines."""
         for program in self._programs:
-            for process in (*children(program.process.pid), program.process.pid):
-                try:
-                    os.kill(process, 9)
-                except ProcessLookupError:
-                    continue
-            program.process.wait()
-            program.close()
+            program.kill()
         keepers = [one.keeper for one in self.machines.values()]
         for helper in (*self._servers, self._switch, *keepers):
             helper.kill()
