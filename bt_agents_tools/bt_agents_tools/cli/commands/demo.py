@@ -73,14 +73,19 @@ def demo(
         processes += journal_components(journal, state)
         if browser:
             recordings = Path(journal).resolve() if journal else state.journal
-            # Without a display, some browsers would open in the terminal.
-            opens = sys.platform != "linux" or bool({"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ})
-            plan = studio_plan(trees, Path(folder), recordings, browser_robot=True, opens=opens)
+            plan = studio_plan(
+                trees, Path(folder), recordings, browser_robot=True, opens=_has_display()
+            )
             run_system("demo", processes, trees, tags, interrupt, studio=plan)
         else:
             visitors = components.visitors(trees, script)
             if not run_system("demo", processes, trees, tags, interrupt, visitors):
                 sys.exit(1)
+
+
+def _has_display() -> bool:
+    """Return whether a browser would open a window; without one, some open in the terminal."""
+    return sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
 
 
 def _folder(script: Path | None) -> Path:
