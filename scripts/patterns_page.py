@@ -56,22 +56,22 @@ def _pattern(name: str) -> str:
     agent = pattern_file(name).read_text(encoding="utf-8")
     tests = tests_beside(pattern_file(name)).read_text(encoding="utf-8")
     case = tests.partition("- name: ")[2].partition("\n")[0]
-    test_case = shlex.quote(f"trees/agents/{name}.test.yaml:{case}")
+    test_case = f"trees/agents/{name}.test.yaml:{case}"
     return (
         f"## {name}\n\n**{_title(name)}.** {_why(agent)}\n\n```yaml\n{agent}```\n\n"
         f"```console\n$ bt-agents new {name} --pattern {name}\n"
-        f"$ bt-agents rehearse {test_case}\n{_rehearsal(name, case)}```\n\n"
+        f"$ bt-agents rehearse {shlex.quote(test_case)}\n{_rehearsal(name, test_case)}```\n\n"
         "Its tests check:\n\n" + "\n".join(f"- {one}" for one in _cases(tests))
     )
 
 
-def _rehearsal(name: str, case: str) -> str:
+def _rehearsal(name: str, test_case: str) -> str:
     """Return the output of a rehearsal of the pattern in a folder without other files."""
     runner = CliRunner()
     with TemporaryDirectory() as folder, chdir(folder):
         made = runner.invoke(bt_agents, ["new", name, "--pattern", name], catch_exceptions=False)
         assert made.exit_code == 0, made.output
-        words = ["rehearse", f"trees/agents/{name}.test.yaml:{case}"]
+        words = ["rehearse", test_case]
         return runner.invoke(bt_agents, words, catch_exceptions=False).stdout
 
 

@@ -50,15 +50,13 @@ def journal(files: tuple[Path, ...], out: Path | None) -> None:
         console.print(f"{escape(str(path))}  {path.stat().st_size / 1e6:.2f} MB")
     show_problems(console, recording)
     total = sum(recording.counts.values())
-    console.print(
-        f"{_moment(recording.first_ns)} to {_moment(recording.last_ns)}, {total} messages"
-    )
+    first, last = _moment(recording.first_ns / 1e9), _moment(recording.last_ns / 1e9)
+    console.print(f"{first} to {last}, {total} messages")
     for one in recording.recordings.values():
         if one.label or one.notes:
             console.print(_escaped(f"{one.file}: {_described(one)}"))
     for one in recording.bookmarks:
-        marked = _moment(one.header.stamp.sec * 10**9)
-        console.print(_escaped(f"{marked}  marked: {_described(one)}"))
+        console.print(_escaped(f"{_moment(one.header.stamp.sec)}  marked: {_described(one)}"))
     digits = len(str(max(recording.counts.values())))
     for topic, number in sorted(recording.counts.items()):
         console.print(f"{number:>{digits}}  {_escaped(topic)}")
@@ -181,5 +179,5 @@ def _described(one: Any) -> str:
     return f"{one.label or 'no label'}{notes}{author}"
 
 
-def _moment(nanoseconds: int) -> str:
-    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(nanoseconds / 1e9))
+def _moment(seconds: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))

@@ -80,7 +80,7 @@ def rehearse(
 ) -> None:
     """Rehearse an AGENT, by its name or file, without a robot.
 
-    TEST.test.yaml:CASE is a case of a test file; without CASE, it is the first one.
+    FILE.test.yaml:CASE rehearses a case of a test file; without CASE, the first one.
 
     The time is virtual. Questions without a given answer get a likely one; with -i you answer.
     Exit code 1 when the run fails or does not end.
