@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_msgs.msg import Empty, String
@@ -81,7 +81,7 @@ class RobotNode(BaseNode):
     """Simulated robot; a given voice overrides the parameter ``voice``.
 
     Goals of a host end when the host falls silent. Late goals of runs that the market has left
-    behind are refused. With the parameter ``needs_screen``, goals that a page shows end when no
+    behind are rejected. With the parameter ``needs_screen``, goals that a page shows end when no
     page is open.
     """
 
@@ -255,12 +255,22 @@ class RobotNode(BaseNode):
             kind,
             name,
             partial(self._execute, kind, make_act),
+            goal_callback=self._answer_goal,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
             goal_service_qos_profile=qos.SERVICE,
             result_service_qos_profile=qos.SERVICE,
             cancel_service_qos_profile=qos.SERVICE,
             result_timeout=RESULT_TIMEOUT_S,
         )
+
+    def _answer_goal(self, request: Any) -> GoalResponse:
+        """Reject a late goal: its status never shows it as executing."""
+        try:
+            self._check_run(request.run)
+        except Refused as refused:
+            self.get_logger().warning(f"goal rejected: {refused}")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
 
     async def _execute(self, kind: Any, make_act: Callable[[Any], Act], goal: Any) -> Any:
         try:
@@ -270,7 +280,6 @@ class RobotNode(BaseNode):
                 raise Refused(
                     RefusalCode.BUSY, f"the robot does {MOST_ACTS} things already; cancel some"
                 )
-            self._check_run(goal.request.run)
             act = make_act(goal.request)
             self._check_screen(act)
         except Refused as refused:
