@@ -127,7 +127,7 @@ class AnyLine(RuleBasedStateMachine):
             running = self.running is not None and self.running[0] == self.epoch
             assert self.running is None or running
             self.harness.busy[HOST] = self.running[1].round if self.running else 0
-            self.harness.wait(0.0625)
+            self.go_on(steps=1)  # a host that goes on answers what it missed
 
     @rule(away_s=outages, with_host=st.booleans(), ended=st.booleans())
     def lose_the_market(self, away_s: float, with_host: bool, ended: bool) -> None:
