@@ -95,7 +95,7 @@ def studio(
 def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     """Print what happens in the running system of a trees DIRECTORY, until Ctrl-C.
 
-    With --json it prints what a browser gets, one message a line: docs/studio_protocol.md.
+    With --json it prints what a browser gets, one message a line: docs/studio.md.
     """
     trees = take_trees(directory)
     space = read_scene(trees / "scene.yaml").space

@@ -720,11 +720,11 @@ COLLECTIONS: Mapping[str, type] = {
 }
 """Collection → the type of its values.
 
-Keys: agents, runs and trees by agent; feedback by agent, layer and revision; files by path;
-controls, health, hosts, tunings and parts by name; log and moods by number; countdowns, nodes and
-values by ``agent|path``; profiles by ``agent|layer``; rounds by ``epoch/round``; listening by
-topic; bookmarks by their time; events by what they tell of; tunables by name; the others have one
-entry, of key "".
+Keys: agents, runs and trees by agent; controls, hosts, tunings and parts by name; health by the
+part of a node, as ``/diagnostics`` names it; countdowns, nodes and values by ``agent|path``;
+profiles by ``agent|layer``; feedback by ``agent|layer|revision``; files by ``host|path``; tunables
+by ``host|parameter``; rounds by ``epoch/round``; listening by topic; log and moods by number;
+bookmarks by their time; events by their subject; the others have one entry, of key "".
 """
 
 MOST_ENTRIES: Mapping[str, int] = {
