@@ -197,13 +197,16 @@ class RobotNode(BaseNode):
         if max(len(message.epoch), len(message.agent)) <= LONGEST_NAME:
             self._fence.on_market(RunKey.of(message))
 
-    def _check_run(self, run: Any) -> None:
-        if self._fence.is_over(RunKey.of(run)):
-            raise Refused(
-                RefusalCode.OVER,
-                f"it belongs to the run of {printable(run.agent[:LONGEST_NAME])} in round "
-                f"{run.round}, from which the market has gone on; it was held up on its way",
-            )
+    def _why_late(self, run: Any) -> str:
+        """Return and log why a goal or request is too late; return nothing if it is in time."""
+        if not self._fence.is_over(RunKey.of(run)):
+            return ""
+        reason = (
+            f"it belongs to the run of {printable(run.agent[:LONGEST_NAME])} in round "
+            f"{run.round}, from which the market has gone on; it was held up on its way"
+        )
+        self.get_logger().warning(f"refused: {RefusalCode.OVER}: {reason}")
+        return reason
 
     # Screen
 
@@ -264,13 +267,8 @@ class RobotNode(BaseNode):
         )
 
     def _answer_goal(self, request: Any) -> GoalResponse:
-        """Reject a late goal: its status never shows it as executing."""
-        try:
-            self._check_run(request.run)
-        except Refused as refused:
-            self.get_logger().warning(f"goal rejected: {refused}")
-            return GoalResponse.REJECT
-        return GoalResponse.ACCEPT
+        """Reject a late goal, so that its status never shows it as executing."""
+        return GoalResponse.REJECT if self._why_late(request.run) else GoalResponse.ACCEPT
 
     async def _execute(self, kind: Any, make_act: Callable[[Any], Act], goal: Any) -> Any:
         try:
@@ -414,11 +412,8 @@ class RobotNode(BaseNode):
         self._transcript.publish(String(data=shown))
 
     def _on_light(self, request: Any, response: Any) -> Any:
-        try:
-            self._check_run(request.run)
-        except Refused as refused:
-            self.get_logger().warning(f"light refused: {refused}")
-            response.message = refused.reason
+        if reason := self._why_late(request.run):
+            response.message = reason
             return response
         colour = request.colour.strip().lower()
         if colour not in COLOURS:
