@@ -80,9 +80,9 @@ class _Performed:
 class RobotNode(BaseNode):
     """Simulated robot; a given voice overrides the parameter ``voice``.
 
-    Goals of a host end when the host falls silent. Late goals of runs that the market has left
-    behind are rejected. With the parameter ``needs_screen``, goals that a page shows end when no
-    page is open.
+    Goals of a host end when the host falls silent, and goals of a run when the next run acts. Late
+    goals of runs that the market has left behind are rejected. With the parameter
+    ``needs_screen``, goals that a page shows end when no page is open.
     """
 
     def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
@@ -267,8 +267,13 @@ class RobotNode(BaseNode):
         )
 
     def _answer_goal(self, request: Any) -> GoalResponse:
-        """Reject a late goal, so that its status never shows it as executing."""
-        return GoalResponse.REJECT if self._why_late(request.run) else GoalResponse.ACCEPT
+        """Reject a late goal; before another one begins, end what earlier runs have left."""
+        if self._why_late(request.run):
+            return GoalResponse.REJECT
+        for one in list(self._performed):
+            if self._fence.is_superseded(RunKey.of(one.goal.request.run), RunKey.of(request.run)):
+                self._end(one, "the robot was asked to act for the next run")
+        return GoalResponse.ACCEPT
 
     async def _execute(self, kind: Any, make_act: Callable[[Any], Act], goal: Any) -> Any:
         try:
@@ -294,12 +299,6 @@ class RobotNode(BaseNode):
             message: str | None = await performed.done
         finally:
             self._open_goals -= 1
-        if goal.is_cancel_requested:
-            goal.canceled()
-        elif message is None:
-            goal.succeed()
-        else:
-            goal.abort()
         return _result(act, time.monotonic(), message or "")
 
     def _say(self, request: Any) -> Act:
@@ -399,9 +398,15 @@ class RobotNode(BaseNode):
         self._states.publish(self._state)
 
     def _end(self, performed: _Performed, message: str | None) -> None:
-        """End an act; a message gives the reason for an early end."""
+        """End an act and its goal; a message gives the reason for an early end."""
         self._performed.remove(performed)
         performed.act.stop()
+        if performed.goal.is_cancel_requested:
+            performed.goal.canceled()
+        elif message is None:
+            performed.goal.succeed()
+        else:
+            performed.goal.abort()
         performed.done.set_result(message)
 
     # Light, sound and answers

@@ -36,6 +36,10 @@ class RunFence:
         self._named = named
         self._is_awarded = self._is_awarded or bool(named.agent)
 
+    def is_superseded(self, run: RunKey, by: RunKey) -> bool:
+        """Return whether a run must no longer act once another run acts."""
+        return self.is_over(run) or (run.epoch == by.epoch and run.round < by.round)
+
     def is_over(self, run: RunKey) -> bool:
         """Return whether a run is over, so that its requests are too late."""
         named = self._named

@@ -323,6 +323,16 @@ def test_robot_refuses_actions_of_ended_run(ros):
     assert robot.lines[said:] == ["says: Three.", "says: Four."]
 
 
+def test_next_run_ends_what_earlier_one_left(ros):
+    robot = Robot(ros, pace=1.0)
+    runs = [RunKey(epoch="e1", round=number, agent="leo") for number in (7, 8)]
+    left = robot.send("drive", destination="gate", run=runs[0])
+    by_hand = robot.send("show", clip="map")
+    robot.send("say", text="Hello.", run=runs[1])
+    assert robot.result(left)[0] == GoalStatus.STATUS_ABORTED
+    assert robot.cancel(by_hand)[0] == GoalStatus.STATUS_CANCELED
+
+
 def test_invalid_open_goals_lists_change_nothing(ros):
     robot = Robot(ros, pace=0.1)
     caller = Caller(ros)

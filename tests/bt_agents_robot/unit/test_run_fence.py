@@ -40,6 +40,16 @@ def test_run_is_over_once_market_moves_on(named, goal, over):
     assert fence(*named).is_over(goal) is over
 
 
+def test_later_run_supersedes_earlier_ones():
+    subject = fence(run(3), run(4))
+    assert subject.is_superseded(run(5), by=run(6))
+    assert not subject.is_superseded(run(5), by=run(5))
+    assert not subject.is_superseded(run(6), by=run(5))
+    assert not subject.is_superseded(run(5), by=run(6, epoch="e2"))
+    assert subject.is_superseded(run(3), by=NOBODY)
+    assert not subject.is_superseded(NOBODY, by=run(6))
+
+
 def test_goal_without_run_is_never_over():
     assert not fence(run(3), run(4)).is_over(NOBODY)
 
