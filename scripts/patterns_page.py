@@ -55,13 +55,13 @@ def _contents() -> str:
 def _pattern(name: str) -> str:
     agent = pattern_file(name).read_text(encoding="utf-8")
     tests = tests_beside(pattern_file(name)).read_text(encoding="utf-8")
-    case = tests.partition("- name: ")[2].partition("\n")[0]
-    test_case = f"trees/agents/{name}.test.yaml:{case}"
+    cases = [part.partition("\n")[0] for part in tests.split("- name: ")[1:]]
+    test_case = f"trees/agents/{name}.test.yaml:{cases[0]}"
     return (
         f"## {name}\n\n**{_title(name)}.** {_why(agent)}\n\n```yaml\n{agent}```\n\n"
         f"```console\n$ bt-agents new {name} --pattern {name}\n"
         f"$ bt-agents rehearse {shlex.quote(test_case)}\n{_rehearsal(name, test_case)}```\n\n"
-        "Its tests check:\n\n" + "\n".join(f"- {one}" for one in _cases(tests))
+        "Its tests check:\n\n" + "\n".join(f"- {one}" for one in cases)
     )
 
 
@@ -82,11 +82,6 @@ def _title(name: str) -> str:
 
 def _why(agent: str) -> str:
     return " ".join(agent.partition("description: >\n")[2].partition("\ntags:")[0].split())
-
-
-def _cases(tests: str) -> Iterator[str]:
-    for part in tests.split("- name: ")[1:]:
-        yield part.partition("\n")[0]
 
 
 def _libraries(trees: Path) -> Iterator[str]:

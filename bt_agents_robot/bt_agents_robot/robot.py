@@ -230,9 +230,6 @@ class RobotNode(BaseNode):
         if self._screen.is_gone(now):
             raise Refused(RefusalCode.UNREACHABLE, NO_PAGE)
 
-    def _awaits_screen(self, act: Act) -> bool:
-        return self._screen is not None and act.uses_screen and not self._screen.was_seen
-
     # Ending
 
     def request_stop(self) -> None:
@@ -364,9 +361,10 @@ class RobotNode(BaseNode):
         Those that need the screen wait for the first page.
         """
         now = time.monotonic()
+        awaits_screen = self._screen is not None and not self._screen.was_seen
         for performed in self._performed:
             act = performed.act
-            if act.begun_at is not None or self._awaits_screen(act):
+            if act.begun_at is not None or (act.uses_screen and awaits_screen):
                 continue
             if act.uses_mouth and any(other.act.is_speaking(now) for other in self._performed):
                 continue

@@ -3,25 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from bt_agents_language.model.specs import NodeSpec
-from bt_agents_language.nodes.endings import Outcome, Outcomes
+from bt_agents_language.nodes.endings import Outcome
 from bt_agents_language.nodes.node_type import NodeType, Role
 
 _SWAPPED = {Outcome.SUCCESS: Outcome.FAILURE, Outcome.FAILURE: Outcome.SUCCESS}
-
-
-def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
-    return frozenset(_SWAPPED.get(one, one) for one in children[0])
-
 
 INVERT = NodeType(
     key="invert",
     order=110,
     role=Role.DECORATOR,
     description="Success counts as failure and failure as success.",
-    outcomes=_outcomes,
+    outcomes=lambda spec, children: frozenset(_SWAPPED.get(one, one) for one in children[0]),
     unaffected=True,
     example="""\
 tree:
