@@ -17,7 +17,8 @@ from bt_agents_interfaces.msg import MarketStatus, OpenGoals, Run
 from bt_agents_ros import qos
 from bt_agents_tools.launcher import components
 from marketplace_node.settings import Settings
-from processes import BEATS_A_SECOND, ROOT, HeartbeatProbe, NodeProcess, System, write_trees
+from processes import BEATS_A_SECOND, HeartbeatProbe, NodeProcess, System, write_trees
+from tree_harness import TREES
 
 pytestmark = pytest.mark.e2e
 
@@ -165,7 +166,7 @@ def drivers(system: System) -> tuple[dict[str, NodeProcess], NodeProcess, Any]:
     for name, agent, age in (("agents_a", "leo", LEO), ("agents_b", "mira", MIRA)):
         folders[name] = write_trees(system.folder / name, **{agent: (age, f"drive: to {agent}")})
         shutil.rmtree(folders[name] / "skills")
-        shutil.copytree(ROOT / "trees" / "skills", folders[name] / "skills")
+        shutil.copytree(TREES / "skills", folders[name] / "skills")
     nodes = {"market": system.market(folders["agents_a"], **LIMITS)}
     robot = system.start(components.robot("off"))
     for name, trees in folders.items():

@@ -11,7 +11,8 @@ from std_msgs.msg import Empty, String
 from bt_agents_interfaces.msg import OpenGoals, Run
 from bt_agents_ros import qos
 from bt_agents_tools.launcher import components
-from processes import BEATS_A_SECOND, ROOT, NodeProcess, System, write_trees
+from processes import BEATS_A_SECOND, NodeProcess, System, write_trees
+from tree_harness import TREES
 
 pytestmark = pytest.mark.e2e
 
@@ -27,7 +28,7 @@ def robot_and_host(
     """
     trees = write_trees(system.folder / "a", leo=(4.0, tree))
     shutil.rmtree(trees / "skills")
-    shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
+    shutil.copytree(TREES / "skills", trees / "skills")
     file = trees / "skills" / "robot.yaml"
     text = file.read_text().replace("within: 2 s", f"within: {within}")
     patient = f"{{result: 2 min, accept: {accept}, server: {accept}}}"

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,16 +27,8 @@ from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
 from scripted_server import ScriptedServer
-from tree_harness import TREES, scene
-
-
-def agent_text(name: str, tree: str, more: str = "") -> str:
-    """Return the file of an agent, with more lines at its end."""
-    return (
-        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
-        f"profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n  {tree}\n{more}\n"
-    )
-
+from tree_harness import agent_text as agent_text
+from tree_harness import scene, trees_folder
 
 TOKEN = list(range(1, 17))
 """Token by which hosts recognise the goals of this market."""
@@ -131,33 +122,29 @@ class Market:
 
     def call(self, round_number: int = 1, **changes: Any) -> None:
         """Call for bids."""
-        message = CallForBids(
-            epoch=self.epoch,
-            round=round_number,
-            scene=scene_to_msg(scene(age=3, familiarity=3, mood=3)),
-            parameters=["age", "familiarity", "mood"],
-            deadline_s=0.5,
-        )
-        for name, value in changes.items():
-            setattr(message, name, value)
+        fields = {
+            "epoch": self.epoch,
+            "round": round_number,
+            "scene": scene_to_msg(scene(age=3, familiarity=3, mood=3)),
+            "parameters": ["age", "familiarity", "mood"],
+            "deadline_s": 0.5,
+        }
         self.ros.until(lambda: self._calls.get_subscription_count() > 0)
-        self._calls.publish(message)
+        self._calls.publish(CallForBids(**fields | changes))
 
     def goal(self, host: HostNode, agent: str = "talker", **changes: Any) -> RunAgent.Goal:
         """Return a goal for an agent of a host, with some fields changed."""
         member = host.registry.members.get(agent)
-        goal = RunAgent.Goal(
-            epoch=self.epoch,
-            round=1,
-            host_instance=host.instance,
-            agent=agent,
-            agent_id=member.agent_id if member else 1,
-            token=TOKEN,
-            scene=scene_to_msg(scene(age=3, familiarity=3, mood=3)),
-        )
-        for name, value in changes.items():
-            setattr(goal, name, value)
-        return goal
+        fields = {
+            "epoch": self.epoch,
+            "round": 1,
+            "host_instance": host.instance,
+            "agent": agent,
+            "agent_id": member.agent_id if member else 1,
+            "token": TOKEN,
+            "scene": scene_to_msg(scene(age=3, familiarity=3, mood=3)),
+        }
+        return RunAgent.Goal(**fields | changes)
 
     def send(self, goal: RunAgent.Goal) -> Any:
         """Send a goal; return its handle once the host has answered."""
@@ -235,13 +222,7 @@ class Bag:
 
 def folder(tmp_path: Path, *agents: str) -> Path:
     """Return a trees folder with these agents and the shipped skills and scene."""
-    trees = tmp_path / "trees"
-    shutil.copytree(TREES / "skills", trees / "skills")
-    shutil.copy(TREES / "scene.yaml", trees)
-    (trees / "agents").mkdir()
-    for number, text in enumerate(agents):
-        (trees / "agents" / f"{number}.yaml").write_text(text)
-    return trees
+    return trees_folder(tmp_path / "trees", {str(i): text for i, text in enumerate(agents)})
 
 
 def make_host(

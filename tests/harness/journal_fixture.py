@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,8 +13,7 @@ from typing import Any
 
 from rclpy.serialization import serialize_message
 
-from bt_agents.engine.run import Run as TreeRun
-from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
+from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
 from bt_agents_core.feedback import FeedbackKind
@@ -42,16 +40,15 @@ from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
 from ranked_rounds import bids, decided, terms
-from tree_harness import SPACE, TREES, scene
+from tree_harness import SPACE, TreeHarness, agent_text, scene, trees_folder
 
 NAN = math.nan
 EPOCH = "e1"
-TREE = """
-sequence:
-  - say: Hello
-  - {check: live.mood > 2, name: mood}
-  - {say: "You are ${answer}", name: reply}
-  - wait: 1 s
+TREE = """sequence:
+    - say: Hello
+    - {check: live.mood > 2, name: mood}
+    - {say: "You are ${answer}", name: reply}
+    - wait: 1 s
 """
 SKILLS = """
 format: 1
@@ -75,17 +72,11 @@ class PublishedMessage:
 
 def write_folder(folder: Path, **profiles: tuple[float, float, float]) -> Path:
     """Make a trees folder with agents of these profiles; return it."""
-    (folder / "agents").mkdir(parents=True)
-    (folder / "skills").mkdir()
-    (folder / "scene.yaml").write_text((TREES / "scene.yaml").read_text())
-    (folder / "skills" / "voice.yaml").write_text(SKILLS)
-    for name, (age, familiarity, mood) in profiles.items():
-        text = (
-            f"format: 1\nagent: {name}\ntitle: {name}\ndescription: d\nlearning_rate: 0.2\n"
-            f"profile: {{age: {age}, familiarity: {familiarity}, mood: {mood}}}\ntree:\n"
-        )
-        (folder / "agents" / f"{name}.yaml").write_text(text + textwrap.indent(TREE, "  "))
-    return folder
+    texts = {
+        name: agent_text(name, TREE, "learning_rate: 0.2", profile)
+        for name, profile in profiles.items()
+    }
+    return trees_folder(folder, texts, SKILLS)
 
 
 class JournaledSystem:
@@ -175,36 +166,17 @@ class JournaledSystem:
 
     def run(self, agent: str, person: Scene, mood: float = 3.0) -> str:
         """Tick the tree of the last winner to its end; return how it ended."""
-        world = ScriptedEnvironment(
-            {"say": [ScriptedReply(after_s=1.0, result={"message": "", "answer": "kind"})]}
-        )
-        spec = next(one for one in self._trees.agents if one.name == agent)
-        where = {"epoch": EPOCH, "round": self._number, "agent": agent}
-
-        moody = replace(
-            person,
-            values=tuple(
-                replace(value, value=mood) if value.name == "mood" else value
-                for value in person.values
-            ),
-        )
-        run = TreeRun(
-            spec,
-            space=SPACE,
-            scene=person,
-            profile=spec.profile,
-            live=lambda: moody,
-            tunables={},
-            environment=world,
-            steady=world.clock,
-        )
-        while run.result is None:
-            changes = run.tick()
-            if changes:
-                status = tree_status(to_time(0.0), SimpleNamespace(**where), "i1", run, changes)
+        reply = ScriptedReply(after_s=1.0, result={"message": "", "answer": "kind"})
+        [tree] = [one.tree for one in self._trees.agents if one.name == agent]
+        played = TreeHarness(tree, answers={"say": [reply]}, awarded=person)
+        played.set_mood(mood)
+        where = SimpleNamespace(epoch=EPOCH, round=self._number, agent=agent)
+        while played.run.result is None:
+            if changes := played.run.tick():
+                status = tree_status(to_time(0.0), where, "i1", played.run, changes)
                 self.publish("/agents/status", status)
-            world.clock.advance(0.4)
-        return run.result.outcome.value
+            played.environment.clock.advance(0.4)
+        return played.outcome
 
     def give_feedback(self, agent: str, kind: FeedbackKind, target: tuple[float, ...]) -> None:
         """Give feedback about the last run."""

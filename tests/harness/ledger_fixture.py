@@ -8,11 +8,11 @@ import math
 from typing import Any
 
 from bt_agents_core.feedback import FeedbackKind
-from feedback_node.learning.cards import AgentEntry, LearningCard
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.rows import LAYER, RevisionCause
 from feedback_node.management.management import Management, ManagementCommand, ManagementResult
+from learning_cards import card, entry
 from scene_spaces import space_of
 
 SPACE = space_of("age", "mood")
@@ -26,12 +26,7 @@ class ManagedLedger:
         self.ledger = Ledger(":memory:", wall=lambda: self.now)
         self.profiles = Profiles(SPACE, self.ledger)
         self.documents = 0
-        agents = tuple(
-            AgentEntry(name=name, profile=(3.0, 3.0), revision=0, learning_rate=0.5)
-            for name in ("guide", "express")
-        )
-        card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=agents)
-        self.profiles.register_card(card)
+        self.profiles.register_card(card(entry("guide"), entry("express")))
         self._management = Management(
             self.profiles, self.ledger, wall=lambda: self.now, new_id=self._new_id
         )

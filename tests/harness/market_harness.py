@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any, TypeVar
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import Origin, Scene, SceneValue
+from bt_agents_core.scene import Scene
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
@@ -29,7 +28,7 @@ from marketplace_node.market import Market
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
-from scene_spaces import space_of
+from scene_spaces import scene_of, space_of
 
 SPACE = space_of("age", "familiarity", "mood", mood="mood")
 GUIDE, EXPRESS, PLAIN = "attentive_guide", "professional_express", "plain"
@@ -39,18 +38,8 @@ _STEP_S = 1 / 16  # exact in binary, so sums of steps are exact, too
 
 def scene(scene_id: str = "s1", *values: float, label: str = "", urgent: bool = False) -> Scene:
     """Return a scene; NaN marks a missing value, the default is [5, 1, 3]."""
-    return Scene(
-        scene_id=scene_id,
-        label=label,
-        person=True,
-        urgent=urgent,
-        values=tuple(
-            SceneValue.missing(name)
-            if math.isnan(value)
-            else SceneValue(name=name, value=value, origin=Origin.GIVEN)
-            for name, value in zip(SPACE.names, values or (5.0, 1.0, 3.0), strict=True)
-        ),
-    )
+    given = values or (5.0, 1.0, 3.0)
+    return scene_of(SPACE, given, scene_id, label=label, urgent=urgent)
 
 
 def registration(

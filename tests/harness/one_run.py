@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
-from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, Vector
+from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_lab.experiments.random_streams import RandomStreams, round_seed
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
@@ -15,6 +15,7 @@ from feedback_node.learning import learning_step
 from feedback_node.rules import Watch
 from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
+from scene_spaces import scene_of
 
 
 @dataclass
@@ -75,7 +76,7 @@ def live(
             if not bidders:
                 break
             of_round = terms(
-                seen(vector, space),
+                scene_of(space, vector),
                 round=index + 1,
                 strategy=arm.strategy,
                 tie_break=arm.tie_break,
@@ -122,7 +123,7 @@ def react(
 ) -> tuple[list[FeedbackKind], float]:
     """Let the mood rules watch a person; return their feedback and the last mood."""
     now = 0.0
-    watch = Watch(rules(person, space), seen(vector, space), space, lambda: now)
+    watch = Watch(rules(person, space), scene_of(space, vector), space, lambda: now)
     assert space.mood is not None
     at = space.names.index(space.mood)
     limits = space.parameters[at]
@@ -131,7 +132,7 @@ def react(
         now += 1.0
         change = person.drift * fit + other * person.noise
         mood = min(max(mood + change, limits.minimum), limits.maximum)
-        fired = watch.receive(seen((*vector[:at], mood, *vector[at + 1 :]), space))
+        fired = watch.receive(scene_of(space, (*vector[:at], mood, *vector[at + 1 :])))
         given += [one.rule.give for one in fired]
         stops = [one for one in fired if one.rule.action is MoodAction.CANCEL]
         if stops:
@@ -152,16 +153,3 @@ def rules(person: Person, space: SceneSpace) -> list[MoodRule]:
             action=MoodAction.CANCEL,
         ),
     ]
-
-
-def seen(vector: Vector, space: SceneSpace) -> Scene:
-    """Return a scene in which every value is known."""
-    return Scene(
-        scene_id="s",
-        label="",
-        person=True,
-        values=tuple(
-            SceneValue(name=name, value=value, origin=Origin.GIVEN)
-            for name, value in zip(space.names, vector, strict=True)
-        ),
-    )

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import atexit
 import os
-import shutil
 import signal
 import textwrap
 import time
@@ -27,9 +26,8 @@ from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.supervisor import Component, launch
 from graph import Ros
-from programs import ROOT
 from scripted_server import Script, ScriptedServer
-from tree_harness import scene
+from tree_harness import agent_text, scene, trees_folder
 
 LIMIT_S = 60.0
 """Time limit of a wait for something that may hang [s]."""
@@ -68,19 +66,11 @@ def write_trees(folder: Path, **trees: tuple[float, str]) -> Path:
         folder: Created by this function.
         trees: Agent → the age in its profile, and its tree as YAML.
     """
-    (folder / "agents").mkdir(parents=True)
-    (folder / "skills").mkdir()
-    shutil.copy(ROOT / "trees" / "scene.yaml", folder)
-    (folder / "skills" / "voice.yaml").write_text(SKILLS)
+    texts = {}
     for name, (age, tree) in trees.items():
-        text = (
-            f"format: 1\nagent: {name}\ntitle: {name}\ndescription: d\n"
-            f"profile: {{age: {age}, familiarity: 3, mood: 3}}\ntree:\n"
-        )
-        (folder / "agents" / f"{name}.yaml").write_text(
-            text + textwrap.indent(textwrap.dedent(tree), "  ")
-        )
-    return folder
+        indented = textwrap.indent(textwrap.dedent(tree), "  ").strip()
+        texts[name] = agent_text(name, indented, profile=(age, 3, 3))
+    return trees_folder(folder, texts, SKILLS)
 
 
 @cache

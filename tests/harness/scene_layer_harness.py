@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.scene import Origin, Scene, SceneValue
-from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import (
     AddresseeRule,
     AddresseeSpec,
@@ -21,6 +21,7 @@ from scene_layer.memory import Memory
 from scene_layer.persons import Persons
 from scene_layer.scene_estimator import SceneEstimator
 from scene_layer.sources import Sources
+from scene_spaces import source as new_source
 
 _HERE = Position(file="scene.yaml", line=1, column=1)
 _USUAL = {"known": 0.0, "sure": 1.0, "age_std": 0.0}
@@ -30,15 +31,9 @@ def number_source(
     parameter: str, *points: tuple[float, float], topic: str = "", line: int = 1
 ) -> SourceSpec:
     """Return the source of a number, stale after 2 s."""
-    return SourceSpec(
-        parameter=parameter,
-        topic=topic or f"sensors/{parameter}",
-        type="std_msgs/msg/Float64",
-        field=parse_expression("msg.data"),
-        points=points,
-        stale_after_s=2.0,
-        position=Position(file="scene.yaml", line=line, column=1),
-    )
+    found = new_source(parameter, "std_msgs/msg/Float64", *points, stale_after_s=2.0)
+    position = replace(found.position, line=line)
+    return replace(found, topic=topic or found.topic, position=position)
 
 
 def persons_of(rule: AddresseeRule) -> Persons:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from bt_agents_core.diagnostic import Position
@@ -23,24 +24,30 @@ def space_of(*names: str, mood: str | None = None) -> SceneSpace:
 AGE_AND_MOOD = space_of("age", "mood", mood="mood")
 
 
-def age_and_mood(
-    age: float,
-    mood: float,
+def scene_of(
+    space: SceneSpace,
+    values: Sequence[float],
     scene_id: str = "s1",
     *,
-    origin: Origin = Origin.MEASURED,
+    origin: Origin = Origin.GIVEN,
     confidence: float = 1.0,
     person: bool = True,
+    label: str = "",
     **fields: Any,
 ) -> Scene:
     """Return a scene with these values; NaN marks a missing one."""
-    values = tuple(
+    found = tuple(
         SceneValue.missing(name)
         if math.isnan(value)
         else SceneValue(name=name, value=value, origin=origin, confidence=confidence)
-        for name, value in (("age", age), ("mood", mood))
+        for name, value in zip(space.names, values, strict=True)
     )
-    return Scene(scene_id=scene_id, label="", person=person, values=values, **fields)
+    return Scene(scene_id=scene_id, label=label, person=person, values=found, **fields)
+
+
+def age_and_mood(age: float, mood: float, scene_id: str = "s1", **fields: Any) -> Scene:
+    """Return a scene in which these values are measured; see :func:`scene_of`."""
+    return scene_of(AGE_AND_MOOD, (age, mood), scene_id, **{"origin": Origin.MEASURED} | fields)
 
 
 def source(

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_core.scene import SceneSpace
 from feedback_node.announced_runs import AnnouncedRun
-from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
+from feedback_node.learning.cards import LearningEntry
 from feedback_node.learning.fleet_steps import FleetStep, own_steps
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
@@ -22,7 +22,9 @@ from feedback_node.management.management import (
     ManagementCommand,
     ManagementResult,
 )
+from learning_cards import card, entry
 from ledger_fixture import SPACE
+from scene_spaces import scene_of
 
 NAN = math.nan
 
@@ -78,20 +80,10 @@ class Robot:
 
     def introduce(self, authored: float = 3.0, agents: Iterable[str] = ("guide",)) -> None:
         """Let the host introduce its agents."""
-        entries = tuple(
-            AgentEntry(
-                name=agent,
-                profile=(authored,) * len(self.space),
-                revision=0,
-                learning_rate=0.3,
-                learning=self.rule,
-            )
-            for agent in agents
-        )
-        card = LearningCard(
-            host="/agents", instance="i", parameters=self.space.names, agents=entries
-        )
-        assert self.profiles.register_card(card)[1] == ()
+        profile = (authored,) * len(self.space)
+        entries = [entry(name, profile, learning_rate=0.3, learning=self.rule) for name in agents]
+        introduced = card(*entries, parameters=self.space.names)
+        assert self.profiles.register_card(introduced)[1] == ()
 
     def teach(
         self,
@@ -104,16 +96,7 @@ class Robot:
         source: str = "t",
     ) -> None:
         self._feedback += 1
-        scene = Scene(
-            scene_id="s",
-            label="",
-            person=True,
-            values=tuple(
-                SceneValue(name=n, value=3.0, origin=Origin.GIVEN) for n in self.space.names
-            ),
-            person_id=person,
-            place=place,
-        )
+        scene = scene_of(self.space, (3.0,) * len(self.space), person_id=person, place=place)
         self.profiles.apply(
             "guide",
             kind,

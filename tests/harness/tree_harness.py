@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+import shutil
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,12 +19,13 @@ from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.field_types import Plain
-from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_core.scene import Origin, Scene, SceneSpace
 from bt_agents_language.files.folder_reader import read_symbols
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from file_texts import read_agent_text
+from scene_spaces import scene_of
 
 TREES = Path(__file__).parents[2] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
@@ -34,17 +37,40 @@ FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
     """Return a scene; parameters without a value are missing."""
-    return Scene(
-        scene_id=scene_id,
-        label="",
-        person=person,
-        values=tuple(
-            SceneValue(name=name, value=values[name], origin=Origin.MEASURED)
-            if name in values
-            else SceneValue.missing(name)
-            for name in SPACE.names
-        ),
+    vector = [values.get(name, math.nan) for name in SPACE.names]
+    return scene_of(SPACE, vector, scene_id, origin=Origin.MEASURED, person=person)
+
+
+def agent_text(
+    name: str, tree: str, more: str = "", profile: tuple[float, float, float] = (3, 3, 3)
+) -> str:
+    """Return the file of an agent, with more lines at its end."""
+    age, familiarity, mood = profile
+    return (
+        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
+        f"profile: {{age: {age}, familiarity: {familiarity}, mood: {mood}}}\n"
+        f"tree:\n  {tree}\n{more}\n"
     )
+
+
+def trees_folder(folder: Path, agents: Mapping[str, str], skills: str = "") -> Path:
+    """Make a trees folder with these files of agents and the shipped scene; return it.
+
+    Args:
+        folder: Created by this function.
+        agents: Name of a file → its text.
+        skills: Text of its skills instead of the shipped ones.
+    """
+    (folder / "agents").mkdir(parents=True)
+    shutil.copy(TREES / "scene.yaml", folder)
+    if skills:
+        (folder / "skills").mkdir()
+        (folder / "skills" / "voice.yaml").write_text(skills)
+    else:
+        shutil.copytree(TREES / "skills", folder / "skills")
+    for name, text in agents.items():
+        (folder / "agents" / f"{name}.yaml").write_text(text)
+    return folder
 
 
 def agent(tree: str, head: str = "") -> AgentSpec:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from feedback_node.ledger import Ledger
 from market_node_harness import is_recorded
+from tree_harness import trees_folder
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,14 +32,8 @@ tree: {{wait: "{wait}"}}
 
 
 def write_agents(tmp_path: Path, wait: str = "0 s", **ages: float) -> Path:
-    trees = tmp_path / f"trees{len(list(tmp_path.iterdir()))}"
-    shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
-    shutil.copy(ROOT / "trees" / "scene.yaml", trees)
-    (trees / "agents").mkdir()
-    for name, age in ages.items():
-        text = AGENT.format(name=name, age=age, wait=wait)
-        (trees / "agents" / f"{name}.yaml").write_text(text)
-    return trees
+    texts = {name: AGENT.format(name=name, age=age, wait=wait) for name, age in ages.items()}
+    return trees_folder(tmp_path / f"trees{len(list(tmp_path.iterdir()))}", texts)
 
 
 class System:

@@ -41,7 +41,7 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import CancelRun, OperateMarket, RegisterHost, SelectAgent
 from bt_agents_ros import limits, qos, size_check
 from bt_agents_ros.size_check import RefusalLog, check_bytes, check_content, check_fields
-from fake_market import TREES, Market, make_host
+from fake_market import Market, make_host
 from market_node_harness import MarketNodeHarness
 from programs import ROOT
 
@@ -193,7 +193,7 @@ def test_messages_about_shipped_agents_stay_far_below_limits(ros: Any) -> None:
     for kind, topic in topics.items():
         ros.node.create_subscription(kind, topic, said[kind].append, qos.FACTS, raw=True)
     market = Market(ros)
-    ros.add(make_host(TREES))
+    ros.add(make_host(ROOT / "trees"))
     market.open()
     ros.until(lambda: all(said.values()))
 
