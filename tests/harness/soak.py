@@ -8,7 +8,6 @@ import json
 import math
 import os
 import random
-import shutil
 import signal
 import sqlite3
 import statistics
@@ -18,7 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -50,8 +49,8 @@ from bt_agents_ros.messages import seconds
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
-from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_discovery
-from programs import ROOT, Program, children, environment_of
+from bt_agents_tools.launcher.supervisor import Supervisor, set_discovery
+from programs import ROOT, Program, environment_of, nodes
 from soak_promises import (
     EVERYTHING,
     FEEDBACK_STORED,
@@ -80,6 +79,7 @@ from soak_promises import (
     growths,
     longest_wait,
 )
+from tree_harness import trees_folder
 
 OTHER_HOST = "other_agents"
 
@@ -93,13 +93,21 @@ MODULES = {
 }
 """Module of a process of ``bt-agents up`` → its component."""
 
-SERVICES = {
-    "analyze": "scene_layer", "cancel": "marketplace", "operate": "marketplace",
-    "preview": "marketplace", "give": "feedback", "manage": "feedback",
-}  # fmt: skip
-"""Service → its component; the services of hosts have the host's name."""
-
 COMPONENTS = (*MODULES.values(), OTHER_HOST)
+HOSTS = ("agents", OTHER_HOST)
+
+SERVICES = {
+    "scene_layer/analyze": Analyze,
+    "marketplace/cancel": CancelRun,
+    "marketplace/operate": OperateMarket,
+    "marketplace/preview": PreviewAuction,
+    "feedback/give": GiveFeedback,
+    "feedback/manage": ManageProfiles,
+    **{f"{host}/tune": Tune for host in HOSTS},
+    **{f"{host}/reload": ReloadAgents for host in HOSTS},
+    **{f"{host}/get_parameters": GetParameters for host in HOSTS},
+}
+"""Service → its type; each begins with its component."""
 
 AGENTS = {
     "alma": ("agents", 1.5),
@@ -180,22 +188,6 @@ UNDER_WAY = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus
 TRACES = ("Traceback (most recent call last)", "Fatal Python error", "terminate called")
 
 
-@dataclass(frozen=True, kw_only=True)
-class HostComponent(Component):
-    """Second host of the system, under a name of its own."""
-
-    def command(self) -> list[str]:
-        return [*super().command(), "-r", f"__node:={self.name}"]
-
-
-@dataclass(eq=False, kw_only=True)
-class _Pending:
-    """Fault after which no run has started yet, and the CPU times at the fault."""
-
-    fault: Fault
-    cpu: tuple[float, float]
-
-
 def cpu_times() -> tuple[float, float]:
     """Return the idle time and all time of all cores, in ticks of the kernel."""
     values = [float(one) for one in Path("/proc/stat").read_text().splitlines()[0].split()[1:]]
@@ -223,7 +215,8 @@ class Soak:
         self._scene_layer_killed = -math.inf
         self._robot_goals = RobotGoals()
         self._runs: dict[bytes, str] = {}
-        self._pending: list[_Pending] = []
+        # Faults after which no run has started yet, and the CPU times at each.
+        self._pending: list[tuple[Fault, tuple[float, float]]] = []
         self._due: list[tuple[float, Callable[[], None]]] = []
         self._floods: list[subprocess.Popen[bytes]] = []
         self._stopped: set[int] = set()
@@ -255,12 +248,9 @@ class Soak:
 
     def start(self) -> None:
         """Start the processes, and wait until all agents are registered."""
-        for name, (host, age) in AGENTS.items():
-            trees = self._trees(host)
-            if not trees.exists():
-                (trees / "agents").mkdir(parents=True)
-                shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
-                shutil.copy(ROOT / "trees" / "scene.yaml", trees)
+        for host in HOSTS:
+            trees_folder(self._trees(host), {})
+        for name, (_, age) in AGENTS.items():
             self._write_agent(name, age, "hello")
         state = self.folder / "state"
         environment = environment_of(self.folder / "home") | {"COLUMNS": "200"}
@@ -270,15 +260,14 @@ class Soak:
         self._up = Program(up, environment)
         assert self._up.process.stdout is not None
         fcntl.fcntl(self._up.process.stdout, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-        host = components.host(
+        other = components.host(
             self._trees(OTHER_HOST),
             tunings=str(state / "other" / "tunings.json"),
             open_goals=str(state / "other" / "open-goals"),
+            name=OTHER_HOST,
         )
         self._supervisor = Supervisor(self.folder / "logs")
-        self._supervisor.start(
-            HostComponent(**{**vars(host), "name": OTHER_HOST, "parameters": host.parameters})
-        )
+        self._supervisor.start(other)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._executor = CachedExecutor()
         self._node = rclpy.create_node("soak")
@@ -309,19 +298,10 @@ class Soak:
             node.create_subscription(
                 GoalStatusArray, f"{action}/_action/status", self._states(action), qos.FACTS
             )
-        make = partial(node.create_client, qos_profile=qos.SERVICE)
         self._clients = {
-            "analyze": make(Analyze, "scene_layer/analyze"),
-            "cancel": make(CancelRun, "marketplace/cancel"),
-            "operate": make(OperateMarket, "marketplace/operate"),
-            "preview": make(PreviewAuction, "marketplace/preview"),
-            "give": make(GiveFeedback, "feedback/give"),
-            "manage": make(ManageProfiles, "feedback/manage"),
+            name: node.create_client(kind, name, qos_profile=qos.SERVICE)
+            for name, kind in SERVICES.items()
         }
-        for host in ("agents", OTHER_HOST):
-            self._clients[f"{host}/tune"] = make(Tune, f"{host}/tune")
-            self._clients[f"{host}/reload"] = make(ReloadAgents, f"{host}/reload")
-            self._clients[f"{host}/get"] = make(GetParameters, f"{host}/get_parameters")
 
     # What is heard
 
@@ -337,16 +317,13 @@ class Soak:
         if message.event != Run.STARTED:
             return
         self._spring(message.host.strip("/"))
-        for pending in list(self._pending):
-            if at <= pending.fault.at:
-                continue
-            self._pending.remove(pending)
-            idle, total = (a - b for a, b in zip(cpu_times(), pending.cpu, strict=True))
+        served = [one for one in self._pending if one[0].at < at]
+        for fault, cpu in served:
+            self._pending.remove((fault, cpu))
+            idle, total = (a - b for a, b in zip(cpu_times(), cpu, strict=True))
             overloaded = total > 0 and idle / total < SPARE_SHARE
-            silence_s = self._silence_s(pending.fault, at)
-            self._note(
-                Served, at=at, fault=pending.fault, silence_s=silence_s, overloaded=overloaded
-            )
+            silence_s = self._silence_s(fault, at)
+            self._note(Served, at=at, fault=fault, silence_s=silence_s, overloaded=overloaded)
             self._next_fault = self.now() + self._chance.uniform(2.0, 7.0)
 
     def _silence_s(self, fault: Fault, until: float) -> float:
@@ -410,10 +387,10 @@ class Soak:
         if self._pending and now >= self._next_probe:
             self._next_probe = now + PROBE_S
             self._probe()
-        for pending in list(self._pending):
-            if now - pending.fault.over > SERVED_S:
-                self._pending.remove(pending)
-                self._next_fault = now + 2.0
+        late = [one for one in self._pending if now - one[0].over > SERVED_S]
+        for pending in late:
+            self._pending.remove(pending)
+            self._next_fault = now + 2.0
         if self._trap:
             if now > self._trap_until:
                 self._spring(self._trap)
@@ -422,7 +399,7 @@ class Soak:
 
     def _probe(self) -> None:
         """Announce a scene if none is waiting, so that a run can follow."""
-        client = self._clients["analyze"]
+        client = self._clients["scene_layer/analyze"]
         if not self._waiting() and client.service_is_ready():
             future = client.call_async(self._scene())
             future.add_done_callback(lambda done: self._take_scene(done.result()))
@@ -456,12 +433,10 @@ class Soak:
         """Return component → process id of the living ones."""
         found = {}
         for parent, other in ((self._up.process.pid, ""), (os.getpid(), OTHER_HOST)):
-            for pid in children(parent):
-                with suppress(OSError):
-                    words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-                    for module, component in MODULES.items():
-                        if module in words and (not other or component == "agents"):
-                            found[other or component] = pid
+            for module, pid in nodes(parent):
+                component = MODULES.get(module)
+                if component == "agents" or (component and not other):
+                    found[other or component] = pid
         now = self.now()
         for component, pid in found.items():
             if self._since.get(component, (0, 0.0))[0] != pid:
@@ -520,7 +495,7 @@ class Soak:
     def _pend(self, component: str, kind: str, over: float) -> None:
         fault = Fault(at=self.now(), component=component, kind=kind, over=over)
         self.events.append(fault)
-        self._pending.append(_Pending(fault=fault, cpu=cpu_times()))
+        self._pending.append((fault, cpu_times()))
 
     def _killed(self, component: str, pid: int) -> None:
         self._pend(component, "killed", self.now())
@@ -552,7 +527,7 @@ class Soak:
 
         An act may have to wait until another fault of this moment is over.
         """
-        self._pend("up", "unread", max([self.now(), *(one.fault.over for one in self._pending)]))
+        self._pend("up", "unread", max([self.now(), *(fault.over for fault, _ in self._pending)]))
         self._up.leave_unread()
         self._due.append((self.now() + self._chance.uniform(5.0, 20.0), self._up.read_on))
 
@@ -564,8 +539,11 @@ class Soak:
     def _flooded(self, component: str, _pid: int) -> None:
         if component in ("feedback", "scene_layer", "agents", OTHER_HOST):
             name, request = {
-                "feedback": ("give", GiveFeedback.Request(agent="nobody", values=[1.0] * 500)),
-                "scene_layer": ("analyze", Analyze.Request(names=["x"] * 500)),
+                "feedback": (
+                    "feedback/give",
+                    GiveFeedback.Request(agent="nobody", values=[1.0] * 500),
+                ),
+                "scene_layer": ("scene_layer/analyze", Analyze.Request(names=["x"] * 500)),
             }.get(component, (f"{component}/tune", Tune.Request(names=["x.y"] * 500)))
             self._pend(component, "flooded", self.now())
             for _ in range(300):
@@ -603,7 +581,7 @@ class Soak:
         future = client.call_async(request)
         if then is not None:
             future.add_done_callback(lambda done: then(done.result()))
-        owner = SERVICES.get(service, service.partition("/")[0])
+        owner = service.partition("/")[0]
         future.add_done_callback(lambda _done: self._spring(owner))
         while not future.done():
             if self.now() > end:
@@ -649,7 +627,7 @@ class Soak:
     def do_scene(self) -> None:
         for _ in range(self._chance.choice([1, 1, 1, 1, 4])):
             asked_at = self.now()
-            answer = self.ask("analyze", self._scene(), self._take_scene)
+            answer = self.ask("scene_layer/analyze", self._scene(), self._take_scene)
             self._scene_requests.append((asked_at, self.now()))
             if answer is None:
                 break
@@ -674,7 +652,7 @@ class Soak:
         # Only some cancels also drop the scenes in line.
         number = 0 if self._chance.random() < 0.2 else self._market.round
         request = CancelRun.Request(reason="soak", by=Run.OPERATOR, round=number)
-        self.ask("cancel", request)
+        self.ask("marketplace/cancel", request)
 
     def do_feedback(self) -> None:
         self._numbers += 1
@@ -690,11 +668,12 @@ class Soak:
             if answer.accepted:
                 self._note(FeedbackAcknowledged, feedback=feedback)
 
-        self.ask("give", request, take)
+        self.ask("feedback/give", request, take)
 
     def do_undo(self) -> None:
         agent = self._chance.choice(list(AGENTS))
-        self.ask("manage", ManageProfiles.Request(action=ManageProfiles.Request.UNDO, agent=agent))
+        undo = ManageProfiles.Request(action=ManageProfiles.Request.UNDO, agent=agent)
+        self.ask("feedback/manage", undo)
 
     def _set(self, name: str, value: object, *, acknowledged: bool) -> None:
         self._asked[name] = self.now()
@@ -733,7 +712,7 @@ class Soak:
 
     def _order(self, action: int, agent: str) -> bool:
         order = OperateMarket.Request
-        answer = self.ask("operate", order(action=action, agent=agent, author="soak"))
+        answer = self.ask("marketplace/operate", order(action=action, agent=agent, author="soak"))
         name = "pinned" if action <= order.UNPIN else f"veto of {agent}"
         value = {order.PIN: agent, order.UNPIN: "", order.VETO: True, order.ALLOW: False}[action]
         if answer is None or answer.accepted:
@@ -757,7 +736,8 @@ class Soak:
 
     def do_award(self) -> None:
         agent = self._chance.choice(list(AGENTS))
-        self.ask("operate", OperateMarket.Request(action=OperateMarket.Request.AWARD, agent=agent))
+        award = OperateMarket.Request(action=OperateMarket.Request.AWARD, agent=agent)
+        self.ask("marketplace/operate", award)
 
     def do_reload(self) -> None:
         name = self._chance.choice(list(AGENTS))
@@ -766,18 +746,18 @@ class Soak:
         self.ask(f"{host}/reload", ReloadAgents.Request())
 
     def do_preview(self) -> None:
-        self.ask("preview", PreviewAuction.Request())
+        self.ask("marketplace/preview", PreviewAuction.Request())
 
     def do_look(self) -> None:
         """Read all settings that were requested before."""
-        for host in ("agents", OTHER_HOST):
+        for host in HOSTS:
             names = [
                 f"{agent}.pause"
                 for agent, (of, _) in AGENTS.items()
                 if of == host and f"{agent}.pause" in self._asked
             ]
             if names:
-                answer = self.ask(f"{host}/get", GetParameters.Request(names=names))
+                answer = self.ask(f"{host}/get_parameters", GetParameters.Request(names=names))
                 if answer is not None and len(answer.values) == len(names):
                     for name, value in zip(names, answer.values, strict=True):
                         self._read(name, round(value.double_value, 2))
@@ -937,27 +917,6 @@ def growth_table(events: list[Event]) -> Iterator[str]:
         )
 
 
-def soak(minutes: float, seed: int, folder: Path, tell: Callable[[str], None]) -> list[Verdict]:
-    """Run a soak; print its progress and tables, and return the verdicts."""
-    running = Soak(folder, seed)
-    try:
-        running.start()
-        running.run(minutes, tell)
-    finally:
-        events = running.close()
-    verdicts = check(events)
-    tell("")
-    for lines in (table(verdicts), recovery_table(events), growth_table(events)):
-        for line in lines:
-            tell(line)
-        tell("")
-    tell("done: " + ", ".join(f"{name} {count}" for name, count in sorted(running.done.items())))
-    for verdict in verdicts:
-        for breach in verdict.breaches:
-            tell(f"broken at {breach.at:.1f} s (seed {seed}): {breach.promise}: {breach.text}")
-    return verdicts
-
-
 @click.command()
 @click.argument("minutes", type=click.FloatRange(min=0.1), default=10.0)
 @click.option("--seed", default=1, show_default=True, help="Of all that is left to chance.")
@@ -973,7 +932,21 @@ def main(minutes: float, seed: int, any_time: bool, logs: str) -> None:
     folder = Path(logs).resolve() if logs else Path(tempfile.mkdtemp(prefix="bt-agents-soak-"))
     folder.mkdir(parents=True, exist_ok=True)
     click.echo(f"seed {seed}, {minutes:g} minutes; logs in {folder}")
-    verdicts = soak(minutes, seed, folder, click.echo)
+    running = Soak(folder, seed)
+    try:
+        running.start()
+        running.run(minutes, click.echo)
+    finally:
+        events = running.close()
+    verdicts = check(events)
+    for lines in (table(verdicts), recovery_table(events), growth_table(events)):
+        click.echo("\n" + "\n".join(lines))
+    done = ", ".join(f"{name} {count}" for name, count in sorted(running.done.items()))
+    click.echo(f"\ndone: {done}")
+    for verdict in verdicts:
+        for breach in verdict.breaches:
+            text = f"{breach.promise}: {breach.text}"
+            click.echo(f"broken at {breach.at:.1f} s (seed {seed}): {text}")
     judged = [one for one in verdicts if not (any_time and one.promise == RECOVERY)]
     raise SystemExit(int(any(verdict.breaches for verdict in judged)))
 

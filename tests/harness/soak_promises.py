@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,10 +18,6 @@ NO_GROWTH = "no process grows, nor does the state folder"
 RECOVERY = "after a fault nobody waits longer than 3 s for the next act"
 NO_FAILURE = "no process ends or fails by itself"
 REPLAY = "all decisions and all learning in the journal replay equal"
-
-PROMISES = (
-    ONE_END, FEEDBACK_STORED, SETTINGS_STORED, ONE_ACTS, NO_GROWTH, RECOVERY, NO_FAILURE, REPLAY,
-)  # fmt: skip
 
 RECOVERY_S = 3.0
 """Longest time without an act after a fault, on a machine with time to spare [s]."""
@@ -239,7 +235,7 @@ class Replayed(Event):
     difference: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Breach:
     """One moment at which a promise was broken."""
 
@@ -264,29 +260,16 @@ class Verdict:
 def check(events: Iterable[Event]) -> list[Verdict]:
     """Return the verdict on each promise from the events of a whole soak."""
     ordered = sorted(events, key=lambda event: event.at)
-    checks = {
-        ONE_END: _check_ends,
-        FEEDBACK_STORED: _check_feedback,
-        SETTINGS_STORED: _check_settings,
-        ONE_ACTS: _check_acts,
-        NO_GROWTH: _check_growth,
-        RECOVERY: _check_recovery,
-        NO_FAILURE: _check_failures,
-        REPLAY: _check_replay,
-    }
-    return [_verdict(promise, checks[promise](ordered)) for promise in PROMISES]
+    verdicts = []
+    for promise, find in _CHECKS.items():
+        found = list(find(ordered))
+        breaches = tuple(Breach(promise, *one) for one in found if one is not None)
+        verdicts.append(Verdict(promise=promise, checked=len(found), breaches=breaches))
+    return verdicts
 
 
 _Findings = Iterator[tuple[float, str] | None]
 """For each check None, or when and how it broke the promise."""
-
-
-def _verdict(promise: str, findings: _Findings) -> Verdict:
-    found = list(findings)
-    breaches = [
-        Breach(promise=promise, at=one[0], text=one[1]) for one in found if one is not None
-    ]
-    return Verdict(promise=promise, checked=len(found), breaches=tuple(breaches))
 
 
 def _of(kind: type, events: Sequence[Event]) -> list:
@@ -508,3 +491,16 @@ def _check_failures(events: Sequence[Event]) -> _Findings:
 def _check_replay(events: Sequence[Event]) -> _Findings:
     for one in _of(Replayed, events):
         yield (one.at, f"{one.item}: {one.difference}") if one.difference else None
+
+
+_CHECKS: Mapping[str, Callable[[Sequence[Event]], _Findings]] = {
+    ONE_END: _check_ends,
+    FEEDBACK_STORED: _check_feedback,
+    SETTINGS_STORED: _check_settings,
+    ONE_ACTS: _check_acts,
+    NO_GROWTH: _check_growth,
+    RECOVERY: _check_recovery,
+    NO_FAILURE: _check_failures,
+    REPLAY: _check_replay,
+}
+PROMISES = tuple(_CHECKS)
