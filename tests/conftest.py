@@ -44,11 +44,7 @@ def pytest_runtest_makereport() -> Any:
     return report
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report() -> Any:
-    report = yield
-    judge(report)
-    return report
+pytest_make_collect_report = pytest_runtest_makereport
 
 
 @pytest.hookimpl(wrapper=True)

@@ -48,10 +48,10 @@ def write_bag(
         stream = io.BytesIO()
         writer = Writer(stream, compression=chunks, use_chunking=use_chunking)
         writer.start(profile="ros2", library="libmcap 1.1.0")
-        known: dict[str, tuple[int, str]] = {}
+        channels: dict[str, int] = {}
         schemas: dict[str, int] = {}
         for place, one in enumerate(part, number * size + 1):
-            if one.topic not in known:
+            if one.topic not in channels:
                 topic = topic_of(type(one.message), f"{namespace}{one.topic}")
                 if topic.type not in schemas:
                     schemas[topic.type] = writer.register_schema(
@@ -59,12 +59,11 @@ def write_bag(
                         encoding="ros2msg" if definitions else "unknown",
                         data=topic.definition.encode() if definitions else b"",
                     )
-                channel = writer.register_channel(
+                channels[one.topic] = writer.register_channel(
                     topic=topic.name, message_encoding="cdr", schema_id=schemas[topic.type]
                 )
-                known[one.topic] = (channel, topic.type)
             writer.add_message(
-                channel_id=known[one.topic][0],
+                channel_id=channels[one.topic],
                 log_time=place + 1000,
                 data=serialize_message(one.message),
                 publish_time=place if is_sent_known else 0,

@@ -3,17 +3,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from playwright.sync_api import Browser, sync_playwright
 
-from npm_packages import installed_packages, node_environment, program
+from npm_packages import installed_packages, make_once, node_environment, program
 
 _UNPACK = """
 import('@sparticuz/chromium').then(one => one.default.executablePath()).then(console.log)
@@ -25,9 +24,7 @@ _UNPACK_S = 120
 def chromium() -> Iterator[Browser]:
     """Run a headless browser."""
     path, libraries = installed_browser()
-    environment = {**os.environ}
-    if libraries is not None:
-        environment["LD_LIBRARY_PATH"] = str(libraries)
+    environment = {**os.environ, "LD_LIBRARY_PATH": str(libraries)}
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=path, args=["--no-sandbox"], env=environment
@@ -42,14 +39,7 @@ def installed_browser() -> tuple[str, Path]:
     """Return the path of a browser, and of the extra libraries that it needs."""
     folder = installed_packages().parent
     unpacked = folder / "unpacked"
-    if not unpacked.exists():
-        with tempfile.TemporaryDirectory(dir=folder) as half:
-            made = Path(half) / "unpacked"
-            made.mkdir()
-            _unpack(folder, made)
-            # Only a complete folder gets the name, even if two tests unpack at once.
-            with contextlib.suppress(OSError):
-                made.rename(unpacked)
+    make_once(unpacked, partial(_unpack, folder))
     return str(unpacked / "chromium"), unpacked / "al2023" / "lib"
 
 

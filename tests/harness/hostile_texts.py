@@ -15,8 +15,6 @@ HOSTILE = (
 )
 """Terminal title and screen, line ends, direction marks and invisible characters."""
 
-_ITEMS = 2
-
 _NUMBERS = {"boolean": False, "octet": b"\0", "float": 0.0, "double": 0.0}
 """Type of a field → its value; all others are 0."""
 
@@ -27,7 +25,7 @@ def hostile(kind: type[Any]) -> Any:
     for name in kind.get_fields_and_field_types():
         slot = slot_at(kind, name)
         if isinstance(slot, idl.AbstractSequence):
-            value = [_value(slot_at(kind, f"{name}.0")) for _ in range(_ITEMS)]
+            value = [_value(slot_at(kind, f"{name}.0")) for _ in range(2)]
         else:
             value = _value(slot)
         if value is not None:

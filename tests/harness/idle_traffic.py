@@ -15,10 +15,11 @@ import sys
 import time
 from pathlib import Path
 
+from programs import BT_AGENTS, HANG_S, printed_by
+
 SETTLE_S = 10.0
 WINDOW_S = 5.0
 JOINERS = 7
-HANG_S = 60.0
 
 JOIN = """
 import sys, time
@@ -50,10 +51,9 @@ def main() -> None:
     # Use the launcher's profile, like all commands.
     from bt_agents_tools.launcher.supervisor import set_discovery
 
-    environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    command = [sys.executable, "-m", "bt_agents_tools.cli", "up", sys.argv[1]]
-    command += ["--no-voice"]
-    up = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    command = [sys.executable, *BT_AGENTS, "up", sys.argv[1], "--no-voice"]
+    up = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert up.stdout is not None
         for line in up.stdout:
@@ -63,19 +63,8 @@ def main() -> None:
         before, begin = _counts(), time.monotonic()
         time.sleep(WINDOW_S)
         after, duration_s = _counts(), time.monotonic() - begin
-        set_discovery(environment)
-        joined = [
-            float(
-                subprocess.run(
-                    [sys.executable, "-c", JOIN],
-                    stdout=subprocess.PIPE,
-                    check=True,
-                    env=environment,
-                    timeout=HANG_S,
-                ).stdout
-            )
-            for _ in range(JOINERS)
-        ]
+        set_discovery(os.environ)
+        joined = [float(printed_by(JOIN)[-1]) for _ in range(JOINERS)]
     finally:
         up.send_signal(signal.SIGINT)
         up.wait(HANG_S)

@@ -40,7 +40,7 @@ from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
 from ranked_rounds import bids, decided, terms
-from tree_harness import SPACE, TreeHarness, agent_text, scene, trees_folder
+from tree_harness import SPACE, VOICE, TreeHarness, agent_text, scene, trees_folder
 
 NAN = math.nan
 EPOCH = "e1"
@@ -50,16 +50,7 @@ TREE = """sequence:
     - {say: "You are ${answer}", name: reply}
     - wait: 1 s
 """
-SKILLS = """
-format: 1
-skills:
-  say:
-    description: Speak a text.
-    main: text
-    inputs: {text: {type: text, description: what to say}}
-    outputs: {answer: {type: text, description: what is answered}}
-    action: {name: say, type: bt_agents_interfaces/action/Say, goal: {text: "${text}"}}
-"""
+ANSWERED = "    outputs: {answer: {type: text, description: what is answered}}\n"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +67,7 @@ def write_folder(folder: Path, **profiles: tuple[float, float, float]) -> Path:
         name: agent_text(name, TREE, "learning_rate: 0.2", profile)
         for name, profile in profiles.items()
     }
-    return trees_folder(folder, texts, SKILLS)
+    return trees_folder(folder, texts, VOICE + ANSWERED)
 
 
 class JournaledSystem:
@@ -107,12 +98,10 @@ class JournaledSystem:
         self._revisions = dict.fromkeys(self.profiles, 0)
         self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
         texts = AgentVersions(self._trees).texts_in_force()
-        self.publish(
-            "/agents/files",
-            AgentFiles(
-                host="/agents", host_instance="i1", files=list(texts), texts=list(texts.values())
-            ),
+        files = AgentFiles(
+            host="/agents", host_instance="i1", files=list(texts), texts=list(texts.values())
         )
+        self.publish("/agents/files", files)
         self.publish("/bt_agents/cards", self._card())
 
     def publish(self, topic: str, message: Any) -> None:
@@ -139,17 +128,12 @@ class JournaledSystem:
         )
         decision = decided(of_round, bids(self.profiles), space=SPACE, duration_s=0.1)
         best = decision.ranked.bids[0]
-        self.publish(
-            "/bt_agents/auctions",
-            auction_to_msg(
-                PublishAuction(
-                    decision=decision,
-                    reason_fn=partial(reason_of, decision),
-                    explanation_fn=partial(explanation, decision, SPACE),
-                ),
-                self._stamp(),
-            ),
+        auction = PublishAuction(
+            decision=decision,
+            reason_fn=partial(reason_of, decision),
+            explanation_fn=partial(explanation, decision, SPACE),
         )
+        self.publish("/bt_agents/auctions", auction_to_msg(auction, self._stamp()))
         self._runs.append(best.agent)
         self.publish(
             "/bt_agents/runs",

@@ -55,12 +55,9 @@ class LanguageServer:
             self._tell("exit", None)
             self._process.wait(timeout=10)
         finally:
-            self._process.kill()
-            self._process.wait()
-            self._listener.join()
-            for pipe in (self._process.stdin, self._process.stdout):
-                if pipe is not None:
-                    pipe.close()
+            with self._process:
+                self._process.kill()
+                self._listener.join()
 
     def problems(self, path: Path, text: str) -> list[str]:
         """Open a text as a file and return the server's diagnostics."""
@@ -73,22 +70,21 @@ class LanguageServer:
 
     def completions(self, path: Path, text: str) -> dict[str, dict[str, Any]]:
         """Return the server's completions at ``▮`` in the text, by label."""
-        uri, place = self._opened_at(path, text)
-        answer = self._ask("textDocument/completion", {**place, "textDocument": {"uri": uri}})
+        answer = self._ask_at("textDocument/completion", path, text)
         items = answer if isinstance(answer, list) else answer["items"]
         return {item["label"]: item for item in items}
 
     def hover(self, path: Path, text: str) -> str:
         """Return the server's hover text for the word at ``▮`` in the text."""
-        uri, place = self._opened_at(path, text)
-        answer = self._ask("textDocument/hover", {**place, "textDocument": {"uri": uri}})
+        answer = self._ask_at("textDocument/hover", path, text)
         return "" if answer is None else str(answer["contents"]["value"])
 
-    def _opened_at(self, path: Path, text: str) -> tuple[str, dict[str, Any]]:
+    def _ask_at(self, method: str, path: Path, text: str) -> Any:
         before, _, after = text.partition("▮")
-        uri = self._open(path, before + after)
-        line = before.count("\n")
-        return uri, {"position": {"line": line, "character": len(before) - before.rfind("\n") - 1}}
+        document = {"uri": self._open(path, before + after)}
+        *lines, line = before.split("\n")
+        place = {"line": len(lines), "character": len(line)}
+        return self._ask(method, {"textDocument": document, "position": place})
 
     def _open(self, path: Path, text: str) -> str:
         # Each text gets a name of its own: the server remembers its last diagnostics.
@@ -146,11 +142,6 @@ class LanguageServer:
 
 _SETTINGS = {
     # Only the schemas that the files name, without look-ups on the net.
-    "yaml": {
-        "validate": True,
-        "hover": True,
-        "completion": True,
-        "schemaStore": {"enable": False},
-    },
+    "yaml": {"schemaStore": {"enable": False}},
     "[yaml]": {"editor.tabSize": 2, "editor.insertSpaces": True},
 }

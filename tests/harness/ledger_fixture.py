@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from typing import Any
@@ -25,15 +26,14 @@ class ManagedLedger:
         self.now = 1_000_000.0
         self.ledger = Ledger(":memory:", wall=lambda: self.now)
         self.profiles = Profiles(SPACE, self.ledger)
-        self.documents = 0
+        numbers = itertools.count(1)
         self.profiles.register_card(card(entry("guide"), entry("express")))
         self._management = Management(
-            self.profiles, self.ledger, wall=lambda: self.now, new_id=self._new_id
+            self.profiles,
+            self.ledger,
+            wall=lambda: self.now,
+            new_id=lambda: f"document-{next(numbers)}",
         )
-
-    def _new_id(self) -> str:
-        self.documents += 1
-        return f"document-{self.documents}"
 
     def execute(self, action: int, **fields: Any) -> ManagementResult:
         return self._management.execute(ManagementCommand(action=action, **fields))

@@ -18,7 +18,7 @@ import machine_probe
 import network_switch
 from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_tools.launcher.supervisor import LAN_PROFILE
-from programs import ROOT, Program
+from programs import Program
 from skipped_tests import NAMESPACES
 
 DOMAIN = "64"
@@ -101,12 +101,7 @@ class Network:
         self._names = list(names)
         self._programs: list[Program] = []
         self._servers: list[subprocess.Popen[bytes]] = []
-        self._settings: dict[str, object] = {
-            "delay": 0.0,
-            "loss": 0.0,
-            "out": [],
-            "multicast": True,
-        }
+        self._settings = dict(network_switch.SETTINGS)
         self.machines = {
             name: Machine(name, address_of(number), folder, environment or {})
             for number, name in enumerate(names, start=1)
@@ -126,20 +121,18 @@ class Network:
     def set(self, **settings: object) -> None:
         """Set delay and loss, the unplugged cables, and whether multicast passes."""
         self._settings |= settings
-        told = dict(self._settings)
-        told["out"] = [self._names.index(name) for name in told["out"]]  # type: ignore[attr-defined]
+        out = [self._names.index(name) for name in self._settings["out"]]
         assert self._switch.stdin is not None
         assert self._switch.stdout is not None
-        self._switch.stdin.write(json.dumps(told) + "\n")
+        self._switch.stdin.write(json.dumps({**self._settings, "out": out}) + "\n")
         self._switch.stdin.flush()
         assert self._switch.stdout.readline() == "set\n"
 
     def start(self, machine: str, *arguments: str) -> Program:
         """Start ``bt-agents`` on a machine."""
         one = self.machines[machine]
-        program = Program(arguments, one.environment, ROOT, before=one.inside)
-        self._programs.append(program)
-        return program
+        self._programs.append(Program(arguments, one.environment, before=one.inside))
+        return self._programs[-1]
 
     def serve_discovery(self, machine: str) -> None:
         """Start a discovery server on a machine."""
@@ -155,9 +148,7 @@ class Network:
         """Start a probe on a machine, which prints the messages that it receives there."""
         one = self.machines[machine]
         environment = {**one.environment, PROFILE: str(LAN_PROFILE)}
-        program = Program(
-            (), environment, ROOT, before=one.inside, program=(machine_probe.__file__,)
-        )
+        program = Program((), environment, before=one.inside, program=(machine_probe.__file__,))
         self._programs.append(program)
         program.until("listening")
         return program
@@ -174,8 +165,5 @@ class Network:
             program.kill()
         keepers = [one.keeper for one in self.machines.values()]
         for helper in (*self._servers, self._switch, *keepers):
-            helper.kill()
-            helper.wait()
-            for stream in (helper.stdin, helper.stdout):
-                if stream is not None:
-                    stream.close()
+            with helper:
+                helper.kill()

@@ -125,9 +125,8 @@ class FakeHost(Node):
     def judge(self, goal: Any) -> GoalResponse:
         if goal.agent in self.refuses or self.goal is not None:
             return GoalResponse.REJECT
-        if goal.agent in self.explains:
-            return GoalResponse.ACCEPT
-        self.goal, self.stopped_early = goal, False
+        if goal.agent not in self.explains:
+            self.goal, self.stopped_early = goal, False
         return GoalResponse.ACCEPT
 
     def stop(self, _handle: Any) -> CancelResponse:
@@ -181,12 +180,8 @@ class MarketNodeHarness:
         **parameters: Any,
     ) -> None:
         self.ros = ros
-        overrides = [
-            Parameter(name, value=value)
-            for name, value in (
-                {"collect_deadline": 0.1, "strategy": "manhattan"} | parameters
-            ).items()
-        ]
+        parameters = {"collect_deadline": 0.1, "strategy": "manhattan"} | parameters
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         self.market = ros.add(
             active_market(
                 SPACE,
@@ -201,12 +196,8 @@ class MarketNodeHarness:
         self.ends = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
         self.statuses = ros.collect(MarketStatus, "bt_agents/market", qos.FACT)
         self.scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
-        self.registering = ros.node.create_client(
-            RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
-        )
-        self.cancelling = ros.node.create_client(
-            CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE
-        )
+        self.registering = ros.node.create_client(RegisterHost, "marketplace/register")
+        self.cancelling = ros.node.create_client(CancelRun, "marketplace/cancel")
         ros.until(lambda: self.scenes.get_subscription_count() and self.statuses)
 
     def host(self, name: str = "agents", **bids: tuple[float, ...]) -> FakeHost:

@@ -20,12 +20,14 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 DEVICE = "cable"
+SETTINGS: Mapping[str, Any] = {"delay": 0.0, "loss": 0.0, "out": (), "multicast": True}
 
 _TUNSETIFF, _IFF_TAP, _IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
 _CLONE_NEWNET = 0x40000000
@@ -64,7 +66,7 @@ def waiting_frames(device: int) -> Iterator[bytes]:
 
 def forward(devices: list[int]) -> None:
     """Forward frames to all other devices until the standard input ends."""
-    settings = {"delay": 0.0, "loss": 0.0, "out": [], "multicast": True}
+    settings = SETTINGS
     chance = random.Random(7)
     numbers = count()
     seats: dict[bytes, int] = {}

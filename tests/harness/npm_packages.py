@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,22 @@ def npm(*arguments: str, folder: Path) -> None:
         pytest.skip(f"npm {' '.join(arguments)} failed (exit {done.returncode})")
 
 
+def make_once(folder: Path, make: Callable[[Path], None]) -> None:
+    """Let a function fill a folder, unless it exists.
+
+    Only a complete folder gets the name, even if two tests make it at once.
+    """
+    if folder.exists():
+        return
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent) as half:
+        made = Path(half) / "made"
+        made.mkdir()
+        make(made)
+        with contextlib.suppress(OSError):
+            made.rename(folder)
+
+
 def installed_packages() -> Path:
     """Return the folder ``node_modules`` with the packages that ``tests/npm`` locks."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
@@ -60,15 +77,11 @@ def installed_packages() -> Path:
     locked = [_LOCKED / "package.json", _LOCKED / "package-lock.json"]
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in locked)).hexdigest()
     folder = cache / digest[:12]
-    if not folder.exists():
-        cache.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=cache) as half:
-            made = Path(half) / "packages"
-            made.mkdir()
-            for path in locked:
-                shutil.copy(path, made)
-            npm("ci", "--ignore-scripts", folder=made)
-            # Only a complete folder gets the name, even if two tests fetch at once.
-            with contextlib.suppress(OSError):
-                made.rename(folder)
+
+    def fetch(made: Path) -> None:
+        for path in locked:
+            shutil.copy(path, made)
+        npm("ci", "--ignore-scripts", folder=made)
+
+    make_once(folder, fetch)
     return folder / "node_modules"

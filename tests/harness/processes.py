@@ -27,7 +27,7 @@ from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.supervisor import Component, launch
 from graph import Ros
 from scripted_server import Script, ScriptedServer
-from tree_harness import agent_text, scene, trees_folder
+from tree_harness import VOICE, agent_text, scene, trees_folder
 
 LIMIT_S = 60.0
 """Time limit of a wait for something that may hang [s]."""
@@ -48,16 +48,6 @@ MODULES = (
 )
 """Modules that a test worker loads once for all its processes."""
 
-SKILLS = """
-format: 1
-skills:
-  say:
-    description: Speak a text.
-    main: text
-    inputs: {text: {type: text, description: what to say}}
-    action: {name: say, type: bt_agents_interfaces/action/Say, goal: {text: "${text}"}}
-"""
-
 
 def write_trees(folder: Path, **trees: tuple[float, str]) -> Path:
     """Make a trees folder whose agents know one skill, ``say``; return it.
@@ -70,7 +60,7 @@ def write_trees(folder: Path, **trees: tuple[float, str]) -> Path:
     for name, (age, tree) in trees.items():
         indented = textwrap.indent(textwrap.dedent(tree), "  ").strip()
         texts[name] = agent_text(name, indented, profile=(age, 3, 3))
-    return trees_folder(folder, texts, SKILLS)
+    return trees_folder(folder, texts, VOICE)
 
 
 @cache
@@ -337,12 +327,9 @@ class System:
         """
 
         def ready() -> bool:
-            status = self.statuses[-1] if self.statuses else None
-            return (
-                status is not None
-                and status.epoch != after
-                and (status.hosts, status.agents) == (hosts, agents)
-            )
+            if not self.statuses or self.epoch == after:
+                return False
+            return (self.statuses[-1].hosts, self.statuses[-1].agents) == (hosts, agents)
 
         self.until(ready, f"{agents} agents of {hosts} hosts at a market other than '{after}'")
         heard = self._scenes.get_subscription_count
@@ -380,18 +367,17 @@ class System:
 
     def started(self, agent: str = "", *, epoch: str = "") -> list[Run]:
         """Return the starts of runs, optionally of one agent and one market."""
-        return [
-            run
-            for run in self.runs
-            if run.event == Run.STARTED and agent in ("", run.agent) and epoch in ("", run.epoch)
-        ]
+        return self._events(Run.STARTED, agent, epoch)
 
     def ended(self, agent: str = "", *, epoch: str = "") -> list[Run]:
         """Return the ends of runs, optionally of one agent and one market."""
+        return self._events(Run.ENDED, agent, epoch)
+
+    def _events(self, event: int, agent: str, epoch: str) -> list[Run]:
         return [
             run
             for run in self.runs
-            if run.event == Run.ENDED and agent in ("", run.agent) and epoch in ("", run.epoch)
+            if run.event == event and agent in ("", run.agent) and epoch in ("", run.epoch)
         ]
 
     def ends_of(self, scene_id: str) -> list[SceneEnd]:

@@ -115,9 +115,7 @@ class Program:
     def new_lines(self) -> list[str]:
         """Return the lines since the last look; all lines so far may be many."""
         before = len(self._seen)
-        with suppress(queue.Empty):
-            while True:
-                self._next(0.0)
+        self.seen(0.0)
         return self._seen[before:]
 
     def wait(self, limit_s: float = HANG_S) -> int:

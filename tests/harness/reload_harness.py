@@ -80,13 +80,10 @@ class Watched:
 
     def apply(self, effect: ReloadEffect) -> str:
         """Execute an effect as a host does; return its text."""
-        match effect.action.value:
-            case "add":
-                assert effect.name not in self.in_force
-                self.in_force[effect.name] = effect.agent
-            case "remove":
-                del self.in_force[effect.name]
-            case "replace" | "update":
-                assert effect.name in self.in_force
-                self.in_force[effect.name] = effect.agent
-        return f"{effect.action.value} {effect.text}"
+        action = effect.action.value
+        if action == "remove":
+            del self.in_force[effect.name]
+        elif action != "report":
+            assert (action == "add") == (effect.name not in self.in_force)
+            self.in_force[effect.name] = effect.agent
+        return f"{action} {effect.text}"

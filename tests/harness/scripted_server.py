@@ -174,15 +174,9 @@ class ScriptedServer:
         for after_s, values in script.feedback:
             self._later(after_s, lambda told=values: self._tell(handle, told))
         self._later(script.finish_s, served.finish)
-        outcome = await served.ended
-        served.outcome = outcome
-        match outcome:
-            case "succeeded":
-                handle.succeed()
-            case "aborted":
-                handle.abort()
-            case _:
-                handle.canceled()
+        served.outcome = await served.ended
+        ends = {"succeeded": handle.succeed, "aborted": handle.abort, "cancelled": handle.canceled}
+        ends[served.outcome]()
         result = self._kind.Result()
         fill(result, script.result)
         return result

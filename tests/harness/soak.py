@@ -79,7 +79,7 @@ from soak_promises import (
     growths,
     longest_wait,
 )
-from tree_harness import trees_folder
+from tree_harness import agent_text, trees_folder
 
 OTHER_HOST = "other_agents"
 
@@ -117,24 +117,16 @@ AGENTS = {
 }
 """Agent → its host, and the age in its profile."""
 
-AGENT = """\
-format: 1
-agent: {name}
-title: {name}
-description: d
-profile: {{age: {age}, familiarity: 3, mood: 3}}
-tunables:
-  pause: {{default: 0.2 s, min: 0.1 s, max: 1 s, description: between two sentences}}
-tree:
-  sequence:
+TREE = """sequence:
     - parallel:
         succeed_on: all
         children:
           - say: {text}
           - show: {{text: {name}, duration: 300 ms}}
     - wait: ${{pause}}
-    - say: bye
-"""
+    - say: bye"""
+TUNABLES = """tunables:
+  pause: {default: 0.2 s, min: 0.1 s, max: 1 s, description: between two sentences}"""
 
 ACTIONS = ("say", "show", "ask", "drive")
 FLOODER = ROOT / "benchmarks" / "flooder.py"
@@ -228,8 +220,8 @@ class Soak:
         self._faults = False
         self._measured = 0.0
         self._asked: dict[str, float] = {}
-        self._presets: dict[str, float] = {}
-        self._values: dict[str, float] = {}
+        self._presets: dict[str, object] = {}
+        self._values: dict[str, object] = {}
         self._numbers = 0
         self._scene_requests: list[tuple[float, float]] = []
         self.done: dict[str, int] = {}
@@ -254,10 +246,9 @@ class Soak:
             self._write_agent(name, age, "hello")
         state = self.folder / "state"
         environment = environment_of(self.folder / "home") | {"COLUMNS": "200"}
-        options = {"--state": state, "--journal": self.folder / "journal"}
-        words = [str(word) for option in options.items() for word in option]
-        up = ("up", str(self._trees("agents")), "--no-voice", "--on-new-scene", "preempt", *words)
-        self._up = Program(up, environment)
+        places = ("--state", str(state), "--journal", str(self.folder / "journal"))
+        up = ("up", str(self._trees("agents")), "--no-voice", "--on-new-scene", "preempt")
+        self._up = Program((*up, *places), environment)
         assert self._up.process.stdout is not None
         fcntl.fcntl(self._up.process.stdout, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         other = components.host(
@@ -281,7 +272,8 @@ class Soak:
     def _write_agent(self, name: str, age: float, text: str) -> None:
         path = self._trees(AGENTS[name][0]) / "agents" / f"{name}.yaml"
         new = path.with_suffix(".new")
-        new.write_text(AGENT.format(name=name, age=age, text=text))
+        tree = TREE.format(name=name, text=text)
+        new.write_text(agent_text(name, tree, TUNABLES, (age, 3, 3)))
         new.replace(path)
 
     def _observe(self) -> None:
@@ -404,15 +396,14 @@ class Soak:
             future = client.call_async(self._scene())
             future.add_done_callback(lambda done: self._take_scene(done.result()))
 
-    def _until(self, condition: Callable[[], Any], what: str, limit_s: float = READY_S) -> bool:
-        """Spin until a condition holds; return whether it did, and record a failure if not."""
-        end = self.now() + limit_s
+    def _until(self, condition: Callable[[], Any], what: str) -> None:
+        """Spin until a condition holds; record a failure if it takes too long."""
+        end = self.now() + READY_S
         while not condition():
             if self.now() > end:
-                self._note(Failed, component="system", text=f"not in {limit_s:g} s: {what}")
-                return False
+                self._note(Failed, component="system", text=f"not in {READY_S:g} s: {what}")
+                return
             self.turn()
-        return True
 
     def rest(self, seconds: float) -> None:
         end = self.now() + seconds
@@ -677,6 +668,7 @@ class Soak:
 
     def _set(self, name: str, value: object, *, acknowledged: bool) -> None:
         self._asked[name] = self.now()
+        self._values[name] = value if acknowledged else None
         self._note(SettingRequested, name=name, value=value, acknowledged=acknowledged)
 
     def do_tune(self) -> None:
@@ -687,14 +679,13 @@ class Soak:
         answer = self.ask(f"{AGENTS[agent][0]}/tune", request)
         if answer is None or answer.accepted:
             self._set(name, value, acknowledged=answer is not None)
-            self._values[name] = value if answer is not None else float("nan")
 
     def do_preset(self) -> None:
         """Save the value of an agent, or restore a saved one."""
         agent = self._chance.choice(list(AGENTS))
         name, service = f"{agent}.pause", f"{AGENTS[agent][0]}/tune"
         value, saved = self._values.get(name), self._presets.get(agent)
-        if saved is None and value == value and value is not None:
+        if saved is None and value is not None:
             request = Tune.Request(action=Tune.Request.SAVE, preset=agent, agents=[agent])
             answer = self.ask(service, request)
             if answer is not None and answer.accepted:
@@ -705,7 +696,6 @@ class Soak:
         answer = self.ask(service, Tune.Request(action=Tune.Request.APPLY, preset=agent))
         if answer is None or answer.accepted:
             self._set(name, saved, acknowledged=answer is not None)
-            self._values[name] = saved if answer is not None else float("nan")
         elif answer.code == "UNKNOWN_PRESET":
             self._set(f"preset of {agent}", saved, acknowledged=True)
             self._read(f"preset of {agent}", answer.code)
@@ -751,11 +741,8 @@ class Soak:
     def do_look(self) -> None:
         """Read all settings that were requested before."""
         for host in HOSTS:
-            names = [
-                f"{agent}.pause"
-                for agent, (of, _) in AGENTS.items()
-                if of == host and f"{agent}.pause" in self._asked
-            ]
+            own = [f"{agent}.pause" for agent, (of, _) in AGENTS.items() if of == host]
+            names = [name for name in own if name in self._asked]
             if names:
                 answer = self.ask(f"{host}/get_parameters", GetParameters.Request(names=names))
                 if answer is not None and len(answer.values) == len(names):

@@ -288,14 +288,13 @@ def _check_ends(events: Sequence[Event]) -> _Findings:
             ends[event.scene].append(event)
         if isinstance(event, SceneShown | SceneEnded):
             shown.add(event.scene)
-    kills: dict[str, list[float]] = defaultdict(list)
-    for fault in _of(Fault, events):
-        if fault.kind == "killed":
-            kills[fault.component].append(fault.at)
+    kills = [
+        fault.at
+        for fault in _of(Fault, events)
+        if fault.kind == "killed" and fault.component in ("scene_layer", EVERYTHING)
+    ]
     for one in _of(SceneAcknowledged, events):
-        if one.scene not in shown and died_unsent(
-            one.at, kills["scene_layer"] + kills[EVERYTHING]
-        ):
+        if one.scene not in shown and died_unsent(one.at, kills):
             continue
         found = ends[one.scene]
         if not found:
@@ -326,12 +325,11 @@ def _is_new(end: SceneEnded, before: Sequence[SceneEnded]) -> bool:
 def _check_feedback(events: Sequence[Event]) -> _Findings:
     reads = _of(LedgerRead, events)
     for one in _of(FeedbackAcknowledged, events):
-        lost = [read for read in reads if read.at >= one.at and one.feedback not in read.feedback]
-        later = any(read.at >= one.at for read in reads)
-        if lost or not later:
-            yield (lost[0].at if lost else one.at), f"feedback {one.feedback} is not in the ledger"
-        else:
-            yield None
+        later = [read for read in reads if read.at >= one.at]
+        lost = [read.at for read in later if one.feedback not in read.feedback]
+        if not later:
+            lost = [one.at]
+        yield (lost[0], f"feedback {one.feedback} is not in the ledger") if lost else None
 
 
 def _check_settings(events: Sequence[Event]) -> _Findings:
@@ -389,12 +387,11 @@ class Growth:
     per_minute: Mapping[str, float]
 
 
-def growths(events: Iterable[Event]) -> list[Growth]:
+def growths(events: Iterable[Event]) -> Iterator[Growth]:
     """Return the growth of each process that has lived long enough to judge."""
     lives: dict[tuple[str, int], list[Measured]] = defaultdict(list)
     for one in _of(Measured, list(events)):
         lives[one.component, one.pid].append(one)
-    found = []
     for (component, pid), life in lives.items():
         begin, age_s = life[0].at, life[-1].at - life[0].at
         grown = [one for one in life if one.at - begin >= WARM_UP_SHARE * age_s]
@@ -404,11 +401,9 @@ def growths(events: Iterable[Event]) -> list[Growth]:
             name: 60.0 * slope([(one.at, float(getattr(one, name))) for one in grown])
             for name in MOST_PER_MINUTE
         }
-        growth = Growth(
+        yield Growth(
             component=component, pid=pid, since=begin, until=life[-1].at, per_minute=per_minute
         )
-        found.append(growth)
-    return found
 
 
 def longest_wait(

@@ -157,13 +157,7 @@ def box(found: Locator) -> dict[str, float]:
     """Return the position of an element: x, y, width, height and bottom [px]."""
     measured = found.bounding_box()
     assert measured is not None
-    return {
-        "x": measured["x"],
-        "y": measured["y"],
-        "width": measured["width"],
-        "height": measured["height"],
-        "bottom": measured["y"] + measured["height"],
-    }
+    return {**measured, "bottom": measured["y"] + measured["height"]}
 
 
 def style(found: Locator, name: str) -> str:

@@ -15,7 +15,7 @@ from functools import wraps
 from inspect import Signature, signature
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeVar
 
 from aiohttp import ClientSession, CookieJar
 
@@ -39,6 +39,9 @@ SPACE = SceneSpace(
 )
 
 
+StudioT = TypeVar("StudioT", bound="ServedStudio")
+
+
 class RecordingCaller:
     """Node whose services all give the same answer, and the requests that they received."""
 
@@ -60,7 +63,6 @@ class RecordingCaller:
         self.watched.append((is_watched, is_person_open))
 
     def call(self, service: str, fields: Mapping[str, Any], limit_s: float) -> Future[Any]:
-        del limit_s
         if service in ("marketplace/describe_parameters", "marketplace/get_parameters"):
             found = [self.parameters[one] for one in fields["names"] if one in self.parameters]
             values = [_parameter_value(value) for _, value in found]
@@ -77,14 +79,12 @@ class RecordingCaller:
         return _done(f"published on {topic}")
 
     def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
-        del limit_s
         self.calls.append(("preview", dict(values)))
         return _done(self.previewed)
 
     def set_market_parameters(
         self, changes: Mapping[str, str | float], limit_s: float
     ) -> Future[Any]:
-        del limit_s
         self.calls.append(("set", dict(changes)))
         if not self.not_set:
             for name, value in changes.items():
@@ -151,14 +151,12 @@ class ServedStudio:
 
 
 def run_served(
-    test: Callable[[ServedStudio], Awaitable[None]],
-    limit_s: float = LIMIT_S,
-    journal: Path | None = None,
+    test: Callable[[StudioT], Awaitable[None]], one: StudioT, limit_s: float = LIMIT_S
 ) -> None:
     """Run a function while its studio is served."""
 
     async def run() -> None:
-        async with serving(journal) as one:
+        async with serving(one):
             await asyncio.wait_for(test(one), limit_s)
 
     asyncio.run(run())
@@ -172,7 +170,7 @@ def served(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 
     @wraps(test)
     def run(**fixtures: Any) -> None:
-        run_served(lambda one: test(one, **fixtures), journal=fixtures.get("tmp_path"))
+        run_served(lambda one: test(one, **fixtures), ServedStudio(fixtures.get("tmp_path")))
 
     _, *parameters = signature(test).parameters.values()
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
@@ -180,9 +178,8 @@ def served(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 
 
 @asynccontextmanager
-async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
-    """A studio served at a free port."""
-    one = ServedStudio(journal)
+async def serving(one: StudioT) -> AsyncIterator[StudioT]:
+    """Serve a studio at a free port."""
     hosts: set[str] = set()
     one.access = AccessControl(
         hosts,  # filled when the port is known
@@ -203,59 +200,50 @@ async def serving(journal: Path | None = None) -> AsyncIterator[ServedStudio]:
             yield one
 
 
-class BackgroundStudio:
+class BackgroundStudio(ServedStudio):
     """Studio served by a thread, for a test with a browser."""
 
-    def __init__(self, one: ServedStudio, loop: asyncio.AbstractEventLoop) -> None:
-        self._one = one
-        self._loop = loop
+    loop: asyncio.AbstractEventLoop
 
     @property
     def address(self) -> str:
         """Address of the page for an operator."""
         return self.address_for(SessionRole.OPERATE)
 
-    def address_for(self, role: SessionRole, page: str = "") -> str:
-        """Return the address of a page for a role."""
-        return self._one.address_for(role, page)
-
-    @property
-    def caller(self) -> RecordingCaller:
-        """The requests to the services, and their answer."""
-        return self._one.caller
-
     def put(self, collection: str, key: str, value: object) -> None:
         """Change an entry, as a message of the system does."""
-        self._loop.call_soon_threadsafe(self._one.put, collection, key, value)
+        self.loop.call_soon_threadsafe(super().put, collection, key, value)
 
     def put_past(self, at_s: float, collection: str, key: str, value: object) -> None:
         """Record changes of an earlier moment [s since 1970], before any other change."""
         change = Change(collection=collection, key=key, value=encode_value(value))
-        self._loop.call_soon_threadsafe(self._one.studio.history.record, at_s, change)
+        self.loop.call_soon_threadsafe(self.studio.history.record, at_s, change)
 
 
 @contextmanager
 def background_studio(journal: Path | None = None) -> Iterator[BackgroundStudio]:
     """Serve a studio in a thread until the end of the block."""
-    made: Future[tuple[ServedStudio, asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+    begun: Future[asyncio.Event] = Future()
 
-    async def wait(one: ServedStudio) -> None:
+    async def wait(one: BackgroundStudio) -> None:
+        one.loop = asyncio.get_running_loop()
         ended = asyncio.Event()
-        made.set_result((one, asyncio.get_running_loop(), ended))
+        begun.set_result(ended)
         await ended.wait()
 
-    thread = threading.Thread(target=run_served, args=(wait, HANG_S, journal), daemon=True)
+    studio = BackgroundStudio(journal)
+    thread = threading.Thread(target=run_served, args=(wait, studio, HANG_S), daemon=True)
     thread.start()
-    one, loop, ended = made.result(LIMIT_S)
+    ended = begun.result(LIMIT_S)
     try:
-        yield BackgroundStudio(one, loop)
+        yield studio
     finally:
-        loop.call_soon_threadsafe(ended.set)
+        studio.loop.call_soon_threadsafe(ended.set)
         thread.join(LIMIT_S)
 
 
 async def _serve_until_killed() -> None:
-    async with serving() as one:
+    async with serving(ServedStudio()) as one:
         one.put("parts", "marketplace", PartRecord(alive=False, seen_s=time.time()))
         print(one.address_for(SessionRole.OPERATE), flush=True)
         await asyncio.Event().wait()

@@ -31,6 +31,17 @@ TREES = Path(__file__).parents[2] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
 SYMBOLS: SymbolTable = read_symbols(TREES)
 
+VOICE = """
+format: 1
+skills:
+  say:
+    description: Speak a text.
+    main: text
+    inputs: {text: {type: text, description: what to say}}
+    action: {name: say, type: bt_agents_interfaces/action/Say, goal: {text: "${text}"}}
+"""
+"""Skills of a robot that can only speak."""
+
 LONG = [ScriptedReply(after_s=100.0)]
 FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 

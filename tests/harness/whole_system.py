@@ -14,25 +14,17 @@ from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from feedback_node.ledger import Ledger
 from market_node_harness import is_recorded
-from tree_harness import trees_folder
+from tree_harness import agent_text, trees_folder
 
-ROOT = Path(__file__).parents[2]
-
-AGENT = """
-format: 1
-agent: {name}
-title: {name}
-description: d
-profile: {{age: {age}, familiarity: 3, mood: 3}}
-requires: scene.person
+AGENT = """requires: scene.person
 feedback:
-  - {{when: mood.change <= -1, for: 0 s, give: negative, then: cancel}}
-tree: {{wait: "{wait}"}}
-"""
+  - {when: mood.change <= -1, for: 0 s, give: negative, then: cancel}"""
 
 
 def write_agents(tmp_path: Path, wait: str = "0 s", **ages: float) -> Path:
-    texts = {name: AGENT.format(name=name, age=age, wait=wait) for name, age in ages.items()}
+    texts = {
+        name: agent_text(name, f"wait: {wait}", AGENT, (age, 3, 3)) for name, age in ages.items()
+    }
     return trees_folder(tmp_path / f"trees{len(list(tmp_path.iterdir()))}", texts)
 
 

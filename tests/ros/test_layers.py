@@ -19,8 +19,8 @@ from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from feedback_node.ledger import LedgerEntry
 from feedback_node.ledger.rows import LAYER, RevisionCause
-from tree_harness import scene
-from whole_system import ROOT, System
+from tree_harness import TREES, scene
+from whole_system import System
 
 NAN = math.nan
 ANNA = "person/anna"
@@ -41,7 +41,7 @@ class Street(System):
     def __init__(self, ros: Any, tmp_path: Path) -> None:
         trees = tmp_path / "trees"
         (trees / "agents").mkdir(parents=True)
-        shutil.copy(ROOT / "trees" / "scene.yaml", trees)
+        shutil.copy(TREES / "scene.yaml", trees)
         for name, age in (("ann", 3.0), ("bob", 2.75)):
             (trees / "agents" / f"{name}.yaml").write_text(AGENT.format(name=name, age=age))
         super().__init__(ros, trees)

@@ -392,7 +392,7 @@ async def test_session_cookie_is_http_only_and_same_site(one: ServedStudio) -> N
 @served
 async def test_studios_on_one_host_keep_separate_session_cookies(one: ServedStudio) -> None:
     jar = CookieJar(unsafe=True)
-    async with serving() as other, ClientSession(cookie_jar=jar) as browser:
+    async with serving(ServedStudio()) as other, ClientSession(cookie_jar=jar) as browser:
         for studio in (one, other):
             answer = await browser.post(
                 f"{studio.origin}/api/session",
@@ -527,7 +527,7 @@ def test_half_sent_requests_do_not_use_page_slots(
         # Both ends of each are in this process.
         assert open_files < 5 * MOST_CONNECTIONS
 
-    run_served(test)
+    run_served(test, ServedStudio())
     assert caplog.records == []
 
 
@@ -581,7 +581,7 @@ def test_invalid_request_prints_nothing(sent: bytes, caplog: pytest.LogCaptureFi
         assert b" 400 " in await asyncio.wait_for(reader.read(), 10)
         writer.close()
 
-    run_served(test)
+    run_served(test, ServedStudio())
     assert caplog.records == []
 
 

@@ -11,7 +11,7 @@ from py_trees.common import Access, ClearingPolicy, Status
 
 
 class Handler(Behaviour):
-    """Keeps the last message of a topic."""
+    """Keeps the last message of a topic, also when it starts again."""
 
     def __init__(
         self,
@@ -19,11 +19,11 @@ class Handler(Behaviour):
         topic_name: str,
         topic_type: Any,
         qos_profile: Any,
-        clearing_policy: ClearingPolicy = ClearingPolicy.ON_INITIALISE,
+        clearing_policy: ClearingPolicy,
     ) -> None:
         super().__init__(name)
+        assert clearing_policy is ClearingPolicy.NEVER
         self.topic = (topic_type, topic_name, qos_profile)
-        self.clearing_policy = clearing_policy
         self.message: Any = None
 
     def setup(self, **kwargs: Any) -> None:
@@ -31,10 +31,6 @@ class Handler(Behaviour):
         self.subscriber = kwargs["node"].create_subscription(
             msg_type=message_type, topic=name, callback=self._take, qos_profile=qos_profile
         )
-
-    def initialise(self) -> None:
-        if self.clearing_policy is ClearingPolicy.ON_INITIALISE:
-            self.message = None
 
     def _take(self, message: Any) -> None:
         self.message = message
@@ -44,24 +40,15 @@ class CheckData(Handler):
     """Runs until a field of the message has the expected value."""
 
     def __init__(
-        self,
-        name: str,
-        topic_name: str,
-        topic_type: Any,
-        qos_profile: Any,
-        variable_name: str,
-        expected_value: Any,
-        clearing_policy: ClearingPolicy = ClearingPolicy.ON_INITIALISE,
+        self, name: str, *, variable_name: str, expected_value: Any, **subscribed: Any
     ) -> None:
-        super().__init__(name, topic_name, topic_type, qos_profile, clearing_policy)
+        super().__init__(name, **subscribed)
         self.field = operator.attrgetter(variable_name)
         self.expected_value = expected_value
 
     def update(self) -> Status:
         if self.message is None or self.field(self.message) != self.expected_value:
             return Status.RUNNING
-        if self.clearing_policy is ClearingPolicy.ON_SUCCESS:
-            self.message = None
         return Status.SUCCESS
 
 
@@ -69,15 +56,9 @@ class ToBlackboard(Handler):
     """Writes fields of the message, or the message, to the blackboard."""
 
     def __init__(
-        self,
-        name: str,
-        topic_name: str,
-        topic_type: Any,
-        qos_profile: Any,
-        blackboard_variables: dict[str, str | None],
-        clearing_policy: ClearingPolicy = ClearingPolicy.ON_INITIALISE,
+        self, name: str, *, blackboard_variables: dict[str, str | None], **subscribed: Any
     ) -> None:
-        super().__init__(name, topic_name, topic_type, qos_profile, clearing_policy)
+        super().__init__(name, **subscribed)
         self.variables = blackboard_variables
         self.blackboard = self.attach_blackboard_client(name=name)
         for key in blackboard_variables:
