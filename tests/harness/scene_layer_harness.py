@@ -32,7 +32,7 @@ def number_source(
 ) -> SourceSpec:
     """Return the source of a number, stale after 2 s."""
     found = new_source(parameter, "std_msgs/msg/Float64", *points, stale_after_s=2.0)
-    position = replace(found.position, line=line)
+    position = Position(file="scene.yaml", line=line, column=1)
     return replace(found, topic=topic or found.topic, position=position)
 
 
