@@ -31,8 +31,6 @@ from scene_layer.node import SHORTEST_S
 from scene_spaces import source
 from tree_harness import SPACE, scene
 
-pytestmark = pytest.mark.ros
-
 AWARDED = scene(age=3, familiarity=3, mood=3)
 MOOD = source("mood")
 

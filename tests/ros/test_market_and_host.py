@@ -21,8 +21,6 @@ from bt_agents_ros.messages import scene_to_msg
 from market_harness import scene
 from processes import write_trees
 
-pytestmark = pytest.mark.ros
-
 
 class Street:
     """A market and a host on one executor, and their messages; scenes come at once or in turn."""

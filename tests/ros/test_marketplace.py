@@ -31,8 +31,6 @@ from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, scene
 from market_node_harness import FAR, FakeHost, MarketNodeHarness
 from marketplace_node.node import MarketplaceNode, read_configuration
 
-pytestmark = pytest.mark.ros
-
 SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
 
 

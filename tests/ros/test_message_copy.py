@@ -8,7 +8,6 @@ import inspect
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
@@ -17,8 +16,6 @@ from rosidl_parser import definition as idl
 from bt_agents_interfaces import action, msg, srv
 from bt_agents_ros.message_copy import copied
 from bt_agents_ros.types import resolved, slots_of
-
-pytestmark = pytest.mark.ros
 
 KINDS = [kind for _, kind in inspect.getmembers(msg, inspect.isclass)]
 for _, kind in inspect.getmembers(srv, inspect.isclass):

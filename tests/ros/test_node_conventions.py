@@ -25,9 +25,6 @@ from bt_agents_ros.types import load_type
 from programs import ROOT
 from tree_harness import TREES
 
-pytestmark = pytest.mark.ros
-
-
 OWN_TYPES = sorted({one.type for one in TOPICS if one.type.startswith("bt_agents_interfaces/")})
 """Types of messages with a topic of their own."""
 

@@ -19,8 +19,6 @@ from bt_agents_ros.one_process import endpoints_ignored
 from bt_agents_tools.launcher.supervisor import LOOPBACK_PROFILE
 from graph import Ros
 
-pytestmark = pytest.mark.ros
-
 LIMIT_S = 60.0
 
 

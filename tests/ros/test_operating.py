@@ -21,8 +21,6 @@ from market_harness import EXPRESS, GUIDE, SPACE, scene
 from market_node_harness import MarketNodeHarness
 from marketplace_node.node.messages import scene_or_last
 
-pytestmark = pytest.mark.ros
-
 
 class OperatorClient:
     """An operator at a market with one host."""

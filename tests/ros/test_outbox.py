@@ -7,7 +7,6 @@ import itertools
 from collections.abc import Callable
 from typing import Any
 
-import pytest
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
@@ -20,8 +19,6 @@ from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from bt_agents_ros.outbox import Outbox
 from tree_harness import SPACE, scene
-
-pytestmark = pytest.mark.ros
 
 
 class Server:

@@ -37,8 +37,6 @@ from marketplace_node.node.parameters import declare_settings, watch_settings
 from marketplace_node.node.selector import SelectorNode
 from tree_harness import SPACE, TREES
 
-pytestmark = pytest.mark.ros
-
 SILENT_ROBOT = NodeParameter("voice", value="off")
 NODES = {
     "agents": lambda: active_host(read_trees(TREES, InstalledInterfaces())),

@@ -36,8 +36,6 @@ from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_from_msg
 from file_texts import read_agent_text, read_scene_text
 
-pytestmark = pytest.mark.ros
-
 PARAMETERS = """
 format: 1
 parameters:

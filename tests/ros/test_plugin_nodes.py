@@ -25,8 +25,6 @@ from checkout import ROOT
 from fake_market import Market, folder
 from scripted_server import Script, ScriptedServer
 
-pytestmark = pytest.mark.ros
-
 HEAD = "format: 1\nagent: {0}\ntitle: {0}\ndescription: {0}\n"
 PROFILE = "profile: {age: 3, familiarity: 3, mood: 3}\n"
 EXAMPLE = ROOT / "examples" / "py_trees_ros_nodes"

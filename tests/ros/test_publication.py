@@ -11,8 +11,6 @@ from bt_agents_core.errors import Refused
 from bt_agents_ros.types import to_plain
 from bt_agents_tools.client.publication import typed_message
 
-pytestmark = pytest.mark.ros
-
 
 @pytest.mark.parametrize(
     ("type_name", "texts", "fields"),

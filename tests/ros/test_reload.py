@@ -25,8 +25,6 @@ from fake_market import Market, never_held_up
 from marketplace_node.settings import Settings
 from reload_harness import SKILLS, agent, new_folder, write
 
-pytestmark = pytest.mark.ros
-
 PATIENT = "tunables:\n  patience: {{default: {}, min: 1 s, max: 60 s, description: d}}\n"
 WAITING = "{wait: '${patience}'}"
 CLEANS_UP = "on_cancel: {log: cleaned up}\n"

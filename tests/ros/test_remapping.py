@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from active_nodes import active_market, active_scene_layer
 from bt_agents_interfaces.msg import MarketHeartbeat, SceneEnd
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -16,8 +14,6 @@ from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.system_topics import HOST, TOPICS
 from market_harness import SPACE
-
-pytestmark = pytest.mark.ros
 
 SCENE, STATUS = "bt_agents/scene:=scene", "bt_agents/market:=/plaza/market"
 

@@ -30,8 +30,6 @@ from bt_agents_robot.speech import Voice
 from bt_agents_ros import qos
 from bt_agents_ros.messages import seconds
 
-pytestmark = pytest.mark.ros
-
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 ACTIONS = {"say": Say, "ask": Ask, "show": Show, "drive": Drive}
 ACTS = {

@@ -26,8 +26,6 @@ from scripted_server import Script, ScriptedServer
 from tree_harness import TREES
 from whole_system import System
 
-pytestmark = pytest.mark.ros
-
 AGENT = """
 format: 1
 agent: {name}

@@ -25,8 +25,6 @@ from bt_agents_ros import qos
 from fake_market import Bag, Market, Stage, agent_text, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
-pytestmark = pytest.mark.ros
-
 PAUSE, RESUME = ControlRun.Request.PAUSE, ControlRun.Request.RESUME
 STEP, BREAKPOINTS = ControlRun.Request.STEP, ControlRun.Request.BREAKPOINTS
 

@@ -32,9 +32,6 @@ from bt_agents_ros import qos
 from fake_market import Bag, Market, Stage, agent_text, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
-pytestmark = pytest.mark.ros
-
-
 TALKER = agent_text("talker", "say: hello", "on_cancel: {say: good-bye}")
 LISTENER = agent_text(
     "listener", "wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}"

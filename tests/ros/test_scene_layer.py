@@ -21,9 +21,6 @@ from bt_agents_ros import qos
 from scene_spaces import AGE_AND_MOOD as SPACE
 from scene_spaces import source
 
-pytestmark = pytest.mark.ros
-
-
 SPEC = SceneSpec(
     space=SPACE,
     sources=(source("age"), source("mood")),

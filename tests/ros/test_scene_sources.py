@@ -31,8 +31,6 @@ from bt_agents_ros.installed import InstalledInterfaces
 from file_texts import read_scene_text
 from tree_harness import TREES
 
-pytestmark = pytest.mark.ros
-
 
 def ros4hri() -> SceneSpec:
     """The file for ROS4HRI, read with types of this project that have the same fields."""

@@ -19,8 +19,6 @@ from marketplace_node.external_ranking.openai_protocol import Endpoint
 from marketplace_node.node.selector import SelectorNode
 from model_server import ModelServer, drips, free_port, model_server, says
 
-pytestmark = pytest.mark.ros
-
 
 @pytest.fixture
 def server() -> Iterator[ModelServer]:

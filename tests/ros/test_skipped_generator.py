@@ -6,10 +6,6 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import pytest
-
-pytestmark = pytest.mark.ros
-
 CREATE_NODE = """
 import sys, rclpy
 rclpy.init()

@@ -26,8 +26,6 @@ from bt_agents_ros import qos
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from bt_agents_ros.workarounds.sliced_conversion import SLICE_S, is_sliced, slices
 
-pytestmark = pytest.mark.ros
-
 LIMIT_TURNS = 5000
 
 

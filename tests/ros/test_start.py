@@ -10,8 +10,6 @@ import sys
 
 import pytest
 
-pytestmark = pytest.mark.ros
-
 LIMIT_S = 60.0
 
 PROGRAM = """

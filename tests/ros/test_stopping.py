@@ -19,8 +19,6 @@ from bt_agents_ros.spinner import STOP_LIMIT_S
 from fake_market import Market, Stage, agent_text, folder, never_held_up
 from scripted_server import Script, ScriptedServer
 
-pytestmark = pytest.mark.ros
-
 TALKER = agent_text("talker", "say: hello", "on_cancel: {say: good-bye}")
 TELLER = TALKER.replace("talker", "teller").replace(
     "say: good-bye", "say: \"${cancel.by else 'nobody'}: ${cancel.reason else 'no reason'}\""

@@ -6,8 +6,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from active_nodes import active_host
 from bt_agents_interfaces.msg import Run, Scene
 from bt_agents_interfaces.srv import Analyze, GiveFeedback
@@ -15,8 +13,6 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from whole_system import System, write_agents
-
-pytestmark = pytest.mark.ros
 
 
 def test_mood_rules_fire_in_follow_up_rounds(ros: Any, tmp_path: Path) -> None:

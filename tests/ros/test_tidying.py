@@ -18,8 +18,6 @@ from bt_agents_language.model.specs import NodeSpec, Timeouts, iter_nodes
 from scripted_server import Script, ScriptedServer
 from tree_harness import SPACE, agent
 
-pytestmark = pytest.mark.ros
-
 TREE = """
 sequence:
   - say: Hello.

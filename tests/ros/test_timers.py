@@ -7,11 +7,7 @@ import math
 import time
 from typing import Any
 
-import pytest
-
 from bt_agents_ros.timers import OneShot, steady_timer
-
-pytestmark = pytest.mark.ros
 
 
 def test_periodic_timers_of_process_fire_together(ros: Any) -> None:

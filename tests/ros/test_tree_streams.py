@@ -23,8 +23,6 @@ from bt_agents_ros import qos
 from compiled_types import compiled_types
 from fake_market import Market, folder, make_host, never_held_up
 
-pytestmark = pytest.mark.ros
-
 HEAD = (
     "format: 1\nagent: {0}\ntitle: {0}\ndescription: {0}\n"
     "profile: {{age: 3, familiarity: 3, mood: 3}}\n"

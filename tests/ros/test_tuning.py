@@ -27,8 +27,6 @@ from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from tree_harness import SPACE, agent
 
-pytestmark = pytest.mark.ros
-
 HEAD = """
 learning_rate: 0.2
 tunables:

@@ -6,12 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from bt_agents_interfaces.srv import GiveFeedback
 from whole_system import System, write_agents
-
-pytestmark = pytest.mark.ros
 
 PAIN = "  pain: {min: 0, max: 10, default: 0, profile: false}\n"
 

@@ -22,8 +22,6 @@ from processes import write_trees
 from tree_harness import SPACE, scene
 from whole_system import System
 
-pytestmark = pytest.mark.ros
-
 NAN, INF = math.nan, math.inf
 
 BAD = {

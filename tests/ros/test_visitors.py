@@ -22,9 +22,6 @@ from file_texts import read_scene_text
 from scene_spaces import AGE_AND_MOOD as SPACE
 from scene_spaces import source
 
-pytestmark = pytest.mark.ros
-
-
 SPEC = SceneSpec(
     space=SPACE,
     sources=(

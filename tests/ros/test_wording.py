@@ -17,8 +17,6 @@ from bt_agents_interfaces.msg import Auction, Run
 from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, OperateMarket
 from whole_system import System, write_agents
 
-pytestmark = pytest.mark.ros
-
 TEXTS = {
     "calculation",
     "change",
