@@ -165,8 +165,7 @@ def test_oversized_goal_is_rejected_and_next_is_accepted(
 ) -> None:
     server = ScriptedServer(ros)
     assert not send(ros, client, "x" * limits.MESSAGE_BYTES).accepted
-    ended = send(ros, client, "hello").get_result_async()
-    ros.until(ended.done)
+    ros.result(send(ros, client, "hello").get_result_async())
 
     assert [goal.request.text for goal in server.goals] == ["hello"]
     assert "TOO_LARGE: an action: Say_SendGoal_Request has 2621" in capfd.readouterr().err
@@ -174,11 +173,10 @@ def test_oversized_goal_is_rejected_and_next_is_accepted(
 
 def test_oversized_result_fails_its_future(ros: Any, client: ActionClient) -> None:
     ScriptedServer(ros, script=Script(result={"message": "x" * limits.MESSAGE_BYTES}))
-    ended = send(ros, client, "hello").get_result_async()
-    ros.until(ended.done)
+    handle = send(ros, client, "hello")
 
     with pytest.raises(Refused, match="TOO_LARGE: Say_GetResult_Response has 2621"):
-        ended.result()
+        ros.result(handle.get_result_async())
 
 
 def test_oversized_response_fails_its_future(ros: Any) -> None:
@@ -187,13 +185,9 @@ def test_oversized_response_fails_its_future(ros: Any) -> None:
         return response
 
     ros.node.create_service(OperateMarket, "operate", answer)
-    client = ros.node.create_client(OperateMarket, "operate")
-    ros.until(client.service_is_ready)
-    future = client.call_async(OperateMarket.Request())
-    ros.until(future.done)
 
     with pytest.raises(Refused, match="TOO_LARGE: OperateMarket_Response has 262165"):
-        future.result()
+        ros.ask(OperateMarket, "operate")
 
 
 @pytest.mark.parametrize("kind", [SetParameters, SetParametersAtomically])

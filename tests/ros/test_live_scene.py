@@ -49,9 +49,8 @@ class Host:
         self.layer.publish(scene_to_msg(live))
 
     def set_lease(self, seconds: float) -> Any:
-        client = self.ros.node.create_client(SetParameters, "/agents/set_parameters")
         lease = Parameter("live_lease", value=seconds).to_parameter_msg()
-        return self.ros.call(client, SetParameters.Request(parameters=[lease])).results[0]
+        return self.ros.ask(SetParameters, "/agents/set_parameters", parameters=[lease]).results[0]
 
 
 def mood(live: Scene) -> float:

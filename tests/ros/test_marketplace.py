@@ -191,13 +191,11 @@ def test_valid_cancel_works_after_hostile_ones(harness: MarketNodeHarness) -> No
 
 def test_parameters_are_described_and_validated(ros: Any) -> None:
     harness = MarketNodeHarness(ros, bid_deadline=30.0)
-    describing = ros.node.create_client(DescribeParameters, "marketplace/describe_parameters")
-    setting = ros.node.create_client(SetParameters, "marketplace/set_parameters")
     names = ["strategy", "bid_deadline", "on_new_scene", "tie_break", "queue_limit"]
     names += ["preempt_margin", "preempt_cooldown", "host_lease"]
     options = ["softmax.temperature", "ucb.c", "external.limit", "epsilon_greedy.epsilon"]
-    request = DescribeParameters.Request(names=names + options)
-    described = ros.call(describing, request).descriptors
+    service = "marketplace/describe_parameters"
+    described = ros.ask(DescribeParameters, service, names=names + options).descriptors
 
     assert all(descriptor.description for descriptor in described)
     assert all(descriptor.floating_point_range for descriptor in described[-len(options) :])
@@ -216,7 +214,8 @@ def test_parameters_are_described_and_validated(ros: Any) -> None:
         ("bid_deadline", 0.1, ""),
     ):
         parameter = Parameter(name, value=value).to_parameter_msg()
-        [answer] = ros.call(setting, SetParameters.Request(parameters=[parameter])).results
+        asked = ros.ask(SetParameters, "marketplace/set_parameters", parameters=[parameter])
+        [answer] = asked.results
         assert answer.successful is (words == "")
         assert words in answer.reason
 

@@ -122,10 +122,8 @@ def test_running_node_reads_and_sets_logger_levels(
     assert set_levels(ros, levelled=10) == [""]
     node.get_logger().debug("now it is logged")
     part.debug("this too")
-    read = ros.node.create_client(
-        GetLoggerLevels, "levelled/get_logger_levels", qos_profile=qos.SERVICE
-    )
-    answer = ros.call(read, GetLoggerLevels.Request(names=["levelled", "levelled.part"]))
+    names = ["levelled", "levelled.part"]
+    answer = ros.ask(GetLoggerLevels, "levelled/get_logger_levels", names=names)
     assert [one.level for one in answer.levels] == [10, 0]
     assert set_levels(ros, levelled=40) == [""]
     node.get_logger().warning("this is not")
@@ -158,13 +156,9 @@ def test_number_of_logger_names_is_limited(ros: Any) -> None:
 
 def set_levels(ros: Any, **levels: int) -> list[str]:
     """Call the node ``levelled``; return the reason of each refusal, empty for a set level."""
-    client = ros.node.create_client(
-        SetLoggerLevels, "levelled/set_logger_levels", qos_profile=qos.SERVICE
-    )
-    request = SetLoggerLevels.Request(
-        levels=[LoggerLevel(name=name, level=level) for name, level in levels.items()]
-    )
-    return [one.reason for one in ros.call(client, request).results]
+    wanted = [LoggerLevel(name=name, level=level) for name, level in levels.items()]
+    answer = ros.ask(SetLoggerLevels, "levelled/set_logger_levels", levels=wanted)
+    return [one.reason for one in answer.results]
 
 
 @pytest.mark.parametrize("kind", OWN_TYPES)

@@ -15,7 +15,6 @@ from rclpy.parameter import Parameter
 from bt_agents_core.scene import Origin, SceneSpace
 from bt_agents_interfaces.msg import Auction, MarketStatus, Run, Scene, SceneValue
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
-from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from market_harness import EXPRESS, GUIDE, SPACE, scene
 from market_node_harness import MarketNodeHarness
@@ -29,29 +28,21 @@ class OperatorClient:
         self.ros = ros
         self.harness = MarketNodeHarness(ros, **parameters)
         self.host = self.harness.host()
-        make = ros.node.create_client
-        self.operating = make(OperateMarket, "marketplace/operate", qos_profile=qos.SERVICE)
-        self.previewing = make(PreviewAuction, "marketplace/preview", qos_profile=qos.SERVICE)
-        self.setting = make(
-            SetParametersAtomically,
-            "marketplace/set_parameters_atomically",
-            qos_profile=qos.SERVICE,
-        )
 
     def operate(self, action: int, agent: str = "", **fields: Any) -> OperateMarket.Response:
-        request = OperateMarket.Request(action=action, agent=agent, author="anna", **fields)
-        return self.ros.call(self.operating, request)
+        order = {"action": action, "agent": agent, "author": "anna", **fields}
+        return self.ros.ask(OperateMarket, "marketplace/operate", **order)
 
     def preview(self, **fields: Any) -> PreviewAuction.Response:
-        return self.ros.call(self.previewing, PreviewAuction.Request(**fields))
+        return self.ros.ask(PreviewAuction, "marketplace/preview", **fields)
 
     def set(self, **values: str | float) -> Any:
         parameters = [
             Parameter(name.replace("__", "."), value=value).to_parameter_msg()
             for name, value in values.items()
         ]
-        request = SetParametersAtomically.Request(parameters=parameters)
-        return self.ros.call(self.setting, request).result
+        service = "marketplace/set_parameters_atomically"
+        return self.ros.ask(SetParametersAtomically, service, parameters=parameters).result
 
     def play(self, scene_id: str) -> Auction:
         """Play a scene to its end; return the decision."""
@@ -151,9 +142,10 @@ def test_preview_fills_missing_values_like_scene_layer() -> None:
 def test_concurrent_previews_are_all_answered(ros: Any) -> None:
     operator = OperatorClient(ros, bid_deadline=30.0)
     operator.host.silent = True
-    operator.ros.until(operator.previewing.service_is_ready)
+    client = ros.node.create_client(PreviewAuction, "marketplace/preview")
+    ros.until(client.service_is_ready)
     request = PreviewAuction.Request(scene=scene_to_msg(scene("p")))
-    futures = [operator.previewing.call_async(request) for _ in range(12)]
+    futures = [client.call_async(request) for _ in range(12)]
     # No preview ends before all are asked for.
     ros.until(lambda: sum(future.done() for future in futures) == 4)
     ros.until(lambda: len(operator.host.calls) == 8)

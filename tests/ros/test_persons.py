@@ -138,14 +138,12 @@ class Layer:
         return self.scenes[-1]
 
     def remember(self, person: str, *facts: PersonFact) -> Remember.Response:
-        client = self.ros.node.create_client(Remember, "scene_layer/remember")
-        return self.ros.call(client, Remember.Request(person_id=person, facts=facts))
+        return self.ros.ask(Remember, "scene_layer/remember", person_id=person, facts=facts)
 
     def forget(
         self, layer: str = "person/anna", action: int = ManageProfiles.Request.FORGET
     ) -> ManageProfiles.Response:
-        client = self.ros.node.create_client(ManageProfiles, "scene_layer/manage")
-        return self.ros.call(client, ManageProfiles.Request(action=action, layer=layer))
+        return self.ros.ask(ManageProfiles, "scene_layer/manage", action=action, layer=layer)
 
     def shown(self) -> str:
         """Return the shown persons, the addressee with a star."""

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
 from bt_agents.host import market_registration
@@ -87,8 +86,7 @@ class Host:
         self.ros.until(lambda: self.card(name) and self.card(name).version == version)
 
     def ask(self, kind: Any, service: str, **fields: Any) -> Any:
-        client = self.ros.node.create_client(kind, f"agents/{service}")
-        return self.ros.call(client, kind.Request(**fields))
+        return self.ros.ask(kind, f"agents/{service}", **fields)
 
     def said(self, name: str) -> str:
         """Return the text that an agent's tree says."""
@@ -288,16 +286,14 @@ def test_unreadable_folder_is_problem_until_mended(
 
 def test_switched_off_reload_happens_only_on_request(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob"))
-    client = ros.node.create_client(SetParameters, "agents/set_parameters")
-    off = Parameter("reload", value=False).to_parameter_msg()
-    assert ros.call(client, SetParameters.Request(parameters=[off])).results[0].successful
+    [set_to] = host.node.set_parameters([Parameter("reload", value=False)])
+    assert set_to.successful
     host.edit("bob", agent("bob", "{say: bye}"))
     ros.turns(150)
     assert host.card("bob").version == 1
     answer = host.ask(ReloadAgents, "reload")
     assert answer.message == "bob: version 2 in force (tree changed: 1 node changed)"
-    on = Parameter("reload", value=True).to_parameter_msg()
-    ros.call(client, SetParameters.Request(parameters=[on]))
+    host.node.set_parameters([Parameter("reload", value=True)])
     host.edit("bob", agent("bob", "{say: again}"))
     host.await_version("bob", 3)
 

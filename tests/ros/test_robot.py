@@ -69,24 +69,21 @@ class Robot:
         """Send a goal and return its accepted handle."""
         client = self.clients[action]
         heard = (lambda m: feedback.append(m.feedback)) if feedback is not None else None
-        future = client.send_goal_async(ACTIONS[action].Goal(**goal), feedback_callback=heard)
-        self.ros.until(future.done)
-        assert future.result().accepted
-        return future.result()
+        sent = client.send_goal_async(ACTIONS[action].Goal(**goal), feedback_callback=heard)
+        handle = self.ros.result(sent)
+        assert handle.accepted
+        return handle
 
     def result(self, handle: Any) -> tuple[int, Any]:
         """Wait for the end of a goal; return its status and result."""
-        future = handle.get_result_async()
-        self.ros.until(future.done)
-        return future.result().status, future.result().result
+        ended = self.ros.result(handle.get_result_async())
+        return ended.status, ended.result
 
     def do(self, action: str, **goal: Any) -> tuple[int, Any]:
         return self.result(self.send(action, **goal))
 
     def cancel(self, handle: Any) -> tuple[int, Any]:
-        answer = handle.cancel_goal_async()
-        self.ros.until(answer.done)
-        assert len(answer.result().goals_canceling) == 1
+        assert len(self.ros.result(handle.cancel_goal_async()).goals_canceling) == 1
         return self.result(handle)
 
 
@@ -119,10 +116,9 @@ def test_drive_reports_remaining_distance(ros):
 def test_late_subscriber_receives_robot_state_and_question(ros):
     robot = Robot(ros, pace=20.0)
     handle = robot.send("ask", text="Shall we go?", choices=["Yes", " ", "No"], wait_s=1000.0)
-    lights = ros.node.create_client(SetLight, "set_light")
     sounds = ros.node.create_publisher(String, "sound", qos.EVENTS)
     ros.until(sounds.get_subscription_count)
-    assert ros.call(lights, SetLight.Request(colour="green", blink=True)).accepted
+    assert ros.ask(SetLight, "set_light", colour="green", blink=True).accepted
     sounds.publish(String(data="chime"))
     ros.until(lambda: robot.questions)
     assert robot.questions[0].data == "Shall we go?"
@@ -296,13 +292,10 @@ def test_first_goal_begins_when_page_is_opened(ros):
 def test_robot_refuses_actions_of_ended_run(ros):
     robot = Robot(ros)
     market = ros.node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
-    light = ros.node.create_client(SetLight, "set_light", qos_profile=qos.SERVICE)
-    ros.until(light.service_is_ready)
 
     def is_accepted(run: RunKey) -> bool:
-        future = robot.clients["say"].send_goal_async(Say.Goal(text="I stop here.", run=run))
-        ros.until(future.done)
-        return future.result().accepted
+        goal = Say.Goal(text="I stop here.", run=run)
+        return ros.result(robot.clients["say"].send_goal_async(goal)).accepted
 
     leo = RunKey(epoch="e1", round=7, agent="leo")
     market.publish(MarketStatus(epoch="e1", round=7, agent="leo", state=MarketStatus.RUNNING))
@@ -311,10 +304,9 @@ def test_robot_refuses_actions_of_ended_run(ros):
     ros.until(lambda: not is_accepted(leo))
     said = len(robot.lines)
     assert not is_accepted(leo)
-    lit = light.call_async(SetLight.Request(colour="green", run=leo))
-    ros.until(lit.done)
-    assert not lit.result().accepted
-    assert "the run of leo in round 7, from which the market has gone on" in lit.result().message
+    lit = ros.ask(SetLight, "set_light", colour="green", run=leo)
+    assert not lit.accepted
+    assert "the run of leo in round 7, from which the market has gone on" in lit.message
     mira = RunKey(epoch="e1", round=8, agent="mira")
     assert robot.do("say", text="Three.", run=mira)[0] == GoalStatus.STATUS_SUCCEEDED
     assert robot.do("say", text="Four.")[0] == GoalStatus.STATUS_SUCCEEDED, "sent by hand"
@@ -359,9 +351,8 @@ def test_switching_off_ends_everything(ros):
 
 def test_light_accepts_only_known_colours(ros):
     robot = Robot(ros)
-    client = ros.node.create_client(SetLight, "set_light", qos_profile=qos.SERVICE)
     for colour, accepted in (("green", True), ("Off", True), ("pink", False), ("", False)):
-        answer = ros.call(client, SetLight.Request(colour=colour, blink=True))
+        answer = ros.ask(SetLight, "set_light", colour=colour, blink=True)
         assert answer.accepted is accepted
         assert answer.message
     ros.until(lambda: robot.lines == ["light: green, blinking", "light: off, blinking"])

@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from active_nodes import active_feedback
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profiles, Run
+from bt_agents_interfaces.msg import Auction, Bids, Heartbeat, Profiles, Run
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
 from fake_market import Market, agent_text, folder, make_host
@@ -222,11 +222,8 @@ def test_forged_future_revision_does_not_block_later_profiles(
 
     assert stranger.call(SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
     ros.until(lambda: (member.profile[0], member.revision) == (3.0, 0))
-    teaching = ros.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE)
-    lesson = GiveFeedback.Request(
-        agent="talker", kind=Feedback.DIRECT, values=[5.0, 5.0, 5.0], source="anna"
-    )
-    answer = ros.call(teaching, lesson)
+    lesson = {"agent": "talker", "values": [5.0, 5.0, 5.0], "source": "anna"}
+    answer = ros.ask(GiveFeedback, "feedback/give", **lesson)
     assert answer.accepted, answer.message
     ros.until(lambda: member.revision == answer.feedback.revision)
     assert 3.0 < member.profile[0] < 5.0

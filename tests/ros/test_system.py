@@ -42,8 +42,6 @@ def test_second_host_with_same_agent_name_is_refused(ros: Any, tmp_path: Path) -
     assert system.interact(age=5, familiarity=3, mood=3) == "other"
     assert "young" in {bid.agent for bid in system.auctions[-1].ranking}
     ros.until(lambda: "other" in system.profiles[-1].agents)
-    give = ros.node.create_client(GiveFeedback, "feedback/give")
-    request = GiveFeedback.Request(agent="young", kind=0, values=[5.0, 5.0, 5.0])
-    assert ros.call(give, request).accepted
+    assert ros.ask(GiveFeedback, "feedback/give", agent="young", values=[5.0, 5.0, 5.0]).accepted
     assert system.host.registry.members["young"].revision == 1
     assert second.registry.members["young"].revision == 0

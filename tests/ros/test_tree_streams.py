@@ -12,7 +12,7 @@ from uuid import UUID
 import pytest
 from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_services_default
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 
 from bt_agents.engine.ticker import Ticker
@@ -103,15 +103,7 @@ class Watcher:
         return str(answer.topic_name)
 
     def call(self, service: str, kind: str, **fields: Any) -> Any:
-        loaded = getattr(self.srv, kind)
-        node = self.ros.node
-        client = node.create_client(
-            loaded, f"/agents/{service}", qos_profile=qos_profile_services_default
-        )
-        try:
-            return self.ros.call(client, loaded.Request(**fields))
-        finally:
-            node.destroy_client(client)
+        return self.ros.ask(getattr(self.srv, kind), f"/agents/{service}", **fields)
 
     def parameters(
         self, period: float = math.inf, *, data: bool = True, activity: bool = True
@@ -244,8 +236,7 @@ def test_a_cancelled_run_shows_its_clean_up(ros: Any, watcher: Watcher) -> None:
     watcher.until_watched()
     handle = watcher.show()
     ros.until(lambda: messages)
-    future = handle.cancel_goal_async()
-    ros.until(future.done)
+    ros.result(handle.cancel_goal_async())
     ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 4)
     last = shown(messages[-1])
     assert last["bt_agents.parallel"].status == 1

@@ -122,9 +122,7 @@ class Tuner:
         return self._together.call_async(SetParametersAtomically.Request(parameters=parameters))
 
     def parameters(self, **values: Any) -> Any:
-        future = self.send_parameters(**values)
-        self._ros.until(future.done)
-        return future.result().result
+        return self._ros.result(self.send_parameters(**values)).result
 
 
 @pytest.fixture
@@ -133,17 +131,12 @@ def tuner(ros: Any, host: Host) -> Tuner:
 
 
 def test_every_tunable_is_a_described_parameter(ros: Any, host: Host) -> None:
-    listed = ros.call(
-        ros.node.create_client(ListParameters, "agents/list_parameters"),
-        ListParameters.Request(prefixes=["a"]),
-    ).result.names
+    listed = ros.ask(ListParameters, "agents/list_parameters", prefixes=["a"]).result.names
     assert sorted(listed) == [
         "a.attempts", "a.learning_rate", "a.loud", "a.patience", "a.place", "a.rate", "a.tilt",
     ]  # fmt: skip
-    described = ros.call(
-        ros.node.create_client(DescribeParameters, "agents/describe_parameters"),
-        DescribeParameters.Request(names=["a.patience", "tick_rate", "a.rate"]),
-    ).descriptors
+    names = ["a.patience", "tick_rate", "a.rate"]
+    described = ros.ask(DescribeParameters, "agents/describe_parameters", names=names).descriptors
     ranges = [d.floating_point_range[0] for d in described]
     assert [(r.from_value, r.to_value) for r in ranges] == [(2, 30), (1, 200), (0.5, 1.5)]
     assert described[0].description == "how long [s]"

@@ -150,11 +150,9 @@ def test_bad_scenes_in_goals_are_refused_by_name(site: Site) -> None:
                 token=list(site.host._runs._token),
                 scene=scene_of(BAD[key], "s"),
             )
-            future = client.send_goal_async(goal)
-            site.ros.until(future.done)
-            ended = future.result().get_result_async()
-            site.ros.until(ended.done)
-            assert ended.result().result.code == code, key
+            handle = site.ros.result(client.send_goal_async(goal))
+            ended = site.ros.result(handle.get_result_async())
+            assert ended.result.code == code, key
             site.ros.until(lambda n=number, c=code: site.noted("agents", f"round {n})", c))
     finally:
         client.destroy()

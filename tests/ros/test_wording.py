@@ -93,18 +93,14 @@ def test_complete_cycle_does_not_depend_on_wording(ros: Any, tmp_path: Path, wor
     ros.until(started(system, 1))
     assert system.analyze(announce=False, mood=2).accepted, "the mood falls: a rule stops the run"
     ros.until(started(system, 2))
-    operate = ros.node.create_client(OperateMarket, "marketplace/operate")
     veto = {"action": OperateMarket.Request.VETO, "agent": system.runs[-1].agent}
-    assert ros.call(operate, OperateMarket.Request(author="test", **veto)).accepted
+    assert ros.ask(OperateMarket, "marketplace/operate", author="test", **veto).accepted
     ros.until(started(system, 3))
-    cancel = ros.node.create_client(CancelRun, "marketplace/cancel")
-    assert ros.call(cancel, CancelRun.Request(reason="enough")).accepted
+    assert ros.ask(CancelRun, "marketplace/cancel", reason="enough").accepted
     ros.until(lambda: system.finished(scene_id))
-    give = ros.node.create_client(GiveFeedback, "feedback/give")
-    assert ros.call(give, GiveFeedback.Request(agent="young", values=[2.0, 3.0, 3.0])).accepted
-    assert not ros.call(
-        give, GiveFeedback.Request(agent="nobody", values=[2.0, 3.0, 3.0])
-    ).accepted
+    for agent, is_known in (("young", True), ("nobody", False)):
+        given = {"agent": agent, "values": [2.0, 3.0, 3.0]}
+        assert ros.ask(GiveFeedback, "feedback/give", **given).accepted is is_known
     ros.until(lambda: len(system.feedback_given) == 2)
 
     assert [(end.code, end.agent) for end in system.ends] == [
