@@ -49,14 +49,11 @@ class Layer:
         self.scenes = ros.collect(Scene, "bt_agents/scene", qos.EVENTS)
         self.live = ros.collect(Scene, "bt_agents/scene/live", qos.SENSOR)
         self.node = ros.add(active_scene_layer(SPEC, script, ids=lambda: f"s{next(numbers)}"))
-        self.wait_matched(script is None)
-
-    def wait_matched(self, sensors: bool) -> None:
         publishers = [self.runs, self.market, self.trigger]
-        publishers += [self.mood, self.person] if sensors else []
-        self.ros.until(lambda: all(p.get_subscription_count() for p in publishers))
-        self.ros.until(lambda: self.node.count_subscribers("bt_agents/scene/live"))
-        self.ros.turns(20)
+        publishers += [self.mood, self.person] if script is None else []
+        ros.until(lambda: all(p.get_subscription_count() for p in publishers))
+        ros.until(lambda: self.node.count_subscribers("bt_agents/scene/live"))
+        ros.turns(20)
 
     def analyze(self, **values) -> Analyze.Response:
         return self.ros.call(self.analyze_client, Analyze.Request(**values))
@@ -212,20 +209,6 @@ def test_change_during_run_is_published_immediately(ros):
     ros.until(lambda: plain(layer.live[-1]) == {"mood": 5.0})
 
 
-def test_past_runs_do_not_start_live_scene(ros):
-    runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
-    market = ros.node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
-    values = [SceneValue(name=name, value=3.0, origin=2) for name in SPACE.names]
-    scene = Scene(scene_id="old", values=values)
-    for number in range(1, 11):
-        for event in (Run.STARTED, Run.ENDED):
-            runs.publish(Run(epoch="e", round=number, event=event, scene=scene))
-    market.publish(MarketStatus(epoch="e", round=10, state=MarketStatus.IDLE))
-    layer = Layer(ros)
-    ros.turns(40)
-    assert layer.live == []
-
-
 def test_scene_layer_survives_run_with_malformed_scene(ros):
     layer = Layer(ros)
     layer.run(Run.STARTED, scene=Scene(scene_id="x", values=[SceneValue(name="mod")]))
@@ -283,20 +266,6 @@ def test_script_plays_visits_in_sequence(ros):
     layer.status(round=3, agents=1, finished_scene_id="s3")
     ros.turns(40)
     assert len(layer.scenes) == 3
-
-
-def test_long_script_plays_at_full_speed(ros):
-    script = Script(title="", visits=tuple(visit(str(n), 3.0) for n in range(150)))
-    layer = Layer(ros, script=script)
-
-    def finish(scene: Scene) -> None:
-        layer.status(agents=1, finished_scene_id=scene.scene_id)
-
-    ros.node.create_subscription(Scene, "bt_agents/scene", finish, qos.EVENTS)
-    layer.status(agents=1)
-    ros.until(lambda: len(layer.scenes) == 150)
-    ros.turns()
-    assert [scene.label for scene in layer.scenes] == [str(n) for n in range(150)]
 
 
 def test_latest_request_ids_are_answered_once(ros):
