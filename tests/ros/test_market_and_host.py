@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real market and a real host: a thousand scenes that each end once."""
+"""A real market and a real host: hundreds of scenes that each end once."""
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import pytest
 from rclpy.parameter import Parameter
 
 from active_nodes import active_host, active_market
@@ -23,7 +21,7 @@ from processes import write_trees
 
 
 class Street:
-    """A market and a host on one executor, and their messages; scenes come at once or in turn."""
+    """A market and a host on one executor, and their messages."""
 
     def __init__(self, ros: Any, folder: Path, wait: str, **parameters: Any) -> None:
         self.ros = ros
@@ -109,18 +107,3 @@ def test_200_scenes_preempt_one_another(ros: Any, tmp_path: Path) -> None:
     assert codes.keys() <= {"SUCCEEDED", "PREEMPTED", "QUEUE_FULL"}
     assert codes["SUCCEEDED"] > 5
     assert codes["PREEMPTED"] > 5
-
-
-@pytest.mark.parametrize("mode", ["queue", "reject", "preempt"])
-def test_hundred_scenes_in_one_second_all_end(ros: Any, tmp_path: Path, mode: str) -> None:
-    street = Street(ros, tmp_path, "0.05 s", on_new_scene=mode, preempt_cooldown=0.2)
-    start = time.monotonic()
-    while street.sent < 100:
-        if time.monotonic() >= start + street.sent / 100:
-            street.send()
-        ros.executor.spin_once(timeout_sec=0.002)
-    codes = street.check()
-
-    refusal = {"queue": "QUEUE_FULL", "reject": "BUSY", "preempt": "QUEUE_FULL"}[mode]
-    assert codes.keys() <= {"SUCCEEDED", "PREEMPTED", refusal}
-    assert codes["SUCCEEDED"] >= 1
