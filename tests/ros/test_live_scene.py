@@ -244,19 +244,6 @@ def test_rules_are_evaluated_only_on_scenes_and_deadlines(ledger, ros):
     assert len(passed) <= 3
 
 
-def test_rule_fires_once_on_final_mood_of_flood(ledger, ros):
-    worse = MoodRule(
-        when="mood.change <= -1", hold_s=0.2, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
-    )
-    room = Learning(ros, ledger, worse)
-    with flood(ros, lambda number: room.publish(3.0 if number < 500 else 1.0)):
-        ros.until(lambda: room.cancels)
-        ros.turns()
-    assert len(room.cancels) == 1
-    assert room.cancels[0].reason == "mood.change <= -1 held 0.2 s: mood 3 → 1"
-    assert ledger.current("mira").revision == 1
-
-
 def test_live_scene_rate_stays_limited_under_reading_flood(ros):
     runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
     readings = ros.node.create_publisher(Float64, MOOD.topic, qos.SENSOR)
