@@ -171,23 +171,6 @@ def test_changed_file_reloads_only_its_own_agent(
     assert len(host.trees) == trees + 1
 
 
-def test_changed_tree_waits_for_end_of_run(ros: Any, tmp_path: Path) -> None:
-    host = Host(ros, tmp_path, bob=patient("bob"))
-    member = host.node.registry.members["bob"]
-    before, tunables = member.spec, member.tunables
-    handle = host.market.start(host.node, "bob")
-    host.edit("bob", agent("bob", "{say: bye}"))
-    ros.until(lambda: host.card("bob").waiting)
-    assert host.card("bob").version == 1
-    assert member.spec is before
-    host.market.end(handle)
-    host.await_version("bob", 2)
-    assert not host.card("bob").waiting
-    assert host.said("bob") == "bye"
-    assert member.tunables == {}
-    assert tunables == {"patience": 50.0}
-
-
 def test_forced_reload_cancels_run_with_clean_up(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=patient("bob") + CLEANS_UP)
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
@@ -196,6 +179,8 @@ def test_forced_reload_cancels_run_with_clean_up(ros: Any, tmp_path: Path) -> No
     answer = host.ask(ReloadAgents, "reload", now=False)
     assert answer.accepted
     assert "bob: version 2 waits for the end of its run" in answer.message
+    ros.until(lambda: host.card("bob").waiting)
+    assert host.card("bob").version == 1
     answer = host.ask(ReloadAgents, "reload", now=False)
     assert answer.message == (
         "version 2 of bob waits for the end of the run; 'bt-agents reload --now' cancels it"
