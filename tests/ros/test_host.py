@@ -18,7 +18,7 @@ from bt_agents.host import market_registration
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, HostCard, Scene, StatusChange, Trees, TreeStatus
-from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
+from bt_agents_interfaces.srv import GiveFeedback, RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from fake_market import Market, agent_text, folder, make_host
@@ -178,49 +178,13 @@ def test_tree_logs_and_gives_feedback_as_its_agent(
     assert ("tree/1.give_feedback", "direct feedback given") in told
 
 
-def test_host_survives_engine_fault_that_ends_run(
-    ros: Any, host: HostNode, market: Market, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(_run: object) -> None:
-        raise RuntimeError("cogwheel")
-
-    with monkeypatch.context() as patch:
-        patch.setattr("bt_agents.engine.run.Run.tick", broken)
-        answer = market.result(market.send(market.goal(host)))
-    assert answer.result.outcome == RunAgent.Result.FAILED
-    assert answer.result.message == "RuntimeError: cogwheel"
-    again = market.result(market.send(market.goal(host, agent="quick")))
-    assert again.result.outcome == RunAgent.Result.SUCCEEDED
-
-
-def test_busy_host_and_mismatched_goals_are_refused(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
+def test_mismatched_goal_is_refused_by_name(host: HostNode, market: Market) -> None:
     for wrong, code in (
         ({"host_instance": "another"}, "WRONG_INSTANCE"),
         ({"agent": "nobody"}, "UNKNOWN_AGENT"),
         ({"agent_id": 99}, "WRONG_ID"),
     ):
         assert market.refusal(market.goal(host, **wrong)) == code
-    first = market.send(market.goal(host))
-    assert first.accepted
-    assert market.refusal(market.goal(host, agent="quick")) == "BUSY"
-    ros.until(lambda: mouth.goals)
-    mouth.goals[0].finish()
-    market.result(first)
-    assert market.send(market.goal(host, agent="quick")).accepted
-
-
-def test_stopping_host_cancels_its_run_and_refuses_goals(
-    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
-) -> None:
-    handle = market.send(market.goal(host))
-    ros.until(lambda: mouth.goals)
-    host.request_stop()
-    ros.until(host.stopped)
-    assert mouth.goals[0].cancels == 1
-    assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED
-    assert market.refusal(market.goal(host, agent="quick")) == "SHUTTING_DOWN"
 
 
 def test_learning_rate_is_parameter_and_appears_on_card(ros: Any, host: HostNode) -> None:
@@ -230,13 +194,6 @@ def test_learning_rate_is_parameter_and_appears_on_card(ros: Any, host: HostNode
     answer = ros.ask(SetParameters, "agents/set_parameters", parameters=asked)
     assert [one.successful for one in answer.results] == [False, False, True]
     ros.until(lambda: cards and cards[-1].agents[1].learning_rate == 0.5)
-
-
-def test_last_given_profile_counts_whatever_its_revision(ros: Any, host: HostNode) -> None:
-    for value, revision in ((4.0, 2), (5.0, 1)):
-        given = {"agent": "talker", "values": [value, 3.0, 3.0], "revision": revision}
-        assert ros.ask(SetProfile, "agents/set_profile", **given).accepted
-    assert host.registry.members["talker"].profile == (5.0, 3.0, 3.0)
 
 
 def test_late_subscriber_receives_structure_of_every_tree(ros: Any, host: HostNode) -> None:

@@ -55,19 +55,20 @@ def test_stopped_host_reports_run_despite_unfinished_goal(
     assert ended.outcome == RunAgent.Result.CANCELLED
     assert "tree" in ended.orphans
     assert len(stage.mouth.goals) == 1 + cancelled_before
+    assert stage.market.refusal(stage.market.goal(stage.host)) == "SHUTTING_DOWN"
 
 
-def test_run_failing_to_abort_ends_and_next_starts(
-    stage: Stage, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("broken", [["tick"], ["tick", "give_up"]])
+def test_engine_fault_ends_run_and_next_starts(
+    stage: Stage, broken: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     handle = stage.begin()
 
-    def broken(*_arguments: Any) -> None:
+    def fail(*_arguments: Any) -> None:
         raise RuntimeError("cogwheel")
 
-    run = stage.host._runs.run
-    monkeypatch.setattr(run, "tick", broken)
-    monkeypatch.setattr(run, "give_up", broken)
+    for part in broken:
+        monkeypatch.setattr(stage.host._runs.run, part, fail)
     ended = stage.market.result(handle).result
     assert (ended.outcome, ended.message) == (RunAgent.Result.FAILED, "RuntimeError: cogwheel")
     assert not stage.host._runs.busy
