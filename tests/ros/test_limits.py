@@ -334,17 +334,6 @@ def test_oversized_request_is_refused_with_code_without_effect(ros: Any) -> None
     assert registered.message.startswith("TOO_LARGE: RegisterHost_Request.agents has 400000")
 
 
-def test_scene_with_overlong_label_ends_by_name(ros: Any) -> None:
-    harness = MarketNodeHarness(ros)
-    harness.host()
-    harness.scenes.publish(Scene(scene_id="s1", label="x" * 1001))
-    ros.until(lambda: harness.ends)
-
-    [end] = harness.ends
-    assert (end.scene_id, end.code) == ("s1", "TOO_LONG")
-    assert end.message == "scene: label has 1001 characters, expected 1000 at most"
-
-
 def test_run_with_oversized_result_fails_by_name(ros: Any) -> None:
     harness = MarketNodeHarness(ros)
     host = harness.host()

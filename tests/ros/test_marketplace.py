@@ -139,14 +139,16 @@ def test_valid_scene_is_accepted_after_hostile_ones(
     harness.scenes.publish(Scene(scene_id="twice", values=[*good.values] * 2))
     harness.scenes.publish(Scene(scene_id="", values=good.values))
     harness.scenes.publish(Scene(scene_id="x" * 10_000, values=[]))
+    harness.scenes.publish(Scene(scene_id="long", label="x" * 1001))
     harness.scene("s1")
     harness.scene("s1")
-    harness.ros.until(lambda: len(harness.ends) == 5)
+    harness.ros.until(lambda: len(harness.ends) == 6)
 
     assert [(end.scene_id, end.code) for end in harness.ends] == [
         ("unknown", "UNKNOWN_ORIGIN"),
         ("twice", "DUPLICATE_PARAMETER"),
         ("x" * 200, "TOO_LONG"),
+        ("long", "TOO_LONG"),
         ("s1", "DUPLICATE"),
         ("s1", "NO_BIDS"),
     ]
@@ -203,7 +205,9 @@ def test_parameters_are_described_and_validated(ros: Any) -> None:
     assert described[2].additional_constraints == "one of: queue, reject, preempt"
 
     for name, value, words in (
-        ("strategy", "magic", "magic"),
+        ("strategy", "magic", "expected one of manhattan"),
+        ("shadow_strategy", "external", "NO_SHADOW"),
+        ("softmax.temperature", -1.0, "-1"),
         ("bid_deadline", -1.0, "-1"),
         ("bid_deadline", math.nan, "nan"),
         ("bid_deadline", "soon", "type"),
