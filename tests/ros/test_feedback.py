@@ -29,7 +29,6 @@ from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, S
 from bt_agents_language.model.experiment import PreparedFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from feedback_node.learning.profiles import MOST_HOSTS
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import RevisionCause
@@ -251,12 +250,6 @@ def test_invalid_collection_is_refused(scenario, fields, code):
         ({"kind": 1, "agent": "guide"}, "NO_SCENE"),
         ({"kind": 1, "agent": "ghost"}, "UNKNOWN_AGENT"),
         ({"kind": 200, "agent": "guide"}, "UNKNOWN_KIND"),
-        ({"kind": 0, "agent": "guide", "values": []}, "WRONG_LENGTH"),
-        ({"kind": 0, "agent": "guide", "values": [1.0] * 5000}, "WRONG_LENGTH"),
-        ({"kind": 0, "agent": "guide", "values": [NAN, NAN, NAN]}, "NO_OPINION"),
-        ({"kind": 0, "agent": "guide", "values": [math.inf, 1.0, 1.0]}, "NOT_FINITE"),
-        ({"kind": 0, "agent": "guide", "values": [6.0, 1.0, 1.0]}, "OUT_OF_RANGE"),
-        ({"kind": 1, "agent": "guide", "scene": scene(77.0)}, "OUT_OF_RANGE"),
     ],
 )
 def test_hostile_feedback_is_refused_and_changes_nothing(room, fields, code):
@@ -426,25 +419,6 @@ def test_hostile_card_is_refused_and_node_survives(scenario, fields):
     assert room.node._profiles.table() == ()
     room.introduce()
     assert set(room.table()) == {"guide", "express"}
-
-
-def test_forged_hosts_do_not_displace_real_host(scenario):
-    room = scenario()
-    forger = room.ros.node.create_publisher(HostCard, "bt_agents/cards", qos.FACTS)
-
-    def forge(first: int) -> None:
-        last = first + MOST_HOSTS + 20
-        for number in range(first, last):
-            agent = AgentCard(name=f"a{number}", profile=[3.0, 3.0, 3.0])
-            forger.publish(room.host.card(host=f"/h{number}", agents=[agent]))
-        room.ros.until(lambda: f"/h{last - 1}" in room.node._profiles.hosts)
-
-    forge(0)
-    room.introduce()
-    assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
-    forge(1_000)
-    assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
-    assert len(room.node._profiles.hosts) == MOST_HOSTS
 
 
 def test_rule_still_fires_after_hostile_scenes_and_runs(scenario):
