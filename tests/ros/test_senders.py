@@ -147,32 +147,6 @@ def test_stranger_cannot_register_as_existing_host(ros: Any, stranger: Stranger)
     assert host.goal.agent == GUIDE
 
 
-def test_restarted_host_registers_from_its_new_process(ros: Any, stranger: Stranger) -> None:
-    harness = MarketNodeHarness(ros)
-    host = harness.host()
-    request = host.request(host_instance="second", token=[0] * 16)
-    ros.until(lambda: harness.statuses[-1].hosts == 1)
-    ros.remove(host)
-    ros.until(lambda: harness.statuses[-1].hosts == 0)
-    answer = stranger.call(RegisterHost, "marketplace/register", request)
-    assert answer.accepted, answer.message
-
-
-def test_goals_carry_token_of_registration(ros: Any) -> None:
-    harness = MarketNodeHarness(ros)
-    host: FakeHost = harness.host()
-    first = ros.call(harness.registering, host.request())
-    other = ros.call(harness.registering, host.request(host="/b", agents=["b"]))
-    harness.scene()
-    harness.until_event(Run.STARTED)
-    again = ros.call(harness.registering, host.request(agents=[GUIDE, "new"]))
-    assert bytes(host.goal.token) == bytes(first.token) == bytes(again.token)
-    assert bytes(other.token) != bytes(first.token)
-    assert any(other.token)
-    host.finish()
-    assert harness.until_event(Run.ENDED).outcome == Run.SUCCEEDED
-
-
 def test_host_proves_itself_in_bids_heartbeats_results(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
