@@ -378,17 +378,6 @@ def test_cancelled_task_stops(spun: SpunNode) -> None:
     assert spun.errors == []
 
 
-def test_future_done_callback_runs_once_in_executor_turn(spun: SpunNode) -> None:
-    future = Future(executor=spun.executor)
-    told: list[Any] = []
-    future.add_done_callback(lambda done: told.append(done.result()))
-    future.set_result(7)
-    assert told == []
-    spun.until(lambda: told)
-    spun.spin_times()
-    assert told == [7]
-
-
 def test_task_from_another_thread_ends_wait(spun: SpunNode) -> None:
     called: list[int] = []
     spun.spin_times(3)
@@ -400,21 +389,6 @@ def test_task_from_another_thread_ends_wait(spun: SpunNode) -> None:
 
     timer = spun.timer(start)
     spun.until(lambda: called, timeout_s=2 * LIMIT_S)
-    thread.join()
-
-
-def test_threads_run_while_executor_waits(spun: SpunNode) -> None:
-    counted: list[int] = []
-
-    def count() -> None:
-        for number in range(50):
-            counted.append(number)
-            time.sleep(0)
-
-    thread = Thread(target=count)
-    spun.timer(lambda: None, 0.1)
-    thread.start()
-    spun.until(lambda: len(counted) == 50, timeout_s=2.0)
     thread.join()
 
 
@@ -481,25 +455,6 @@ def test_context_shutdown_ends_wait(spun: SpunNode) -> None:
         spun.until(lambda: not rclpy.ok(), timeout_s=2 * LIMIT_S)
     assert time.monotonic() - began < LIMIT_S
     thread.join()
-
-
-def test_interrupt_in_callback_propagates_and_keeps_executor_usable(spun: SpunNode) -> None:
-    class Cut(BaseException):
-        pass
-
-    heard: list[str] = []
-
-    def hear(message: String) -> None:
-        heard.append(message.data)
-        if message.data == "cut":
-            raise Cut
-
-    publisher = spun.talk(hear)
-    publisher.publish(String(data="cut"))
-    with pytest.raises(Cut):
-        spun.until(lambda: False)
-    publisher.publish(String(data="next"))
-    spun.until(lambda: heard == ["cut", "next"])
 
 
 @pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
