@@ -24,7 +24,7 @@ from bt_agents.host.environment.subscriptions import DEPTH
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.run_key import RunKey
 from bt_agents_interfaces.action import Ask
-from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
+from bt_agents_language.model.specs import HeartbeatSpec, NodeSpec, Timeouts, iter_nodes
 from bt_agents_ros import goal_cancellation, qos
 from bt_agents_ros.types import MessageView
 from scripted_server import Script, ScriptedServer, ScriptedService
@@ -40,6 +40,14 @@ SAY = SkillGoal(
 SWITCH = SkillGoal(
     kind=BindingKind.SERVICE, name="switch", type="std_srvs/srv/SetBool", fields={"data": True}
 )
+TREE = """
+sequence:
+  - say: Hello.
+  - service: {name: switch, type: std_srvs/srv/SetBool, request: {data: true}}
+  - publish: {topic: sound, type: std_msgs/msg/String, message: {data: ping}}
+  - wait_for: {topic: door, type: std_msgs/msg/Bool, latched: true}
+"""
+OF_TREE = {"say", "switch", "sound", "door", "robot/heartbeat"}
 BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=0.4)
 
 
@@ -77,9 +85,24 @@ class Host:
         """Return the client of the action."""
         return self.environment._client(SAY.kind, SAY.name, SAY.type)
 
-    def prepare(self, tree: str) -> None:
-        """Prepare the only node of a tree."""
-        self.environment.prepare(agent(tree).tree)
+    def prepare(self, tree: str) -> list[NodeSpec]:
+        """Prepare the nodes of a tree; return them."""
+        nodes = list(iter_nodes(agent(tree).tree))
+        for node in nodes:
+            self.environment.prepare(node)
+        return nodes
+
+    def entities(self) -> list[Any]:
+        """Return all entities of the node."""
+        node = self.node
+        return [*node.waitables, *node.clients, *node.publishers, *node.subscriptions]
+
+    def used(self) -> set[str]:
+        """Return the names on the graph that the node uses for its trees."""
+        names = {one._action_name for one in self.node.waitables if hasattr(one, "_action_name")}
+        names |= {one.srv_name for one in self.node.clients}
+        names |= {one.topic_name for one in (*self.node.publishers, *self.node.subscriptions)}
+        return {name.removeprefix("/") for name in names} & OF_TREE
 
     def send(self, goal: SkillGoal = SAY, **changes: Any) -> GoalRun:
         """Send a goal."""
@@ -173,19 +196,6 @@ def test_goal_cancelled_before_server_appears_is_never_sent(ros: Any, host: Host
     server = ScriptedServer(ros)
     ros.turns(40)
     assert server.goals == []
-
-
-def test_late_acceptance_is_cancelled_then_confirmed(ros: Any, host: Host) -> None:
-    server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None, cancel_s=0.1))
-    run = host.send(timeouts=Timeouts(server_s=30.0, accept_s=0.2))
-    assert news(ros, host, run) is GoalState.UNREACHABLE
-    assert run.message.startswith("its server does not answer")
-    assert not run.confirmed
-    ros.until(lambda: server.goals)
-    server.goals[0].accept()
-    ros.until(lambda: run.confirmed)
-    assert (server.goals[0].cancels, server.goals[0].outcome) == (1, "cancelled")
-    assert run.state is GoalState.UNREACHABLE
 
 
 def test_late_result_never_ends_later_goal(ros: Any, host: Host) -> None:
@@ -333,30 +343,11 @@ def test_feedback_wakes_tree_only_when_leaf_uses_it(ros: Any, host: Host) -> Non
     assert (other.feedback, host.woken) == (None, woken)
 
 
-def hostile_run(ros: Any, host: Host, characters: int) -> Any:
-    """Return the end of a goal whose server answers with texts of this length."""
-    script = Script(
-        finish_s=0.2,
-        result={"answer": "x" * characters, "message": "\t\x01" * 10_000},
-        feedback=((0.0, {"progress": float("nan")}), (0.05, {"progress": float("inf")})),
-    )
-    ScriptedServer(ros, "ask", kind=Ask, script=script)
-    goal = replace(SAY, name="ask", type="bt_agents_interfaces/action/Ask", feedback=True)
-    run = host.send(goal)
-    ros.until(lambda: run.state.ended)
-    return run
-
-
-def test_hostile_results_and_feedback_raise_nothing(ros: Any, host: Host) -> None:
-    run = hostile_run(ros, host, 20_000)
-    assert run.state is GoalState.SUCCEEDED
-    assert len(str(run.result["answer"])) == 20_000
-    assert run.feedback is not None
-    assert set(run.feedback) == {"progress"}
-
-
 def test_oversized_result_makes_goal_unreachable(ros: Any, host: Host) -> None:
-    run = hostile_run(ros, host, 10_000_000)
+    script = Script(finish_s=0.2, result={"answer": "x" * 10_000_000})
+    ScriptedServer(ros, "ask", kind=Ask, script=script)
+    run = host.send(replace(SAY, name="ask", type="bt_agents_interfaces/action/Ask"))
+    ros.until(lambda: run.state.ended)
     assert run.state is GoalState.UNREACHABLE
     assert run.message.startswith("its answer cannot be read: TOO_LARGE: Ask_GetResult_Response")
 
@@ -530,3 +521,35 @@ def test_inbox_keeps_newest_messages_of_burst(ros: Any, host: Host) -> None:
         publisher.publish(String(data=str(number)))
     ros.until(lambda: host.woken == count)
     assert taken(inbox) == [str(number) for number in range(count - DEPTH, count)]
+
+
+def test_only_unused_entities_leave_graph(host: Host) -> None:
+    nodes = host.prepare(TREE)
+    assert host.used() == OF_TREE
+    before = host.entities()
+    host.environment.retain(nodes)
+    assert host.entities() == before
+    host.environment.retain(spec for spec in nodes if spec.kind != "say")
+    assert host.used() == {"switch", "sound", "door"}
+    host.environment.retain([])
+    assert host.used() == set()
+    host.prepare(TREE)
+    assert host.used() == OF_TREE
+
+
+def test_unconfirmed_goal_keeps_its_client(ros: Any, host: Host) -> None:
+    server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None))
+    host.prepare("say: Hello.")
+    run = host.send(timeouts=Timeouts(server_s=30.0, accept_s=0.1))
+    ros.until(lambda: run.state.ended and server.goals)
+    assert run.message.startswith("its server does not answer")
+    assert not run.confirmed
+    host.environment.retain([])
+    assert host.used() == {"say"}
+    server.goals[0].accept()
+    ros.until(lambda: run.confirmed)
+    assert (server.goals[0].cancels, server.goals[0].outcome) == (1, "cancelled")
+    assert run.state is GoalState.UNREACHABLE
+    host.environment.retain([])
+    assert host.used() == set()
+    ros.turns(5)
