@@ -186,18 +186,6 @@ def nobody_starves() -> None:
         assert counts["ping"] > 100
 
 
-def a_burst_keeps_the_depth_of_the_queue() -> None:
-    with nodes() as of:
-        numbers: list[int] = []
-        publisher = of.first.create_publisher(Int64, "t", qos.EVENTS)
-        of.second.create_subscription(Int64, "t", lambda m: numbers.append(m.data), qos.SENSOR)
-        for number in range(100):
-            publisher.publish(Int64(data=number))
-        of.until(lambda: len(numbers) == 10, "the last of the burst")
-        of.spinner.spin_until(lambda: False, 0.1)
-        assert numbers == list(range(90, 100))
-
-
 def a_callback_that_raises_is_survived_and_nothing_is_lost() -> None:
     with nodes() as of:
         numbers: list[int] = []

@@ -35,7 +35,6 @@ def pool() -> Iterator[ProcessPoolExecutor]:
         bus_cases.messages_are_copies_and_facts_are_latched,
         bus_cases.times_and_bytes_are_handed_over,
         bus_cases.actions_are_handed_over,
-        bus_cases.a_burst_keeps_the_depth_of_the_queue,
         bus_cases.a_callback_that_raises_is_survived_and_nothing_is_lost,
     ],
     ids=lambda case: case.__name__,
