@@ -108,17 +108,6 @@ def test_request_is_kept_while_server_disk_is_full(ros):
     assert not sender.outbox.late
 
 
-def test_tree_feedback_is_kept_while_disk_is_full(ros):
-    server = Server(ros, lambda number: "full" if number == 1 else "accept")
-    host = Host(ros)
-    run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
-    ros.until(lambda: run.state.ended)
-    assert (run.state, run.message) == (GoalState.SUCCEEDED, STORED)
-    ros.until(lambda: host.requests.outbox.waiting == 0)
-    assert len(set(server.ids)) == 1
-    assert len(server.ids) == 2
-
-
 def test_restarted_server_gets_pending_requests_again(ros):
     first = Server(ros, lambda _: "swallow")
     sender = Sender(ros, answer_s=30.0)
