@@ -70,15 +70,8 @@ class FakeHost:
             AgentCard(name=name, profile=profile, current=profile, learning_rate=0.5, rules=rules)
             for name, profile in self.agents.items()
         ]
-        return HostCard(
-            **{
-                "host": "/agents",
-                "host_instance": "i1",
-                "parameters": SPACE.names,
-                "agents": agents,
-                **fields,
-            }
-        )
+        usual = {"host": "/agents", "host_instance": "i1", "parameters": SPACE.names}
+        return HostCard(**{**usual, "agents": agents, **fields})
 
 
 class Scenario:
