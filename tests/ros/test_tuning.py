@@ -428,7 +428,9 @@ def restarted(ros: Any, file: str, tmp_path: Path) -> Callable[..., Host]:
     return restart
 
 
-def test_launch_file_values_last_for_one_start(ros: Any, restarted: Callable[..., Host]) -> None:
+def test_restart_keeps_tunings_but_no_launch_file_values(
+    ros: Any, restarted: Callable[..., Host]
+) -> None:
     restarted()
     Tuner(ros).set(a__patience="12", tick_rate="30")
     launched = restarted(parameter_overrides=[Parameter("a.patience", value=20.0)])
