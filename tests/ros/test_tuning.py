@@ -428,6 +428,24 @@ def restarted(ros: Any, file: str, tmp_path: Path) -> Callable[..., Host]:
     return restart
 
 
+def test_new_default_overrides_stored_tuning_at_start(
+    ros: Any, restarted: Callable[..., Host]
+) -> None:
+    restarted()
+    tuner = Tuner(ros)
+    tuner.set(a__patience="12")
+    seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
+    host = restarted(spec(head=HEAD.replace("default: 8 s", "default: 10 s")))
+    assert host.value("a.patience") == 10.0
+    ros.until(lambda: seen and seen[-1].revision == 2)
+    assert (seen[-1].tunings[-1].author, seen[-1].tunings[-1].reason) == (
+        "file",
+        "a.patience: the file says 10 s now",
+    )
+    assert tuner.undo().accepted
+    assert host.value("a.patience") == 12.0
+
+
 def test_restart_keeps_tunings_but_no_launch_file_values(
     ros: Any, restarted: Callable[..., Host]
 ) -> None:
