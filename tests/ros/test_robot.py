@@ -230,6 +230,7 @@ def test_drive_is_aborted_when_its_host_disappears(ros):
     theirs, ours = robot.send("drive", destination="gate"), robot.send("show", clip="waves")
     caller.open(theirs)
     ros.until(caller.beats.get_subscription_count)
+    caller.open(theirs)
     ros.turns(120)
     assert theirs.status == GoalStatus.STATUS_EXECUTING, "its host lives"
     caller.timer.cancel()
