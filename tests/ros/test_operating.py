@@ -130,11 +130,8 @@ def test_preview_fills_missing_values_like_scene_layer() -> None:
     asked = scene_or_last(scene_to_msg(scene("p", math.nan, math.nan, 3.5)), space)
 
     assert asked is not None
-    assert [value.origin for value in asked.values] == [
-        Origin.DEFAULT,
-        Origin.MISSING,
-        Origin.GIVEN,
-    ]
+    origins = [value.origin for value in asked.values]
+    assert origins == [Origin.DEFAULT, Origin.MISSING, Origin.GIVEN]
     assert asked.get("age") == 2.0
 
 

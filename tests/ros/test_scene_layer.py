@@ -258,11 +258,8 @@ def test_script_plays_visits_in_sequence(ros):
     assert (layer.scenes[1].label, plain(layer.scenes[1])) == ("b", {"mood": 2.0})
     layer.status(round=2, agents=1, finished_scene_id="s2")
     ros.until(lambda: len(layer.scenes) == 3)
-    assert [(scene.person_id, scene.visits) for scene in layer.scenes] == [
-        ("", 0),
-        ("anna", 1),
-        ("anna", 2),
-    ]
+    visits = [(scene.person_id, scene.visits) for scene in layer.scenes]
+    assert visits == [("", 0), ("anna", 1), ("anna", 2)]
     layer.status(round=3, agents=1, finished_scene_id="s3")
     ros.turns(40)
     assert len(layer.scenes) == 3

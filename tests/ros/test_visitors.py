@@ -40,7 +40,7 @@ def measured(scene: Scene) -> dict[str, float]:
 class Street:
     """Visitors, a scene layer, and a market played by the test."""
 
-    def __init__(self, ros, *visits: Visit, pace: float = 20.0, spec: SceneSpec = SPEC) -> None:
+    def __init__(self, ros, *visits: Visit, spec: SceneSpec = SPEC) -> None:
         self.ros = ros
         self.scenes = ros.collect(Scene, "bt_agents/scene", qos.EVENTS)
         self.live = ros.collect(Scene, "bt_agents/scene/live", qos.SENSOR)
@@ -52,13 +52,9 @@ class Street:
         self.questions = ros.node.create_publisher(String, "robot/questions", qos.EVENTS)
         self.acts = ros.node.create_publisher(String, "robot/transcript", qos.EVENTS)
         self.layer = ros.add(active_scene_layer(spec))
-        self.node = ros.add(
-            VisitorsNode(
-                spec,
-                Script(title="", visits=visits),
-                parameter_overrides=[Parameter("pace", value=pace)],
-            )
-        )
+        script = Script(title="", visits=visits)
+        overrides = [Parameter("pace", value=20.0)]
+        self.node = ros.add(VisitorsNode(spec, script, parameter_overrides=overrides))
         publishers = (self.market, self.runs, self.questions, self.acts)
         ros.until(lambda: all(p.get_subscription_count() for p in publishers))
         ros.until(lambda: self.runs.get_subscription_count() == 2)
@@ -80,15 +76,9 @@ class Street:
     def start(self, number: int) -> None:
         status = MarketStatus(epoch="e", agents=1, round=number, state=MarketStatus.RUNNING)
         self.market.publish(status)
-        self.runs.publish(
-            Run(
-                epoch="e",
-                round=number,
-                event=Run.STARTED,
-                host=self.ros.node.get_fully_qualified_name(),
-                scene=self.scenes[number - 1],
-            )
-        )
+        run = Run(epoch="e", round=number, event=Run.STARTED, scene=self.scenes[number - 1])
+        run.host = self.ros.node.get_fully_qualified_name()
+        self.runs.publish(run)
 
     def finish(self, number: int) -> None:
         scene = self.scenes[number - 1]
