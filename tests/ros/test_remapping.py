@@ -22,23 +22,24 @@ def remapped(*rules: str) -> dict[str, Any]:
     return {"cli_args": ["--ros-args", *(word for rule in rules for word in ("-r", rule))]}
 
 
-def start(ros: Any, *rules: str) -> None:
-    """Start a market with these remappings, and a scene layer with all."""
+def start(ros: Any, *rules: str) -> Any:
+    """Start a market with these remappings, and a scene layer with all; return its client."""
     ros.add(active_market(SPACE, "epoch", **remapped(*rules)))
     spec = SceneSpec(space=SPACE, sources=(), person=None)
     ros.add(active_scene_layer(spec, **remapped(SCENE, STATUS)))
+    return ros.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE)
 
 
-def announced(ros: Any) -> Analyze.Response:
-    return ros.ask(Analyze, "scene_layer/analyze", label="a guest", announce=True)
+def announced(ros: Any, client: Any) -> Analyze.Response:
+    return ros.call(client, Analyze.Request(label="a guest", announce=True))
 
 
 def test_market_and_scene_layer_meet_on_remapped_topics(ros: Any) -> None:
     scenes: list[SceneMsg] = ros.collect(SceneMsg, "/scene", qos.EVENTS)
     ends: list[SceneEnd] = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
-    start(ros, SCENE, STATUS)
-    ros.until(lambda: not announced(ros).kept)
-    last = announced(ros)
+    client = start(ros, SCENE, STATUS)
+    ros.until(lambda: not announced(ros, client).kept)
+    last = announced(ros, client)
     assert not last.kept
     ros.until(lambda: last.scene.scene_id in {end.scene_id for end in ends})
     assert last.scene.scene_id in {scene.scene_id for scene in scenes}
@@ -48,12 +49,12 @@ def test_market_on_other_scene_topic_counts_as_absent(ros: Any) -> None:
     beats: list[MarketHeartbeat] = ros.collect(
         MarketHeartbeat, "marketplace/heartbeat", qos.SENSOR
     )
-    start(ros, STATUS)
+    client = start(ros, STATUS)
     ros.until(lambda: ros.node.get_publishers_info_by_topic("/plaza/market"))
     ros.until(lambda: ros.node.get_subscriptions_info_by_topic("/bt_agents/scene"))
     ros.until(lambda: beats)
     ros.turns(20)
-    assert announced(ros).kept
+    assert announced(ros, client).kept
 
 
 def test_namespace_contains_all_topics_except_diagnostics(ros: Any) -> None:
