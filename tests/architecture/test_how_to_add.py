@@ -145,9 +145,3 @@ def test_addition_works_as_documented(heading: str, copy: Path) -> None:
     for commands, output in sessions:
         printed = run(commands, copy)
         assert not output or printed.strip() == output.strip()
-
-
-def test_copied_checkout_takes_precedence_over_installation(copy: Path) -> None:
-    main = copy / "bt_agents_tools" / "bt_agents_tools" / "cli" / "main.py"
-    main.write_text('def main(): print("this one")\nmain()\n')
-    assert "this one" in run("$ bt-agents", copy)

@@ -185,32 +185,6 @@ def test_all_sources_follow_convention(
         assert list(offences(SOURCES[path])), f"{path} needs no exception any more"
 
 
-EXECUTABLES = (
-    "bt_agents/bt_agents/host/node.py",
-    "marketplace_node/marketplace_node/node/__init__.py",
-    "marketplace_node/marketplace_node/node/selector.py",
-    "scene_layer/scene_layer/node/__init__.py",
-    "feedback_node/feedback_node/node/__init__.py",
-    "bt_agents_robot/bt_agents_robot/robot.py",
-    "bt_agents_robot/bt_agents_robot/visitors.py",
-)
-
-
-@pytest.mark.parametrize("path", EXECUTABLES)
-def test_every_executable_uses_the_shared_runner(path: str) -> None:
-    tree = SOURCES[path]
-    imported = [
-        node
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom)
-        and node.module == "bt_agents_ros.spinner"
-        and [alias.name for alias in node.names] == ["run"]
-    ]
-    assert imported
-    [main] = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == "main"]
-    assert "run" in [name for name, _, _ in calls(main)]
-
-
 def test_every_executable_of_the_packages_is_loaded_silently() -> None:
     modules = product_modules()
     for package in PYTHON_PACKAGES:
