@@ -174,14 +174,6 @@ def test_the_wheel_requires_what_the_packages_import(pyproject: dict[str, Any]):
         assert KEYS.get(module, ("", ros_wheel))[1] in required
 
 
-def test_non_ros_requirements_name_their_minimum_version(pyproject: dict[str, Any]):
-    project = pyproject["project"]
-    extras = project["optional-dependencies"]
-    named = [*project["dependencies"], *extras["lab"], *extras["fleet"]]
-    unbounded = [one for one in named if ">=" not in one and not one.startswith("ros-jazzy-")]
-    assert unbounded == []
-
-
 def test_import_rules_cover_every_python_package(pyproject: dict[str, Any]):
     covered = pyproject["tool"]["importlinter"]["root_packages"]
     assert set(covered) == {package.name for package in PYTHON_PACKAGES}
@@ -191,7 +183,6 @@ def test_wheel_declares_entry_points_of_packages(pyproject: dict[str, Any]):
     found: dict[str, dict[str, str]] = {}
     for package in PYTHON_PACKAGES:
         for group, names in package.entry_points().items():
-            assert all(_exists(package, target) for target in names.values())
             found.setdefault(group, {}).update(names)
     executables = found.pop("console_scripts")
     project = pyproject["project"]
@@ -219,16 +210,6 @@ def test_uninstalling_removes_nothing_from_checkout():
     installed = [Path(str(file.locate())).resolve() for file in files("bt-agents") or ()]
     assert len(installed) > 500
     assert all(file.is_relative_to(sys.prefix) for file in installed)
-
-
-def _exists(package: RosPackage, target: str) -> bool:
-    """Return whether a package has a module, or a function defined in a module."""
-    module, _, function = target.partition(":")
-    stem = module.replace(".", "/")
-    (path,) = {Path(f"{stem}.py"), Path(f"{stem}/__init__.py")} & package.modules
-    defined = ast.parse((package.folder / path).read_text(encoding="utf-8")).body
-    functions = {node.name for node in defined if isinstance(node, ast.FunctionDef)}
-    return not function or function in functions
 
 
 def _imports(package: RosPackage) -> set[str]:
