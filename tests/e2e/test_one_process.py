@@ -21,7 +21,7 @@ from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.supervisor import Component
 from graph import fresh_graph
 from processes import NodeProcess, System, write_trees
-from programs import ROOT, Start
+from programs import ROOT
 
 pytestmark = pytest.mark.e2e
 
@@ -123,56 +123,6 @@ def test_single_process_remaps_names_inside_and_outside(system: System, tmp_path
     there = {name for name, _ in system.ros.node.get_service_names_and_types()}
     assert "/their/feedback/manage" in there
     assert "/feedback/manage" not in there
-
-
-PLUGIN = '''
-import py_trees
-from bt_agents_interfaces.msg import MarketStatus
-from bt_agents_language.nodes.node_type import NodeField
-from bt_agents_ros import qos
-
-
-class HearMarket(py_trees.behaviour.Behaviour):
-    """Waits until the market, a node of the same process, says how many agents it has."""
-
-    fields = ()
-
-    def __init__(self, name):
-        super().__init__(name)
-        self.heard = 0
-
-    def setup(self, **kwargs):
-        self.node = kwargs["node"]
-        self.subscription = self.node.create_subscription(
-            MarketStatus, "bt_agents/market", self.hear, qos.FACT
-        )
-
-    def hear(self, status):
-        self.heard = status.agents
-
-    def update(self):
-        return py_trees.common.Status.SUCCESS if self.heard else py_trees.common.Status.RUNNING
-
-    def shutdown(self):
-        self.node.destroy_subscription(self.subscription)
-'''
-
-
-def test_plugin_hears_process_peers_through_provided_node(
-    tmp_path: Path, start: Start, start_up: Start, environment: dict[str, str]
-) -> None:
-    place = tmp_path / "installed"
-    info = place / "their_nodes-1.0.dist-info"
-    info.mkdir(parents=True)
-    (place / "their_nodes.py").write_text(PLUGIN)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-nodes\nVersion: 1.0\n")
-    entry = "hear_market = their_nodes:HearMarket"
-    (info / "entry_points.txt").write_text(f"[bt_agents.nodes]\n{entry}\n")
-    environment["PYTHONPATH"] = str(place)
-    trees = write_trees(tmp_path / "a", leo=(5, "sequence: [hear_market: {}, wait: 0.1 s]"))
-    up = start_up(str(trees), "--one-process", "--no-robot")
-    start("trigger", "age=5")
-    up.until("succeeded")
 
 
 def launch_nodes() -> tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str, str]]:

@@ -174,23 +174,6 @@ def everything(trees: Path, folder: Path) -> list[Component]:
     ]
 
 
-def test_hanging_process_is_reported_with_stack(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PYTHONFAULTHANDLER", "1")
-    told = Told(
-        system.scene_layer(TREES), LogFile(tmp_path / "scene_layer.log"), signal.Signals.SIGTERM
-    )
-    try:
-        os.set_blocking(told.ready, True)
-        assert os.read(told.ready, 8), "it is up"
-        problem = told.problem()
-    finally:
-        told.close()
-    assert problem.startswith("scene_layer, SIGTERM: has not ended")
-    assert "in start" in problem
-
-
 @pytest.mark.usefixtures("busy")
 def test_hundred_randomly_timed_signals_end_node_cleanly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest

@@ -77,6 +77,7 @@ def test_author_tunes_running_system_and_keeps_result(
     )
     up.until("attentive_guide: version 2")
     assert "nothing to keep" in ask("keep")
+    assert "nothing has changed" in ask("reload")
     assert up.stop()[0] == 0
 
     start_up(str(trees))
@@ -91,9 +92,11 @@ def test_file_differing_from_loaded_version_is_not_written(
     start_up: Start, ask: Ask, trees: Path
 ) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
-    start_up(str(trees))
+    up = start_up(str(trees))
     ask("tune", "attentive_guide", "patience=12")
     broken = file.read_text().replace("sequence:", "sequenze:")
     file.write_text(broken)
+    up.until("attentive_guide: version 1 stays, as its file is broken: ")
+    assert "version 1; broken: attentive_guide.yaml:" in ask("status")
     assert "error[" in ask("keep", code=1)
     assert file.read_text() == broken
