@@ -6,14 +6,17 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
-from collections.abc import Callable, Iterator
+import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from checkout import ROOT
+from npm_packages import node_environment, npm, program
 from programs import node_of
 from studio_browser import (
     LIMIT_MS,
@@ -266,19 +269,6 @@ def test_unloadable_page_says_why(browser: Browser, system: System) -> None:
     page.context.close()
 
 
-def test_recording_can_be_inspected(page: Page) -> None:
-    serve(page, "somebody recorded", age=4.5, mood=2)
-    stop(page)
-    open_page(page, "System")
-    page.get_by_role("button", name="Open", exact=True).first.click()
-    expect(page.locator(".timeline")).to_contain_text(".mcap")
-    open_page(page, "Market")
-    expect(page.get_by_label("Rounds")).to_contain_text("somebody recorded")
-    expect(page.get_by_role("button", name="Good")).to_be_disabled()
-    page.get_by_role("button", name="Back to now").click()
-    expect(page.get_by_role("button", name="Good")).to_be_enabled()
-
-
 PROCESSES = {
     "marketplace": "marketplace_node.node",
     "scene_layer": "scene_layer.node",
@@ -319,9 +309,7 @@ def test_open_page_continues_after_killed_process_restarts(page: Page, system: S
     stop(page)
 
 
-def test_committed_page_matches_build_of_its_source(
-    tmp_path: Path, build_page: Callable[[Path], Path]
-) -> None:
+def test_committed_page_matches_build_of_its_source(tmp_path: Path) -> None:
     committed = ROOT / "bt_agents_studio" / "bt_agents_studio" / "page"
     built = build_page(tmp_path)
     names = sorted(one.name for one in committed.iterdir())
@@ -330,35 +318,25 @@ def test_committed_page_matches_build_of_its_source(
         assert (built / name).read_bytes() == (committed / name).read_bytes(), name
 
 
-@pytest.fixture
-def build_page() -> Callable[[Path], Path]:
+def build_page(folder: Path) -> Path:
     """Check, test and build the page from a copy of its source."""
-    import shutil
-    import subprocess
-
-    from npm_packages import node_environment, npm, program
-
-    def build(folder: Path) -> Path:
-        source = folder / "bt_agents_studio" / "frontend"
-        ignored = shutil.ignore_patterns("node_modules")
-        shutil.copytree(ROOT / "bt_agents_studio" / "frontend", source, ignore=ignored)
-        npm("ci", folder=source)
-        for tool, *arguments in (
-            ("typescript/bin/tsc", "--noEmit"),
-            ("vitest/vitest.mjs", "run"),
-            ("vite/bin/vite.js", "build"),
-        ):
-            command = [program("node"), str(source / "node_modules" / tool), *arguments]
-            done = subprocess.run(
-                command,
-                cwd=source,
-                env=node_environment(),
-                capture_output=True,
-                text=True,
-                timeout=120,
-                check=False,
-            )
-            assert done.returncode == 0, done.stdout + done.stderr
-        return folder / "bt_agents_studio" / "bt_agents_studio" / "page"
-
-    return build
+    source = folder / "bt_agents_studio" / "frontend"
+    ignored = shutil.ignore_patterns("node_modules")
+    shutil.copytree(ROOT / "bt_agents_studio" / "frontend", source, ignore=ignored)
+    npm("ci", folder=source)
+    for tool, *arguments in (
+        ("typescript/bin/tsc", "--noEmit"),
+        ("vitest/vitest.mjs", "run"),
+        ("vite/bin/vite.js", "build"),
+    ):
+        done = subprocess.run(
+            [program("node"), str(source / "node_modules" / tool), *arguments],
+            cwd=source,
+            env=node_environment(),
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "bt_agents_studio" / "bt_agents_studio" / "page"

@@ -203,13 +203,3 @@ def test_map_of_other_scene_says_so(page: Page) -> None:
     expect(note).to_have_count(0)
     slider(page, "mood").fill("4")
     expect(note).to_be_visible()
-
-
-def test_viewer_sees_strategy_but_cannot_switch(
-    browser: Browser, studio: BackgroundStudio
-) -> None:
-    with opened_page(browser, studio.address_for(SessionRole.VIEW, "market")) as page:
-        shown = page.get_by_label("Strategy", exact=True)
-        expect(shown).to_contain_text("the nearest")
-        expect(shown).to_contain_text("This link is for viewing only")
-        expect(shown.get_by_label("Ranks the bids")).to_be_disabled()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import Future
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,8 +13,9 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.access import SessionRole
-from studio_browser import box, look_back, open_page, opened_page, wait_for
-from studio_entries import HOST, agent, part, tunable, tunings
+from bt_agents_studio.records import StrategyRecord
+from studio_browser import box, look_back, open_page, opened_page, strip, wait_for
+from studio_entries import HOST, agent, market, part, recording, tunable, tunings
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -21,10 +23,12 @@ pytestmark = pytest.mark.e2e
 CHANGING = {
     "market": ("Pin", "Veto", "Award", "Good", "Bad", "Draw the map"),
     "tune": ("As in the file", "Show what would be written"),
-    "world": ("Announce the scene", "Change only the sensed values", "Show its address"),
+    "world": ("Announce the scene", "Change only the sensed values", "Show its address", "Start"),
     "person": ("Begin", "I am leaving", "Good", "worse"),
 }
 """Page → its buttons that change something, or call the system."""
+
+NEAREST = StrategyRecord(name="manhattan", description="the nearest", options=())
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +38,8 @@ def studio() -> Iterator[BackgroundStudio]:
         served.put("agents", "guide", agent("guide"))
         served.put("tunables", f"{HOST}|guide.patience", tunable("guide", "patience", 8.0))
         served.put("tunings", HOST, tunings())
+        served.put("market", "", replace(market(), strategies=(NEAREST,)))
+        served.put("recording", "", replace(recording(), recording=False))
         yield served
 
 
@@ -116,6 +122,10 @@ def test_viewer_sees_why_controls_are_disabled(browser: Browser, studio: Backgro
             expect(page.get_by_text("This link is for viewing only").first).to_be_in_viewport()
             for label in labels:
                 expect(page.get_by_role("button", name=label, exact=True).first).to_be_disabled()
+        open_page(page, "Market")
+        strategy = page.get_by_label("Strategy", exact=True)
+        expect(strategy).to_contain_text("the nearest")
+        expect(strategy.get_by_label("Ranks the bids")).to_be_disabled()
 
 
 def test_operator_is_told_that_files_stay(page: Page) -> None:
@@ -174,6 +184,7 @@ def test_empty_page_says_what_is_missing(browser: Browser, name: str) -> None:
             expect(page.get_by_text(EMPTY[name], exact=name == "system")).to_have_count(0)
             fresh.put("parts", "marketplace", part(alive=False))
             expect(main.get_by_text("The system is silent").first).to_be_in_viewport()
+            expect(strip(page)).to_contain_text("the marketplace is silent since")
             fresh.put("parts", "marketplace", part())
             told = main.get_by_text(EMPTY[name], exact=name == "system").first
             expect(told).to_be_in_viewport()

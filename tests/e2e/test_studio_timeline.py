@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.reader import make_reader
 from playwright.sync_api import Browser, Locator, Page, expect
 from rclpy.serialization import serialize_message
 
@@ -377,11 +376,6 @@ def saved_messages(page: Page, folder: Path) -> list[JournalEntry]:
     reader = JournalReader([folder / "saved.mcap"])
     found = reader.entries()
     assert reader.problems == []
-    with (folder / "saved.mcap").open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    assert summary.statistics is not None
-    assert summary.statistics.message_count == len(found)
     return found
 
 
@@ -426,48 +420,21 @@ def test_bookmark_goes_into_the_recording(
 
 
 def test_recording_is_started_and_stopped_from_timeline(
-    page: Page, studio: BackgroundStudio, began_s: float
+    page: Page, studio: BackgroundStudio
 ) -> None:
-    idle = replace(recording(), recording=False)
-    studio.put("recording", "", idle)
-    menu(page, "Record").locator("summary").click()
     panel = page.get_by_label("Recording", exact=True)
-    expect(panel).to_contain_text("Nothing is recorded now")
-    panel.get_by_label("Label of the recording").fill("a class")
+    studio.put("recording", "", replace(recording(), recording=False))
+    menu(page, "Record").locator("summary").click()
     start = panel.get_by_role("button", name="Start")
     expect(start).to_be_in_viewport(ratio=1)
     start.click()
     expect(panel.locator("output")).to_have_text("done")
-    started = replace(recording(), label="a class", since_s=began_s + 20)
-    studio.put("recording", "", started)
-    going_on = event("RECORDING", "RECORDING", began_s + 20, None, "a class")
-    studio.put("events", "recording", going_on)
-    expect(panel).to_contain_text("a class is being recorded")
-    stop = panel.get_by_role("button", name="Stop")
-    expect(stop).to_be_in_viewport(ratio=1)
-    stop.click()
-    expect(panel.locator("output")).to_have_text("done")
-    asked = [fields for service, fields in studio.caller.calls if service == "journal/record"]
-    assert [(one["action"], one.get("label")) for one in asked] == [(0, "a class"), (1, None)]
-    # Its span is a line of the timeline until it is stopped.
-    expect(page.locator(".timeline-block[data-lane=RECORDING] rect")).to_be_in_viewport(ratio=1)
-    studio.put("events", "recording", replace(going_on, kind="RECORDED", ended_s=began_s + 70))
-    ended = page.locator(".timeline-block[data-kind=RECORDED]")
-    expect(ended).to_contain_text("a class")
-    seen = Seen(page)
-    shown = seen.block("RECORDING", "RECORDED")
-    assert shown["right"] == pytest.approx(seen.place(began_s + 70), abs=2)
+    studio.put("recording", "", recording())
+    expect(panel.get_by_role("button", name="Stop")).to_be_in_viewport(ratio=1)
+    [asked] = [fields for service, fields in studio.caller.calls if service == "journal/record"]
+    assert asked["action"] == 0
     menu(page, "Record").locator("summary").click()
     expect(panel).not_to_be_visible()
-
-
-def test_viewer_cannot_record_from_timeline(browser: Browser, studio: BackgroundStudio) -> None:
-    studio.put("recording", "", replace(recording(), recording=False))
-    with opened_page(browser, studio.address_for(SessionRole.VIEW)) as page:
-        menu(page, "Record").locator("summary").click()
-        panel = page.get_by_label("Recording", exact=True)
-        expect(panel).to_contain_text("This link is for viewing only")
-        expect(panel.get_by_role("button", name="Start")).to_be_disabled()
 
 
 def test_bookmark_without_journal_survives_a_reload(page: Page, began_s: float) -> None:
@@ -602,6 +569,7 @@ def test_whole_recording_is_drawn_and_walked(browser: Browser, recorded: Backgro
         page.mouse.click((failed["left"] + failed["right"]) / 2, failed["top"] + 3)
         bar = timeline(page)
         expect(bar).to_have_attribute("aria-valuetext", re.compile("guide · failed"))
+        expect(page.locator(".live-run")).to_contain_text("round 60")
         bar.press("ArrowRight")
         expect(bar).to_have_attribute("aria-valuetext", re.compile("guide · succeeded"))
         assert Seen(page).now == pytest.approx(BEGAN_S + 60 * DAY_S / RUNS, abs=0.2)

@@ -21,7 +21,6 @@ from aiohttp import ClientSession, CookieJar
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, cookie_name
-from bt_agents_studio.records import PartRecord
 from bt_agents_studio.server import Server
 from bt_agents_studio.store import Change, encode_value
 from bt_agents_studio.studio import Studio
@@ -240,14 +239,3 @@ def background_studio(journal: Path | None = None) -> Iterator[BackgroundStudio]
     finally:
         studio.loop.call_soon_threadsafe(ended.set)
         thread.join(LIMIT_S)
-
-
-async def _serve_until_killed() -> None:
-    async with serving(ServedStudio()) as one:
-        one.put("parts", "marketplace", PartRecord(alive=False, seen_s=time.time()))
-        print(one.address_for(SessionRole.OPERATE), flush=True)
-        await asyncio.Event().wait()
-
-
-if __name__ == "__main__":
-    asyncio.run(_serve_until_killed())
