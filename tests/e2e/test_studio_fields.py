@@ -209,21 +209,13 @@ def test_value_is_shown_and_written_unrounded(page: Page, host: Host) -> None:
     assert host.values == ["0.0004 s"]
 
 
-def test_profile_value_is_shown_unrounded(page: Page, host: Host) -> None:
+def test_unrounded_profile_value_is_taken_back_unless_changed(page: Page, host: Host) -> None:
     page.get_by_text("Profile", exact=True).click()
     shown = page.locator("#profile-guide-age-value")
     expect(shown).to_have_value("1.23456789")
     enter(shown, "1.87654321")
-    expect(page.locator("details details output")).to_have_text("done")
-    [given] = host.other
-    assert given["values"][0] == 1.87654321
-
-
-def test_profile_value_is_taken_back_unless_changed(page: Page, host: Host) -> None:
-    page.get_by_text("Profile", exact=True).click()
-    shown = page.locator("#profile-guide-age-value")
-    enter(shown, "2")
-    expect(undo(page)).to_contain_text(f"guide: age {AGE} → 2")
+    expect(undo(page)).to_contain_text(f"guide: age {AGE} → 1.87654321")
+    assert host.age == 1.87654321
     take_back(page)
     assert host.age == AGE
     enter(shown, "2.5")
@@ -310,6 +302,29 @@ def test_pressed_scene_slider_drops_half_typed_value(page: Page, host: Host) -> 
     expect(panel.locator("output")).to_have_text("done")
     expect(panel.locator(".fields-give").get_by_role("checkbox").first).to_be_checked()
     assert [one["values"] for one in host.other] == [[2.0]]
+
+
+def test_current_values_are_given_by_checkbox_or_keyboard(page: Page, host: Host) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Play the world")
+    given = panel.locator(".fields-give").get_by_role("checkbox")
+    every = panel.get_by_label("Give all values")
+    expect(given).to_have_count(2)
+    every.focus()
+    page.keyboard.press("Space")
+    for one in given.all():
+        expect(one).to_be_checked()
+    given.first.uncheck()
+    assert every.evaluate("box => box.indeterminate")
+    every.check()
+    every.uncheck()
+    for one in given.all():
+        expect(one).not_to_be_checked()
+    panel.locator("#world-age").press("Enter")
+    expect(given.first).to_be_checked()
+    panel.get_by_role("button", name="Change only the sensed values").click()
+    expect(panel.locator("output")).to_have_text("done")
+    assert [(one["names"], one["values"]) for one in host.other] == [(["age"], [3.0])]
 
 
 def test_typed_value_survives_an_absent_studio(page: Page, host: Host) -> None:

@@ -40,8 +40,3 @@ def test_options_and_parameter_file_survive_market_restart(
     os.kill(node_of(up.process.pid, "marketplace_node.node"), signal.SIGKILL)
     up.until("marketplace is back")
     assert settings in ask("status")
-
-
-def test_missing_parameter_file_is_named(ask: Ask, tmp_path: Path) -> None:
-    gone = tmp_path / "gone.yaml"
-    assert f"'{gone}' does not exist" in " ".join(ask("up", "--params", str(gone), code=2).split())
